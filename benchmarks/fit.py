@@ -1,0 +1,211 @@
+"""Seconds for one output-error fit: jaxid beside SciPy on numba and plain optimistix, and a cold process.
+
+    python -m benchmarks.fit    # about fifteen minutes on two idle cores; --quick for a trial that writes nothing
+
+The problem is `benchmarks/rivals/pioneer_problem.py`: eight experiments, 16,000 residuals, 31 unknowns. Every rival
+runs in a process of its own on one core; between fits it waits, so that the fits of all rivals alternate and share
+whatever else the machine does. The first fit of a process compiles, the tenth is of new data of the same shape; only
+jaxid also does fits 2 to 9. Times are also given in processor seconds, which other work on the machine disturbs least.
+
+Costs are evaluated at the points reached by one and the same simulator (numba), and rivals are compared only where they
+reach the same optimum. Writes `benchmarks/results/fit.json` and `docs/speed.md`.
+"""
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.rivals import pioneer_numba  # noqa: E402
+from benchmarks.rivals.page import page  # noqa: E402
+from benchmarks.rivals.pioneer_problem import make_problem  # noqa: E402
+from benchmarks.rivals.worker import ENVIRONMENT, RIVALS  # noqa: E402
+
+FITS = 10
+ALL_FITS = ("jaxid",)
+ONCE = ("optimistix as it comes", "jaxid.output_error, initial states estimated")
+REPEATS = 3
+"""Alternating fits of the tenth data, of which the median counts."""
+SAME = 0.5
+"""Costs within this are the same optimum: half chi-squared, so one standard error in one of the 31 directions."""
+CLOSE = 0.1
+"""A rival has arrived when its cost is within this of the best."""
+COLD_RUNS = 3
+
+
+class Rival:
+    """A rival's process."""
+
+    def __init__(self, name: str):
+        self.name = name
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.rivals.worker", name],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
+            env={**os.environ, **ENVIRONMENT},
+        )
+
+    def ask(self, **request: Any) -> dict[str, Any]:
+        """Send a request and wait for its answer."""
+        assert self.process.stdin and self.process.stdout
+        print(json.dumps(request), file=self.process.stdin, flush=True)
+        line = self.process.stdout.readline()
+        if not line:
+            raise RuntimeError(f"the process of '{self.name}' ended before it answered; its message is above")
+        return json.loads(line)
+
+    def close(self) -> None:
+        """Let the process end."""
+        assert self.process.stdin
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, load and versions."""
+    processor = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line.split(":")[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
+        processor = names[0] if names else processor
+    packages = ("jax", "optimistix", "lineax", "equinox", "scipy", "numba", "numpy")
+    return {
+        "processor": processor,
+        "cores": os.cpu_count(),
+        "load_at_start": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "python": platform.python_version(),
+        **{name: version(name) for name in packages},
+    }
+
+
+def _median(values: list[float]) -> float:
+    return sorted(values)[len(values) // 2]
+
+
+def compare(fits: int, samples: int, experiments: int, repeats: int, names: list[str]) -> dict[str, Any]:
+    """First and tenth fit of every rival."""
+    with tempfile.TemporaryDirectory() as folder:
+        problems = [make_problem(seed, samples, experiments) for seed in range(1, fits + 1)]
+        files = []
+        for number, problem in enumerate(problems):
+            files.append(Path(folder) / f"{number}.npz")
+            problem.save(files[-1])
+
+        def cost(answer: dict[str, Any], number: int) -> float:
+            import numpy as np
+
+            r = pioneer_numba.residual(problems[number], np.array(answer["x"]))
+            return 0.5 * float(r @ r)
+
+        rows: dict[str, Any] = {}
+        rivals = {name: Rival(name) for name in names}
+        try:
+            for number in range(fits):
+                last = number == fits - 1
+                for repeat in range(repeats if last else 1):
+                    for name, rival in rivals.items():
+                        if not (number == 0 or last or name in ALL_FITS) or (last and repeat and name in ONCE):
+                            continue
+                        answer = rival.ask(problem=str(files[number]))
+                        answer["cost"] = cost(answer, number)
+                        rows.setdefault(name, {}).setdefault(str(number + 1), []).append(answer)
+                        said = f"fit {number + 1:2d}  {name:<46} {answer['seconds']:7.2f} s"
+                        print(
+                            f"{said} ({answer['processor_seconds']:.2f} s processor), "
+                            f"{answer['linearisations']} linearisations, cost {answer['cost']:.3f}",
+                            flush=True,
+                        )
+            path = rivals["jaxid"].ask(problem=str(files[-1]), path=rows["jaxid"][str(fits)][0]["linearisations"])[
+                "path"
+            ]
+        finally:
+            for rival in rivals.values():
+                rival.close()
+    return {"fits": rows, "jaxid_path": path}
+
+
+def summary(measured: dict[str, Any], fits: int) -> list[dict[str, Any]]:
+    """One row a rival: first and tenth fit, cost reached, and when it was within `SAME` of where it ended."""
+    rows = []
+    jaxid = measured["fits"]["jaxid"][str(fits)]
+    free = [by_fit[str(fits)][0]["cost"] for name, by_fit in measured["fits"].items() if "known" not in name]
+    best = min(free)
+    for name, by_fit in measured["fits"].items():
+        warm = by_fit[str(fits)]
+        seconds = _median([a["processor_seconds"] for a in warm])
+        at = measured["jaxid_path"] if name == "jaxid" else warm[0]["path"]
+        end = warm[0]["cost"]
+        close = next((s for s, c in at if c < end + CLOSE), None)
+        rows.append(
+            {
+                "name": name,
+                "import_seconds": by_fit["1"][0]["import"]["processor_seconds"],
+                "first_wall": by_fit["1"][0]["seconds"],
+                "first": by_fit["1"][0]["processor_seconds"],
+                "first_cost": by_fit["1"][0]["cost"],
+                "tenth_wall": _median([a["seconds"] for a in warm]),
+                "tenth": seconds,
+                "cost": end,
+                "linearisations": warm[0]["linearisations"],
+                "to_its_optimum": close,
+                "to_best": next((s for s, c in at if c < best + CLOSE), None),
+                "reason": warm[0]["reason"],
+                "ratio": seconds / _median([a["processor_seconds"] for a in jaxid]),
+            }
+        )
+    return rows
+
+
+def cold(runs: int) -> list[dict[str, Any]]:
+    """Integral least squares and output error of the six demonstration logs, each time in a new process."""
+    results = []
+    for _ in range(runs):
+        begin = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-m", "benchmarks.rivals.cold"],
+            cwd=ROOT,
+            env={**os.environ, "JAX_ENABLE_COMPILATION_CACHE": "false"},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        results.append({**json.loads(done.stdout.splitlines()[-1]), "process_wall": time.perf_counter() - begin})
+        print(f"cold process: {results[-1]['total']['seconds']:.1f} s", flush=True)
+    return results
+
+
+def main() -> None:
+    """Run everything and write the results."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a trial of short logs that writes nothing")
+    parser.add_argument("--only", nargs="*", choices=[*RIVALS, "cold"], help="these rivals only; writes nothing")
+    options = parser.parse_args()
+    names = [name for name in RIVALS if not options.only or name in options.only or name == "jaxid"]
+    facts = machine()
+    fits, samples, experiments, repeats = (2, 200, 3, 1) if options.quick else (FITS, 1000, 8, REPEATS)
+    measured = compare(fits, samples, experiments, repeats, names)
+    rows = summary(measured, fits)
+    runs = cold(1 if options.quick else COLD_RUNS)
+    results = {"machine": facts, "rows": rows, "cold": runs, **measured}
+    if options.quick or options.only:
+        print(page(results, SAME, CLOSE))
+        return
+    (ROOT / "benchmarks/results").mkdir(exist_ok=True)
+    (ROOT / "benchmarks/results/fit.json").write_text(json.dumps(results, indent=1) + "\n")
+    (ROOT / "docs/speed.md").write_text(page(results, SAME, CLOSE))
+
+
+if __name__ == "__main__":
+    main()

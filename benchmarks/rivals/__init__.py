@@ -1,0 +1,1 @@
+"""The same output-error problem as jaxid, SciPy and plain optimistix each see it."""

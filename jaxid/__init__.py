@@ -1,0 +1,50 @@
+"""jaxid: from a wheeled robot's logs to a model its owner can trust.
+
+    import jaxid
+
+    logs = jaxid.read_logs("logs/*.csv", robot="pioneer")
+    fit, check = logs.split(check=["turns.csv", "crawl.csv"])
+    ls = jaxid.integral_least_squares(jaxid.Pioneer(), fit)
+    oe = jaxid.output_error(jaxid.Pioneer(), fit, start=ls)
+    jaxid.compare(ls, oe, check=check)
+"""
+
+from ._float64 import float64
+from .estimate import Estimate, Fit, integral_least_squares, output_error
+from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
+from .parameters import Parameter, ParameterError, ParameterTable
+from .report import Comparison, compare
+from .robots import Axis, Custom, Effect, Omni, Pioneer, Robot
+from .simulate import Integrator, Smooth, Sticking, simulate
+
+__all__ = [
+    "AXIS",
+    "OMNI",
+    "PIONEER",
+    "Axis",
+    "Channels",
+    "Comparison",
+    "Custom",
+    "Effect",
+    "Estimate",
+    "Fit",
+    "Integrator",
+    "Log",
+    "LogError",
+    "LogSet",
+    "Omni",
+    "Parameter",
+    "ParameterError",
+    "ParameterTable",
+    "Pioneer",
+    "Robot",
+    "Smooth",
+    "Sticking",
+    "compare",
+    "float64",
+    "integral_least_squares",
+    "noise_level",
+    "output_error",
+    "read_logs",
+    "simulate",
+]

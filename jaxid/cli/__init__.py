@@ -1,0 +1,5 @@
+"""The command line: `jaxid fit`, `jaxid simulate`, `jaxid demo`."""
+
+from .app import main
+
+__all__ = ["main"]

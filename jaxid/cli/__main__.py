@@ -1,0 +1,5 @@
+"""`python -m jaxid.cli` is `jaxid`."""
+
+from .app import main
+
+main()

@@ -1,0 +1,121 @@
+"""The commands and their arguments. Each command's work is in a file of its own, imported when it runs.
+
+Exit status: 0 with a result, 1 for input that cannot be used (one line on stderr), 2 for wrong arguments.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .arguments import UnusableInput, repeat_flags
+from .console import complain
+
+MANY = ("--fit", "--check")
+"""Flags that take every value up to the next flag."""
+
+app = typer.Typer(
+    name="jaxid",
+    help="From a wheeled robot's logs to a model its owner can trust.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+RobotArgument = Annotated[
+    str, typer.Argument(metavar="ROBOT", help="pioneer, omni, axis, or package.module:attribute for your own.")
+]
+Mapping = Annotated[
+    Path | None, typer.Option("--map", metavar="MAPPING.toml", help="Standard column name to the file's column.")
+]
+
+
+def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
+    """Input that cannot be used is one line on stderr and exit status 1; anything else is a bug and keeps its traceback."""
+
+    @wraps(command)
+    def run(*args: Any, **options: Any) -> None:
+        from ..logs import LogError
+        from ..model_file import ModelFileError
+        from ..parameters import ParameterError
+
+        try:
+            command(*args, **options)
+        except (LogError, ParameterError, ModelFileError, UnusableInput) as error:
+            complain(str(error))
+            raise typer.Exit(1) from None
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            if error.filename is None:
+                raise
+            complain(
+                f"{error.filename} cannot be used ({error.strerror}); check the path, its permissions and the disk."
+            )
+            raise typer.Exit(1) from None
+
+    return run
+
+
+@app.callback()
+def _jaxid() -> None:
+    pass
+
+
+@app.command()
+@_one_line_errors
+def fit(
+    robot: RobotArgument,
+    fit: Annotated[list[str], typer.Option("--fit", metavar="LOG...", help="Logs to identify from; patterns work.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for fit.json, model.toml and pictures.")],
+    check: Annotated[
+        list[str] | None, typer.Option("--check", metavar="LOG...", help="Logs held out to check the result on.")
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model", metavar="MODEL.toml", help="Known constants, start values, free parameters, bounds, priors."
+        ),
+    ] = None,
+    mapping: Mapping = None,
+) -> None:
+    """Identify a robot's parameters from its logs, by integral least squares and by output error."""
+    from .fit import run_fit
+
+    run_fit(robot, fit, check or [], model, mapping, out)
+
+
+@app.command()
+@_one_line_errors
+def simulate(
+    robot: RobotArgument,
+    log: Annotated[str, typer.Option("--log", metavar="LOG", help="Log whose inputs drive the model.")],
+    model: Annotated[Path, typer.Option("--model", metavar="MODEL.toml", help="The model, as `jaxid fit` writes it.")],
+    out: Annotated[Path, typer.Option("--out", metavar="PREDICTED.csv", help="File for the predicted outputs.")],
+    mapping: Mapping = None,
+) -> None:
+    """Simulate a log's inputs with a model and write the predicted outputs."""
+    from .simulate import run_simulate
+
+    run_simulate(robot, log, model, mapping, out)
+
+
+@app.command()
+@_one_line_errors
+def demo(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for fit.json and pictures.")] = Path(
+        "jaxid-demo"
+    ),
+) -> None:
+    """Both papers' robots identified from the package's own logs, next to the truth, and the papers' tables."""
+    from .demo import run_demo
+
+    run_demo(out)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run one command line (by default the process's own). Always ends in `SystemExit` with the exit status."""
+    app(args=repeat_flags(list(sys.argv[1:] if argv is None else argv), MANY), prog_name="jaxid")

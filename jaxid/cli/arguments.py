@@ -1,0 +1,103 @@
+"""What stands on the command line: values of flags that take many, and the robot."""
+
+import importlib
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from ..robots import Robot
+
+
+class UnusableInput(ValueError):
+    """Input that cannot be used. The message is one sentence that ends with the remedy."""
+
+
+def repeat_flags(argv: Sequence[str], many: Sequence[str]) -> list[str]:
+    """`--fit a b --out c` as `--fit a --fit b --out c` for the flags in `many`.
+
+    Options of the command-line parser take a fixed number of values; people and shells write one flag and then a list.
+    The list ends at the next flag or at `--`.
+    """
+    arguments: list[str] = []
+    flag = None
+    for position, argument in enumerate(argv):
+        if argument == "--":
+            return arguments + list(argv[position:])
+        if argument.startswith("-"):
+            name, equals, _ = argument.partition("=")
+            flag = name if name in many else None
+            # The flag itself goes before each value; one without any stays, so that the parser can complain.
+            if flag is None or equals:
+                arguments.append(argument)
+            elif position + 1 == len(argv) or argv[position + 1].startswith("-"):
+                arguments.append(argument)
+        elif flag is not None:
+            arguments += [flag, argument]
+        else:
+            arguments.append(argument)
+    return arguments
+
+
+def _import(module: str, spec: str) -> object:
+    """A user's module; the current directory is searched first."""
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or not (module == error.name or module.startswith(f"{error.name}.")):
+            raise UnusableInput(f"{module} imports {error.name}, which is not installed; install it.") from None
+        raise typer.BadParameter(
+            f"There is no module {error.name!r} for the robot {spec!r}; check the name, and start from its folder."
+        ) from None
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        line = error.lineno if isinstance(error, SyntaxError) else place.lineno
+        file = error.filename if isinstance(error, SyntaxError) else place.filename
+        raise UnusableInput(
+            f"Importing {module} fails at {file}:{line} ({type(error).__name__}: {error}); correct it there."
+        ) from None
+
+
+def load_robot(spec: str) -> "Robot":
+    """The robot that ROBOT on the command line names: a built-in one, or a user's `package.module:attribute`.
+
+    The attribute is a `Robot` or something callable without arguments that returns one. Raises `typer.BadParameter`
+    (exit status 2) if it names nothing and `UnusableInput` if what it names is no robot.
+    """
+    from ..logs.log import did_you_mean
+    from ..robots import BUILT_IN, Robot
+
+    if spec in BUILT_IN:
+        return BUILT_IN[spec]()
+    module, colon, attribute = spec.partition(":")
+    if not (colon and module and attribute):
+        raise typer.BadParameter(
+            f"There is no robot {spec!r}{did_you_mean(spec, BUILT_IN)}; use {', '.join(BUILT_IN)}, or "
+            "package.module:attribute for your own."
+        )
+    found = _import(module, spec)
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            raise typer.BadParameter(
+                f"{module} has no {attribute!r}{did_you_mean(part, dir(found))}; name a Robot or a function that returns one."
+            )
+        found = getattr(found, part)
+    if not isinstance(found, Robot) and callable(found):
+        try:
+            found = found()
+        except TypeError as error:
+            raise UnusableInput(
+                f"{spec} cannot be called without arguments ({error}); give a Robot or a function of none."
+            ) from None
+    if not isinstance(found, Robot):
+        raise UnusableInput(
+            f"{spec} is a {type(found).__name__}, no robot; give a Robot or a function that returns one."
+        )
+    return found

@@ -1,0 +1,113 @@
+"""`jaxid fit`: read, look, integral least squares, output error, check; files for programs and tables for people."""
+
+import html
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from .._atomic import write_text
+from ..estimate import Fit, integral_least_squares, output_error
+from ..logs import LogError, LogSet, read_logs
+from ..model_file import read_model
+from ..parameters import ParameterError
+from ..report import Comparison, compare
+from ..report.files import write_fit
+from ..report.tables import Cell, Table, number, title_of, to_html, to_text, with_error
+from ..robots import Robot
+from .arguments import UnusableInput, load_robot
+from .cache import keep_compiled_programs
+from .console import say, show, step
+from .findings import warn_of_findings
+
+UNCHECKED = "No logs were held out (--check), so nothing says how well these models predict."
+
+
+def prepare_folder(out: Path) -> None:
+    """Make the folder and try it, so that nobody waits for a result that cannot be written. Raises `OSError`."""
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=out):
+        pass
+
+
+def estimate(robot: Robot, logs: LogSet) -> list[Fit]:
+    """Integral least squares where the robot is linear in its free parameters, then output error from there.
+
+    Raises `ParameterError` if the simulation diverges at the start values.
+    """
+    fits: list[Fit] = []
+    with step("Integral least squares"):
+        try:
+            fits.append(integral_least_squares(robot, logs))
+        except (ParameterError, LogError) as error:
+            say(f"warning: integral least squares is left out: {error}", style="yellow")
+    with step("Output error") as report:
+        found = output_error(robot, logs, start=fits[0] if fits else None, report=report)
+    for note in found.notes:
+        say(f"warning: {note}", style="yellow")
+    return [*fits, found]
+
+
+def _estimates_table(fits: Sequence[Fit]) -> Table:
+    """Estimated parameters and combinations of every method, without a check."""
+    rows = []
+    named = dict.fromkeys(name for fit in fits for name in (*fit.free_names, *fit.combinations))
+    for name in named:
+        cells = [Cell(name), Cell(fits[-1][name].unit, "dim")]
+        for fit in fits:
+            e = fit[name]
+            doubt = "" if e.status == "identified" else f" ({e.status.replace('_', ' ')})"
+            cells.append(Cell(f"{number(e.value)}{doubt}" if doubt else with_error(e.value, e.std_error)))
+        rows.append(tuple(cells))
+    header = ("parameter", "unit", *(title_of(fit.method) for fit in fits))
+    notes = [f"{title_of(fit.method)}: {note}" for fit in fits for note in fit.notes]
+    notes += [f"{title_of(fit.method)}: {fit.reason}." for fit in fits if not fit.converged]
+    return Table("Parameters", header, tuple(rows), ("± is one standard error.", *notes, UNCHECKED))
+
+
+def write_results(
+    out: Path, fits: Sequence[Fit], check: LogSet | None, fitted: LogSet, truth: Mapping[str, float] | None = None
+) -> Comparison | None:
+    """Everything a fit leaves in its folder, and its tables on stdout. Raises `OSError` if the folder cannot be written."""
+    name = fits[-1].robot.name
+    if check is None:
+        table = _estimates_table(fits)
+        comparison, text, page = None, to_text([table]), to_html(table)
+        write_fit(out, fits)
+    else:
+        with step("Check on held-out logs"):
+            comparison = compare(*fits, check=check, fit=fitted, truth=truth)
+        text, page = repr(comparison), comparison._repr_html_()
+        write_fit(out, fits, comparison.validations)
+        with step("Pictures"):
+            comparison.save(out)
+    title = html.escape(f"jaxid fit {name}")
+    write_text(
+        out / "report.html",
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head>'
+        f'<body style="font-family:sans-serif"><h2>{title}</h2>{page}</body></html>\n',
+    )
+    show(text)
+    return comparison
+
+
+def run_fit(spec: str, fit: list[str], check: list[str], model: Path | None, mapping: Path | None, out: Path) -> None:
+    """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
+    keep_compiled_programs()
+    robot = load_robot(spec)
+    if model is not None:
+        robot = read_model(model, robot)
+    if not robot.parameters.free_names:
+        raise ParameterError(
+            "no parameter is free; write free = true for at least one in a model file and give --model."
+        )
+    prepare_folder(out)
+    fit_logs = read_logs(fit, robot, mapping=mapping)
+    check_logs = read_logs(check, robot, mapping=mapping) if check else None
+    useless = {finding.file: finding for finding in fit_logs.preflight() if finding.severity == "error"}
+    if len(useless) == len(fit_logs):
+        raise UnusableInput(next(iter(useless.values())).message)
+    say(f"{len(fit_logs)} logs to fit, {len(check_logs or ())} to check")
+    warn_of_findings(fit_logs, check_logs)
+    fits = estimate(robot, fit_logs)
+    write_results(out, fits, check_logs, fit_logs)
+    say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if check_logs is not None else ""))

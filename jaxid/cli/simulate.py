@@ -1,0 +1,39 @@
+"""`jaxid simulate`: a log's inputs through a model, predicted outputs into a file."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .._atomic import replacing
+from ..logs import read_logs
+from ..model_file import read_model
+from ..simulate.simulate import simulate as simulate_logs
+from .arguments import UnusableInput, load_robot
+from .cache import keep_compiled_programs
+from .console import say
+from .findings import warn_of_findings
+
+
+def run_simulate(spec: str, log: str, model: Path, mapping: Path | None, out: Path) -> None:
+    """Write t, the inputs and the predicted outputs under their standard names, one row for each row of the log."""
+    keep_compiled_programs()
+    robot = read_model(model, load_robot(spec))
+    logs = read_logs(log, robot, mapping=mapping)
+    if len(logs) > 1:
+        raise UnusableInput(f"{log} matches {len(logs)} files; give one log, and simulate each on its own.")
+    warn_of_findings(logs)
+    only = logs[0]
+    (outputs,) = simulate_logs(robot, logs)
+    bad = np.argwhere(~np.isfinite(outputs))
+    if len(bad):
+        k, j = bad[0]
+        raise UnusableInput(
+            f"The simulation of {only.name} diverges ({only.channels.measured[j]!r} at sample {k}); check the numbers "
+            f"in {model}."
+        )
+    columns = {"t": only.time} | {name: only.input(name) for name in only.channels.inputs}
+    columns |= {name: outputs[:, j] for j, name in enumerate(only.channels.measured)}
+    with replacing(out) as temporary:
+        pd.DataFrame(columns).to_csv(temporary, index=False)
+    say(f"{out}: {len(only)} rows of {', '.join(columns)}")

@@ -1,0 +1,22 @@
+"""Short forms for the parameters of effects: zero means absent, `typical` is the order of magnitude to expect."""
+
+from ..parameters import Parameter
+from ..robots.effect import Effect
+
+
+def positive(effect: Effect, name: str, unit: str, typical: float, value: float = 0.0) -> dict[str, Parameter]:
+    """A parameter of an effect that cannot be negative."""
+    return {effect.key(name): Parameter(value, unit, free=True, lower=0.0, typical=typical, source="catalogue")}
+
+
+def signed(effect: Effect, name: str, unit: str, typical: float, value: float = 0.0) -> dict[str, Parameter]:
+    """A parameter of an effect that may have either sign."""
+    return {effect.key(name): Parameter(value, unit, free=True, typical=typical, source="catalogue")}
+
+
+def shape(effect: Effect, name: str, unit: str, value: float, *, free: bool = True) -> dict[str, Parameter]:
+    """A parameter that says at which speed, angle or place an effect acts; it means nothing while the effect is absent."""
+    lower = 0.0 if value > 0 else -float("inf")
+    return {
+        effect.key(name): Parameter(value, unit, free=free, lower=lower, typical=abs(value) or 1.0, source="catalogue")
+    }

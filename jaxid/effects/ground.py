@@ -1,0 +1,82 @@
+"""Effects between the wheels and the floor."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ..parameters import Parameter
+from ..robots.effect import Effect, Levels, Numbers, Path, State
+from ..robots.robot import Robot
+from ..robots.trigonometry import sincos
+from .effect_parameters import positive, signed
+
+
+@dataclass(frozen=True)
+class WheelRadiusMismatch(Effect):
+    """Frees the robot's `radius_mismatch`: effective radii `R (1 + m)` on one side and `R (1 - m)` on the other."""
+
+    id: ClassVar[str] = "wheel_radius_mismatch"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "R_right = R (1 + radius_mismatch), R_left = R (1 - radius_mismatch)"
+    frees: ClassVar[tuple[str, ...]] = ("radius_mismatch",)
+
+
+@dataclass(frozen=True)
+class TractionLimit(Effect):
+    """Drive force of every wheel limited by the ground: slip. `inverse_limit = 1 / limit`, zero for no limit."""
+
+    robot: Robot
+
+    id: ClassVar[str] = "traction_limit"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "f' = clip(f, -limit, limit), limit = 1 / inverse_limit"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "inverse_limit", "1/N", 0.02)
+
+    def torque(self, torques: Path, state: State, p: Numbers) -> Path:
+        forces = self.robot.drive_forces(torques, p)
+        inverse = p[self.key("inverse_limit")]
+        return tuple(t / jnp.maximum(1.0, jnp.abs(f) * inverse) for t, f in zip(torques, forces, strict=True))
+
+
+@dataclass(frozen=True)
+class SurfaceChange(Effect):
+    """Friction of the drivetrain scaled beyond a line on the floor, `x cos(angle) + y sin(angle) > offset`.
+
+    The edge is smooth over two centimetres, so that the place where a robot crosses it can be estimated.
+    """
+
+    robot: Robot
+
+    id: ClassVar[str] = "surface_change"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "beyond the line: C' = C (1 + coulomb), B' = B (1 + viscous)"
+    needs: ClassVar[tuple[str, ...]] = ("pose",)
+    width: ClassVar[float] = 0.02
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return (
+            signed(self, "coulomb", "", 0.3)
+            | signed(self, "viscous", "", 0.3)
+            | signed(self, "angle", "rad", 1.0)
+            | signed(self, "offset", "m", 1.0)
+        )
+
+    def _beyond(self, state: State, p: Numbers):
+        sine, cosine = sincos(p[self.key("angle")])
+        distance = state["x"] * cosine + state["y"] * sine - p[self.key("offset")]
+        return 0.5 * (1.0 + jnp.tanh(distance / self.width))
+
+    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers) -> Levels:
+        factor, changed = 1.0 + p[self.key("coulomb")] * self._beyond(state, p), list(levels)
+        for axis in self.robot.drive_axes:
+            changed[axis] = (levels[axis][0] * factor, levels[axis][1] * factor)
+        return tuple(changed)
+
+    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers) -> Path:
+        factor, changed = 1.0 + p[self.key("viscous")] * self._beyond(state, p), list(resistance)
+        for axis in self.robot.drive_axes:
+            changed[axis] = resistance[axis] * factor
+        return tuple(changed)

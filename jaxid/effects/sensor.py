@@ -1,0 +1,110 @@
+"""Effects between the motion and what the log says of it."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+
+from ..parameters import Parameter
+from ..robots.effect import Effect, Numbers
+from ..robots.robot import Robot
+from .actuator import delayed
+from .effect_parameters import positive, signed
+
+_TINY = 1e-9
+
+
+@dataclass(frozen=True)
+class _OnOutputs(Effect):
+    """An effect on the measured speeds of one robot; optional channels (currents, position) keep out of it."""
+
+    robot: Robot
+
+    def _each(self, p: Numbers, stem: str):
+        names = self.robot.channels.outputs
+        absent = len(self.robot.channels.measured) - len(names)
+        values = [jnp.asarray(p[self.key(f"{stem}_{name}")], float) for name in names]
+        return jnp.stack([*values, *([jnp.zeros(())] * absent)])
+
+    def _speeds_only(self, changed, outputs):
+        n = len(self.robot.channels.outputs)
+        return jnp.concatenate([changed[:, :n], outputs[:, n:]], axis=1)
+
+
+@dataclass(frozen=True)
+class SensorBias(_OnOutputs):
+    """A constant offset on every measured speed."""
+
+    id: ClassVar[str] = "sensor_bias"
+    where: ClassVar[str] = "sensor"
+    formula: ClassVar[str] = "y' = y + bias"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in robot.channels.outputs:
+            found |= signed(self, f"bias_{name}", robot.channels.units.get(name, ""), 0.02)
+        return found
+
+    def measure(self, outputs, time, p: Numbers):
+        return outputs + self._each(p, "bias")
+
+
+@dataclass(frozen=True)
+class SensorScale(_OnOutputs):
+    """A wrong scale on every measured speed."""
+
+    id: ClassVar[str] = "sensor_scale"
+    where: ClassVar[str] = "sensor"
+    formula: ClassVar[str] = "y' = (1 + error) y"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in robot.channels.outputs:
+            found |= signed(self, f"error_{name}", "", 0.03)
+        return found
+
+    def measure(self, outputs, time, p: Numbers):
+        return outputs * (1.0 + self._each(p, "error"))
+
+
+@dataclass(frozen=True)
+class SensorLag(_OnOutputs):
+    """First-order low-pass on the measured speeds, exact for speeds that are straight lines between samples."""
+
+    id: ClassVar[str] = "sensor_lag"
+    where: ClassVar[str] = "sensor"
+    formula: ClassVar[str] = "time_constant * dy'/dt = y - y'"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "time_constant", "s", 0.03)
+
+    def measure(self, outputs, time, p: Numbers):
+        T = p[self.key("time_constant")]
+        dt = jnp.diff(time)
+        decay = jnp.exp(-dt / jnp.maximum(T, _TINY))
+
+        def advance(lagged, row):
+            before, now, keep, interval = row
+            trail = T * (now - before) / interval  # how far behind a steady ramp the filter runs
+            lagged = now - trail + (lagged - before + trail) * keep
+            return lagged, lagged
+
+        _, filtered = jax.lax.scan(advance, outputs[0], (outputs[:-1], outputs[1:], decay, dt))
+        return self._speeds_only(jnp.concatenate([outputs[:1], filtered]), outputs)
+
+
+@dataclass(frozen=True)
+class SensorDelay(_OnOutputs):
+    """Speeds stamped late: `y'(t) = y(t - delay)`."""
+
+    id: ClassVar[str] = "sensor_delay"
+    where: ClassVar[str] = "sensor"
+    formula: ClassVar[str] = "y'(t) = y(t - delay)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "delay", "s", 0.02)
+
+    def measure(self, outputs, time, p: Numbers):
+        interval = time[1] - time[0]
+        return self._speeds_only(delayed(outputs, p[self.key("delay")] / interval), outputs)

@@ -1,0 +1,7 @@
+"""Estimators: the papers' linear methods and output error."""
+
+from .integral_least_squares import integral_least_squares
+from .output_error import output_error
+from .result import Estimate, Fit
+
+__all__ = ["Estimate", "Fit", "integral_least_squares", "output_error"]

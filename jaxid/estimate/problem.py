@@ -1,0 +1,197 @@
+"""The output-error problem and its structured linearisation.
+
+Minimise over the shared parameters and each experiment's free initial states
+
+    sum over experiments, samples, channels of ((simulated - measured) / sigma_channel)²  +  priors.
+
+An experiment's residual depends on the shared parameters and on its own initial state only, so only those tangents
+are pushed through its rollout (forward mode; experiments and tangents are lanes), and its block of the Jacobian is
+reduced by QR to a triangle before it meets the others. What the optimiser sees is the triangular factor of the whole
+Jacobian, of the size of the unknowns, with the same cost, gradient and Gauss-Newton matrix as the tall problem.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..robots.robot import Robot
+from ..simulate.rollout import Integrator, rollout
+from .bounds import Bounds
+
+_DIVERGED = 1e30
+"""Stands in for residuals that are not finite: larger than any sound one, so that the step is rejected."""
+
+
+class Structure(NamedTuple):
+    """What a compiled fit depends on besides array shapes: hashable and free of numbers."""
+
+    robot: Robot
+    names: tuple[str, ...]
+    state_names: tuple[str, ...]
+    integrator: Integrator
+
+
+class Problem(eqx.Module):
+    """The numbers of an output-error problem: E experiments, T samples, n parameters, s initial states each.
+
+    Parameters that are not `free` are kept at `held` exactly. Which are free is data, not structure: freeing or holding
+    one does not compile anything anew.
+    """
+
+    dt: Float[Array, "E T"]
+    inputs: Float[Array, "E T nu"]
+    outputs: Float[Array, "E T ny"]
+    mask: Bool[Array, "E T ny"]
+    sigma: Float[Array, " ny"]
+    numbers: dict[str, Float[Array, ""]]
+    bounds: Bounds
+    free: Bool[Array, " n"]
+    held: Float[Array, " n"]
+    prior_mean: Float[Array, " n"]
+    prior_precision: Float[Array, " n"]
+    start: dict[str, Float[Array, " E"]]
+    state_free: Bool[Array, "E s"]
+    state_scale: Float[Array, " s"]
+    state_precision: Float[Array, " s"]
+
+
+class Unknowns(NamedTuple):
+    """The optimiser's coordinates: `z` of the parameters, `states` in units of their scale, relative to `start`."""
+
+    z: Float[Array, " n"]
+    states: Float[Array, "E s"]
+
+
+class Triangle(NamedTuple):
+    """The reduced least-squares problem: arrow-shaped triangular factor of the Jacobian and the reduced residual."""
+
+    shared: Float[Array, "n n"]
+    crossed: Float[Array, "E s n"]
+    local: Float[Array, "E s s"]
+    residual_shared: Float[Array, " n"]
+    residual_local: Float[Array, "E s"]
+    rest: Float[Array, " 1"]
+    squares: Float[Array, "E ny"]
+    """Sum of squared weighted residuals by experiment and channel, priors apart."""
+
+    @property
+    def cost(self) -> Float[Array, ""]:
+        """Half the sum of squares."""
+        parts = (self.residual_shared, self.residual_local, self.rest)
+        return 0.5 * sum((jnp.sum(part**2) for part in parts), jnp.zeros(()))
+
+
+def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
+    """Simulated outputs [T, ny] of one experiment; `e` holds its arrays."""
+    dt, inputs, start = e
+    p = {**problem.numbers, **dict(zip(structure.names, theta, strict=True))}
+    moved = {name: start[name] + problem.state_scale[i] * own_states[i] for i, name in enumerate(structure.state_names)}
+    return rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator)
+
+
+def parameters_at(problem: Problem, z: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Physical parameters at the optimiser's coordinates, those not free at their held values."""
+    return jnp.where(problem.free, problem.bounds.physical(z), problem.held)
+
+
+def simulate_all(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, "E T ny"]:
+    """Simulated outputs of all experiments."""
+    theta = parameters_at(problem, unknowns.z)
+
+    def one(own, e):
+        return _experiment(structure, problem, theta, own, e)
+
+    return jax.vmap(one)(unknowns.states, (problem.dt, problem.inputs, problem.start))
+
+
+def _upright(R: Float[Array, "m n"]) -> Float[Array, "m n"]:
+    """The triangle with a non-negative diagonal, so that it varies continuously with the matrix it came from."""
+    diagonal = jnp.diagonal(R)
+    return R * jnp.where(diagonal < 0, -1.0, 1.0)[:, None]
+
+
+def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Triangle:
+    """Residual and sensitivities at `unknowns`, reduced to the arrow-shaped triangle."""
+    n, s = len(structure.names), len(structure.state_names)
+    E, _, ny = problem.outputs.shape
+    theta = parameters_at(problem, unknowns.z)
+    slope = jnp.where(problem.free, problem.bounds.slope(unknowns.z), 0.0)
+
+    def experiment(own, own_free, e, measured, mask):
+        def outputs(x):
+            return _experiment(structure, problem, x[:n], x[n:], e)
+
+        def value_and_sensitivity(x):
+            # One program for primal and tangents: the primal is not repeated for every direction.
+            basis = jnp.eye(n + s)
+            y, tangents = jax.vmap(lambda t: jax.jvp(outputs, (x,), (t,)), out_axes=(None, -1))(basis)
+            return y, tangents
+
+        y, tangents = value_and_sensitivity(jnp.concatenate([theta, own]))
+        weight = jnp.where(mask, 1.0 / problem.sigma, 0.0)
+        residual = jnp.where(mask, (y - measured) * weight, 0.0)
+        squares = jnp.sum(residual**2, axis=0)
+        residual = residual.reshape(-1)
+        columns = jnp.concatenate([slope, jnp.where(own_free, 1.0, 0.0)])
+        jacobian = jnp.where(mask[..., None], tangents * weight[..., None] * columns, 0.0).reshape(-1, n + s)
+        sound = jnp.all(jnp.isfinite(residual)) & jnp.all(jnp.isfinite(jacobian))
+        residual = jnp.where(sound, residual, _DIVERGED)
+        jacobian = jnp.where(sound, jacobian, 0.0)
+        block = jnp.concatenate([jacobian[:, n:], jacobian[:, :n], residual[:, None]], axis=1)
+        state_prior = jnp.where(own_free, jnp.sqrt(problem.state_precision), 0.0) * problem.state_scale
+        prior = jnp.concatenate([jnp.diag(state_prior), jnp.zeros((s, n)), (state_prior * own)[:, None]], axis=1)
+        return _upright(jnp.linalg.qr(jnp.concatenate([block, prior]), mode="r")), squares
+
+    triangles, squares = jax.vmap(experiment)(
+        unknowns.states,
+        problem.state_free,
+        (problem.dt, problem.inputs, problem.start),
+        problem.outputs,
+        problem.mask,
+    )
+    pull = jnp.sqrt(problem.prior_precision)
+    prior = jnp.concatenate([jnp.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
+    prior = jnp.where(problem.free[:, None], prior, 0.0)
+    stacked = jnp.concatenate([triangles[:, s:, s:].reshape(-1, n + 1), prior])
+    shared = _upright(jnp.linalg.qr(stacked, mode="r"))
+    return Triangle(
+        shared=shared[:n, :n],
+        crossed=triangles[:, :s, s : s + n],
+        local=triangles[:, :s, :s],
+        residual_shared=shared[:n, n],
+        residual_local=triangles[:, :s, -1],
+        rest=shared[n:, n],
+        squares=squares,
+    )
+
+
+def reduced_residual(structure: Structure):
+    """`(unknowns, problem) -> (residuals, squares)` of the reduced problem, whose derivative comes with its value.
+
+    The residuals (local [E, s], shared [n], rest [1]) have the same sum of squares as the full problem, and their
+    derivative is the arrow-shaped triangle: so a generic least-squares solver sees as many rows as unknowns. `squares`
+    [E, ny] is auxiliary.
+    """
+
+    @jax.custom_jvp
+    def residual(unknowns: Unknowns, problem: Problem):
+        triangle = linearise(structure, problem, unknowns)
+        return (triangle.residual_local, triangle.residual_shared, triangle.rest), triangle.squares
+
+    @residual.defjvp
+    def _(primals, tangents):
+        unknowns, problem = primals
+        step, _ = tangents
+        triangle = linearise(structure, problem, unknowns)
+        local = jnp.einsum("eij,ej->ei", triangle.local, step.states)
+        local = local + jnp.einsum("eij,j->ei", triangle.crossed, step.z)
+        value = (triangle.residual_local, triangle.residual_shared, triangle.rest), triangle.squares
+        return value, (
+            (local, triangle.shared @ step.z, jnp.zeros_like(triangle.rest)),
+            jnp.zeros_like(triangle.squares),
+        )
+
+    return residual

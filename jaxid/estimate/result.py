@@ -1,0 +1,69 @@
+"""What every estimator returns: a `Fit`.
+
+Integral least squares and output error return the same kind of object, so that they can be compared, saved, simulated
+and started from one another.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..robots.robot import Robot
+
+Status = Literal["identified", "not_identifiable", "at_bound", "fixed"]
+NORMAL_95 = 1.959963984540054
+"""Half width of a 95 % interval in standard errors."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number with its uncertainty. `std_error` and `ci95` are NaN where there is none (fixed, not identifiable)."""
+
+    value: float
+    std_error: float
+    ci95: tuple[float, float]
+    unit: str
+    status: Status
+
+    @staticmethod
+    def of(value: float, std_error: float, unit: str, status: Status = "identified") -> "Estimate":
+        """An estimate with its 95 % interval from the standard error."""
+        if status == "fixed":
+            std_error = float("nan")
+        half = NORMAL_95 * std_error
+        return Estimate(float(value), float(std_error), (float(value - half), float(value + half)), unit, status)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The result of an estimator.
+
+    - `method`: "integral_least_squares", "output_error" …
+    - `robot`: the robot with the estimates as its parameters: an ordinary model.
+    - `parameters`: every parameter of the table by symbol; `combinations`: what the data determines when single
+      parameters are not.
+    - `covariance`: of the free parameters `free_names`, in SI units (NaN rows where not identifiable).
+    - `noise`: estimated standard deviation of each measured channel's residual.
+    - `converged`, `reason` in words, `iterations`.
+    - `initial_states`: per log name, the initial state used (estimated where it was free).
+    - `notes`: sentences that the user should read.
+    """
+
+    method: str
+    robot: Robot
+    parameters: dict[str, Estimate]
+    combinations: dict[str, Estimate]
+    free_names: tuple[str, ...]
+    covariance: NDArray[np.float64]
+    noise: dict[str, float]
+    converged: bool
+    reason: str
+    iterations: int
+    initial_states: dict[str, dict[str, float]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of a parameter or combination by its symbol."""
+        return self.parameters[name] if name in self.parameters else self.combinations[name]

@@ -1,0 +1,91 @@
+"""Standard errors, what the data does not determine, and combinations that it does."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ..robots.robot import Robot
+from .result import Estimate, Status
+
+_RANK = 1e-9
+"""Singular values below this share of the largest (columns scaled to one) count as zero."""
+_PRACTICAL = 1.0
+"""A standard error above this multiple of the parameter's magnitude: the data says nothing useful about it."""
+
+
+class Spread(NamedTuple):
+    """Covariance of the free parameters, and which single parameters the data determines."""
+
+    covariance: NDArray[np.float64]
+    determined: NDArray[np.bool_]
+
+
+def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: NDArray[np.float64]) -> Spread:
+    """Covariance (JᵀJ)⁻¹ from a whitened Jacobian `[m, n]` with respect to the physical parameters.
+
+    Parameters that are not `free` have zero variance. Directions that the Jacobian leaves at zero get no variance of
+    their own; the parameters that take part in them are not determined.
+    """
+    n = jacobian.shape[1]
+    covariance = np.zeros((n, n))
+    determined = np.array(free)
+    index = np.flatnonzero(free)
+    if index.size == 0:
+        return Spread(covariance, determined)
+    block = jacobian[:, index]
+    norms = np.linalg.norm(block, axis=0)
+    used = np.where(norms > 0, norms, 1.0)
+    _, singular, Vt = np.linalg.svd(block / used, full_matrices=True)
+    values = np.zeros(index.size)
+    values[: singular.size] = singular
+    zero = values <= _RANK * max(values.max(), 1e-300)
+    inverse = np.where(zero, 0.0, 1.0 / np.where(zero, 1.0, values) ** 2)
+    scaled = (Vt.T * inverse) @ Vt
+    covariance[np.ix_(index, index)] = scaled / np.outer(used, used)
+    in_null_space = np.any(np.abs(Vt[zero]) > 1e-3, axis=0) if zero.any() else np.zeros(index.size, dtype=bool)
+    errors = np.sqrt(np.diag(covariance)[index])
+    determined[index] = ~in_null_space & (norms > 0) & (errors <= _PRACTICAL * magnitude[index])
+    return Spread(covariance, determined)
+
+
+def combinations(
+    robot: Robot, numbers: Mapping[str, float], names: tuple[str, ...], covariance: NDArray[np.float64]
+) -> dict[str, Estimate]:
+    """The robot's combinations with standard errors by the delta method. Call under float64."""
+    found: dict[str, Estimate] = {}
+    for label, (function, unit, _) in robot.combinations.items():
+        free = {name: jnp.asarray(numbers[name]) for name in names}
+        value, gradient = jax.value_and_grad(lambda part, f=function: f({**numbers, **part}))(free)
+        g = np.array([float(gradient[name]) for name in names])
+        found[label] = Estimate.of(float(value), float(np.sqrt(max(g @ covariance @ g, 0.0))), unit)
+    return found
+
+
+def estimates(
+    robot: Robot,
+    values: Mapping[str, float],
+    names: tuple[str, ...],
+    spread_: Spread,
+    at_bound: NDArray[np.bool_],
+) -> dict[str, Estimate]:
+    """An `Estimate` for every parameter of the robot's table."""
+    found: dict[str, Estimate] = {}
+    for name, parameter in robot.parameters.items():
+        if name not in names:
+            found[name] = Estimate.of(parameter.value, float("nan"), parameter.unit, "fixed")
+            continue
+        i = names.index(name)
+        status: Status = "identified"
+        if at_bound[i]:
+            status = "at_bound"
+        elif not spread_.determined[i]:
+            status = "not_identifiable"
+        estimate = Estimate.of(values[name], float(np.sqrt(spread_.covariance[i, i])), parameter.unit, status)
+        low, high = estimate.ci95
+        found[name] = replace(estimate, ci95=(max(low, parameter.lower), min(high, parameter.upper)))
+    return found

@@ -1,0 +1,108 @@
+"""Which values of an effect's parameters a first look tries.
+
+An effect is screened by the change it makes to the simulation. Parameters that scale an effect (strengths) enter by one
+probe each; those that say where or when it acts (shapes) are tried over a grid, and strengths beyond which an effect is
+not proportional (a limit, a dead zone, a delay) at several sizes.
+"""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..logs import LogSet
+from ..robots.effect import Effect
+from ..robots.robot import Robot
+
+
+@dataclass(frozen=True)
+class Group:
+    """Columns that explain together: `shape` holds while each of `strengths` is applied on its own."""
+
+    effect: Effect
+    shape: Mapping[str, float]
+    strengths: Mapping[str, float]
+
+
+def _largest(logs: LogSet) -> float:
+    return max(float(np.max(np.abs(log.inputs))) for log in logs)
+
+
+def _path(log, robot: Robot) -> NDArray[np.float64]:
+    """World positions [T, 2] by dead reckoning from the measured speeds."""
+    dt = np.diff(log.time, append=log.time[-1] + log.sampling_interval)
+    rate = np.nan_to_num(log.output("eta2" if robot.name == "pioneer" else "W"))
+    heading = np.concatenate([[0.0], np.cumsum(rate * dt)[:-1]])
+    if robot.name == "pioneer":
+        ahead = np.nan_to_num(log.output("eta1"))
+        velocity = np.stack([-np.sin(heading) * ahead, np.cos(heading) * ahead], axis=1)
+    else:
+        V, Vn = np.nan_to_num(log.output("V")), np.nan_to_num(log.output("Vn"))
+        velocity = np.stack(
+            [V * np.cos(heading) - Vn * np.sin(heading), V * np.sin(heading) + Vn * np.cos(heading)], axis=1
+        )
+    return np.concatenate([[[0.0, 0.0]], np.cumsum(velocity * dt[:, None], axis=0)[:-1]])
+
+
+def _lines(robot: Robot, logs: LogSet) -> list[dict[str, float]]:
+    """Lines across the floor that part of the driven path lies beyond."""
+    path = np.concatenate([_path(log, robot) for log in logs])
+    lines = []
+    for angle in np.arange(8) * np.pi / 4:
+        along = path @ np.array([np.cos(angle), np.sin(angle)])
+        for offset in np.quantile(along, [0.3, 0.5, 0.7, 0.85]):
+            lines.append({"angle": float(angle), "offset": float(offset)})
+    return lines
+
+
+_TIMES = (0.01, 0.03, 0.08)
+_PERIODS = (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24)
+
+
+def groups(effect: Effect, robot: Robot, logs: LogSet) -> list[Group]:
+    """The probes of one effect on `robot` (which already carries it), for these logs."""
+    own = [name for name in robot.parameters if name.startswith(f"{effect.id}.")] + list(effect.frees)
+    typical = {name: robot.parameters[name].typical or 1.0 for name in own}
+    key = effect.key
+    one_by_one: dict[str, tuple[str, tuple[float, ...]]] = {
+        "actuator_dead_zone": ("threshold", tuple(s * _largest(logs) for s in (0.01, 0.03, 0.08))),
+        "voltage_saturation": ("inverse_limit", tuple(1 / (s * _largest(logs)) for s in (0.95, 0.85, 0.7, 0.55))),
+        "motor_lag": ("time_constant", _TIMES),
+        "input_delay": ("delay", _TIMES),
+        "sensor_lag": ("time_constant", _TIMES),
+        "sensor_delay": ("delay", _TIMES),
+        "traction_limit": ("inverse_limit", (1 / 10.0, 1 / 20.0, 1 / 40.0, 1 / 60.0)),
+    }
+    if effect.id in one_by_one:
+        name, values = one_by_one[effect.id]
+        return [Group(effect, {}, {key(name): value}) for value in values]
+    if effect.id == "stribeck_friction":
+        return [
+            Group(effect, {key("speed"): speed}, {key("amplitude"): typical[key("amplitude")]})
+            for speed in (0.02, 0.05, 0.12)
+        ]
+    if effect.id == "cogging_torque":
+        strengths = {name: typical[name] for name in own if not name.endswith("periods")}
+        scale = 1.0 if robot.name != "axis" else 2 * np.pi
+        return [Group(effect, {key("periods"): n * scale}, strengths) for n in _PERIODS]
+    if effect.id == "surface_change":
+        strengths = {key("coulomb"): 0.3, key("viscous"): 0.3}
+        return [Group(effect, {key(n): v for n, v in line.items()}, strengths) for line in _lines(robot, logs)]
+    strengths = {name: typical[name] for name in own}
+    return [Group(effect, {}, strengths)] if strengths else []
+
+
+def lanes(found: list[Group]) -> tuple[list[dict[str, float]], list[list[int]]]:
+    """Parameter changes, one a simulation, and for every group the simulations that are its columns."""
+    changes: list[dict[str, float]] = []
+    columns: list[list[int]] = []
+    counter = itertools.count()
+    for group in found:
+        mine = []
+        for name, value in group.strengths.items():
+            changes.append({**group.shape, name: value})
+            mine.append(next(counter))
+        columns.append(mine)
+    return changes, columns

@@ -1,0 +1,30 @@
+"""Logs of experiments: read them, look before fitting, prepare them if asked to, and design the next ones."""
+
+from . import signals
+from .batch import Batch
+from .channels import AXIS, OMNI, PIONEER, Channels
+from .finding import Finding, LogError
+from .log import Log, LogSet, channels_of
+from .noise import noise_level
+from .preflight import preflight
+from .prepare import Removed, prepare
+from .read import read_logs
+
+__all__ = [
+    "AXIS",
+    "OMNI",
+    "PIONEER",
+    "Batch",
+    "Channels",
+    "Finding",
+    "Log",
+    "LogError",
+    "LogSet",
+    "Removed",
+    "channels_of",
+    "noise_level",
+    "preflight",
+    "prepare",
+    "read_logs",
+    "signals",
+]

@@ -1,0 +1,121 @@
+"""Which columns a robot's log has: names, units, and how each input is expected to act on each output."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+# Pose columns (m, rad) that any log may carry; they give the initial pose and are kept among the extra columns.
+POSE = ("x", "y", "theta", "beta")
+_POSE_UNITS = {"t": "s", "x": "m", "y": "m", "theta": "rad", "beta": "rad"}
+
+
+def _tuple(names: Any, field_name: str) -> tuple[str, ...]:
+    names = (names,) if isinstance(names, str) else tuple(names)
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"Channels.{field_name} holds {name!r}, which is no column name; give strings.")
+    return names
+
+
+@dataclass(frozen=True)
+class Channels:
+    """The columns of a robot's log (besides time, `t` in seconds).
+
+    **Arguments:**
+
+    - `inputs`: the commanded channels, in the order of the model's input vector.
+    - `outputs`: the measured channels that the estimators use, in the order of the model's output vector.
+    - `optional`: measured channels that a log may lack (a `Log` then holds NaN in their place).
+    - `units`: column name to SI unit, for messages and figures.
+    - `mixing`: output name to one number for each input: the sign (and relative gain) with which a positive input acts
+      on that output. Pre-flight compares the data with it to find swapped and sign-flipped channels.
+    - `substitutes`: output name to the optional channel that may stand in for it (an axis whose position is measured
+      but not its speed).
+
+    Raises `ValueError` where a name is used twice, or `mixing` or `substitutes` do not fit the names.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    optional: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    mixing: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    substitutes: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("inputs", "outputs", "optional"):
+            object.__setattr__(self, name, _tuple(getattr(self, name), name))
+        mixing = {name: tuple(float(gain) for gain in gains) for name, gains in self.mixing.items()}
+        object.__setattr__(self, "units", MappingProxyType(_POSE_UNITS | dict(self.units)))
+        object.__setattr__(self, "mixing", MappingProxyType(mixing))
+        object.__setattr__(self, "substitutes", MappingProxyType(dict(self.substitutes)))
+
+        if not self.inputs or not self.outputs:
+            raise ValueError("Channels needs at least one input and one output; name the log's columns.")
+        names = ("t", *self.inputs, *self.measured)
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"Channels uses the column name {name!r} twice; every channel needs its own name.")
+        for name, gains in self.mixing.items():
+            if name not in self.measured:
+                raise ValueError(
+                    f"Channels.mixing names {name!r}, which is no output; use one of {list(self.measured)}."
+                )
+            if len(gains) != len(self.inputs):
+                raise ValueError(
+                    f"Channels.mixing[{name!r}] has {len(gains)} numbers for {len(self.inputs)} inputs; give one each."
+                )
+        for name, substitute in self.substitutes.items():
+            if name not in self.outputs or substitute not in self.optional:
+                raise ValueError(
+                    f"Channels.substitutes says {substitute!r} may replace {name!r}; it must map an output to an "
+                    "optional channel."
+                )
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Outputs, then optional outputs: the columns of `Log.outputs`, in order."""
+        return self.outputs + self.optional
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.inputs, *self.measured))
+
+    # Mappings do not hash and their read-only views do not pickle: both are spelled out, so that a Channels can be a
+    # static field of an equinox Module and travel to another process.
+    def __hash__(self) -> int:
+        return hash((self.inputs, self.outputs, self.optional, tuple(sorted(self.mixing.items()))))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        maps = dict(self.units), dict(self.mixing), dict(self.substitutes)
+        return Channels, (self.inputs, self.outputs, self.optional, *maps)
+
+
+_OMNI_UNITS = {"V": "m/s", "Vn": "m/s", "W": "rad/s"} | {f"u{k}": "V" for k in range(1, 5)}
+
+PIONEER = Channels(
+    inputs=("V2", "V3"),
+    outputs=("eta1", "eta2"),
+    units={"V2": "V", "V3": "V", "eta1": "m/s", "eta2": "rad/s"},
+    mixing={"eta1": (1, 1), "eta2": (1, -1)},
+)
+"""Differential drive with a caster (Innocenti et al.): V2 right, V3 left voltage; forward speed, yaw rate."""
+
+OMNI = Channels(
+    inputs=("u1", "u2", "u3", "u4"),
+    outputs=("V", "Vn", "W"),
+    optional=("i1", "i2", "i3", "i4"),
+    units=_OMNI_UNITS | {f"i{k}": "A" for k in range(1, 5)},
+    mixing={"V": (0, -1, 0, 1), "Vn": (1, 0, -1, 0), "W": (1, 1, 1, 1)},
+)
+"""Four omni wheels (Conceição, Moreira & Costa, signs restored): Fv = f4 - f2, Fvn = f1 - f3, Gamma = b sum f."""
+
+AXIS = Channels(
+    inputs=("u",),
+    outputs=("v",),
+    optional=("q",),
+    units={"u": "V or N", "v": "m/s", "q": "m"},
+    mixing={"v": (1,)},
+    substitutes={"v": "q"},
+)
+"""One drive axis: voltage or force in; speed v, position q, or both, out."""

@@ -1,0 +1,361 @@
+"""A log: what one experiment recorded, on the host, as read-only NumPy arrays; and a set of logs of one robot.
+
+Row k holds what was measured at t_k and the input applied from t_k to t_(k+1) (zero-order hold).
+"""
+
+import difflib
+import html
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from .channels import Channels
+from .finding import Finding, LogError
+
+if TYPE_CHECKING:
+    from .batch import Batch
+
+Array = NDArray[np.float64]
+
+
+def _read_only(values: ArrayLike) -> Array:
+    array = np.array(values, dtype=float)
+    array.flags.writeable = False
+    return array
+
+
+def _columns(values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[str], samples: int, what: str) -> Array:
+    """`[T, len(names)]` from a mapping or an array; trailing columns that are missing become NaN."""
+    if isinstance(values, Mapping):
+        unknown = [name for name in values if name not in names]
+        if unknown:
+            raise LogError(f"{what} has a channel {unknown[0]!r} that the robot lacks; use {list(names)}.")
+        absent = np.full(samples, np.nan)
+        values = np.stack([np.asarray(values.get(name, absent), dtype=float) for name in names], axis=-1)
+    array = np.asarray(values, dtype=float)
+    array = array[:, None] if array.ndim == 1 else array
+    if array.ndim != 2 or array.shape[0] != samples or array.shape[1] > len(names):
+        raise LogError(
+            f"{what} has shape {array.shape} where [{samples}, {len(names)}] is needed; give one row for each time and "
+            f"one column for each of {list(names)}."
+        )
+    missing = np.full((samples, len(names) - array.shape[1]), np.nan)
+    return np.concatenate([array, missing], axis=1)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """`", did you mean 'eta1'?"`-style suffix, or nothing: the closest of `known`, also ignoring case."""
+    known = list(known)
+    lower = {other.lower(): other for other in known}
+    close = [lower[name.lower()]] if name.lower() in lower else []
+    close += difflib.get_close_matches(name, known, n=2, cutoff=0.6)
+    close += [lower[other] for other in difflib.get_close_matches(name.lower(), list(lower), n=2, cutoff=0.6)]
+    close = list(dict.fromkeys(close))[:2]
+    return f" (close: {', '.join(map(repr, close))})" if close else ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Log:
+    """One experiment.
+
+    **Fields:**
+
+    - `name`: the file's name, such as `"turns.csv"`.
+    - `time`: `[T]` s, strictly increasing.
+    - `inputs`: `[T, nu]`, row k applied from t_k to t_(k+1); finite.
+    - `outputs`: `[T, ny]`, the channels' outputs and then their optional outputs; NaN where nothing was measured, a
+      channel that the log lacks being NaN throughout.
+    - `channels`: names and units of those columns.
+    - `extra`: every other column of the file, unchanged (pose columns `x, y, theta, beta` give the initial pose).
+    - `source`: the path it was read from, or "".
+    - `findings`: what the reader noticed and had to decide; pre-flight repeats it.
+
+    Raises `LogError` for fewer than two rows, wrong shapes, a time that is not finite and strictly increasing, an
+    input that is not finite, and an output (without substitute) that was never measured.
+    """
+
+    name: str
+    time: Array
+    inputs: Array
+    outputs: Array
+    channels: Channels
+    extra: pd.DataFrame = field(default_factory=pd.DataFrame)
+    source: str = ""
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        time = _read_only(self.time)
+        if time.ndim != 1:
+            raise LogError(f"{self.name}: time has shape {time.shape}; give a vector of seconds.")
+        if len(time) < 2:
+            raise LogError(f"{self.name} holds {len(time)} row(s); a log needs at least two samples of an experiment.")
+        bad = np.flatnonzero(~np.isfinite(time))
+        if len(bad):
+            raise LogError(f"{self.name}: column 't' has no time at sample {bad[0]}; fill in or remove that row.")
+        bad = np.flatnonzero(np.diff(time) <= 0)
+        if len(bad):
+            k = int(bad[0]) + 1
+            kind = "repeats the previous time" if time[k] == time[k - 1] else "runs backwards"
+            raise LogError(
+                f"{self.name}: column 't' {kind} at sample {k} ({time[k - 1]:.6g} s, then {time[k]:.6g} s; {len(bad)} "
+                "such place(s)); cut the file there if the clock restarted, or map t = {interval = seconds} if the "
+                "rows are evenly spaced and only their stamps are coarse."
+            )
+        channels = self.channels
+        inputs = _read_only(_columns(self.inputs, channels.inputs, len(time), f"{self.name}: inputs"))
+        outputs = _read_only(_columns(self.outputs, channels.measured, len(time), f"{self.name}: outputs"))
+        rows, columns = np.nonzero(~np.isfinite(inputs))
+        if len(rows):
+            raise LogError(
+                f"{self.name}: input {channels.inputs[columns[0]]!r} is not a finite number at sample {rows[0]}; fill "
+                "in the command that was applied, or cut the log there."
+            )
+        infinite = np.argwhere(np.isinf(outputs))
+        if len(infinite):
+            k, j = infinite[0]
+            raise LogError(
+                f"{self.name}: output {channels.measured[j]!r} is infinite at sample {k}; use NaN for 'not measured'."
+            )
+        for j, name in enumerate(channels.outputs):
+            substitute = channels.substitutes.get(name)
+            stand_in = substitute is not None and np.isfinite(outputs[:, channels.measured.index(substitute)]).any()
+            if not np.isfinite(outputs[:, j]).any() and not stand_in:
+                remedy = f" (or {substitute!r})" if substitute else ""
+                raise LogError(f"{self.name}: output {name!r} has no measured value; give a log that has it{remedy}.")
+        if len(self.extra.columns) and len(self.extra) != len(time):
+            raise LogError(f"{self.name}: extra has {len(self.extra)} rows for {len(time)} samples; give one each.")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "inputs", inputs)
+        object.__setattr__(self, "outputs", outputs)
+        object.__setattr__(self, "extra", self.extra.reset_index(drop=True))
+        object.__setattr__(self, "findings", tuple(self.findings))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        name: str,
+        time: ArrayLike,
+        inputs: ArrayLike | Mapping[str, ArrayLike],
+        outputs: ArrayLike | Mapping[str, ArrayLike],
+        channels: Channels | Any,
+        extra: pd.DataFrame | Mapping[str, ArrayLike] | None = None,
+        source: str = "",
+    ) -> "Log":
+        """A log from arrays or from `{channel: values}` mappings.
+
+        `inputs` is `[T, nu]`; `outputs` is `[T, n]` with the outputs first (missing optional columns become NaN);
+        `channels` is a `Channels`, a robot that has one, or a robot's name. Raises `LogError` as `Log` does.
+        """
+        channels = channels_of(channels)
+        time = np.asarray(time, dtype=float)
+        inputs = _columns(inputs, channels.inputs, len(time), f"{name}: inputs")
+        outputs = _columns(outputs, channels.measured, len(time), f"{name}: outputs")
+        return cls(
+            name, time, inputs, outputs, channels, pd.DataFrame() if extra is None else pd.DataFrame(extra), source
+        )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        return (
+            f"Log({self.name!r}: {len(self)} samples, {self.duration:.4g} s at {self.sampling_interval:.4g} s; inputs "
+            f"{', '.join(self.channels.inputs)}; outputs {', '.join(self.measured)})"
+        )
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Names of the outputs that this log has, those never measured left out."""
+        there = np.asarray(np.isfinite(self.outputs).any(axis=0))
+        return tuple(name for j, name in enumerate(self.channels.measured) if there.item(j))
+
+    @property
+    def sampling_interval(self) -> float:
+        """Median time from one sample to the next [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def input(self, name: str) -> Array:
+        """One input channel, `[T]`; raises `LogError` for an unknown name."""
+        return self.inputs[:, self._index(name, self.channels.inputs, "input")]
+
+    def output(self, name: str) -> Array:
+        """One measured channel, `[T]`, NaN where not measured; raises `LogError` for an unknown name."""
+        return self.outputs[:, self._index(name, self.channels.measured, "output")]
+
+    def _index(self, name: str, names: tuple[str, ...], what: str) -> int:
+        if name not in names:
+            raise LogError(f"{self.name} has no {what} {name!r}{did_you_mean(name, names)}; use one of {list(names)}.")
+        return names.index(name)
+
+    def window(self, start: float | None = None, stop: float | None = None) -> "Log":
+        """The samples with start <= t < stop [s, the log's own time]; raises `LogError` if fewer than two remain."""
+        start = -np.inf if start is None else start
+        stop = np.inf if stop is None else stop
+        rows = np.flatnonzero((self.time >= start) & (self.time < stop))
+        if len(rows) < 2:
+            raise LogError(
+                f"{self.name}: the window from {start:.6g} to {stop:.6g} s holds {len(rows)} sample(s); the log runs "
+                f"from {self.time[0]:.6g} to {self.time[-1]:.6g} s."
+            )
+        first, last = int(rows[0]), int(rows[-1]) + 1
+        name = f"{self.name}[{self.time[first]:.6g}:{self.time[last - 1]:.6g}]"
+        findings = [
+            replace(finding, file=name, sample=None if finding.sample is None else finding.sample - first)
+            for finding in self.findings
+            if finding.sample is None or first <= finding.sample < last
+        ]
+        return Log(
+            name,
+            self.time[first:last],
+            self.inputs[first:last],
+            self.outputs[first:last],
+            self.channels,
+            self.extra.iloc[first:last],
+            self.source,
+            tuple(findings),
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """`t`, the inputs, the measured outputs and the extra columns, one row a sample."""
+        columns = {"t": self.time} | {name: self.input(name) for name in self.channels.inputs}
+        columns |= {name: self.output(name) for name in self.measured}
+        frame = pd.DataFrame(columns)
+        return pd.concat([frame, self.extra], axis=1) if len(self.extra.columns) else frame
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write `to_frame` as CSV that `read_logs` reads back to the same numbers (shortest exact decimals)."""
+        self.to_frame().to_csv(path, index=False)
+
+
+def channels_of(robot: Any) -> Channels:
+    """The `Channels` of a robot: given as such, as an object with `.channels`, or as "pioneer", "omni" or "axis"."""
+    from . import channels as standard
+
+    known = {"pioneer": standard.PIONEER, "omni": standard.OMNI, "axis": standard.AXIS}
+    if isinstance(robot, str):
+        if robot not in known:
+            raise LogError(f"There is no robot {robot!r}{did_you_mean(robot, known)}; use one of {list(known)}.")
+        return known[robot]
+    channels = getattr(robot, "channels", robot)
+    if not isinstance(channels, Channels):
+        raise LogError(f"{robot!r} has no channels; give a robot's name, a Channels, or a robot with `.channels`.")
+    return channels
+
+
+class LogSet(Sequence[Log]):
+    """An immutable sequence of logs of one robot, each with its own name.
+
+    Index it with a number, a slice (a `LogSet`) or a log's name. Raises `LogError` if it would be empty, if two logs
+    share a name, or if their channels differ.
+    """
+
+    def __init__(self, logs: Iterable[Log]):
+        self._logs = tuple(logs)
+        if not self._logs:
+            raise LogError("There are no logs here; give at least one.")
+        names = [log.name for log in self._logs]
+        for log in self._logs:
+            if names.count(log.name) > 1:
+                raise LogError(f"Two logs are called {log.name!r}; give each its own name.")
+            if log.channels != self._logs[0].channels:
+                raise LogError(
+                    f"{log.name} has the channels {list(log.channels)} and {self._logs[0].name} has "
+                    f"{list(self._logs[0].channels)}; put logs of different robots into different sets."
+                )
+
+    @property
+    def channels(self) -> Channels:
+        """The channels that all logs share."""
+        return self._logs[0].channels
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The logs' names, in order."""
+        return tuple(log.name for log in self._logs)
+
+    def __len__(self) -> int:
+        return len(self._logs)
+
+    def __iter__(self) -> Iterator[Log]:
+        return iter(self._logs)
+
+    @overload
+    def __getitem__(self, key: int | str) -> Log: ...
+    @overload
+    def __getitem__(self, key: slice) -> "LogSet": ...
+    def __getitem__(self, key: int | str | slice) -> "Log | LogSet":
+        if isinstance(key, slice):
+            return LogSet(self._logs[key])
+        if isinstance(key, str):
+            return self._logs[self._position(key)]
+        return self._logs[key]
+
+    def _position(self, key: int | str) -> int:
+        if isinstance(key, str):
+            if key not in self.names:
+                raise LogError(f"There is no log {key!r}{did_you_mean(key, self.names)}; there are {list(self.names)}.")
+            return self.names.index(key)
+        if not -len(self) <= key < len(self):
+            raise LogError(f"There is no log number {key}; there are {len(self)}: {list(self.names)}.")
+        return range(len(self))[key]
+
+    def split(self, check: Sequence[str | int]) -> tuple["LogSet", "LogSet"]:
+        """`(fit, check)`: the logs to identify from and those (by name or index) held out to check the result.
+
+        Raises `LogError` for an unknown name, and if either part would be empty.
+        """
+        chosen = {self._position(key) for key in ([check] if isinstance(check, str | int) else check)}
+        if not chosen or len(chosen) == len(self):
+            part = "check" if not chosen else "fit"
+            raise LogError(f"This split leaves no log to {part}; hold out some, not all, of {list(self.names)}.")
+        fit = [log for position, log in enumerate(self._logs) if position not in chosen]
+        return LogSet(fit), LogSet(self._logs[position] for position in sorted(chosen))
+
+    def batch(self, multiple: int = 256) -> "Batch":
+        """All logs as padded JAX arrays; see `Batch.from_logs`."""
+        from .batch import Batch
+
+        return Batch.from_logs(self, multiple)
+
+    @cached_property
+    def _findings(self) -> tuple[Finding, ...]:
+        from .preflight import preflight
+
+        return tuple(finding for log in self._logs for finding in preflight(log))
+
+    def preflight(self) -> list[Finding]:
+        """What to know about these logs before fitting, log by log; see `jaxid.logs.preflight`."""
+        return list(self._findings)
+
+    def _table(self) -> list[tuple[str, ...]]:
+        def row(log: Log) -> tuple[str, ...]:
+            doubts = [f.check for f in self._findings if f.file == log.name and f.severity != "note"]
+            warnings = ", ".join(dict.fromkeys(doubts)) or "-"
+            return log.name, str(len(log)), f"{log.duration:.4g}", f"{log.sampling_interval:.4g}", warnings
+
+        return [("log", "samples", "seconds", "interval [s]", "warnings"), *map(row, self._logs)]
+
+    def __repr__(self) -> str:
+        table = self._table()
+        widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
+        lines = [
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
+        ]
+        return "\n".join([f"LogSet of {len(self)} log(s)", *lines])
+
+    def _repr_html_(self) -> str:
+        head, *rows = [[html.escape(cell) for cell in row] for row in self._table()]
+        header = "".join(f"<th>{cell}</th>" for cell in head)
+        body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+        return f"<table><thead><tr>{header}</tr></thead><tbody>{body}</tbody></table>"

@@ -1,0 +1,46 @@
+"""Pre-flight: look at a log before anything is fitted to it, and say in one sentence each what is doubtful.
+
+Identifiers of the checks, by severity:
+
+- error: `never_moved`.
+- warning: `time_gap`, `clock_jitter`, `time_unit`, `idle`, `saturated`, `missing_samples`, `slow_sensor`,
+  `frozen_sensor`, `spike`, `dead_sensor`, `moving_start`, `sign_flipped`, `swapped`, `frame_flipped`,
+  `coarse_sampling`, `doubtful_clock`, `disturbed`; and from the reader `repeated_row`, `truncated_row`, `held_input`,
+  `infinite`.
+- note: `constant_input`, `quantisation`.
+
+A time that does not increase never gets here: no `Log` is made of it (`LogError`).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from .check_response import check_response
+from .check_samples import check_samples
+from .check_sensors import check_sensors
+from .finding import Finding, LogError
+from .log import Log, did_you_mean
+
+_ORDER = {"error": 0, "warning": 1, "note": 2}
+
+
+def preflight(log: Log, also: Sequence[str] = ()) -> list[Finding]:
+    """What to know about one log before fitting, most severe first; an empty list says that nothing is doubtful.
+
+    `also` names numeric extra columns (such as a gyro that is no channel of the robot) to be looked at like the
+    outputs. Nothing is changed. Raises `LogError` where `also` names a column that is absent or not numeric.
+    """
+    also = (also,) if isinstance(also, str) else tuple(also)
+    for name in also:
+        if name not in log.extra.columns:
+            known = [str(column) for column in log.extra.columns]
+            raise LogError(f"{log.name} has no extra column {name!r}{did_you_mean(name, known)}; it has {known}.")
+        if not pd.api.types.is_numeric_dtype(log.extra[name]) or not np.isfinite(log.extra[name]).any():
+            raise LogError(f"{log.name}: extra column {name!r} holds no numbers; leave it out of `also`.")
+    findings = [*log.findings, *check_samples(log, also), *check_sensors(log, also)]
+    if not any(finding.severity == "error" for finding in findings):
+        # Noise alone has no response worth naming.
+        findings += check_response(log)
+    return sorted(findings, key=lambda finding: _ORDER[finding.severity])

@@ -1,0 +1,264 @@
+"""Read logs from files: find them, map their columns to the robot's, and say what is wrong in one sentence.
+
+Decisions taken here, each leaving a finding that pre-flight repeats:
+
+- an output cell that is empty, NaN or infinite is "not measured" and masked;
+- an input missing for a single sample is held from the sample before (zero-order hold); a longer gap is an error, since
+  what was applied is unknown;
+- a row that repeats the row before it in every column, time included, is left out (the recorder wrote it twice); any
+  other time that does not increase is an error.
+"""
+
+import glob
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .channels import POSE, Channels
+from .finding import Finding, LogError
+from .log import Log, LogSet, channels_of, did_you_mean
+from .table import Table, read_table
+
+PathLike = str | Path
+
+
+class _Source(NamedTuple):
+    """Where a standard column comes from: value = scale * column + offset, or, for time, interval * row."""
+
+    column: str
+    scale: float = 1.0
+    offset: float = 0.0
+    interval: float | None = None
+
+
+def _source(name: str, entry: Any) -> _Source:
+    if isinstance(entry, str):
+        return _Source(entry)
+    if not isinstance(entry, Mapping):
+        raise LogError(f"The mapping of {name!r} is {entry!r}; give a column name or {{column=..., scale=...}}.")
+    known = ("column", "scale", "offset", *(("interval",) if name == "t" else ()))
+    for key, value in entry.items():
+        if key not in known:
+            raise LogError(f"The mapping of {name!r} has an unknown entry {key!r}; use {', '.join(known)}.")
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not (isinstance(value, str) if key == "column" else number):
+            kind = "name" if key == "column" else "number"
+            raise LogError(f"The mapping of {name!r} has {key} = {value!r}; give a {kind}.")
+    if entry.get("scale", 1) == 0 or entry.get("interval", 1) <= 0:
+        raise LogError(f"The mapping of {name!r} has a scale or interval of zero or less where it cannot; correct it.")
+    return _Source(**{"column": name, **entry})
+
+
+def _mapping(mapping: Mapping[str, Any] | PathLike | None, channels: Channels) -> dict[str, _Source]:
+    if mapping is None:
+        return {}
+    if isinstance(mapping, str | Path):
+        try:
+            mapping = tomllib.loads(Path(mapping).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise LogError(f"The mapping {mapping} cannot be opened ({error.strerror}); check the path.") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise LogError(
+                f'The mapping {mapping} is not TOML ({error}); write lines like V2 = "right_volts".'
+            ) from None
+    known = ("t", *channels, *POSE)
+    for name in mapping:
+        if name not in known:
+            raise LogError(
+                f"The mapping names {name!r}, which is no column of this robot{did_you_mean(name, known)}; use "
+                f"{list(known)}."
+            )
+    return {name: _source(name, entry) for name, entry in mapping.items()}
+
+
+def _find(paths: PathLike | Iterable[PathLike]) -> list[Path]:
+    found: list[Path] = []
+    for path in [paths] if isinstance(paths, str | Path) else paths:
+        path = Path(path).expanduser()
+        if path.is_file():
+            found.append(path)
+        elif path.is_dir():
+            raise LogError(f"{path} is a folder; give its logs, such as {path / '*.csv'}.")
+        elif glob.has_magic(str(path)):
+            matches = sorted(Path(match) for match in glob.glob(str(path), recursive=True) if Path(match).is_file())
+            if not matches:
+                raise LogError(f"No file matches {path}; check the pattern and the folder you start from.")
+            found += matches
+        else:
+            near = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
+            raise LogError(f"{path} does not exist{did_you_mean(path.name, near)}; check the path.")
+    if not found:
+        raise LogError("No logs were given; give a file, a pattern such as logs/*.csv, or a list of them.")
+    real = [path.resolve() for path in found]
+    for path, target in zip(found, real, strict=True):
+        if real.count(target) > 1:
+            raise LogError(f"{path} is given twice; name each log once, or it would count double.")
+    return found
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """File names, with as many parent folders as it takes to tell equal ones apart."""
+    parts = [path.resolve().parts for path in paths]
+    names = []
+    for own in parts:
+        depth = 1
+        while sum(other[-depth:] == own[-depth:] for other in parts) > 1:
+            depth += 1
+        names.append("/".join(own[-depth:]))
+    return names
+
+
+def _where(table: Table, row: int) -> str:
+    return f"sample {row} (line {table.lines[row]})" if row < len(table.lines) else f"sample {row}"
+
+
+def _numbers(table: Table, column: str, path: Path) -> np.ndarray:
+    """One column as floats; raises `LogError` at the first cell that is neither a number nor empty."""
+    values = pd.Series(table.frame[column])
+    if values.dtype.kind in "biuf":
+        return values.to_numpy(dtype=float, na_value=np.nan)
+    if values.dtype.kind in "mMc":
+        raise LogError(
+            f"{path}: column {column!r} holds {values.dtype}, not numbers; convert it to numbers in SI units."
+        )
+    parsed = pd.Series(pd.to_numeric(values, errors="coerce"))
+    bad = np.flatnonzero(parsed.isna() & values.notna())
+    if len(bad):
+        k = int(bad[0])
+        cell = str(values.iloc[k]).strip()[:40]
+        remedy = "put a number there, or leave the cell empty where nothing was measured"
+        if k == 0 and len(bad) == 1:
+            remedy = "if that line holds units, delete it or start it with #"
+        raise LogError(f"{path}: column {column!r} has {cell!r} at {_where(table, k)}, which is no number; {remedy}.")
+    return parsed.to_numpy(dtype=float, na_value=np.nan)
+
+
+def _sources(table: Table, channels: Channels, mapping: dict[str, _Source], path: Path) -> dict[str, _Source]:
+    """The file's column for each channel it has; raises `LogError` for one that it must have and lacks."""
+    columns = list(table.frame.columns)
+    sources = {name: mapping.get(name, _Source(name)) for name in ("t", *channels)}
+    sources |= {name: mapping[name] for name in POSE if name in mapping}  # unmapped poses simply stay as they are
+    there = {name for name, source in sources.items() if source.column in columns or source.interval is not None}
+    for name, source in sources.items():
+        if name in there or (
+            name not in mapping and (name in channels.optional or channels.substitutes.get(name) in there)
+        ):
+            continue
+        what = f"column {source.column!r}" + (f" (mapped to {name!r})" if source.column != name else "")
+        example = f'rename one of them or map it, such as {name} = "its name"'
+        remedy = "correct the mapping" if name in mapping else example
+        raise LogError(f"{path} has no {what}{did_you_mean(source.column, columns)}; it has {columns}: {remedy}.")
+    return {name: source for name, source in sources.items() if name in there}
+
+
+def _held(values: np.ndarray, name: str, column: str, table: Table, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """An input held through gaps of one sample, and the rows where; raises `LogError` for any other gap."""
+    missing = ~np.isfinite(values)
+    rows = np.flatnonzero(missing)
+    for k in rows:
+        if k == 0 or missing[k - 1]:
+            start = int(max(k - 1, 0))
+            present = np.flatnonzero(~missing[start:])
+            length = int(present[0]) if len(present) else len(values) - start
+            raise LogError(
+                f"{path}: input {name!r} (column {column!r}) has no value at {_where(table, start)}, in a gap of "
+                f"{length} sample(s); fill in the command that was applied, or cut the log there."
+            )
+    return np.where(missing, np.roll(values, 1), values), rows
+
+
+def _without_repeats(table: Table, time_column: str) -> tuple[Table, np.ndarray]:
+    """The table without rows that equal the row before them in every column, and which rows those were."""
+    frame = table.frame
+    if time_column not in frame.columns:
+        return table, np.array([], dtype=int)
+    before = frame.shift()
+    same = (frame.eq(before) | (frame.isna() & before.isna())).to_numpy().all(axis=1) & frame[
+        time_column
+    ].notna().to_numpy()
+    same[0] = False
+    lines = [line for line, out in zip(table.lines, same, strict=True) if not out] if table.lines else []
+    return Table(frame.loc[~same].reset_index(drop=True), lines, table.notes), np.flatnonzero(same)
+
+
+def _read(path: Path, name: str, channels: Channels, mapping: dict[str, _Source]) -> Log:
+    """One file as a log called `name`."""
+    table = read_table(path)
+    findings = [Finding(name, None, row, "warning", check, f"{name}: {text}.") for check, row, text in table.notes]
+
+    def note(column: str, rows: np.ndarray, check: str, text: str) -> None:
+        if len(rows):
+            place = f"at {_where(table, int(rows[0]))}" + (f" and {len(rows) - 1} more" if len(rows) > 1 else "")
+            findings.append(Finding(name, column, int(rows[0]), "warning", check, f"{name}: {text.format(place)}."))
+
+    sources = _sources(table, channels, mapping, path)
+    timed = sources["t"].interval is not None
+    if not timed:
+        shorter, rows = _without_repeats(table, sources["t"].column)
+        text = "rows {} repeat the row before in every column, time included, and were left out; check the recorder"
+        note(sources["t"].column, rows, "repeated_row", text)
+        table = shorter
+
+    columns: dict[str, np.ndarray] = {}
+    for standard, source in sources.items():
+        if source.interval is not None:
+            columns[standard] = source.interval * np.arange(len(table.frame))
+            continue
+        values = source.scale * _numbers(table, source.column, path) + source.offset
+        if standard in channels.inputs:
+            values, rows = _held(values, standard, source.column, table, path)
+            text = f"input {standard!r} has no value {{}} and was held from the sample before; fill in what was applied"
+            note(standard, rows, "held_input", text)
+        elif standard in channels.measured:
+            text = f"output {standard!r} is infinite {{}}, which counts as not measured; repair what wrote it"
+            note(standard, np.flatnonzero(np.isinf(values)), "infinite", text)
+            values = np.where(np.isinf(values), np.nan, values)
+        columns[standard] = values
+
+    taken = {source.column for source in sources.values() if source.interval is None}
+    rest = [column for column in table.frame.columns if column not in taken]
+    # A column that a mapping passed over keeps its numbers under a name that cannot be mistaken for the channel.
+    clear = [f"{column} (file)" if column in columns else column for column in rest]
+    extra = table.frame.loc[:, rest].set_axis(clear, axis="columns")
+    extra = extra.assign(**{pose: columns[pose] for pose in POSE if pose in columns and pose not in channels.measured})
+    absent = np.full(len(table.frame), np.nan)
+    inputs = np.stack([columns[channel] for channel in channels.inputs], axis=-1)
+    outputs = np.stack([columns.get(channel, absent) for channel in channels.measured], axis=-1)
+    try:
+        return Log(name, columns["t"], inputs, outputs, channels, extra, str(path), tuple(findings))
+    except LogError as error:
+        raise LogError(str(error).replace(name, str(path), 1)) from None
+
+
+def read_logs(
+    paths: PathLike | Iterable[PathLike],
+    robot: Any,
+    *,
+    mapping: Mapping[str, Any] | PathLike | None = None,
+) -> LogSet:
+    """Read CSV and Parquet logs of one robot.
+
+    **Arguments:**
+
+    - `paths`: a file, a pattern (`"logs/*.csv"`), or a list of them; patterns are read in alphabetical order.
+    - `robot`: `"pioneer"`, `"omni"`, `"axis"`, a `Channels`, or any object with `.channels`.
+    - `mapping`: standard name to the file's column, as a dict or the path of a TOML file:
+      `V2 = "right_volts"`, `eta1 = {column = "speed_mm_s", scale = 0.001}` (value = scale * column + offset), and, for
+      files without a time column, `t = {interval = 0.001}`.
+
+    Returns a `LogSet`; columns that belong to no channel are kept in `Log.extra`. Files of equal name get their
+    folder in front.
+
+    Raises `LogError`, one sentence with file, column, sample and remedy, for whatever cannot be used: a missing,
+    empty or binary file, no header, a missing or non-numeric column, a time that does not increase, unknown commands.
+    What is merely doubtful becomes a finding (`LogSet.preflight`).
+    """
+    channels = channels_of(robot)
+    sources = _mapping(mapping, channels)
+    found = _find(paths)
+    return LogSet(_read(path, name, channels, sources) for path, name in zip(found, _names(found), strict=True))

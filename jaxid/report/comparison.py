@@ -1,0 +1,376 @@
+"""One object that sets estimates side by side: parameters, and how well each model predicts held-out logs."""
+
+import html
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from .._float64 import in_float64
+from ..estimate.result import Estimate, Fit
+from ..estimate.validation import Validation, counted_channels, validate
+from ..logs import Log, LogError, LogSet, noise_level
+from ..simulate import initial_states, simulate
+from . import figures as draw
+from . import tables as tab
+from .tables import Table
+
+_TIE = 0.005  # normalised RMS values that print alike
+_SAME = 2.0  # combined standard errors within which two estimates agree
+
+
+def _labels(fits: Sequence[Fit]) -> tuple[str, ...]:
+    """A label for each fit: its method, numbered where several used the same."""
+    methods = [fit.method for fit in fits]
+    seen: dict[str, int] = {}
+    labels = []
+    for method in methods:
+        seen[method] = seen.get(method, 0) + 1
+        labels.append(f"{method} {seen[method]}" if methods.count(method) > 1 else method)
+    return tuple(labels)
+
+
+def _noise(logs: LogSet) -> dict[str, float]:
+    """Noise of every channel from the data, never below a millionth of the signal (noise-free simulations)."""
+    found = {}
+    for name, level in noise_level(logs).items():
+        y = np.concatenate([log.output(name) for log in logs])
+        rms = float(np.sqrt(np.nanmean(y**2))) if np.isfinite(y).any() else 0.0
+        found[name] = max(level if np.isfinite(level) else 0.0, 1e-6 * rms, 1e-12)
+    return found
+
+
+def _fitted_start(fit: Fit, logs: LogSet) -> dict[str, np.ndarray] | None:
+    """The initial states that the fit estimated for these logs, where it did so for all of them."""
+    if not all(set(fit.robot.states) <= set(fit.initial_states.get(log.name, {})) for log in logs):
+        return None
+    return {name: np.array([fit.initial_states[log.name][name] for log in logs]) for name in fit.robot.states}
+
+
+def _published(fits: Sequence[Fit]) -> dict[str, float]:
+    """Defaults of the robots' tables that come from a publication."""
+    tables = [fit.robot.defaults() for fit in reversed(fits)]
+    return {n: p.value for table in tables for n, p in table.items() if p.source.startswith(("Table", "section"))}
+
+
+def _same_data(one: Log, other: Log) -> bool:
+    return one.outputs.shape == other.outputs.shape and np.array_equal(one.outputs, other.outputs, equal_nan=True)
+
+
+def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[str, ...]:
+    notes = []
+    for label, found in fits.items():
+        if not found.converged:
+            notes.append(f"{tab.title_of(label)}: {found.reason}.")
+        notes += [f"{tab.title_of(label)}: {note}" for note in found.notes]
+    robot = next(iter(fits.values())).robot
+    for log, moving in zip(check, initial_states(robot, check).uncertain, strict=True):
+        if moving:
+            notes.append(f"{log.name} starts in motion: simulations start from its first, noisy, measurement.")
+    for log in check:
+        used = [other.name for other in fit or () if _same_data(log, other)]
+        if used:
+            notes.append(f"{log.name} was also fitted (as {used[0]}): it says nothing about unseen motion.")
+    return tuple(notes)
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Estimates side by side and their predictions of held-out logs; the last line of a cell shows it.
+
+    - `fits`: by label (the method's name, numbered where several fits used the same).
+    - `validations`: by label, how the model predicts the check logs `logs`; `fitted`: the same of the logs that were
+      fitted, where they were given.
+    - `noise`: standard deviation of each channel's noise, from the check logs alone.
+    - `reference`: "true" or "published", and `references`: those values by symbol.
+    - `notes`: sentences that the user should read.
+    """
+
+    fits: dict[str, Fit]
+    logs: LogSet
+    noise: dict[str, float]
+    validations: dict[str, Validation]
+    fitted: dict[str, Validation] = field(default_factory=dict)
+    reference: str = "published"
+    references: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The measured channels that the models are judged by."""
+        return tuple(next(iter(self.validations.values())).fit_percent)
+
+    # -- numbers ---------------------------------------------------------------------------------------------------
+    def _estimate(self, label: str, name: str) -> Estimate | None:
+        """A method's estimate of a parameter or combination; None where its robot has no such thing."""
+        fit = self.fits[label]
+        return fit.parameters.get(name) or fit.combinations.get(name)
+
+    def _value_of(self, label: str, name: str) -> float:
+        found = self._estimate(label, name)
+        return float("nan") if found is None else found.value
+
+    @cached_property
+    def _names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Parameters worth a row (estimated, or not the same everywhere, or known to be otherwise); combinations."""
+        fits = self.fits.values()
+        everything = [name for fit in fits for name in fit.parameters]
+        if self.reference == "true":
+            everything += self.references
+        combined = tuple(dict.fromkeys(name for fit in fits for name in fit.combinations))
+        shown = []
+        for name in dict.fromkeys(everything):
+            values = [self._value_of(label, name) for label in self.fits]
+            if self.reference == "true" and name in self.references:
+                values.append(self.references[name])
+            if any(name in fit.free_names for fit in fits) or not np.allclose(values, values[0], rtol=1e-9, atol=0):
+                shown.append(name)
+        return tuple(name for name in shown if name not in combined), combined
+
+    @property
+    def parameters(self) -> pd.DataFrame:
+        """Parameters, then combinations: columns ("", unit), ("", true or published) and, by method, value, std_error,
+        ci95_low, ci95_high, status and error_percent (of the reference)."""
+        names, combined = self._names
+        rows = []
+        for name in names + combined:
+            known = self.references.get(name, float("nan"))
+            own = {label: self._estimate(label, name) for label in self.fits}
+            row: dict[tuple[str, str], object] = {
+                ("", "unit"): next((e.unit for e in own.values() if e and e.unit), ""),
+                ("", self.reference): known,
+            }
+            for label, e in own.items():
+                low, high = e.ci95 if e else (np.nan, np.nan)
+                row |= {
+                    (label, "value"): e.value if e else np.nan,
+                    (label, "std_error"): e.std_error if e else np.nan,
+                    (label, "ci95_low"): low,
+                    (label, "ci95_high"): high,
+                    (label, "status"): e.status if e else "absent",
+                    (label, "error_percent"): 100.0 * (e.value - known) / abs(known) if e and known else np.nan,
+                }
+            rows.append(row)
+        frame = pd.DataFrame(rows, index=pd.Index(names + combined, name="parameter"))
+        frame.columns = pd.MultiIndex.from_tuples(list(frame.columns))
+        return frame
+
+    @property
+    def check(self) -> pd.DataFrame:
+        """By method: normalised_rms, fit_percent of each channel (`fit_percent eta1`), the residual's RMS, mean and std
+        of each channel, and normalised_rms of each log."""
+        rows = {}
+        for label, v in self.validations.items():
+            row: dict[str, float] = {"normalised_rms": v.normalised_rms}
+            if label in self.fitted:
+                row["normalised_rms (fitted logs)"] = self.fitted[label].normalised_rms
+            for what, values in (("fit_percent", v.fit_percent), ("rms", v.rms), ("mean", v.mean), ("std", v.std)):
+                row |= {f"{what} {channel}": value for channel, value in values.items()}
+            row |= {f"normalised_rms {name}": found.normalised_rms for name, found in v.by_log.items()}
+            rows[label] = row
+        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("method")
+
+    @property
+    def tests(self) -> pd.DataFrame:
+        """Every residual test: method, channel, test, statistic, p_value, rejected, sentence."""
+        rows = [
+            (label, channel, t.name, t.statistic, t.p_value, t.rejected, t.sentence)
+            for label, v in self.validations.items()
+            for channel, tests in v.tests.items()
+            for t in tests.all
+        ]
+        names = ["method", "channel", "test", "statistic", "p_value", "rejected", "sentence"]
+        return pd.DataFrame(rows, columns=names)
+
+    def _farthest(self, one: str, other: str) -> str:
+        """The parameter on which two methods differ most, in words; it must have an interval in both."""
+        distance = {}
+        for name in (*self._names[0], *self._names[1]):
+            a, b = self._estimate(one, name), self._estimate(other, name)
+            if a is None or b is None or not a.status == b.status == "identified":
+                continue
+            spread = float(np.hypot(a.std_error, b.std_error))
+            if np.isfinite(spread) and spread > 0:
+                distance[name] = abs(a.value - b.value) / spread
+        if not distance:
+            return "no parameter is identified by both"
+        name = max(distance, key=lambda n: distance[n])
+        if distance[name] <= _SAME:
+            return f"every parameter that both identify agrees within {_SAME:g} combined standard errors"
+        a, b = self._value_of(one, name), self._value_of(other, name)
+        unit = f" {self.parameters.loc[name, ('', 'unit')]}".rstrip()
+        who = "they" if len(self.fits) == 2 else "best and worst"
+        return (
+            f"{who} differ most in {name} ({tab.number(a)} against {tab.number(b)}{unit}, "
+            f"{distance[name]:.1f} combined standard errors)"
+        )
+
+    @property
+    def sentence(self) -> str:
+        """The verdict: how close each method predicts the held-out logs and where the methods differ."""
+        clean = [label for label, v in self.validations.items() if not v.diverged]
+        failed = [label for label in self.validations if label not in clean]
+        clean.sort(key=lambda label: self.validations[label].normalised_rms)
+        parts = []
+        if clean:
+            level = {label: f"{self.validations[label].normalised_rms:.2f}" for label in clean}
+            best = clean[0]
+            text = f"{tab.title_of(best)} predicts the held-out logs to {level[best]} times the noise (1 is the floor)"
+            text += "".join(f", {tab.title_of(label)} to {level[label]} times" for label in clean[1:])
+            if len(clean) > 1:
+                gap = self.validations[clean[-1]].normalised_rms - self.validations[best].normalised_rms
+                text += ", no difference that counts" if gap < _TIE else ""
+                text += f"; {self._farthest(best, clean[-1])}"
+            parts.append(text)
+        for label in failed:
+            names = self.validations[label].diverged
+            where = "every held-out log" if len(names) == len(self.logs) else ", ".join(names)
+            parts.append(f"{tab.title_of(label)} diverges on {where}")
+        text = "; ".join(parts)
+        return f"{text[0].upper()}{text[1:]}."
+
+    # -- tables ----------------------------------------------------------------------------------------------------
+    def _unit(self, channel: str) -> str:
+        return self.logs.channels.units.get(channel, "")
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """Prediction, logs, parameters, residual tests: `report.tables.to_text` and `to_html` render them."""
+        units = {channel: self._unit(channel) for channel in self.channels}
+        names = (*self._names[0], *self._names[1])
+        estimates = {label: {name: self._estimate(label, name) for name in names} for label in self.fits}
+        return (
+            tab.check_table(self.validations, self.fitted, self.noise, units),
+            tab.log_table(self.validations),
+            *tab.parameter_tables(estimates, self.references, self.reference),
+            tab.test_table(self.validations),
+        )
+
+    def __repr__(self) -> str:
+        # Up to three methods fit into a usual terminal; more need a wider one.
+        width = tab.WIDTH + 24 * max(len(self.fits) - 3, 0)
+        return tab.to_text(self.tables, (self.sentence, *(f"Note: {note}" for note in self.notes)), width)
+
+    # -- figures ---------------------------------------------------------------------------------------------------
+    @property
+    def worst_log(self) -> str:
+        """The check log with the largest normalised RMS of any method; one that diverges comes first."""
+        found = {log.name: [v.by_log[log.name] for v in self.validations.values()] for log in self.logs}
+        key = {n: max(np.inf if f.diverged else f.normalised_rms for f in own) for n, own in found.items()}
+        return max(key, key=lambda name: key[name])
+
+    def _response(self, name: str) -> Figure:
+        log = self.logs[name]
+        simulated = {label: v.simulated[name] for label, v in self.validations.items()}
+        words = {}
+        for label, v in self.validations.items():
+            own = v.by_log[name]
+            words[label] = f"{tab.title_of(label)} ({'diverges' if own.diverged else f'{own.normalised_rms:.2f}'})"
+        return draw.response(log, counted_channels(log), simulated, self.noise, words)
+
+    def _residuals(self, channel: str) -> Figure:
+        times = {log.name: log.time for log in self.logs if channel in counted_channels(log)}
+        parts = {label: v.residuals[channel] for label, v in self.validations.items()}
+        tests = {label: v.tests[channel] for label, v in self.validations.items() if channel in v.tests}
+        return draw.residuals(channel, self._unit(channel), parts, times, tests, self.noise[channel])
+
+    def _ratios(self) -> Figure:
+        names, combined = self._names
+        last = list(self.fits)[-1]
+        known = {name: self.references.get(name, np.nan) for name in names + combined}
+        what = f"{self.reference} value"
+        if not np.isfinite(list(known.values())).any():
+            known, what = {name: self._value_of(last, name) for name in known}, tab.title_of(last)
+        ratios: dict[str, dict[str, draw.Ratio]] = {}
+        left_out = [name for name, reference in known.items() if not (np.isfinite(reference) and reference != 0)]
+        for name, reference in known.items():
+            own = {label: e for label in self.fits if (e := self._estimate(label, name))}
+            # A parameter that nobody estimated is not worth a line.
+            if name in left_out or all(e.status == "fixed" for e in own.values()):
+                continue
+            ratios[name] = {}
+            for label, e in own.items():
+                edges = [edge / reference for edge in e.ci95] if e.status == "identified" else [np.nan, np.nan]
+                ratios[name][label] = draw.Ratio(e.value / reference, min(edges), max(edges))
+        return draw.parameters(ratios, what, left_out)
+
+    def figures(self) -> dict[str, Figure]:
+        """Figures by name: `response_<log>` of every check log, `residuals_<channel>`, `parameters`."""
+        found: dict[str, Figure] = {}
+        for log in self.logs:
+            stem = re.sub(r"[^\w.-]+", "_", re.sub(r"\.(csv|parquet)$", "", log.name))
+            stem = stem if f"response_{stem}" not in found else re.sub(r"[^\w.-]+", "_", log.name)
+            found[f"response_{stem}"] = self._response(log.name)
+        found |= {f"residuals_{channel}": self._residuals(channel) for channel in self.channels}
+        return found | {"parameters": self._ratios()}
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write every figure as a PNG into `folder` (made if missing) and return the paths."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        paths = []
+        for name, figure in self.figures().items():
+            paths.append(folder / f"{name}.png")
+            paths[-1].write_bytes(draw.as_png(figure, 130))
+        return paths
+
+    def _repr_html_(self) -> str:
+        worst = self.worst_log
+        largest = max(
+            self.channels, key=lambda c: max(np.nan_to_num(v.rms[c]) / self.noise[c] for v in self.validations.values())
+        )
+        notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
+        check, logs, *parameters, tests = map(tab.to_html, self.tables)
+        return (
+            f"<div><p><b>{html.escape(self.sentence)}</b></p>{f'<ul>{notes}</ul>' if notes else ''}{check}{logs}"
+            f"{draw.as_html(self._response(worst), 'response')}{''.join(parameters)}"
+            f"{draw.as_html(self._ratios(), 'parameters')}{tests}"
+            f"{draw.as_html(self._residuals(largest), 'residuals')}</div>"
+        )
+
+
+@in_float64
+def compare(
+    *fits: Fit, check: LogSet | Log, fit: LogSet | None = None, truth: Mapping[str, float] | None = None
+) -> Comparison:
+    """Compare estimates on logs that none of them has seen.
+
+    **Arguments:**
+
+    - `fits`: what the estimators returned, of one robot or of variants with the same channels.
+    - `check`: the held-out logs. Every model simulates them from known initial states (at rest, or as the log says),
+      with nothing measured fed back; the noise that residuals are measured in comes from these logs alone.
+    - `fit`: the logs that were fitted, to show both sides.
+    - `truth`: true values by symbol, where they are known; else published values stand beside the estimates.
+
+    Raises `ValueError` without a fit and `LogError` if the logs' channels are not the robot's.
+    """
+    if not fits:
+        raise ValueError("There is nothing to compare; give at least one fit, as in compare(fit, check=logs).")
+    check = LogSet([check]) if isinstance(check, Log) else check
+    named = dict(zip(_labels(fits), fits, strict=True))
+    for label, found in named.items():
+        for logs in (check, fit):
+            if logs is not None and logs.channels != found.robot.channels:
+                raise LogError(
+                    f"{logs[0].name} has the channels {list(logs.channels)} and the robot of {label} has "
+                    f"{list(found.robot.channels)}; compare with logs of that robot."
+                )
+    noise = _noise(check)
+    validations = {label: validate(check, simulate(f.robot, check), noise) for label, f in named.items()}
+    fitted = {}
+    if fit is not None:
+        level = _noise(fit)
+        for label, f in named.items():
+            fitted[label] = validate(fit, simulate(f.robot, fit, start=_fitted_start(f, fit)), level)
+    references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)
+    for found in reversed(fits):
+        for name, (function, _, _) in found.robot.combinations.items():
+            references.setdefault(name, float(function({**found.robot.defaults().numbers, **references})))
+    kind = "true" if truth is not None else "published"
+    return Comparison(named, check, noise, validations, fitted, kind, references, _notes(named, check, fit))

@@ -1,0 +1,72 @@
+"""fit.json and model.toml: the results of a fit for other programs. `docs/files.md` describes every key.
+
+Numbers are SI and written to the last digit; what is not a finite number (the standard error of a fixed parameter) is
+null. Files are complete or not there.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .._atomic import write_text
+from ..estimate import Estimate, Fit
+from ..estimate.validation import Validation
+from ..model_file import write_model
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "value": _finite(estimate.value),
+        "std_error": _finite(estimate.std_error),
+        "ci95": [_finite(limit) for limit in estimate.ci95],
+        "unit": estimate.unit,
+        "status": estimate.status,
+    }
+
+
+def _check(validation: Validation | None) -> dict[str, Any] | None:
+    if validation is None:
+        return None
+    return {
+        "normalised_rms": _finite(validation.normalised_rms),
+        "fit_percent": {channel: _finite(percent) for channel, percent in validation.fit_percent.items()},
+    }
+
+
+def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | None = None) -> dict[str, Any]:
+    """What fit.json holds: every method's parameters, combinations and check.
+
+    `validation` is by method; "check" is None for a method without (no logs were held out). Raises `ValueError` for no
+    fits.
+    """
+    if not fits:
+        raise ValueError("There are no fits to write; give at least one.")
+    methods: dict[str, Any] = {}
+    for fit in fits:
+        methods[fit.method] = {
+            "parameters": {name: _estimate(estimate) for name, estimate in fit.parameters.items()},
+            "combinations": {name: _estimate(estimate) for name, estimate in fit.combinations.items()},
+            "check": _check((validation or {}).get(fit.method)),
+        }
+        if fit.method == "output_error":
+            methods[fit.method] |= {"converged": fit.converged, "iterations": fit.iterations}
+    return {"robot": fits[0].robot.name, "methods": methods}
+
+
+def write_fit(folder: str | Path, fits: Sequence[Fit], validation: Mapping[str, Validation] | None = None) -> None:
+    """Write `folder`/fit.json, and `folder`/model.toml with the last fit's robot.
+
+    Raises `OSError` if the folder cannot be written and `ValueError` for no fits.
+    """
+    folder = Path(folder)
+    text = json.dumps(fit_document(fits, validation), indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(folder / "fit.json", text + "\n")
+    last = fits[-1]
+    errors = {name: estimate.std_error for name, estimate in last.parameters.items()}
+    write_model(folder / "model.toml", last.robot, errors, last.method)

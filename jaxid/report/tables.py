@@ -1,0 +1,245 @@
+"""Tables of a report: one description, rendered for a terminal (rich) and for a notebook or page (HTML)."""
+
+import html
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rich import box
+from rich.console import Console
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from ..estimate.result import Estimate
+from ..estimate.validation import FALSE_ALARM, ResidualTest, Validation
+
+WIDTH = 100
+"""Columns of a terminal that a text table fits into."""
+_MARKS = {
+    "good": ("green", "color:#1a7f37"),
+    "bad": ("bold red", "color:#cf222e;font-weight:600"),
+    "dim": ("dim", "opacity:.55"),
+}
+_STATUS = {"not_identifiable": "not identifiable", "at_bound": "at its bound", "fixed": "fixed"}
+_REJECTED = (
+    "Not white: dynamics are missing, or the sensor's noise is coloured. Follows an input: part of what that input "
+    "does is not in the model. Not Gaussian: outliers, or errors that depend on the motion (a coloured residual often "
+    "is not)."
+)
+Estimates = Mapping[str, Mapping[str, Estimate | None]]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Text with a `mark`: "good", "bad", "dim" or nothing."""
+
+    text: str
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A titled table; the first column is left-aligned, the others right. `notes` stand below it."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+def title_of(label: str) -> str:
+    """A method's label in words: "output_error" becomes "output error"."""
+    return label.replace("_", " ")
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number with `digits` significant digits, "-" for NaN."""
+    if not math.isfinite(value):
+        return "-" if math.isnan(value) else str(value)
+    text = f"{value:#.{digits}g}"  # "1.00": trailing zeros are digits that were computed
+    return text.rstrip(".")
+
+
+def constant(value: float) -> str:
+    """A given number, as short as it is; "-" for NaN."""
+    return f"{value:.6g}" if math.isfinite(value) else "-"
+
+
+def with_error(value: float, std_error: float) -> str:
+    """ "0.3184 ± 0.0012": both to two significant digits of the standard error; the value alone where there is none."""
+    if not math.isfinite(value):
+        return "-"
+    if not (math.isfinite(std_error) and std_error > 0):
+        return number(value)
+    power = math.floor(math.log10(max(abs(value), std_error)))
+    # Powers of ten only where plain decimals would be hard to read.
+    shift = power if power < -3 or power > 5 else 0
+    value, std_error = value / 10.0**shift, std_error / 10.0**shift
+    decimals = max(1 - math.floor(math.log10(std_error)), 0)
+    text = f"{value:.{decimals}f} ± {std_error:.{decimals}f}"
+    return f"({text})e{shift}" if shift else text
+
+
+def percent(value: float) -> str:
+    """ "+0.35 %"; "-" for NaN."""
+    if not math.isfinite(value):
+        return "-"
+    decimals = 2 if abs(value) < 1 else 1 if abs(value) < 100 else 0
+    return f"{value:+.{decimals}f} %"
+
+
+def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int = WIDTH) -> str:
+    """Plain text, at most `width` columns wide: the paragraphs `before`, then the tables."""
+    console = Console(file=io.StringIO(), force_jupyter=False, width=width, color_system=None, legacy_windows=False)
+    for paragraph in before:
+        console.print(Text(paragraph))
+    for table in tables:
+        console.print()
+        console.print(Text(table.title, style="bold"))
+        shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), show_edge=False)
+        for position, name in enumerate(table.header):
+            # Names must stay whole: a wrapped symbol cannot be read.
+            shown.add_column(Text(name), justify="right" if position else "left", no_wrap=position == 0)
+        for row in table.rows:
+            shown.add_row(*(Text(cell.text, style=_MARKS[cell.mark][0] if cell.mark else "") for cell in row))
+        console.print(shown)
+        for note in table.notes:
+            console.print(Text(note))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def to_html(table: Table) -> str:
+    """A `<table>` that takes the page's own colours."""
+    cell_style = "padding:.15em .8em;text-align:"
+    head = "".join(
+        f'<th style="{cell_style}{"right" if i else "left"};border-bottom:1px solid">{html.escape(name)}</th>'
+        for i, name in enumerate(table.header)
+    )
+    body = ""
+    for row in table.rows:
+        cells = ""
+        for i, cell in enumerate(row):
+            mark = f";{_MARKS[cell.mark][1]}" if cell.mark else ""
+            cells += f'<td style="{cell_style}{"right" if i else "left"}{mark}">{html.escape(cell.text)}</td>'
+        body += f"<tr>{cells}</tr>"
+    notes = "".join(f"<li>{html.escape(note)}</li>" for note in table.notes)
+    return (
+        f"<h4>{html.escape(table.title)}</h4>"
+        f'<table style="border-collapse:collapse;font-variant-numeric:tabular-nums"><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table>" + (f"<ul>{notes}</ul>" if notes else "")
+    )
+
+
+def _value(e: Estimate | None) -> Cell:
+    if e is None:
+        return Cell("-", "dim")
+    if e.status == "identified":
+        return Cell(with_error(e.value, e.std_error))
+    return Cell(f"{constant(float(f'{e.value:.4g}'))} ({_STATUS[e.status]})", "dim")
+
+
+def _error(e: Estimate | None, known: float | None, sure: bool) -> Cell:
+    """Deviation in percent, marked where the reference is `sure` and more than three standard errors away."""
+    if e is None or not known:
+        return Cell("-", "dim")
+    far = sure and e.status == "identified" and abs(e.value - known) > 3 * e.std_error
+    return Cell(percent(100.0 * (e.value - known) / abs(known)), "bad" if far else "")
+
+
+def parameter_tables(estimates: Estimates, references: Mapping[str, float], kind: str) -> tuple[Table, ...]:
+    """`estimates[method][name]` side by side; errors beside them or, with more than two methods, in their own table.
+
+    `references` are the values that errors are relative to and `kind` says what they are: "true" or "published".
+    """
+    names = list(next(iter(estimates.values())))
+    methods = [title_of(label) for label in estimates]
+    known = any(name in references for name in names)
+    beside = known and len(methods) <= 2
+    header = ["parameter", "unit", *([kind] if known else [])]
+    header += [title for method in methods for title in ((method, "error") if beside else (method,))]
+    rows, errors = [], []
+    for name in names:
+        own = [found[name] for found in estimates.values()]
+        error = [_error(e, references.get(name), kind == "true") for e in own]
+        unit = next((e.unit for e in own if e and e.unit), "")
+        cells = [Cell(name), Cell(unit, "dim")]
+        cells += [Cell(constant(references.get(name, math.nan)))] if known else []
+        for e, cell in zip(own, error, strict=True):
+            cells += [_value(e), cell] if beside else [_value(e)]
+        rows.append(tuple(cells))
+        errors.append((Cell(name), *error))
+    relative = f"rror is relative to the {kind} value."
+    note = "± is one standard error" + (f"; e{relative}" if beside else ".")
+    found = Table("Parameters", tuple(header), tuple(rows), (note,))
+    if not known or beside:
+        return (found,)
+    return found, Table("Errors of the parameters", ("parameter", *methods), tuple(errors), (f"E{relative}",))
+
+
+def check_table(
+    validations: Mapping[str, Validation],
+    fitted: Mapping[str, Validation],
+    noise: Mapping[str, float],
+    units: Mapping[str, str],
+) -> Table:
+    """Normalised RMS, and fit and RMS of every channel of `units`, by method; the noise in the last row."""
+    header = ["method", "normalised RMS", *(["on fitted logs"] if fitted else [])]
+    header += [f"fit {channel} [%]" for channel in units]
+    header += [f"RMS {channel}" + (f" [{unit}]" if unit else "") for channel, unit in units.items()]
+    rows, count = [], 0
+    notes = ["The noise is estimated from the held-out logs alone, so the floor of 1 is known to a few per cent."]
+    for label, v in validations.items():
+        count = len(v.by_log)
+        # A number that leaves logs out must not pass for one that does not.
+        part = f" on {count - len(v.diverged)} of {count} logs" if v.diverged else ""
+        cells = [Cell(title_of(label)), Cell(number(v.normalised_rms, 3) + part, "bad" if part else "")]
+        cells += [Cell(number(fitted[label].normalised_rms, 3))] if fitted else []
+        cells += [Cell("-" if math.isnan(v.fit_percent[c]) else f"{v.fit_percent[c]:.2f}") for c in units]
+        cells += [Cell(number(v.rms[c], 3)) for c in units]
+        rows.append(tuple(cells))
+        if v.diverged:
+            notes.append(
+                f"{title_of(label)}: the simulation diverges on {', '.join(v.diverged)}; its numbers leave "
+                f"{'that log' if len(v.diverged) == 1 else 'those logs'} out."
+            )
+    floor = Cell("noise floor", "dim"), Cell("1", "dim"), *([Cell("1", "dim")] if fitted else [])
+    blank = tuple(Cell("") for _ in units)
+    rows.append((*floor, *blank, *(Cell(number(noise[c], 3), "dim") for c in units)))
+    title = f"Prediction of {count} held-out log{'s' if count > 1 else ''}"
+    return Table(title, tuple(header), tuple(rows), tuple(notes))
+
+
+def log_table(validations: Mapping[str, Validation]) -> Table:
+    """Normalised RMS of every log by method."""
+    names = next(iter(validations.values())).by_log
+    rows = []
+    for name in names:
+        own = [v.by_log[name] for v in validations.values()]
+        cells = [Cell("diverges", "bad") if f.diverged else Cell(number(f.normalised_rms, 3)) for f in own]
+        rows.append((Cell(name), *cells))
+    return Table("Normalised RMS of each held-out log", ("log", *map(title_of, validations)), tuple(rows))
+
+
+def _test(test: ResidualTest) -> Cell:
+    p = test.p_value
+    if math.isnan(p):
+        return Cell("-", "dim")
+    text = "<1e-4" if p < 1e-4 else f"{p:.1g}" if p < 0.01 else f"{p:.2f}"
+    return Cell(f"{text} no", "bad") if test.rejected else Cell(f"{text} ok", "good")
+
+
+def test_table(validations: Mapping[str, Validation]) -> Table:
+    """p values of the residual tests by method and channel; what was rejected in words below."""
+    rows, notes, inputs = [], [], []
+    for label, v in validations.items():
+        for channel, tests in v.tests.items():
+            inputs = list(tests.cross_correlation)
+            rows.append((Cell(title_of(label)), Cell(channel), *map(_test, tests.all)))
+            if found := tests.summary:
+                notes.append(f"{title_of(label)}: the residual of {channel} {found}.")
+    header = ("method", "residual of", "white?", *(f"free of {name}?" for name in inputs), "Gaussian?")
+    first = f"p values; every test alone rejects pure noise in {100 * FALSE_ALARM:g} % of cases."
+    notes += [_REJECTED] if notes else []
+    return Table("Is the residual nothing but noise?", header, tuple(rows), (first, *notes))

@@ -1,0 +1,13 @@
+"""Robots as pure functions of state, input and parameters."""
+
+from .axis import Axis
+from .custom import Custom
+from .effect import Effect
+from .omni import Omni
+from .pioneer import Pioneer
+from .robot import Robot
+
+BUILT_IN = {robot.name: robot for robot in (Pioneer, Omni, Axis)}
+"""The robots that the command line knows by name."""
+
+__all__ = ["BUILT_IN", "Axis", "Custom", "Effect", "Omni", "Pioneer", "Robot"]

@@ -1,0 +1,226 @@
+"""The four-wheel omni (Conceição et al.): forces, motors and kinematics, equations 1-12 with the lost signs restored.
+
+State V, Vn [m/s] along and across the body, W yaw rate [rad/s]; pose x, y [m], theta [rad] where wanted (heading 0 is
+world +x); motor currents i1..i4 [A] with `inductance=True`. Inputs u1..u4 [V].
+
+    M (dV/dt  - c W Vn) = f4 - f2 - Bv  V  - Cv  sgn V
+    M (dVn/dt + c W V ) = f1 - f3 - Bvn Vn - Cvn sgn Vn
+    J dW/dt = b (f1 + f2 + f3 + f4) - Bw W - Cw sgn W
+
+with c = `coriolis`: 1 for the turning frame's own terms (default), 0 for equations 1-3 as printed.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ..logs import OMNI, Channels
+from ..parameters import ParameterTable
+from .effect import Levels, Numbers, Path, State
+from .robot import Robot, parameter
+from .trigonometry import sincos
+
+
+def wheel_speeds(state: State, p: Numbers) -> Path:
+    """Rim speeds v1..v4 [m/s] of the wheels (eq. 12, signs restored)."""
+    V, Vn, spin = state["V"], state["Vn"], p["b"] * state["W"]
+    return Vn + spin, -V + spin, -Vn + spin, V + spin
+
+
+def _radii(p: Numbers) -> Path:
+    """Radii [m] of the four wheels."""
+    large, small = p["r"] * (1.0 + p["radius_mismatch"]), p["r"] * (1.0 - p["radius_mismatch"])
+    return large, large, small, small
+
+
+def body_forces(f: Path, p: Numbers) -> Path:
+    """Fv, Fvn [N] and Gamma [N m] of the wheels' traction forces f1..f4 [N] (eqs. 4-6, signs restored)."""
+    return f[3] - f[1], f[0] - f[2], p["b"] * (f[0] + f[1] + f[2] + f[3])
+
+
+@dataclass(frozen=True)
+class Omni(Robot):
+    """Four-wheel omni-directional robot. `pose=True` integrates x, y, theta; `inductance=True` the motor currents."""
+
+    pose: bool = False
+    inductance: bool = False
+
+    name: ClassVar[str] = "omni"
+    channels: ClassVar[Channels] = OMNI
+    velocities: ClassVar[tuple[str, ...]] = ("V", "Vn", "W")
+    drive_axes: ClassVar[tuple[int, ...]] = (0, 1, 2)
+    angles: ClassVar[tuple[str, ...]] = ("phi1", "phi2", "phi3", "phi4")
+
+    def defaults(self) -> ParameterTable:
+        paper, assumed = "Tables 5 and 6", "assumed (not printed in the paper)"
+        return ParameterTable(
+            {
+                "M": parameter(35.0, "kg", "mass", "section 3 (weighed)"),
+                "J": parameter(1.374, "kg m^2", "vertical inertia", paper, free=True),
+                "Bv": parameter(3.73, "N s/m", "viscous friction along V", paper, free=True),
+                "Bvn": parameter(3.34, "N s/m", "viscous friction along Vn", paper, free=True),
+                "Bw": parameter(0.73, "N m s", "viscous friction of turning", paper, free=True),
+                "Cv": parameter(29.45, "N", "Coulomb friction along V", paper, free=True),
+                "Cvn": parameter(29.61, "N", "Coulomb friction along Vn", paper, free=True),
+                "Cw": parameter(5.12, "N m", "Coulomb friction of turning", paper, free=True),
+                "b": parameter(0.195, "m", "centre to wheels", assumed),
+                "r": parameter(0.05, "m", "wheel radius", assumed),
+                "l": parameter(12.0, "", "gear reduction", assumed),
+                "Kt": parameter(0.025, "N m/A", "torque constant", assumed),
+                "Kv": parameter(0.025, "V s/rad", "back-EMF constant", assumed),
+                "Ra": parameter(0.6, "ohm", "armature resistance", assumed),
+                "La": parameter(1.0e-4, "H", "armature inductance", assumed),
+                "supply": parameter(24.0, "V", "supply voltage: the largest motor voltage", assumed),
+                "coriolis": parameter(1.0, "", "1: turning frame's own terms, 0: equations 1-3 as printed", "derived"),
+                "radius_mismatch": parameter(
+                    0.0,
+                    "",
+                    "wheels 1, 2 larger and 3, 4 smaller than r by this fraction",
+                    "nominal",
+                    positive=False,
+                    typical=0.02,
+                ),
+                "xc": parameter(
+                    0.0, "m", "centre of mass ahead of the centre", "nominal", positive=False, typical=0.02
+                ),
+                "yc": parameter(
+                    0.0, "m", "centre of mass to the left of the centre", "nominal", positive=False, typical=0.02
+                ),
+            }
+        )
+
+    def uncoupled(self) -> "Omni":
+        """The robot with the paper's equations 1-3 as printed."""
+        return self.with_values(coriolis=0.0)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        names = ("V", "Vn", "W")
+        if self.pose or self.needs("pose"):
+            names = ("x", "y", "theta", *names)
+        if self.needs("wheel_angles"):
+            names = (*names, "phi1", "phi2", "phi3", "phi4")
+        if self.inductance:
+            names = (*names, "i1", "i2", "i3", "i4")
+        return (*names, *self.extra_states)
+
+    @property
+    def estimated_states(self) -> tuple[str, ...]:
+        return ("V", "Vn", "W")
+
+    def rubbing(self, state: State, p: Numbers) -> Path:
+        return state["V"], state["Vn"], state["W"]
+
+    def coulomb(self, state: State, p: Numbers) -> Levels:
+        levels: Levels = tuple((p[name], p[name]) for name in ("Cv", "Cvn", "Cw"))
+        speeds = self.rubbing(state, p)
+        for effect in self.effects:
+            levels = effect.dry(levels, speeds, state, p)
+        return levels
+
+    def _motor(self, state: State, volts: Path, p: Numbers) -> Path:
+        """Currents [A] of motors at `volts`, the inductance neglected (eq. 9) and the voltage limited by the supply."""
+        limited = (jnp.clip(u, -p["supply"], p["supply"]) for u in volts)
+        emf = p["Kv"] * p["l"]
+        rims = zip(limited, wheel_speeds(state, p), _radii(p), strict=True)
+        return tuple((u - emf * v / r) / p["Ra"] for u, v, r in rims)
+
+    def currents(self, state: State, volts: Path, p: Numbers) -> Path:
+        """Motor currents i1..i4 [A] at the commanded `volts` [V], effects on them included, inductance neglected."""
+        currents = self._motor(state, volts, p)
+        for effect in self.effects:
+            volts = effect.supply(volts, currents, state, p)
+            currents = self._motor(state, volts, p)
+        return currents
+
+    def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+        V, Vn, W = state["V"], state["Vn"], state["W"]
+        currents = self.currents(state, inputs, p)
+        resistance: Path = (p["Bv"] * V, p["Bvn"] * Vn, p["Bw"] * W)
+        forces: Path = (0.0, 0.0, 0.0)
+        for effect in self.effects:
+            resistance = effect.viscous(resistance, (V, Vn, W), state, p)
+            forces = effect.force(forces, state, p)
+        traction = tuple(p["l"] * p["Kt"] / r * i for i, r in zip(currents, _radii(p), strict=True))
+        for effect in self.effects:
+            traction = effect.torque(traction, state, p)
+        driving = body_forces(traction, p)
+        Q = [driving[i] + forces[i] - resistance[i] - dry[i] for i in range(3)]
+        # A centre of mass at (xc, yc) adds its centrifugal terms and couples the accelerations.
+        c, M, xc, yc = p["coriolis"], p["M"], p["xc"], p["yc"]
+        a, b, turn = self._solve(
+            Q[0] + c * M * W * Vn + M * xc * W * W,
+            Q[1] - c * M * W * V + M * yc * W * W,
+            Q[2] - c * M * W * (xc * V + yc * Vn),
+            p,
+        )
+        rates = {"V": a, "Vn": b, "W": turn}
+        if "theta" in state:
+            sin_t, cos_t = sincos(state["theta"])
+            rates |= {"x": V * cos_t - Vn * sin_t, "y": V * sin_t + Vn * cos_t, "theta": W}
+        if "phi1" in state:
+            rates |= {
+                f"phi{i + 1}": v / r for i, (v, r) in enumerate(zip(wheel_speeds(state, p), _radii(p), strict=True))
+            }
+        if self.inductance:
+            rates |= dict.fromkeys(("i1", "i2", "i3", "i4"), 0.0)  # advanced exactly by `settle`
+        for effect in self.effects:
+            rates |= effect.rates(state, currents, p)
+        return rates
+
+    def _solve(self, Q1, Q2, Q3, p: Numbers):
+        """Accelerations: [[M, 0, -M yc], [0, M, M xc], [-M yc, M xc, J + M (xc² + yc²)]] solved for (Q1, Q2, Q3)."""
+        # Schur complement: the inertia about the centre of mass is J by definition.
+        turn = (Q3 + p["yc"] * Q1 - p["xc"] * Q2) / p["J"]
+        return Q1 / p["M"] + p["yc"] * turn, Q2 / p["M"] - p["xc"] * turn, turn
+
+    def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
+        columns = [self._solve(*unit, p) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+        return tuple(tuple(columns[j][i] for j in range(3)) for i in range(3))
+
+    def rim_speeds(self, speeds: Path, p: Numbers) -> Path:
+        return speeds[0], speeds[1], p["b"] * speeds[2]
+
+    def world_force(self, force, state: State, p: Numbers) -> Path:
+        sin_t, cos_t = sincos(state["theta"])
+        along, across = cos_t * force[0] + sin_t * force[1], -sin_t * force[0] + cos_t * force[1]
+        return along, across, p["xc"] * across - p["yc"] * along
+
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+        return rates["V"], rates["Vn"], rates["W"]
+
+    # -- inductance: time constant La/Ra far below any step, so its transient is integrated exactly ------------------
+    def effective_inputs(self, state: State, inputs: Path, h, p: Numbers) -> Path:
+        """Voltages whose quasi-static currents equal the true currents' mean over a step of `h` seconds (eq. 9)."""
+        if not self.inductance:
+            return inputs
+        decay_mean = _decay_mean(h * p["Ra"] / p["La"])
+        quasi = self.currents(state, inputs, p)
+        limited = (jnp.clip(u, -p["supply"], p["supply"]) for u in inputs)
+        return tuple(
+            u + p["Ra"] * (state[f"i{i + 1}"] - q) * decay_mean
+            for i, (u, q) in enumerate(zip(limited, quasi, strict=True))
+        )
+
+    def settle(self, before: State, after: State, inputs: Path, h, p: Numbers) -> State:
+        """The state after a step with the currents' exact exponential approach to their quasi-static values."""
+        if not self.inductance:
+            return after
+        decay = jnp.exp(-h * p["Ra"] / p["La"])
+        start = self.currents(before, inputs, p)
+        end = self.currents(after, inputs, p)
+        currents = {f"i{i + 1}": end[i] + (before[f"i{i + 1}"] - start[i]) * decay for i in range(4)}
+        return {**after, **currents}
+
+    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+        if self.inductance:
+            currents: Path = tuple(state[f"i{i}"] for i in range(1, 5))
+        else:
+            currents = self.currents(state, inputs, p)
+        return state["V"], state["Vn"], state["W"], *currents
+
+
+def _decay_mean(x):
+    """Mean of exp(-t) over 0..x, for x > 0."""
+    return -jnp.expm1(-x) / x

@@ -1,0 +1,204 @@
+"""The Pioneer: a differential drive with a caster (Innocenti et al.), coupled dynamics and motors.
+
+Body frame: x to the right, y forward. Wheel 2 is the right driving wheel, wheel 3 the left, wheel 1 the caster. State
+beta [rad], eta1 forward speed [m/s], eta2 yaw rate [rad/s]; pose x, y [m], theta [rad] and wheel angles phi2, phi3 [rad]
+where they are wanted. Heading 0 is world +y. Inputs V2, V3 [V].
+
+This is the fast closed form of equation 8 with the motors of equation 28; the matrices as the paper names them are in
+`pioneer_equations`.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ..logs import PIONEER, Channels
+from ..parameters import ParameterTable
+from .effect import Levels, Numbers, Path, State
+from .pioneer_closed_form import bias, reduced_inertia
+from .robot import Robot, parameter
+from .trigonometry import sincos
+
+
+def _inertia(state: State, p: Numbers):
+    """J11, J12, J22 at this caster angle, with driving wheels of unequal radius, and its sine and cosine."""
+    sin_b, cos_b = sincos(state["beta"])
+    J11, J12, J22 = reduced_inertia(cos_b, sin_b, p)
+    spin = p["Ir"] / p["R"] ** 2
+    right, left = spin / (1.0 + p["radius_mismatch"]) ** 2, spin / (1.0 - p["radius_mismatch"]) ** 2
+    J11 = J11 + (right + left - 2.0 * spin)
+    J12 = J12 + p["L"] * (right - left)
+    J22 = J22 + p["L"] ** 2 * (right + left - 2.0 * spin)
+    return J11, J12, J22, sin_b, cos_b
+
+
+def _levers(sin_b, cos_b, p: Numbers):
+    """Rows of B: rubbing speeds (phi2', phi3', beta') per unit of (eta1, eta2)."""
+    right, left = p["R"] * (1.0 + p["radius_mismatch"]), p["R"] * (1.0 - p["radius_mismatch"])
+    return (
+        (1.0 / right, p["L"] / right),
+        (1.0 / left, -p["L"] / left),
+        (-sin_b / p["d"], -(p["d"] + p["l1"] * cos_b) / p["d"]),
+    )
+
+
+def straight_inertia(p: Numbers):
+    """1/a11 of equation 34 [kg]: J11 with the caster trailing."""
+    return p["M"] + 2 * p["m"] + p["m1"] + p["Ir1"] / p["R1"] ** 2 + 2 * p["Ir"] / p["R"] ** 2
+
+
+def turning_inertia(p: Numbers):
+    """1/a22 of equation 35 [kg m²]: J22 with the caster across (beta = -90°), with l1² where the paper prints I_r²."""
+    return (
+        p["M"] * (p["xm"] ** 2 + p["ym"] ** 2)
+        + p["I0"]
+        + 2 * p["Ip"]
+        + 2 * p["m"] * p["L"] ** 2
+        + p["m1"] * p["l1"] ** 2
+        + p["l1"] ** 2 * p["Ir1"] / p["R1"] ** 2
+        + 2 * p["L"] ** 2 * p["Ir"] / p["R"] ** 2
+    )
+
+
+@dataclass(frozen=True)
+class Pioneer(Robot):
+    """Differential-drive robot with a caster. `pose=True` integrates the pose x, y, theta as well."""
+
+    pose: bool = False
+    wheel_angles: bool = False
+
+    name: ClassVar[str] = "pioneer"
+    channels: ClassVar[Channels] = PIONEER
+    velocities: ClassVar[tuple[str, ...]] = ("eta1", "eta2")
+    drive_axes: ClassVar[tuple[int, ...]] = (0, 1)
+    angles: ClassVar[tuple[str, ...]] = ("phi2", "phi3")
+    combinations: ClassVar[dict] = {
+        "1/a11": (straight_inertia, "kg", "inertia against straight motion (eq. 34)"),
+        "1/a22": (turning_inertia, "kg m^2", "inertia against turning on the spot (eq. 35)"),
+    }
+
+    def defaults(self) -> ParameterTable:
+        maker, measured, table5 = "Table 2 (manufacturer)", "section 4 (measured)", "Table 5"
+        physical = {
+            "M": parameter(15.5, "kg", "mass of the body", measured),
+            "m": parameter(0.35, "kg", "mass of a driving wheel", measured),
+            "m1": parameter(0.35, "kg", "mass of the caster wheel", measured),
+            "R": parameter(0.0825, "m", "radius of the driving wheels", measured),
+            "R1": parameter(0.035, "m", "radius of the caster wheel", measured),
+            "L": parameter(0.1689, "m", "half the track width", measured + "; printed 16.89 m"),
+            "l1": parameter(0.18, "m", "axle to caster pivot", measured),
+            "d": parameter(0.03, "m", "trail of the caster", measured),
+            "xm": parameter(
+                0.0, "m", "centre of mass to the right of the axis of symmetry", measured, positive=False, typical=0.02
+            ),
+            "ym": parameter(-0.07, "m", "centre of mass ahead of the axle", measured, positive=False),
+            "I0": parameter(0.3, "kg m^2", "vertical inertia of the body about its centre of mass", table5, free=True),
+            "Ir1": parameter(2.144e-4, "kg m^2", "spin inertia of the caster wheel", table5, free=True),
+            "Ir": parameter(0.0012, "kg m^2", "spin inertia of a driving wheel", table5, free=True),
+            "Ip1": parameter(1.072e-4, "kg m^2", "vertical inertia of the caster wheel", table5, free=True),
+            "Ip": parameter(5.95e-4, "kg m^2", "vertical inertia of a driving wheel", table5),
+            "Cs1": parameter(0.004536, "N m", "Coulomb friction of the caster's pivot", table5, free=True),
+            "Cv1": parameter(0.000429, "N m s", "viscous friction of the caster's pivot", table5, free=True),
+            "Cs": parameter(0.3184, "N m", "Coulomb friction of a driving wheel", table5, free=True),
+            "Cv": parameter(0.0444, "N m s", "viscous friction of a driving wheel", table5, free=True),
+            "KT": parameter(0.023, "N m/A", "torque constant", maker),
+            "KE": parameter(0.023, "V s/rad", "back-EMF constant", maker),
+            "Ra": parameter(0.71, "ohm", "armature resistance", maker),
+            "tr": parameter(19.7, "", "gear ratio", maker),
+            "mu": parameter(0.73, "", "gearbox efficiency", maker),
+            "tau_fr": parameter(5.6e-3, "N m", "friction torque of the motor", maker),
+            "radius_mismatch": parameter(
+                0.0,
+                "",
+                "right driving wheel larger, left smaller than R by this fraction",
+                "nominal",
+                positive=False,
+                typical=0.02,
+            ),
+        }
+        return ParameterTable(physical)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        names = ("beta", "eta1", "eta2")
+        if self.pose or self.needs("pose"):
+            names = ("x", "y", "theta", *names)
+        if self.wheel_angles or self.needs("wheel_angles"):
+            names = (*names, "phi2", "phi3")
+        return (*names, *self.extra_states)
+
+    @property
+    def estimated_states(self) -> tuple[str, ...]:
+        return ("beta", "eta1", "eta2")
+
+    def rubbing(self, state: State, p: Numbers) -> Path:
+        sin_b, cos_b = sincos(state["beta"])
+        return tuple(b1 * state["eta1"] + b2 * state["eta2"] for b1, b2 in _levers(sin_b, cos_b, p))
+
+    def coulomb(self, state: State, p: Numbers) -> Levels:
+        wheel = p["Cs"] + p["tr"] * p["mu"] * p["tau_fr"]  # the motor's own friction, eq. 28, rubs at the same speed
+        levels: Levels = ((wheel, wheel), (wheel, wheel), (p["Cs1"], p["Cs1"]))
+        speeds = self.rubbing(state, p)
+        for effect in self.effects:
+            levels = effect.dry(levels, speeds, state, p)
+        return levels
+
+    def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+        eta1, eta2 = state["eta1"], state["eta2"]
+        J11, J12, J22, sin_b, cos_b = _inertia(state, p)
+        levers = _levers(sin_b, cos_b, p)
+        speeds = tuple(b1 * eta1 + b2 * eta2 for b1, b2 in levers)
+
+        def currents_of(volts: Path) -> Path:
+            return tuple((v - p["KE"] * p["tr"] * w) / p["Ra"] for v, w in zip(volts, speeds[:2], strict=True))
+
+        volts = inputs
+        currents = currents_of(volts)
+        resistance: Path = (p["Cv"] * speeds[0], p["Cv"] * speeds[1], p["Cv1"] * speeds[2])
+        forces: Path = (0.0, 0.0)
+        for effect in self.effects:
+            volts = effect.supply(volts, currents, state, p)
+            currents = currents_of(volts)
+            resistance = effect.viscous(resistance, speeds, state, p)
+            forces = effect.force(forces, state, p)
+        torques = tuple(p["tr"] * p["mu"] * p["KT"] * i for i in currents)
+        for effect in self.effects:
+            torques = effect.torque(torques, state, p)
+        axes = (torques[0] - resistance[0] - dry[0], torques[1] - resistance[1] - dry[1], -resistance[2] - dry[2])
+        g1, g2 = bias(cos_b, sin_b, eta1, eta2, p)
+        Q1 = forces[0] - g1 + sum(b[0] * t for b, t in zip(levers, axes, strict=True))
+        Q2 = forces[1] - g2 + sum(b[1] * t for b, t in zip(levers, axes, strict=True))
+        scale = 1.0 / (J11 * J22 - J12 * J12)
+        rates = {"beta": speeds[2], "eta1": (J22 * Q1 - J12 * Q2) * scale, "eta2": (J11 * Q2 - J12 * Q1) * scale}
+        if "theta" in state:
+            sin_t, cos_t = sincos(state["theta"])
+            rates |= {"x": -sin_t * eta1, "y": cos_t * eta1, "theta": eta2}
+        if "phi2" in state:
+            rates |= {"phi2": speeds[0], "phi3": speeds[1]}
+        for effect in self.effects:
+            rates |= effect.rates(state, currents, p)
+        return rates
+
+    def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
+        J11, J12, J22, sin_b, cos_b = _inertia(state, p)
+        levers = _levers(sin_b, cos_b, p)
+        scale = 1.0 / (J11 * J22 - J12 * J12)
+        moved = tuple(((J22 * b1 - J12 * b2) * scale, (J11 * b2 - J12 * b1) * scale) for b1, b2 in levers)
+        return tuple(tuple(b1 * m1 + b2 * m2 for m1, m2 in moved) for b1, b2 in levers)
+
+    def rim_speeds(self, speeds: Path, p: Numbers) -> Path:
+        return p["R"] * speeds[0], p["R"] * speeds[1], p["d"] * speeds[2]
+
+    def drive_forces(self, torques: Path, p: Numbers) -> Path:
+        return tuple(torque / p["R"] for torque in torques)
+
+    def world_force(self, force, state: State, p: Numbers) -> Path:
+        sin_t, cos_t = sincos(state["theta"])
+        ahead, right = -sin_t * force[0] + cos_t * force[1], cos_t * force[0] + sin_t * force[1]
+        return ahead, p["xm"] * ahead - p["ym"] * right
+
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+        sin_b, cos_b = sincos(state["beta"])
+        return tuple(b1 * rates["eta1"] + b2 * rates["eta2"] for b1, b2 in _levers(sin_b, cos_b, p))
+
+    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+        return state["eta1"], state["eta2"]

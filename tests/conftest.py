@@ -1,0 +1,90 @@
+"""What several test files share. Double precision is asked for by a fixture, never by JAX's global flag."""
+
+import os
+from pathlib import Path
+
+# Both test processes, the notebooks' kernels and the command line share what one of them has compiled. Set before JAX
+# is imported.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache/compiled"))
+
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+
+from jaxid import Log, LogSet, float64, read_logs  # noqa: E402
+
+DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
+
+
+@pytest.fixture
+def double_precision():
+    """Double precision for one test, as inside jaxid's public functions."""
+    with float64():
+        yield
+
+
+@pytest.fixture(scope="session")
+def demo_logs():
+    """`demo_logs("pioneer", "fit_*")`: logs of the independent simulator."""
+
+    def read(robot: str, pattern: str = "fit_*") -> LogSet:
+        return read_logs(DEMO / robot / f"{pattern}.csv", robot=robot)
+
+    return read
+
+
+@pytest.fixture(scope="session")
+def demo_truth():
+    """`demo_truth("pioneer")`: the parameters behind the demonstration logs."""
+    import tomllib
+
+    return lambda robot: tomllib.loads((DEMO / robot / "truth.toml").read_text())
+
+
+@pytest.fixture(scope="session")
+def axis_law():
+    """Drive axis in closed form, sample by sample: input held, back-EMF zero, true sticking.
+
+    Within a stretch of constant sliding direction v approaches (u - offset - Fc sgn v) / Fv exponentially; at a zero of
+    v the axis stops and stays or reverses. No integration, and nothing of jaxid.
+    """
+
+    def run(inputs, dt, M=1.0, Fv=2.0, Fc=0.5, offset=0.0, v=0.0, q=0.0):
+        speeds, positions = [], []
+        for u, interval in zip(inputs, np.broadcast_to(dt, len(inputs)), strict=True):
+            speeds.append(v)
+            positions.append(q)
+            left, pull, tau = interval, u - offset, M / Fv
+            while left > 0:
+                direction = np.sign(v) if v != 0 else np.sign(pull) * (abs(pull) > Fc)
+                if direction == 0:
+                    break
+                final = (pull - direction * Fc) / Fv
+                stop = tau * np.log((v - final) / -final) if v != 0 and v * final < 0 else np.inf
+                span = min(left, stop)
+                decay = np.exp(-span / tau)
+                q += final * span + (v - final) * tau * (1 - decay)
+                v = 0.0 if stop <= left else final + (v - final) * decay
+                left -= span
+        return np.array(speeds), np.array(positions)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def axis_log(axis_law):
+    """`axis_log(name, inputs, noise, seed, dt, **parameters)`: a measured axis, speed and position."""
+
+    def measured(name, inputs, noise=0.0, seed=0, dt=0.02, position=True, **parameters):
+        inputs = np.asarray(inputs, dtype=float)
+        intervals = np.broadcast_to(dt, len(inputs))
+        time = np.concatenate([[0.0], np.cumsum(intervals)[:-1]])
+        v, q = axis_law(inputs, intervals, **parameters)
+        rng = np.random.default_rng(seed)
+        outputs = {"v": v + noise * rng.normal(size=v.shape)}
+        if position:
+            outputs["q"] = q + noise * rng.normal(size=v.shape)
+        from jaxid import AXIS
+
+        return Log.from_arrays(name, time, inputs[:, None], outputs, AXIS)
+
+    return measured

@@ -1,0 +1,104 @@
+"""Covariances, what is not determined, and the delta method, against linear algebra written out."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Pioneer
+from jaxid.estimate.result import Estimate
+from jaxid.estimate.uncertainty import combinations, estimates, spread
+
+ALL = np.ones(4, dtype=bool)
+
+
+@pytest.fixture
+def jacobian():
+    return np.random.default_rng(1).normal(size=(40, 4)) * [1.0, 1e3, 1e-4, 10.0]
+
+
+def test_covariance_is_the_inverse_of_the_normal_matrix(jacobian):
+    found = spread(jacobian, ALL, np.full(4, 1e9))
+    scale = np.linalg.norm(jacobian, axis=0)
+    inverse = np.linalg.inv((jacobian / scale).T @ (jacobian / scale)) / np.outer(scale, scale)
+    np.testing.assert_allclose(found.covariance, inverse, rtol=1e-9)
+    assert found.determined.all()
+
+
+def test_fewer_rows_than_parameters_leave_directions_open(jacobian):
+    found = spread(jacobian[:2], ALL, np.full(4, 1e9))
+    assert np.isfinite(found.covariance).all()
+    assert not found.determined.all()
+
+
+def test_held_parameters_have_no_variance_and_do_not_widen_the_others(jacobian):
+    free = np.array([True, False, True, True])
+    found = spread(jacobian, free, np.full(4, 1e9))
+    kept = np.flatnonzero(free)
+    expected = np.linalg.inv(jacobian[:, kept].T @ jacobian[:, kept])
+    np.testing.assert_allclose(found.covariance[np.ix_(kept, kept)], expected, rtol=1e-6)
+    assert np.all(found.covariance[1] == 0) and np.all(found.covariance[:, 1] == 0)
+    none = spread(jacobian, np.zeros(4, dtype=bool), np.ones(4))
+    assert np.all(none.covariance == 0)
+
+
+def test_a_pair_that_acts_as_one_is_not_determined_but_its_product_is(jacobian):
+    """Columns 0 and 3 proportional: only their weighted sum shows in the data."""
+    jacobian[:, 3] = 2.0 * jacobian[:, 0]
+    found = spread(jacobian, ALL, np.full(4, 1e9))
+    np.testing.assert_array_equal(found.determined, [False, True, True, False])
+    visible = np.array([1.0, 0.0, 0.0, 2.0])  # theta0 + 2 theta3
+    reduced = jacobian[:, [0, 1, 2]]
+    expected = np.linalg.inv(reduced.T @ reduced)[0, 0]
+    assert visible @ found.covariance @ visible == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_column_of_zeros_and_a_hopeless_error_are_not_determined(jacobian):
+    jacobian[:, 1] = 0.0
+    found = spread(jacobian, ALL, np.full(4, 1e9))
+    np.testing.assert_array_equal(found.determined, [True, False, True, True])
+    wide = np.sqrt(found.covariance[0, 0])
+    magnitude = np.array([0.9 * wide, 1e9, 1e9, 1e9])  # the standard error exceeds the value itself
+    assert not spread(jacobian, ALL, magnitude).determined[0]
+    assert spread(jacobian, ALL, magnitude * [1.3, 1, 1, 1]).determined[0]
+
+
+@pytest.mark.usefixtures("double_precision")
+def test_combinations_by_the_delta_method():
+    robot = Pioneer()
+    numbers = robot.parameters.numbers
+    names = ("I0", "Ir1", "Ir", "Ip1")
+    factor = np.random.default_rng(2).normal(size=(4, 4)) * 1e-4
+    covariance = factor @ factor.T
+    found = combinations(robot, numbers, names, covariance)
+    # 1/a11 = ... + Ir1 / R1^2 + 2 Ir / R^2 and 1/a22 = I0 + ... + (l1 / R1)^2 Ir1 + 2 (L / R)^2 Ir
+    straight = np.array([0.0, 1 / 0.035**2, 2 / 0.0825**2, 0.0])
+    turning = np.array([1.0, (0.18 / 0.035) ** 2, 2 * (0.1689 / 0.0825) ** 2, 0.0])
+    for label, gradient in (("1/a11", straight), ("1/a22", turning)):
+        assert found[label].std_error == pytest.approx(np.sqrt(gradient @ covariance @ gradient), rel=1e-9)
+    mass = 15.5 + 3 * 0.35 + 2.144e-4 / 0.035**2 + 2 * 0.0012 / 0.0825**2
+    assert found["1/a11"].value == pytest.approx(mass, rel=1e-12)
+
+
+def test_every_parameter_of_the_table_gets_a_status():
+    robot = Axis().change("Fc", free=True).change("offset", free=True)
+    names = robot.parameters.free_names
+    covariance = np.diag([1.0, 4.0, 9.0, 16.0])
+    jacobian_spread = spread(np.diag([1.0, 0.5, 1 / 3, 0.25]), np.ones(4, bool), np.array([9.0, 9.0, 9.0, 1.0]))
+    np.testing.assert_allclose(jacobian_spread.covariance, covariance)
+    at_bound = np.array([False, False, True, False])
+    found = estimates(robot, dict(zip(names, (5.0, 6.0, 0.0, 1.0), strict=True)), names, jacobian_spread, at_bound)
+    assert [found[name].status for name in robot.parameters] == [
+        "identified",
+        "identified",
+        "at_bound",
+        "not_identifiable",
+        "fixed",
+        "fixed",
+    ]
+    assert found["Fv"].std_error == pytest.approx(2.0)
+    assert found["Fv"].ci95 == pytest.approx((6.0 - 1.96 * 2, 6.0 + 1.96 * 2), abs=1e-3)
+    assert found["Fc"].ci95[0] == 0.0  # no interval reaches beyond a bound
+    assert np.isnan(found["gain"].std_error) and np.isnan(found["gain"].ci95).all()
+
+
+def test_an_estimate_that_is_fixed_has_no_error():
+    assert np.isnan(Estimate.of(1.0, 0.3, "kg", "fixed").std_error)

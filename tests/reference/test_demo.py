@@ -1,0 +1,62 @@
+"""The shipped demonstration logs are what the generator writes, small, and hold what the papers' methods need."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from reference import demo
+from reference.omni import PARAMETERS as OMNI
+from reference.pioneer import PARAMETERS as PIONEER
+
+SHIPPED = Path(__file__).parents[2] / "jaxid" / "demo_logs"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demo")
+    demo.write_all(folder)
+    return folder
+
+
+def test_shipped_logs_are_reproduced(written):
+    names = sorted(path.relative_to(written) for path in written.rglob("*.csv"))
+    assert names == sorted(path.relative_to(SHIPPED) for path in SHIPPED.rglob("*.csv")) and len(names) == 43
+    for name in names:
+        new, old = pd.read_csv(written / name), pd.read_csv(SHIPPED / name)
+        assert list(new) == list(old)
+        np.testing.assert_allclose(new.to_numpy(float), old.to_numpy(float), atol=1.1e-4)  # the last digit may round
+    assert (written / "README.md").read_text() == (SHIPPED / "README.md").read_text()
+    assert sum(path.stat().st_size for path in SHIPPED.rglob("*") if path.is_file()) < 2.5e6
+
+
+@pytest.mark.parametrize(
+    ("folder", "truth"), [("pioneer", PIONEER), ("omni", OMNI), ("pioneer_paper", PIONEER), ("omni_paper", OMNI)]
+)
+def test_truth_files_hold_the_constants(written, folder, truth):
+    stored = tomllib.loads((written / folder / "truth.toml").read_text())
+    assert stored == {name: value for name, value in truth.items() if value < 1e29}
+
+
+def test_hanging_robot_gives_its_inertia(written):
+    for log in sorted((written / "omni_paper").glob("hanging_*.csv")):
+        table = pd.read_csv(log)
+        acceleration = 2 * np.polyfit(table.t, table.theta, 2)[0]
+        assert table.mass[0] * 9.8 * 0.25 / acceleration == pytest.approx(OMNI["J"], rel=0.01)
+
+
+def test_coast_down_starts_fast_and_stops_without_currents(written):
+    for axis in ("V", "Vn", "W"):
+        table = pd.read_csv(written / "omni_paper" / f"coast_{axis}.csv")
+        speed, currents = table[axis].to_numpy(), table[["i1", "i2", "i3", "i4"]].to_numpy()
+        assert speed[60:75].mean() > 1.3 and abs(speed[-10:].mean()) < 0.03
+        assert np.abs(currents[75:]).max() < 0.25
+
+
+def test_pioneer_logs_start_straight(written):
+    for log in (written / "pioneer").glob("*.csv"):
+        table = pd.read_csv(log)
+        start = table[table.t < 1.2]
+        assert (start.V2 == start.V3).all() and (start.V2 > 0).all() and len(table) == 1251

@@ -1,0 +1,145 @@
+"""jaxid/model_file.py: what a model file changes, what it cannot, and that writing and reading lose nothing."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Custom, Effect, Log, LogSet, Omni, Parameter, Pioneer, simulate
+from jaxid.logs import Channels
+from jaxid.model_file import ModelFileError, model_text, read_model, write_model
+
+
+def written(tmp_path, text):
+    path = tmp_path / "model.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_overrides_what_it_mentions_and_nothing_else(tmp_path):
+    path = written(
+        tmp_path,
+        """
+        robot = "pioneer"
+        [parameters]
+        Cs = 0.3
+        M = 16
+        [parameters.Cv]
+        value = 0.05
+        free = false
+        [parameters.I0]
+        lower = 0.1
+        upper = inf
+        prior = [0.31, 0.05]
+        std_error = 0.2
+        unit = "kg m^2"
+        """,
+    )
+    own, robot = Pioneer().parameters, read_model(path, Pioneer()).parameters
+    assert robot["Cs"] == replace(own["Cs"], value=0.3)
+    assert robot["M"] == replace(own["M"], value=16.0)
+    assert robot["Cv"] == replace(own["Cv"], value=0.05, free=False)
+    assert robot["I0"] == replace(own["I0"], lower=0.1, upper=math.inf, prior=(0.31, 0.05))
+    untouched = set(own) - {"Cs", "M", "Cv", "I0"}
+    assert all(robot[name] == own[name] for name in untouched)
+
+
+@pytest.mark.parametrize("robot", [Pioneer(), Omni(), Axis()], ids=lambda robot: robot.name)
+def test_writing_and_reading_give_the_same_table(tmp_path, robot):
+    rng = np.random.default_rng(3)
+    for name, p in robot.parameters.items():
+        robot = robot.change(name, value=p.value * (1 + rng.uniform(0, 1)), free=bool(rng.integers(2)))
+    first, second = list(robot.parameters)[:2]
+    value = robot.parameters[second].value
+    robot = robot.change(first, prior=(0.1 + 0.2, 1e-7), upper=1e9).change(second, lower=value - abs(value) / 3)
+    write_model(tmp_path / "model.toml", robot, {first: 0.1, second: math.nan}, "output_error")
+    assert read_model(tmp_path / "model.toml", type(robot)()).parameters == robot.parameters
+
+
+def test_a_removed_bound_stays_removed(tmp_path):
+    own = {"k": Parameter(1.0, "1/s", free=True, lower=-5.0, upper=5.0)}
+    robot = Custom(
+        dynamics=lambda x, u, p: {"v": u["u"] - p["k"] * x["v"]},
+        state_names=("v",),
+        own_channels=Channels(("u",), ("v",)),
+        table=own,
+    )
+    wide = robot.change("k", lower=-math.inf, upper=math.inf)
+    write_model(tmp_path / "model.toml", wide)
+    assert read_model(tmp_path / "model.toml", robot).parameters == wide.parameters
+
+
+def test_a_read_model_simulates_as_the_one_written(tmp_path):
+    time = np.arange(200) * 0.02
+    volts = np.stack([6 * np.sin(2 * time) + 1, 5 * np.sin(1.7 * time)], axis=1)
+    logs = LogSet([Log.from_arrays("run", time, volts, np.zeros((200, 2)), "pioneer")])
+    robot = Pioneer().with_values(Cs=0.1 + 0.2, M=15.123456789012345, Ir1=2.2e-4 / 3)
+    write_model(tmp_path / "model.toml", robot)
+    again = read_model(tmp_path / "model.toml", Pioneer())
+    assert np.array_equal(simulate(robot, logs)[0], simulate(again, logs)[0])
+    assert not np.array_equal(simulate(Pioneer(), logs)[0], simulate(again, logs)[0])
+
+
+def test_standard_errors_stand_in_the_file_where_there_are_any():
+    text = model_text(Axis(), {"M": 0.25, "Fv": math.nan}, "output_error")
+    assert text.count("std_error") == 1 and "std_error = 0.25" in text and 'method = "output_error"' in text
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Cs = 0.3", ("'Cs'", "[parameters]")),
+        ("[parameters", ("not TOML",)),
+        ('robot = "omni"', ("'omni'", "'pioneer'")),
+        ("[parameters]\nCz = 1", ("parameters.Cz", "Cs")),
+        ("[parameters.Cs]\nvalu = 1", ("parameters.Cs", "'valu'", "value")),
+        ('[parameters]\nCs = "big"', ("parameters.Cs.value", "'big'", "number")),
+        ("[parameters]\nCs = nan", ("parameters.Cs.value", "finite")),
+        ("[parameters]\nCs = true", ("parameters.Cs.value", "number")),
+        (f"[parameters]\nCs = 1{'0' * 400}", ("parameters.Cs.value", "finite")),
+        ("[parameters]\nM = -15.5", ("parameters.M.value", "negative")),
+        ("[parameters.M]\nlower = -1", ("parameters.M.lower", "negative")),
+        ("[parameters]\nR = 0", ("parameters.R.value", "above zero")),
+        ("[parameters.Cs]\nlower = 2\nupper = 1", ("Cs", "lower bound 2", "widen")),
+        ("[parameters.Cs]\nvalue = 3\nupper = 1", ("Cs", "outside its bounds", "change")),
+        ("[parameters.Cs]\nprior = [0.3, 0]", ("parameters.Cs.prior", "above zero")),
+        ("[parameters.Cs]\nprior = 0.3", ("parameters.Cs.prior", "[mean, standard deviation]")),
+        ('[parameters.Cs]\nfree = "yes"', ("parameters.Cs.free", "true")),
+        ('[parameters.Cs]\nunit = "mN m"', ("parameters.Cs.unit", "'N m'", "convert")),
+        ("parameters = 3", ("parameters", "table")),
+        ('[[effects]]\nid = "motor_lag"', ("motor_lag", "none")),
+        ("effects = 1", ("effects", "[[effects]]")),
+    ],
+)
+def test_every_error_is_one_sentence_with_file_key_and_remedy(tmp_path, text, words):
+    path = written(tmp_path, text)
+    with pytest.raises(ModelFileError) as caught:
+        read_model(path, Pioneer())
+    message = str(caught.value)
+    assert "model.toml" in message and "\n" not in message and message.endswith(".")
+    for word in words:
+        assert word in message
+
+
+def test_files_that_cannot_be_opened(tmp_path):
+    for path in (tmp_path / "absent.toml", tmp_path):
+        with pytest.raises(ModelFileError, match="cannot be opened"):
+            read_model(path, Pioneer())
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ModelFileError, match="not TOML"):
+        read_model(tmp_path / "binary.toml", Pioneer())
+
+
+def test_a_model_with_effects_is_for_a_robot_with_the_same_effects(tmp_path):
+    class Drag(Effect):
+        id = "quadratic_drag"
+
+        def parameters(self, robot):
+            return {self.key("c"): Parameter(0.0, "N s^2/m^2", free=True, lower=0.0)}
+
+    robot = (Axis() + Drag()).with_values(**{"quadratic_drag.c": 0.7})
+    write_model(tmp_path / "model.toml", robot)
+    assert read_model(tmp_path / "model.toml", Axis() + Drag()).parameters == robot.parameters
+    with pytest.raises(ModelFileError, match="quadratic_drag"):
+        read_model(tmp_path / "model.toml", Axis())
