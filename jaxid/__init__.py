@@ -1,12 +1,12 @@
 """jaxid: from a wheeled robot's logs to a model its owner can trust.
 
-    import jaxid
+import jaxid
 
-    logs = jaxid.read_logs("logs/*.csv", robot="pioneer")
-    fit, check = logs.split(check=["turns.csv", "crawl.csv"])
-    ls = jaxid.integral_least_squares(jaxid.Pioneer(), fit)
-    oe = jaxid.output_error(jaxid.Pioneer(), fit, start=ls)
-    jaxid.compare(ls, oe, check=check)
+logs = jaxid.read_logs("logs/*.csv", robot="pioneer")
+fit, check = logs.split(check=["turns.csv", "crawl.csv"])
+ls = jaxid.integral_least_squares(jaxid.Pioneer(), fit)
+oe = jaxid.output_error(jaxid.Pioneer(), fit, start=ls)
+jaxid.compare(ls, oe, check=check)
 """
 
 from ._float64 import float64

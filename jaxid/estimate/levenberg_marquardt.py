@@ -2,13 +2,16 @@
 
 Coordinates are in units of the parameters' typical values and residuals in units of the noise, so that the damping
 (identity, starting at one) is a weak pull towards the last iterate for directions that the data hardly determines and
-nothing for those it does. The stopping rule asks that no coordinate moves by more than `tolerance` of its typical value
-and no reduced residual by more than `tolerance` of the noise: a step below a thousandth of a standard error.
+nothing for those it does. It stops when no coordinate moves by more than `tolerance` of its typical value and no
+reduced residual by more than `tolerance` of the noise: a step below a thousandth of a standard error. Sticking friction
+puts small kinks into the cost, on which steps can go on being rejected for ever; so it also stops when several steps in
+a row have not lowered the cost (half chi-squared) by a hundredth, which no interval would notice.
 """
 
 from functools import partial
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
@@ -16,6 +19,47 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from .problem import Problem, Structure, Triangle, Unknowns, reduced_residual
+
+_STALLED_STEPS = 8
+_NOTICEABLE = 0.01
+"""Drop of the cost (half chi-squared) that counts as progress."""
+
+
+class _Progress(eqx.Module):
+    """optimistix's own state and how long ago the cost last fell noticeably."""
+
+    inner: eqx.Module
+    cost: Float[Array, ""]
+    stalled: Int[Array, ""]
+
+
+class _Solver(optx.LevenbergMarquardt):
+    """optimistix's Levenberg-Marquardt, which also stops when it stalls or after `limit` steps (a number, not a constant
+    of the compiled program)."""
+
+    limit: Int[Array, ""]
+
+    def __init__(self, tolerance, limit, verbose):
+        super().__init__(rtol=1e-5, atol=tolerance, linear_solver=lx.QR(), verbose=verbose)
+        self.limit = limit
+
+    def init(self, *arguments):
+        inner = super().init(*arguments)
+        return _Progress(inner, jnp.array(jnp.inf), jnp.array(0))
+
+    def step(self, fn, y, args, options, state, tags):
+        y, inner, aux = super().step(fn, y, args, options, state.inner, tags)
+        cost = 0.5 * sum(jnp.sum(part**2) for part in inner.f_info.residual)
+        better = cost < state.cost - _NOTICEABLE
+        stalled = jnp.where(better, 0, state.stalled + 1)
+        return y, _Progress(inner, jnp.where(better, cost, state.cost), stalled), aux
+
+    def terminate(self, fn, y, args, options, state, tags):
+        done, result = super().terminate(fn, y, args, options, state.inner, tags)
+        return done | (state.stalled >= _STALLED_STEPS) | (state.inner.num_steps > self.limit), result
+
+    def postprocess(self, fn, y, aux, args, options, state, tags, result):
+        return y, aux, {}
 
 
 class Optimum(NamedTuple):
@@ -44,35 +88,41 @@ def _materialise(jac: lx.AbstractLinearOperator, unknowns: Unknowns) -> tuple[Ar
 
 
 def minimise(
-    structure: Structure, problem: Problem, start: Unknowns, *, max_steps: int = 100, tolerance: float = 1e-3
+    structure: Structure, problem: Problem, start: Unknowns, *, max_steps=100, tolerance=1e-3, verbose=False
 ) -> Optimum:
-    """Minimise from `start`. Pure: works under `jax.jit` and `jax.vmap` (over starts, or over whole problems)."""
+    """Minimise from `start`. Pure: works under `jax.jit` and `jax.vmap` (over starts, or over whole problems).
+
+    `verbose` is optimistix's: True, or a function that is called with every step's figures.
+    """
     residual = reduced_residual(structure)
-    solver = optx.LevenbergMarquardt(rtol=1e-5, atol=tolerance, linear_solver=lx.QR())
+    solver = _Solver(tolerance, max_steps, verbose)
     solution = optx.least_squares(
-        residual, solver, start, args=problem, has_aux=True, max_steps=max_steps, throw=False, options={"jac": "fwd"}
+        residual, solver, start, args=problem, has_aux=True, max_steps=None, throw=False, options={"jac": "fwd"}
     )
-    info = solution.state.f_info
+    state = solution.state.inner
+    info = state.f_info
     local, shared, rest = info.residual
     R_shared, crossed, R_local = _materialise(info.jac, start)
     # `solution.aux` is one step behind; the state's belongs to the values returned.
-    triangle = Triangle(R_shared, crossed, R_local, shared, local, rest, solution.state.aux)
+    triangle = Triangle(R_shared, crossed, R_local, shared, local, rest, state.aux)
     return Optimum(
         unknowns=solution.value,
         triangle=triangle,
         cost=triangle.cost,
-        iterations=solution.stats["num_steps"],
+        iterations=state.num_steps,
         # A simulation that diverges at the start has no derivative, and the optimiser takes that for a minimum.
-        converged=(solution.result == optx.RESULTS.successful) & jnp.all(jnp.isfinite(triangle.squares)),
+        converged=(solution.result == optx.RESULTS.successful)
+        & (state.num_steps <= max_steps)
+        & jnp.all(jnp.isfinite(triangle.squares)),
     )
 
 
-minimise_compiled = jax.jit(minimise, static_argnames=("structure", "max_steps", "tolerance"))
+minimise_compiled = jax.jit(minimise, static_argnames=("structure",))
 
 
-@partial(jax.jit, static_argnames=("structure", "max_steps", "tolerance"))
+@partial(jax.jit, static_argnames=("structure",))
 def minimise_lanes(
-    structure: Structure, problem: Problem, starts: Unknowns, *, max_steps: int = 100, tolerance: float = 1e-3
+    structure: Structure, problem: Problem, starts: Unknowns, *, max_steps=100, tolerance=1e-3
 ) -> Optimum:
     """`minimise` from many starts (leading axis of `starts`) in one compiled batch."""
     return jax.vmap(lambda y: minimise(structure, problem, y, max_steps=max_steps, tolerance=tolerance))(starts)

@@ -82,12 +82,13 @@ def _covariance(F: Array, residuals: Array, stretch: NDArray[np.int64], prior: A
 
 
 def _full_covariance(F: Array, prior: Array) -> Array:
-    """White-noise covariance with 1e24 (in columns of length one) for what the data does not see."""
+    """White-noise covariance with 1e16 (in columns of length one) for what the data does not see: much, but with rounding
+    of 1e-16 of it still nothing to combinations that have no part in it."""
     scale = np.linalg.norm(F, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     rows = np.concatenate([F, np.diag(np.sqrt(prior))]) / scale
     _, singular, Vt = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    inverse = np.where(singular > _RANK * singular.max(initial=1e-300), 1.0 / np.maximum(singular, 1e-300) ** 2, 1e24)
+    inverse = np.where(singular > _RANK * singular.max(initial=1e-300), 1.0 / np.maximum(singular, 1e-300) ** 2, 1e16)
     return (Vt.T * inverse) @ Vt / np.outer(scale, scale)
 
 

@@ -1,0 +1,1 @@
+"""Logs with something hidden in them, from the independent simulator in `reference/`."""
