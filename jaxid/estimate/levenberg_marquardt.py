@@ -9,7 +9,7 @@ a row have not lowered the cost (half chi-squared) by a hundredth, which no inte
 """
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -43,23 +43,20 @@ class _Solver(optx.LevenbergMarquardt):
         super().__init__(rtol=1e-5, atol=tolerance, linear_solver=lx.QR(), verbose=verbose)
         self.limit = limit
 
-    def init(self, *arguments):
+    def init(self, *arguments) -> Any:
         inner = super().init(*arguments)
         return _Progress(inner, jnp.array(jnp.inf), jnp.array(0))
 
-    def step(self, fn, y, args, options, state, tags):
+    def step(self, fn, y, args, options, state: Any, tags):
         y, inner, aux = super().step(fn, y, args, options, state.inner, tags)
         cost = 0.5 * sum(jnp.sum(part**2) for part in inner.f_info.residual)
         better = cost < state.cost - _NOTICEABLE
         stalled = jnp.where(better, 0, state.stalled + 1)
         return y, _Progress(inner, jnp.where(better, cost, state.cost), stalled), aux
 
-    def terminate(self, fn, y, args, options, state, tags):
+    def terminate(self, fn, y, args, options, state: Any, tags):
         done, result = super().terminate(fn, y, args, options, state.inner, tags)
         return done | (state.stalled >= _STALLED_STEPS) | (state.inner.num_steps > self.limit), result
-
-    def postprocess(self, fn, y, aux, args, options, state, tags, result):
-        return y, aux, {}
 
 
 class Optimum(NamedTuple):
@@ -94,7 +91,7 @@ def minimise(
 
     `verbose` is optimistix's: True, or a function that is called with every step's figures.
     """
-    residual = reduced_residual(structure)
+    residual = reduced_residual(structure, problem, start)
     solver = _Solver(tolerance, max_steps, verbose)
     solution = optx.least_squares(
         residual, solver, start, args=problem, has_aux=True, max_steps=None, throw=False, options={"jac": "fwd"}

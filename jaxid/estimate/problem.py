@@ -15,6 +15,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array, Bool, Float
 
 from ..robots.robot import Robot
@@ -168,24 +169,32 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
     )
 
 
-def reduced_residual(structure: Structure):
+def _traced_once(structure: Structure, problem: Problem, unknowns: Unknowns):
+    """`linearise` as `(unknowns, problem) -> Triangle`, traced here and not at each of the optimiser's several looks."""
+    closed, shapes = jax.make_jaxpr(linearise, static_argnums=0, return_shape=True)(structure, problem, unknowns)
+    run, tree = jaxpr_as_fun(closed), jax.tree.structure(shapes)
+    return lambda u, p: jax.tree.unflatten(tree, run(*jax.tree.leaves((p, u))))
+
+
+def reduced_residual(structure: Structure, problem: Problem, unknowns: Unknowns):
     """`(unknowns, problem) -> (residuals, squares)` of the reduced problem, whose derivative comes with its value.
 
     The residuals (local [E, s], shared [n], rest [1]) have the same sum of squares as the full problem, and their
     derivative is the arrow-shaped triangle: so a generic least-squares solver sees as many rows as unknowns. `squares`
-    [E, ny] is auxiliary.
+    [E, ny] is auxiliary. The arguments give the shapes for which it is traced.
     """
+    look = _traced_once(structure, problem, unknowns)
 
     @jax.custom_jvp
     def residual(unknowns: Unknowns, problem: Problem):
-        triangle = linearise(structure, problem, unknowns)
+        triangle = look(unknowns, problem)
         return (triangle.residual_local, triangle.residual_shared, triangle.rest), triangle.squares
 
     @residual.defjvp
     def _(primals, tangents):
         unknowns, problem = primals
         step, _ = tangents
-        triangle = linearise(structure, problem, unknowns)
+        triangle = look(unknowns, problem)
         local = jnp.einsum("eij,ej->ei", triangle.local, step.states)
         local = local + jnp.einsum("eij,j->ei", triangle.crossed, step.z)
         value = (triangle.residual_local, triangle.residual_shared, triangle.rest), triangle.squares

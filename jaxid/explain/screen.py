@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._float64 import in_float64
-from ..effects import catalogue
-from ..estimate.result import Fit
-from ..logs import LogSet, noise_level
+from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulate.rollout import Integrator, rollout
@@ -26,6 +24,8 @@ from ..simulate.simulate import integrator_for
 from ..simulate.start import initial_states
 from .probes import Group, groups, lanes
 
+_STARTS = 2
+"""Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
 _STEP = 1e-3
 """Step of the fitted parameters' secants, in units of their magnitude."""
 
@@ -35,14 +35,14 @@ class Candidate:
     """One effect's score.
 
     `gain` is the drop of the sum of squares (in units of the noise) that the effect promises with all fitted parameters
-    re-estimated, to first order; `share` the part of the excess over the noise floor; `start` the values to begin a
-    refit from.
+    re-estimated, to first order, less what its parameters cost; `share` the part of the excess over the noise floor;
+    `starts` the values to begin refits from, best first.
     """
 
     effect: Effect
     gain: float
     share: float
-    start: dict[str, float]
+    starts: tuple[dict[str, float], ...]
 
 
 @partial(jax.jit, static_argnames=("robot", "integrator"))
@@ -69,56 +69,68 @@ def _simulate(robot: Robot, logs: LogSet, changes: Sequence[Mapping[str, float]]
 
 
 @in_float64
-def screen(fit: Fit, logs: LogSet, effects: Sequence[Effect] | None = None) -> list[Candidate]:
-    """Score every effect of the catalogue (or of `effects`) that `fit.robot` lacks, best first."""
-    robot = fit.robot
+def screen(
+    robot: Robot,
+    logs: LogSet,
+    effects: Sequence[Effect],
+    noise: Mapping[str, float],
+    known_states: Mapping[str, Mapping[str, float]],
+) -> list[Candidate]:
+    """Score `effects` on a fitted `robot` that lacks them, best first. `known_states` are estimated initial states."""
     own = list(robot.parameters.free_names)
-    candidates = list(catalogue(robot) if effects is None else effects)
     full = robot
-    for effect in candidates:
+    for effect in effects:
         full = full + effect
-    found: list[Group] = [group for effect in candidates for group in groups(effect, full, logs)]
+    found: list[Group] = [group for effect in effects for group in groups(effect, full, logs)]
     changes, columns = lanes(found)
-    steps = [max(abs(fit.parameters[name].value), robot.parameters[name].typical or 0.0) * _STEP for name in own]
+    steps = [max(abs(robot.parameters[name].value), robot.parameters[name].typical or 0.0) * _STEP for name in own]
     base = robot.parameters.numbers
     secants = [{name: base[name] + step} for name, step in zip(own, steps, strict=True)]
     states = dict(initial_states(full, logs).states)
     for e, log in enumerate(logs):
-        for name, value in fit.initial_states.get(log.name, {}).items():
+        for name, value in known_states.get(log.name, {}).items():
             states[name][e] = value
     states = {name: jnp.asarray(value) for name, value in states.items()}
     outputs = _simulate(full, logs, [{}, *secants, *changes], states)
-    weights, measured = _weights(logs)
+    weights, measured = _weights(logs, noise)
     residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()
     moved = ((outputs[1:] - outputs[0]) * weights).reshape(len(secants) + len(changes), -1)
     moved = np.where(np.all(np.isfinite(moved), axis=1, keepdims=True), moved, 0.0)
     basis = np.linalg.qr(moved[: len(own)].T)[0] if own else np.zeros((residual.size, 0))
     residual = residual - basis @ (basis.T @ residual)
     excess = max(float(residual @ residual) - np.count_nonzero(weights), 1.0)
-    best: dict[str, Candidate] = {}
+    scored: dict[str, list[tuple[float, dict[str, float], Effect]]] = {}
     for group, mine in zip(found, columns, strict=True):
         block = moved[len(own) :][mine]
         block = block - (block @ basis) @ basis.T
-        size = np.linalg.norm(block, axis=1)
-        useful = size > 1e-6
+        useful = np.linalg.norm(block, axis=1) > 1e-6
         if not useful.any():
             continue
-        coefficients, *_ = np.linalg.lstsq(block[useful].T, -residual, rcond=1e-8)
-        gain = float(-coefficients @ (block[useful] @ residual))
         names = [name for name, ok in zip(group.strengths, useful, strict=True) if ok]
-        values = {name: float(c * group.strengths[name]) for name, c in zip(names, coefficients, strict=True)}
-        # A strength that must be positive explains nothing with the wrong sign.
-        wrong = [name for name, value in values.items() if value < full.parameters[name].lower]
-        if wrong and len(values) == 1:
-            gain = 0.0
-        start = {**group.shape, **{name: max(value, full.parameters[name].lower) for name, value in values.items()}}
-        if _proportional(group) is False:
-            start = {**group.shape, **dict(group.strengths)}
-        score = gain - len(values) * np.log(residual.size)
-        candidate = Candidate(group.effect, score, score / excess, start)
-        if group.effect.id not in best or score > best[group.effect.id].gain:
-            best[group.effect.id] = candidate
-    return sorted(best.values(), key=lambda candidate: -candidate.gain)
+        gain, start = _promise(full, group, names, block[useful], residual)
+        score = gain - len(names) * float(np.log(residual.size))
+        scored.setdefault(group.effect.id, []).append((score, start, group.effect))
+    candidates = []
+    for tried in scored.values():
+        tried.sort(key=lambda entry: -entry[0])
+        starts = tuple(start for _, start, _ in tried[: _STARTS if len(tried[0][1]) > 1 else 1])
+        candidates.append(Candidate(tried[0][2], tried[0][0], tried[0][0] / excess, starts))
+    return sorted(candidates, key=lambda candidate: -candidate.gain)
+
+
+def _promise(full: Robot, group: Group, names: list[str], block: NDArray, residual: NDArray) -> tuple[float, dict]:
+    """Drop of the sum of squares to first order, and the parameters at which it is expected."""
+    coefficients, *_ = np.linalg.lstsq(block.T, -residual, rcond=1e-8)
+    gain = float(-coefficients @ (block @ residual))
+    values = {name: float(c * group.strengths[name]) for name, c in zip(names, coefficients, strict=True)}
+    # A strength that must be positive explains nothing with the wrong sign.
+    if len(values) == 1 and any(value < full.parameters[name].lower for name, value in values.items()):
+        gain = 0.0
+    if not _proportional(group):
+        # Of a limit only a size that was tried is known: the drop is that of the step as it is.
+        gain = float(2 * -block[0] @ residual - block[0] @ block[0])
+        return gain, {**group.shape, **dict(group.strengths)}
+    return gain, {**group.shape, **{n: max(value, full.parameters[n].lower) for n, value in values.items()}}
 
 
 def _proportional(group: Group) -> bool:
@@ -126,10 +138,12 @@ def _proportional(group: Group) -> bool:
     return not any(name.endswith("inverse_limit") for name in group.strengths)
 
 
-def _weights(logs: LogSet) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """1/noise where an output was measured, and the measurements, both [E, T, ny]; noise as the data themselves show it."""
+def _weights(logs: LogSet, noise: Mapping[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """1/noise where an output was measured, and the measurements, both [E, T, ny]."""
     batch = logs.batch()
-    noise = noise_level(logs)
-    levels = np.array([noise[name] if name in logs[0].channels.outputs else np.inf for name in batch.channels.measured])
-    levels = np.where(np.isfinite(levels), levels, np.inf)
-    return np.where(np.asarray(batch.mask), 1.0 / levels, 0.0), np.asarray(batch.outputs)
+    counted = [name in logs.channels.outputs or name in ("q",) for name in batch.channels.measured]
+    levels = np.array(
+        [noise.get(n, np.nan) if ok else np.nan for n, ok in zip(batch.channels.measured, counted, strict=True)]
+    )
+    weights = np.where(np.isfinite(levels) & (levels > 0), 1.0 / np.where(levels > 0, levels, 1.0), 0.0)
+    return np.where(np.asarray(batch.mask), weights, 0.0), np.asarray(batch.outputs)

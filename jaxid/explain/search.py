@@ -1,4 +1,4 @@
-"""Naming: refit the shortlist, choose by held-out logs, go on until nothing but noise is left or nothing helps."""
+"""Naming: refit the shortlist, rank by likelihood on all logs, go on until nothing but noise is left or nothing helps."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -7,38 +7,35 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..effects import catalogue
-from ..estimate.output_error import output_error
 from ..estimate.result import Fit
-from ..logs import LogSet
+from ..logs import LogSet, noise_level
 from ..robots.effect import Effect
-from .heldout import HeldOut, held_out
+from .heldout import held_out
+from .refit import FEW_STEPS, Trial, continued, refit
 from .screen import Candidate, screen
 
 SHORTLIST = 5
-"""Candidates that are refitted in full."""
+"""Most candidates that are refitted."""
+_ALWAYS = 3
+_PROMISING = 0.3
+"""Share of the first candidate's promise below which others are refitted only if they are among the first three."""
 MOST_EFFECTS = 3
 LEAST_GAIN = 0.05
 """Share of the held-out gap below which an effect explains nothing."""
-_SEPARATED = 3.0
-"""Standard errors of the held-out log-likelihood difference beyond which two names are told apart (Vuong 1989)."""
+_LEAST_OF_FIRST = 0.02
+"""Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
+_SEPARATED = 2.0
+"""Standard errors of the log-likelihood difference beyond which two names are told apart (Vuong 1989)."""
+_IN_THE_RUNNING = 0.3
+"""Candidates that lack less than this share of the best one's gain after a few steps are refitted to the end."""
+_BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
 
 Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Trial:
-    """A refit of the model with one more effect."""
-
-    candidate: Candidate
-    fit: Fit
-    check: HeldOut
-    information: float
-    """Bayesian information criterion on the fit logs, in units of 2 log-likelihood (smaller is better)."""
-
-
-@dataclass(frozen=True)
 class Step:
-    """One effect added: the trials tried, best first, and the ids that the data cannot tell from the best."""
+    """One effect added: the trials, best first, and the ids that the data cannot tell from the best."""
 
     trials: tuple[Trial, ...]
     equivalent: tuple[str, ...]
@@ -50,79 +47,136 @@ class Step:
         return self.trials[0]
 
 
-def _information(fit: Fit, logs: LogSet, noise: dict[str, float]) -> float:
-    here = held_out(fit.robot, logs, noise)
-    return here.squares + len(fit.free_names) * float(np.log(here.samples))
+@dataclass(frozen=True)
+class Search:
+    """What naming found: `baseline` and `final` held-out states, the model with its effects, and every step."""
+
+    baseline: Trial
+    final: Trial
+    steps: tuple[Step, ...]
+    first_look: tuple[Candidate, ...]
 
 
-def refit(fit: Fit, candidate: Candidate, fit_logs: LogSet, check: LogSet, noise: dict[str, float]) -> Trial:
-    """All free parameters and the candidate's own, from the baseline and the candidate's first estimate."""
-    robot = fit.robot + candidate.effect
-    start = {**{n: fit.robot.parameters[n].value for n in fit.free_names}, **candidate.start}
-    found = output_error(robot, fit_logs, start=start, max_steps=60)
-    return Trial(candidate, found, held_out(found.robot, check, noise), _information(found, fit_logs, noise))
-
-
-def _told_apart(one: HeldOut, other: HeldOut) -> float:
-    """Vuong's statistic: how many standard errors `one` predicts the held-out logs better than `other`.
-
-    Differences of squared residuals are summed over blocks of half a second or so, since neighbours are correlated.
-    """
+def told_apart(one: Trial, other: Trial) -> float:
+    """Vuong's statistic: how many standard errors `one` predicts the held-out logs better than `other`."""
     blocks = []
-    for a, b in zip(one.residuals, other.residuals, strict=True):
+    for a, b in zip(one.check.residuals, other.check.residuals, strict=True):
         difference = np.nansum(b**2 - a**2, axis=1)
-        size = 25
-        n = len(difference) // size
-        blocks.append(difference[: n * size].reshape(n, size).sum(axis=1))
+        n = len(difference) // _BLOCK
+        blocks.append(difference[: n * _BLOCK].reshape(n, _BLOCK).sum(axis=1))
     values = np.concatenate(blocks)
     spread = float(np.std(values)) * np.sqrt(values.size)
     return float(values.sum()) / spread if spread > 0 else 0.0
 
 
+def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Those that the data cannot tell from the first: about as likely on the fitted logs and on the held-out ones."""
+    best = trials[0]
+    found = []
+    for trial in trials[1:]:
+        # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).
+        worse = max(trial.score - best.score, 0.0)
+        if worse < (2 * _SEPARATED) ** 2 and told_apart(best, trial) < _SEPARATED:
+            found.append(trial.id)
+    return tuple(found)
+
+
+def _added(base: Trial, candidate: Candidate, logs: LogSet, check: LogSet, noise: dict[str, float]) -> Trial:
+    robot = base.robot + candidate.effect
+    return refit(robot, candidate.starts, logs, check, noise, base.initial_states, FEW_STEPS)
+
+
+def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
+    """Whether an effect explains something, the number of candidates tried accounted for."""
+    gain = before.check.normalised_rms - after.check.normalised_rms
+    least = max(LEAST_GAIN * before.check.gap, _LEAST_OF_FIRST * first.check.gap)
+    likelier = before.squares - after.squares
+    price = (after.free - before.free) * np.log(before.check.samples) + 2 * np.log(tried)
+    return gain >= least and likelier > price and told_apart(after, before) > _SEPARATED
+
+
 def name_next(
-    fit: Fit, baseline: HeldOut, fit_logs: LogSet, check: LogSet, effects: Sequence[Effect], report: Report
-) -> Step | None:
-    """The best effect to add to `fit`, or None if none closes enough of the gap."""
-    screened = screen(fit, fit_logs, effects)
-    shortlist = [c for c in screened if c.gain > 0][:SHORTLIST]
-    report("first look: " + ", ".join(f"{c.effect.id} {100 * c.share:.0f} %" for c in shortlist))
+    base: Trial,
+    first: Trial,
+    logs: LogSet,
+    check: LogSet,
+    noise: dict[str, float],
+    effects: Sequence[Effect],
+    say: Report,
+) -> Step | tuple[Candidate, ...]:
+    """The best effect to add to `base`; what the first look found if none explains enough."""
+    screened = tuple(screen(base.robot, logs, effects, noise, base.initial_states))
+    likely = [c for c in screened if c.gain > 0][:SHORTLIST]
+    shortlist = [c for i, c in enumerate(likely) if i < _ALWAYS or c.gain > _PROMISING * likely[0].gain]
+    say("first look: " + (", ".join(f"{c.effect.id} {100 * c.share:.0f} %" for c in shortlist) or "no candidate"))
     if not shortlist:
-        return None
+        return screened
     # Two threads: one program compiles while another runs.
     with ThreadPoolExecutor(2) as pool:
-        trials = list(pool.map(lambda c: refit(fit, c, fit_logs, check, baseline.noise), shortlist))
-    trials.sort(key=lambda trial: trial.check.squares)
-    best = trials[0]
+        trials = list(pool.map(lambda c: _added(base, c, logs, check, noise), shortlist))
+        best = min(trial.score for trial in trials)
+        running = [trial.score < best + max(100.0, _IN_THE_RUNNING * (base.score - best)) for trial in trials]
+        finish = pool.map(
+            lambda t: continued(t, logs, check, noise), [t for t, r in zip(trials, running, strict=True) if r]
+        )
+        trials = sorted([*finish, *(t for t, r in zip(trials, running, strict=True) if not r)], key=lambda t: t.score)
     for trial in trials:
-        report(f"refitted with {trial.candidate.effect.id}: held-out {trial.check.normalised_rms:.3f} x noise")
-    gap = max(baseline.normalised_rms - 1.0, 1e-9)
-    if (baseline.normalised_rms - best.check.normalised_rms) / gap < LEAST_GAIN:
-        return None
-    equivalent = []
-    for trial in trials[1:]:
-        near = trial.check.normalised_rms - best.check.normalised_rms < 0.1 * gap + 0.005
-        if near and _told_apart(best.check, trial.check) < _SEPARATED:
-            equivalent.append(trial.candidate.effect.id)
-    return Step(tuple(trials), tuple(equivalent), tuple(screened))
+        say(f"refitted with {trial.id}: held-out {trial.check.normalised_rms:.3f} x noise, score {trial.score:.0f}")
+    if not _worth(base, trials[0], first, len(effects)):
+        return screened
+    return Step(tuple(trials), _equivalent(trials), screened)
+
+
+def _without(trial: Trial, identifier: str, base: Trial, logs: LogSet, check: LogSet, noise: dict[str, float]) -> Trial:
+    """The model refitted without one of its effects."""
+    robot = base.robot
+    for effect in trial.effects:
+        if effect.id != identifier and effect.id not in {e.id for e in robot.effects}:
+            robot = robot + effect
+    start = {n: trial.robot.parameters[n].value for n in robot.parameters.free_names}
+    return refit(robot, [start], logs, check, noise, trial.initial_states)
+
+
+def _pruned(current: Trial, base: Trial, logs: LogSet, check: LogSet, noise: dict[str, float], say: Report) -> Trial:
+    """Drop effects that later ones made superfluous."""
+    own = [e.id for e in current.effects if e.id not in {b.id for b in base.effects}]
+    for identifier in own[:-1]:
+        trial = _without(current, identifier, base, logs, check, noise)
+        if trial.score < current.score + 10.0:
+            say(f"{identifier} is not needed any more")
+            current = trial
+    return current
 
 
 def search(
-    fit: Fit, fit_logs: LogSet, check: LogSet, *, effects: Sequence[Effect] = (), report: Report = lambda m: None
-) -> tuple[HeldOut, list[Step]]:
-    """Held-out state of the baseline, and the effects added one after the other."""
-    baseline = held_out(fit.robot, check)
-    steps: list[Step] = []
-    current, state = fit, baseline
-    while not state.adequate and len(steps) < MOST_EFFECTS:
-        remaining = [*catalogue(current.robot), *(e for e in effects if e.id not in _present(current))]
-        step = name_next(current, state, fit_logs, check, remaining, report)
-        if step is None:
+    fit: Fit,
+    logs: LogSet,
+    check: LogSet,
+    *,
+    effects: Sequence[Effect] = (),
+    most: int = MOST_EFFECTS,
+    report: Report = lambda message: None,
+) -> Search:
+    """Add effects to a fitted model as long as they explain something. `effects` are further candidates."""
+    noise = noise_level(LogSet([*logs, *check]))
+    state = held_out(fit.robot, check, noise)
+    own = held_out(fit.robot, logs, noise).squares if not fit.initial_states else np.inf
+    baseline = Trial(fit.robot.effects, fit.robot, own, len(fit.free_names), state, fit.initial_states)
+    current, steps, first_look = baseline, [], ()
+    while not current.check.adequate and len(steps) < most:
+        if not steps:
+            # The same weights as the refits, so that likelihoods compare.
+            start = {n: fit.robot.parameters[n].value for n in fit.free_names}
+            baseline = current = refit(fit.robot, [start], logs, check, noise, fit.initial_states)
+        present = {effect.id for effect in current.robot.effects}
+        remaining = [*catalogue(current.robot), *(e for e in effects if e.id not in present)]
+        found = name_next(current, baseline, logs, check, noise, remaining, report)
+        first_look = first_look or (found.screened if isinstance(found, Step) else found)
+        if not isinstance(found, Step):
             break
-        steps.append(step)
-        current, state = step.chosen.fit, step.chosen.check
-        report(f"added {step.chosen.candidate.effect.id}: held-out {state.normalised_rms:.3f} x noise")
-    return baseline, steps
-
-
-def _present(fit: Fit) -> set[str]:
-    return {effect.id for effect in fit.robot.effects}
+        steps.append(found)
+        current = found.chosen
+        if len(steps) > 1:
+            current = _pruned(current, baseline, logs, check, noise, report)
+        report(f"added {found.chosen.id}: held-out {current.check.normalised_rms:.3f} x noise")
+    return Search(baseline, current, tuple(steps), tuple(first_look))

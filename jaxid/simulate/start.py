@@ -1,7 +1,8 @@
 """Where a run starts: at rest at the origin, unless the log says otherwise.
 
-Pose columns (x, y, theta, beta) in a log give those states. A log whose first sample already moves, or shows another
-position than the origin, starts from what it measured, and that, with the states nobody measures, is then uncertain.
+Pose columns (x, y, theta, beta) in a log give those states. A log whose first sample already moves (by more than a tenth
+of its largest speed), or shows another position than the origin, starts from what it measured, and that, with the states
+nobody measures, is then uncertain.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from ..logs.noise import noise_level
 from ..robots.robot import Robot
 
 _AT_REST = 5.0  # standard deviations of the first measurement
+_STILL = 0.1
+"""Share of a speed's largest value below which a first sample may as well be a sensor's offset on a robot at rest."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,10 @@ def initial_states(robot: Robot, logs: LogSet) -> Start:
             if not np.isfinite(value):
                 continue
             level = noise[channel] if np.isfinite(noise[channel]) else 0.0
+            largest = float(np.nanmax(np.abs(log.outputs[:, index]))) if channel in log.channels.outputs else 0.0
             # Started elsewhere than at rest at the origin: from the first sample, which is as wrong as its noise.
-            if abs(value - default[channel]) > _AT_REST * level and abs(value) > 0:
+            least = max(_AT_REST * level, _STILL * largest)
+            if abs(value - default[channel]) > least and abs(value) > 0:
                 states[channel][e] = value
                 uncertain[e] = True
     return Start(states, uncertain)

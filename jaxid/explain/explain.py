@@ -1,0 +1,125 @@
+"""The workflow from a fit to an explanation: is anything missing, where, what, how sure, and what next."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..estimate.result import Fit
+from ..logs import LogSet
+from ..robots.effect import Effect
+from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
+from .heldout import held_out
+from .localise import localise
+from .next_experiment import NextExperiment, propose
+from .refit import Trial, in_full
+from .search import MOST_EFFECTS, Search, Step, search
+
+_LEFT_OVER = 0.15
+"""Share of the gap that may remain under a name."""
+_SMALL = 1.03
+"""Normalised RMS up to which what remains is left to the added effect's own imprecision."""
+_WEAK = 100.0
+"""Lead over the runner-up (chi-squared) below which an experiment is proposed to confirm a name."""
+
+
+def _evidence(step: Step, before: Trial) -> Evidence:
+    best = step.chosen
+    rivals = [trial for trial in step.trials[1:] if trial.id not in step.equivalent]
+    return Evidence(
+        before=before.check.normalised_rms,
+        after=best.check.normalised_rms,
+        fit_gain=before.squares - best.squares,
+        check_gain=before.check.squares - best.check.squares,
+        looked_at=len(step.screened),
+        refitted=len(step.trials),
+        runner_up=rivals[0].id if rivals else None,
+        margin=rivals[0].score - best.score if rivals else None,
+    )
+
+
+def _named(found: Search, final: Fit) -> tuple[NamedEffect, ...]:
+    """The added effects that are still in the final model, in the order of what they explained."""
+    present = {effect.id: effect for effect in final.robot.effects}
+    before, named = found.baseline, []
+    for step in found.steps:
+        effect = present.get(step.chosen.id)
+        if effect is not None:
+            own = effect_parameters(effect.id, effect.frees, final.parameters)
+            evidence = _evidence(step, before)
+            named.append(NamedEffect(effect.id, effect.where, effect.formula, own, step.equivalent, evidence))
+        before = step.chosen
+    return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
+
+
+def _verdict(found: Search, named: Sequence[NamedEffect]) -> Verdict:
+    before, after = found.baseline.check, found.final.check
+    if not found.steps and before.adequate:
+        return "adequate"
+    left = after.gap > _LEFT_OVER * before.gap and after.normalised_rms > _SMALL
+    if not named or (not after.adequate and left):
+        return "unexplained"
+    return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"
+
+
+def _next(found: Search, logs: LogSet) -> NextExperiment | None:
+    """An experiment for the first pair of names that this data leaves open or tells apart by little only."""
+    for step in found.steps:
+        best = step.chosen
+        open_ = [t for t in step.trials[1:] if t.id in step.equivalent or t.score - best.score < _WEAK]
+        if not open_:
+            continue
+        other = open_[0]
+        pairs = zip(best.check.residuals, other.check.residuals, strict=True)
+        so_far = float(np.sqrt(np.nanmean(np.concatenate([(a - b).ravel() for a, b in pairs]) ** 2)))
+        proposal = propose((best.id, best.robot), (other.id, other.robot), logs, best.check.noise, so_far)
+        if proposal:
+            return proposal
+    return None
+
+
+def _stages(found: Search) -> dict[str, float]:
+    """The share of the gap that the best candidate of each stage of the signal path promises."""
+    shares: dict[str, float] = {}
+    for candidate in found.first_look:
+        where = candidate.effect.where
+        shares[where] = max(shares.get(where, 0.0), min(max(candidate.share, 0.0), 1.0))
+    return shares
+
+
+def explain(
+    fit: Fit,
+    logs: LogSet,
+    check: LogSet,
+    *,
+    effects: Sequence[Effect] = (),
+    most: int = MOST_EFFECTS,
+    report: Callable[[str], None] = lambda message: None,
+) -> Explanation:
+    """Say what is missing in `fit`, an output-error fit to `logs`, judged on the held-out logs `check`.
+
+    `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `report` is
+    called with a sentence whenever something is done.
+
+    The false-alarm rate of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong
+    estimate of the noise adds. Raises `LogError` for logs of another robot.
+    """
+    report("looking for a gap on the held-out logs")
+    found = search(fit, logs, check, effects=effects, most=most, report=report)
+    final = in_full(found.final, logs) if found.steps else fit
+    named = _named(found, final)
+    verdict = _verdict(found, named)
+    localisation = None
+    if verdict != "adequate":
+        report("finding where simulation and data disagree")
+        localisation = localise(fit, check, found.baseline.check, stages=_stages(found))
+    return Explanation(
+        verdict=verdict,
+        effects=named,
+        baseline=fit,
+        final=final,
+        before=found.baseline.check,
+        after=held_out(final.robot, check, found.baseline.check.noise) if found.steps else found.baseline.check,
+        search=found,
+        localisation=localisation,
+        next_experiment=_next(found, logs),
+    )

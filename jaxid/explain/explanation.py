@@ -1,0 +1,221 @@
+"""What `explain` found, as one object: verdict, names with their evidence, and the gap before and after."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from .._atomic import write_text
+from ..estimate.result import Estimate, Fit
+from ..robots.robot import Robot
+from .heldout import HeldOut
+from .next_experiment import NextExperiment
+from .search import Search
+
+Verdict = Literal["named", "adequate", "ambiguous", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Why an effect was added.
+
+    Held-out normalised RMS `before` and `after` it, the drop of chi-squared on the fitted logs (`fit_gain`) and on the
+    held-out ones (`check_gain`), how many candidates were looked at and refitted, and how far the next distinguishable
+    candidate lies behind (`runner_up`, `margin` in chi-squared; None if none was refitted).
+    """
+
+    before: float
+    after: float
+    fit_gain: float
+    check_gain: float
+    looked_at: int
+    refitted: int
+    runner_up: str | None
+    margin: float | None
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """One effect that was added, with the ids this data cannot tell from it in `equivalent_to`."""
+
+    id: str
+    where: str
+    formula: str
+    parameters: dict[str, Estimate]
+    equivalent_to: tuple[str, ...]
+    evidence: Evidence
+
+    @property
+    def title(self) -> str:
+        """The id as words."""
+        return self.id.replace("_", " ")
+
+    @property
+    def sentence(self) -> str:
+        """Name, size and evidence in one sentence."""
+        sizes = ", ".join(_worded(name, e) for name, e in self.parameters.items() if e.status != "fixed")
+        text = f"{self.title[0].upper()}{self.title[1:]} ({self.where}): {sizes}; "
+        text += f"held-out error {self.evidence.before:.2f} to {self.evidence.after:.2f} times the noise."
+        if self.equivalent_to:
+            others = " or ".join(name.replace("_", " ") for name in self.equivalent_to)
+            text += f" This data cannot tell it from {others}."
+        elif self.evidence.runner_up:
+            text += f" Next best was {self.evidence.runner_up.replace('_', ' ')}."
+        return text
+
+
+def _worded(name: str, estimate: Estimate) -> str:
+    unit = f" {estimate.unit}" if estimate.unit else ""
+    return f"{name.replace('_', ' ')} {estimate.value:.3g} ± {estimate.std_error:.1g}{unit}"
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The whole explanation. `model` is an ordinary robot: fit it, simulate it, save it, extend it.
+
+    `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
+    is; `next_experiment` what to record to settle what this data leaves open.
+    """
+
+    verdict: Verdict
+    effects: tuple[NamedEffect, ...]
+    baseline: Fit
+    final: Fit
+    before: HeldOut
+    after: HeldOut
+    search: Search = field(repr=False)
+    localisation: Any = None
+    next_experiment: NextExperiment | None = None
+
+    @property
+    def model(self) -> Robot:
+        """The robot with what was added."""
+        return self.final.robot
+
+    @property
+    def gap_closed(self) -> float:
+        """Share of the held-out gap that the added effects closed; NaN where there was none."""
+        if self.before.gap <= 0:
+            return math.nan
+        return (self.before.normalised_rms - self.after.normalised_rms) / self.before.gap
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence."""
+        before, after = self.before.normalised_rms, self.after.normalised_rms
+        names = " and ".join(effect.title for effect in self.effects)
+        if self.verdict == "adequate":
+            return (
+                f"Nothing is missing: on held-out logs the model's error is {before:.2f} times the noise and has no "
+                f"structure left (p = {self.before.p_white:.2g})."
+            )
+        if self.verdict == "unexplained":
+            part = f"{names} explains part of it (to {after:.2f}), the rest" if names else "it"
+            return (
+                f"Something is missing that has no name here: the held-out error is {before:.2f} times the noise; "
+                f"{part} fits no known effect."
+            )
+        closed = f"the held-out error falls from {before:.2f} to {after:.2f} times the noise"
+        if self.verdict == "ambiguous":
+            sets = "; ".join(
+                f"{e.title} (or {', '.join(n.replace('_', ' ') for n in e.equivalent_to)})"
+                if e.equivalent_to
+                else e.title
+                for e in self.effects
+            )
+            return f"Missing was {sets}: {closed}, but this data does not tell these names apart."
+        return f"Missing was {names}: with it {closed}."
+
+    @property
+    def moved(self) -> dict[str, tuple[Estimate, Estimate]]:
+        """Parameters of the robot itself before and after: the bias that the missing effect had caused."""
+        return {
+            name: (self.baseline.parameters[name], self.final.parameters[name])
+            for name in self.baseline.free_names
+            if name in self.final.parameters
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `explanation.json` holds."""
+        return {
+            "robot": self.model.name,
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "effects": [_effect(effect) for effect in self.effects],
+            "gap": {
+                "before": self.before.normalised_rms,
+                "after": self.after.normalised_rms,
+                "noise_floor": 1.0,
+                "closed": _finite(self.gap_closed),
+                "by_channel": {
+                    name: {"before": self.before.by_channel[name], "after": self.after.by_channel[name]}
+                    for name in self.before.by_channel
+                },
+                "noise": self.before.noise,
+            },
+            "localisation": self.localisation.to_dict() if self.localisation is not None else {},
+            "first_look": [{"id": c.effect.id, "share": c.share} for c in self.search.first_look],
+            "next_experiment": self.next_experiment.to_dict() if self.next_experiment else {},
+        }
+
+    def save(self, folder: str | Path) -> None:
+        """Write `explanation.json`, and `next_experiment.csv` where one is proposed. Raises `OSError`."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / "explanation.json", json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n")
+        if self.next_experiment:
+            self.next_experiment.save(folder / "next_experiment.csv")
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _effect(effect: NamedEffect) -> dict[str, Any]:
+    evidence = effect.evidence
+    return {
+        "id": effect.id,
+        "where": effect.where,
+        "formula": effect.formula,
+        "equivalent_to": list(effect.equivalent_to),
+        "parameters": {
+            name: {
+                "value": _finite(e.value),
+                "std_error": _finite(e.std_error),
+                "ci95": [_finite(bound) for bound in e.ci95],
+                "unit": e.unit,
+                "status": e.status,
+            }
+            for name, e in effect.parameters.items()
+        },
+        "evidence": {
+            "held_out_before": evidence.before,
+            "held_out_after": evidence.after,
+            "chi_squared_gain_fit": evidence.fit_gain,
+            "chi_squared_gain_check": evidence.check_gain,
+            "candidates_looked_at": evidence.looked_at,
+            "candidates_refitted": evidence.refitted,
+            "runner_up": evidence.runner_up,
+            "runner_up_behind_by": evidence.margin,
+        },
+        "sentence": effect.sentence,
+    }
+
+
+def effect_parameters(identifier: str, frees: tuple[str, ...], found: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """An effect's own parameters of a fit by their short names; a limit beside its inverse."""
+    own: dict[str, Estimate] = {}
+    for name, estimate in found.items():
+        short = name.removeprefix(f"{identifier}.")
+        if short == name and name not in frees:
+            continue
+        own[short] = estimate
+        if short.startswith("inverse_") and estimate.value > 0:
+            value, (low, high) = 1.0 / estimate.value, estimate.ci95
+            unit = estimate.unit.removeprefix("1/")
+            ends = (1.0 / high if high > 0 else math.nan, 1.0 / low if low > 0 else math.inf)
+            limit = Estimate(value, estimate.std_error * value**2, ends, unit, estimate.status)
+            own = {short.removeprefix("inverse_"): limit, **own}
+    return own
