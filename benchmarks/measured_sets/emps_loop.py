@@ -5,7 +5,7 @@ returns through the controller into the force. The controller is known, so the l
 the reference, is free of noise, and nothing drifts.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -47,7 +47,7 @@ def load(folder: Path, name: str) -> Record:
 
     Speed is the central difference of the position after the published zero-phase filter (fourth-order Butterworth,
     100 Hz). The pulses are added to the voltage with the gain that makes the controller's law hold in the record
-    (1.0139 V per count, from reference, position and voltage alone; no plant model is involved).
+    (from reference, position and voltage alone; no plant model is involved).
     """
     data = loadmat(folder / f"{name}.mat")
     q, qg, vir = (data[key].ravel() for key in ("qm", "qg", "vir"))
@@ -140,7 +140,14 @@ def closed_loop(record: Record, start: Fit | None = None, *, hold: bool = False,
 
 def simulation(record: Record, fit: Fit, *, hold: bool = False) -> tuple[Array, tuple[float, ...]]:
     """Simulated (voltage, position, speed) [T, 3] of a record; relative errors of position, speed and force [%]."""
-    robot = replace(loop(record, hold=hold), parameters=fit.robot.parameters)
+    return simulation_with(record, {name: fit[name].value for name in IDENTIFIED}, hold=hold)
+
+
+def simulation_with(
+    record: Record, numbers: dict[str, float], *, hold: bool = False
+) -> tuple[Array, tuple[float, ...]]:
+    """`simulation` with the given M, Fv, Fc and offset."""
+    robot = loop(record, hold=hold).with_values(**numbers)
     seen = simulate(robot, loop_log(record, motion=True), integrator=Integrator(2 if hold else 1))[0]
     k = slice(FIRST, None)
     measured = (record.q[k], record.v[k], record.vir[k])

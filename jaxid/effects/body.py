@@ -16,22 +16,21 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class GroundSlope(Effect):
-    """Tilted floor: a constant force `mass g (slope_x, slope_y)` along the world's x and y at the centre of mass."""
+    """Tilted floor: gravity `g (slope_x, slope_y)` along the world's x and y, pulling at every body's mass."""
 
     robot: Robot
 
     id: ClassVar[str] = "ground_slope"
     where: ClassVar[str] = "body"
-    formula: ClassVar[str] = "F_world = M g (slope_x, slope_y)"
+    formula: ClassVar[str] = "F_world = mass g (slope_x, slope_y)"
     needs: ClassVar[tuple[str, ...]] = ("pose",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return signed(self, "slope_x", "rad", 0.02) | signed(self, "slope_y", "rad", 0.02)
 
     def force(self, forces: Path, state: State, p: Numbers) -> Path:
-        weight = self.robot.mass(p) * GRAVITY
-        pull = (weight * p[self.key("slope_x")], weight * p[self.key("slope_y")])
-        added = self.robot.world_force(pull, state, p)
+        field = (GRAVITY * p[self.key("slope_x")], GRAVITY * p[self.key("slope_y")])
+        added = self.robot.field_force(field, state, p)
         return tuple(f + extra for f, extra in zip(forces, added, strict=True))
 
 

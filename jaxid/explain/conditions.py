@@ -38,7 +38,8 @@ class Motion:
 
     - `time` [T] s; `inputs` [T, nu] and `largest` [nu], the largest magnitude of each in the set.
     - `axes` [T, n]: speeds of the drive axes (rim speeds of a Pioneer's wheels; V, Vn, b W of an omni), with
-      `axis_names` where each is a velocity of its own, the speed below which each is `still` and its `fastest` speed (both [n]).
+      `axis_names` where each is a velocity of its own; the speed below which each is `still` and its `fastest` speed,
+      both [n].
     - `ahead` [T]: speed forwards, `turning` [T]: yaw rate to the left (None where there is none), each with the speed
       that it exceeds in 5 % of the samples.
     - `heading` [T] rad and `path` [T, 2] m by dead reckoning from the measured speeds, and the `middle` [2] of all
@@ -230,12 +231,16 @@ def _speeds(robot: Robot, log: Log) -> dict[str, Signal]:
 
 
 @in_float64
-def _axes(robot: Robot, speeds: dict[str, Signal]) -> Signal:
-    """Speeds [T, n] of the drive axes at the rim, or the velocities themselves where a robot names no drive axes."""
+def _axis_map(robot: Robot, names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Matrix [velocities, axes] from the velocities to the drive axes' speeds at the rim, which are linear in them.
+
+    The velocities themselves where a robot names no drive axes.
+    """
+    unit = np.eye(len(names))
     if not robot.drive_axes:
-        return np.stack(list(speeds.values()), axis=1)
-    still = {name: jnp.zeros_like(next(iter(speeds.values()))) for name in robot.states}
-    state = still | {name: jnp.asarray(value) for name, value in speeds.items()}
+        return unit
+    state = {name: jnp.zeros(len(names)) for name in robot.states}
+    state |= {name: jnp.asarray(unit[i]) for i, name in enumerate(names)}
     p = robot.parameters.numbers
     rims = robot.rim_speeds(robot.rubbing(state, p), p)
     return np.stack([np.asarray(rims[i]) for i in robot.drive_axes], axis=1)
@@ -276,13 +281,14 @@ def motions(robot: Robot, logs: LogSet) -> tuple[Motion, ...]:
     """What the conditions look at, for every log."""
     noise = noise_level(logs)
     speeds = [_speeds(robot, log) for log in logs]
-    axes = [_axes(robot, own) for own in speeds]
-    fastest = _fastest(axes)
-    # What noise leaves on an axis: the noise of a log that shows nothing else, through the same means.
-    window = min(_window(log) for log in logs)
     names = list(speeds[0])
-    unit = {name: np.array([noise.get(name, 0.0) if name == other else 0.0 for other in names]) for name in names}
-    left = np.linalg.norm(_axes(robot, {name: np.nan_to_num(unit[name]) for name in names}), axis=0) / np.sqrt(window)
+    to_axes = _axis_map(robot, tuple(names))
+    axes = [np.stack([own[name] for name in names], axis=1) @ to_axes for own in speeds]
+    fastest = _fastest(axes)
+    # What is left of the noise on an axis after the mean over time.
+    window = min(_window(log) for log in logs)
+    level = np.nan_to_num([noise.get(name, 0.0) for name in names])
+    left = np.linalg.norm(level[:, None] * to_axes, axis=0) / np.sqrt(window)
     still = np.maximum(_STILL * fastest, 3.0 * left)
     reckoned = [dead_reckoned(robot, log, own) for log, own in zip(logs, speeds, strict=True)]
     paths = [path for _, path in reckoned if path is not None]

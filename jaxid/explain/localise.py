@@ -1,38 +1,27 @@
 """Where a model and its logs disagree: in which channel, in which equation of motion, and under which conditions.
 
 The gap on held-out logs is split by channel; the missing force (`missing_force`) by equation and by condition
-(`conditions`). A condition stands out where it holds far more of the missing force's power than of the time, and more
-than it would if the force had come at another moment of the same runs (circular shifts of the power against the
-conditions, which keep how long both last).
+(`condition_shares`), and compared with what it may follow (`patterns`).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.result import Fit
 from ..logs import LogSet
+from .condition_shares import ConditionShare, condition_shares, power
 from .conditions import Mask, conditions_of, motions
 from .heldout import HeldOut
 from .missing_force import ForceHistory, missing_force
 from .patterns import Pattern, patterns
 
-FALSE_ALARM = 0.05
-"""How often any condition at all is said to stand out although the force comes at random moments."""
-LEAST_RATIO = 1.25
-"""Share of the force over share of the time below which a condition is not worth naming."""
-_LEAST_SHARE = 0.15
-_LEAST_TIME = 0.01
-_SHIFTS = 4000
-_RESAMPLES = 1000
-_BLOCK = 1.0  # s: neighbouring samples of a force are correlated
 _MOSTLY = 0.6
 _MOST = 0.8
 _BURSTS = 0.12
 """Share of the time below which a force that holds `_MOST` of its power in it is called bursts."""
-_SEED = 20
 
 WORDS = {
     "eta1": "forward speed",
@@ -43,39 +32,6 @@ WORDS = {
     "v": "speed",
 }
 """What the standard channels measure, for sentences."""
-
-
-@dataclass(frozen=True)
-class ConditionShare:
-    """How much of the missing force acts under one condition.
-
-    `share` of its power (above what its own uncertainty explains), `time_share` of the samples, their `ratio` with a
-    95 % interval (bootstrap over blocks of one second), and `p_value`: how often forces at random moments of the same
-    runs have so large a share. `mean_force` by equation under the condition, in the force's unit.
-    """
-
-    name: str
-    phrase: str
-    share: float
-    time_share: float
-    ratio: float
-    ratio_ci95: tuple[float, float]
-    p_value: float
-    stands_out: bool
-    mean_force: dict[str, float]
-
-    @property
-    def notable(self) -> bool:
-        """Whether the force is clearly stronger under the condition, chance in when it came left aside."""
-        return self.ratio >= LEAST_RATIO and self.share >= _LEAST_SHARE and self.ratio_ci95[0] > 1.0
-
-    @property
-    def contrast(self) -> float:
-        """Information [nat] that the condition gives about when the force acts (Kullback-Leibler divergence)."""
-        total = 0.0
-        for p, q in ((self.share, self.time_share), (1 - self.share, 1 - self.time_share)):
-            total += p * float(np.log(max(p, 1e-12) / max(q, 1e-12)))
-        return total
 
 
 @dataclass(frozen=True)
@@ -142,80 +98,6 @@ def gap_shares(held: HeldOut) -> dict[str, float]:
     if not excess.sum() > 0:
         return {}
     return {name: float(e / excess.sum()) for name, e in zip(held.by_channel, excess, strict=True)}
-
-
-def power(force: ForceHistory) -> NDArray[np.float64]:
-    """Squared missing force [T, n] above its own variance, in units of `scale` squared, so that equations compare."""
-    return np.maximum(force.force**2 - force.std**2, 0.0) / force.scale**2
-
-
-def _shifted_shares(masks: Sequence[Mask], powers: Sequence[NDArray], rng: np.random.Generator) -> NDArray[np.float64]:
-    """Share of a signal under a condition when it is shifted in time by a random amount in every log [_SHIFTS]."""
-    total = np.zeros(_SHIFTS)
-    for mask, own in zip(masks, powers, strict=True):
-        n = len(own)
-        every = np.fft.irfft(np.conj(np.fft.rfft(own)) * np.fft.rfft(mask.astype(float)), n)
-        total += every[rng.integers(0, n, _SHIFTS)]
-    return total / sum(float(own.sum()) for own in powers)
-
-
-def _blocks(values: Sequence[NDArray], lengths: Sequence[int]) -> NDArray[np.float64]:
-    """Sums over blocks of `lengths` samples each, all logs one after the other."""
-    return np.concatenate(
-        [np.add.reduceat(own, np.arange(0, len(own), n)) for own, n in zip(values, lengths, strict=True)]
-    )
-
-
-def _ratio_interval(masks, powers, lengths: Sequence[int], rng: np.random.Generator) -> tuple[float, float]:
-    """95 % interval of (share of power) / (share of time), from blocks drawn with replacement."""
-    inside = _blocks([np.where(m, own, 0.0) for m, own in zip(masks, powers, strict=True)], lengths)
-    every, time = _blocks(powers, lengths), _blocks([m.astype(float) for m in masks], lengths)
-    samples = _blocks([np.ones(len(m)) for m in masks], lengths)
-    weights = rng.multinomial(len(every), np.full(len(every), 1.0 / len(every)), _RESAMPLES)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = (weights @ inside / (weights @ every)) / (weights @ time / (weights @ samples))
-    ratios = ratios[np.isfinite(ratios)]
-    if not ratios.size:
-        return (float("nan"), float("nan"))
-    return (float(np.quantile(ratios, 0.025)), float(np.quantile(ratios, 0.975)))
-
-
-def condition_shares(
-    forces: Sequence[ForceHistory], masks: Mapping[tuple[str, str], Sequence[Mask]]
-) -> tuple[ConditionShare, ...]:
-    """The table of conditions, most telling first. `masks[(name, phrase)]` holds one mask [T] for each force's log.
-
-    Empty where the missing force is nowhere above its own uncertainty.
-    """
-    rng = np.random.default_rng(_SEED)
-    powers = [power(force).sum(axis=1) for force in forces]
-    whole, samples = sum(float(own.sum()) for own in powers), sum(len(own) for own in powers)
-    if not whole > 0:
-        return ()
-    # Compared by size, not power, with chance: else one strong moment would decide.
-    sizes = [np.sqrt(own) for own in powers]
-    lengths = [max(1, round(_BLOCK / float(np.median(np.diff(force.time))))) for force in forces]
-    values = np.concatenate([force.force for force in forces])
-    used = {
-        key: own
-        for key, own in masks.items()
-        if _LEAST_TIME < sum(int(m.sum()) for m in own) / samples < 1 - _LEAST_TIME
-    }
-    found = []
-    for (name, phrase), own in used.items():
-        pooled = np.concatenate(own)
-        share = float(np.concatenate(powers)[pooled].sum()) / whole
-        time_share = float(np.mean(pooled))
-        shifted = _shifted_shares(own, sizes, rng)
-        actual = float(np.concatenate(sizes)[pooled].sum()) / sum(float(size.sum()) for size in sizes)
-        p_value = (1.0 + np.count_nonzero(shifted >= actual)) / (1.0 + _SHIFTS)
-        ratio = share / time_share
-        interval = _ratio_interval(own, powers, lengths, rng)
-        mean = {n: float(v) for n, v in zip(forces[0].names, values[pooled].mean(axis=0), strict=True)}
-        row = ConditionShare(name, phrase, share, time_share, ratio, interval, float(p_value), False, mean)
-        # As many conditions were looked at as stand in the table (Bonferroni).
-        found.append(replace(row, stands_out=row.notable and p_value < FALSE_ALARM / len(used)))
-    return tuple(sorted(found, key=lambda c: (not c.stands_out, -c.contrast if c.ratio > 1 else c.contrast)))
 
 
 def _percent(share: float) -> str:

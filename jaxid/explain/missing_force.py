@@ -3,12 +3,6 @@
 Every equation of motion gets an unknown generalised force that wanders like a random walk. A Kalman filter and a
 Rauch-Tung-Striebel smoother estimate it together with the robot's state from the measured outputs; the filter's
 likelihood says how strongly each force wanders. No parameter is changed, so a model that lacks nothing needs no force.
-
-The moments are carried through the rollout's own steps at cubature points (Arasaratnam & Haykin, Cubature Kalman
-filters, IEEE Trans. Automatic Control 54, 2009; smoother: Sarkka, Unscented Rauch-Tung-Striebel smoother, ibid. 53,
-2008), not by derivatives. A model that sticks has a derivative of zero with respect to the force: an extended filter
-would stay blind when the real robot moves and the model does not. The points spread as far as the force is uncertain,
-so that they reach beyond break-away once that is possible.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,17 +20,16 @@ from ..logs import LogSet, noise_level
 from ..robots.custom import Custom
 from ..robots.effect import Effect, Numbers, Path, State
 from ..robots.robot import Robot
-from ..simulate.rollout import Integrator, rollout, step
+from ..simulate.rollout import Integrator, rollout
 from ..simulate.simulate import integrator_for
 from ..simulate.start import initial_states
+from .force_filter import PREFIX, Setting, filtered, likelihoods, smoothed
 
-_PREFIX = "missing_force."
 _INTENSITIES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 """Random-walk intensities that are tried, in units of `ForceHistory.scale` per root of a second."""
 _FIRST = 7
+"""Place in `_INTENSITIES` of the first filter: strong, so that its points reach beyond break-away."""
 _ROUNDS = 2
-_START = 2.0
-"""Standard deviation of a force at the start, in units of what it wanders in one second."""
 _RESPONSE = 0.1
 """Time [s] in which a force of `scale` changes its speed by one standard deviation of the noise."""
 _MODEL_ERROR = 0.02
@@ -61,7 +54,7 @@ class MissingForce(Effect):
 
     @property
     def states(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(_PREFIX + name for name in self.velocities)
+        return tuple(PREFIX + name for name in self.velocities)
 
     def force(self, forces: Path, state: State, p: Numbers) -> Path:
         return tuple(f + state[name] for f, name in zip(forces, self.states, strict=True))
@@ -78,9 +71,9 @@ class _Accelerated:
     velocities: tuple[str, ...]
 
     def __call__(self, state: State, *others: Any) -> State:
-        rates = dict(self.dynamics({k: v for k, v in state.items() if not k.startswith(_PREFIX)}, *others))
-        missing = {_PREFIX + name: state[_PREFIX + name] for name in self.velocities}
-        rates |= {name: rates[name] + missing[_PREFIX + name] for name in self.velocities}
+        rates = dict(self.dynamics({k: v for k, v in state.items() if not k.startswith(PREFIX)}, *others))
+        missing = {PREFIX + name: state[PREFIX + name] for name in self.velocities}
+        rates |= {name: rates[name] + missing[PREFIX + name] for name in self.velocities}
         return rates | {name: 0.0 * value for name, value in missing.items()}
 
 
@@ -110,13 +103,15 @@ def forced(robot: Robot) -> tuple[Robot, tuple[str, ...], tuple[str, ...]]:
     """The robot with its missing forces as states; the velocities they belong to, and the forces' units.
 
     A `Custom` robot, whose equations are not split into forces, gets missing accelerations of its `velocities`, or,
-    where it names none, of those outputs that are states. Raises `NoVelocities` where there are none.
+    where it names none, of the speeds at which it rubs, or else of those outputs that are states. Raises `NoVelocities`
+    where there are none.
     """
     units = robot.channels.units
     if isinstance(robot, Custom):
-        names = robot.velocities or tuple(n for n in robot.channels.outputs if n in robot.state_names)
+        rubbing = tuple(dict.fromkeys(speed for _, speed, _ in robot.dry_friction))
+        names = robot.velocities or rubbing or tuple(n for n in robot.channels.outputs if n in robot.state_names)
         _needed(robot, names)
-        states = (*robot.state_names, *(_PREFIX + name for name in names))
+        states = (*robot.state_names, *(PREFIX + name for name in names))
         changed = replace(robot, dynamics=_Accelerated(robot.dynamics, names), state_names=states)
         return changed, names, tuple(f"{units[name]}/s" if units.get(name) else "1/s" for name in names)
     names = robot.velocities
@@ -133,182 +128,26 @@ def _needed(robot: Robot, names: tuple[str, ...]) -> None:
         )
 
 
-# -- filter and smoother of one log ---------------------------------------------------------------------------------
-def _points(mean, covariance):
-    """Cubature points [2n, n] of a Gaussian."""
-    n = mean.shape[0]
-    spread = jnp.sqrt(float(n)) * jnp.linalg.cholesky(covariance).T
-    return jnp.concatenate([mean + spread, mean - spread])
-
-
-def _symmetric(matrix):
-    return 0.5 * (matrix + matrix.T)
-
-
-def _commanded(robot: Robot, inputs, dt, substeps: int, p: Numbers):
-    """Inputs of every step of the integrator [T, substeps, nu], after the effects on whole commands."""
-    fine_dt = jnp.repeat(dt / substeps, substeps)
-    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(fine_dt)[:-1]])
-    fine = jnp.repeat(inputs, substeps, axis=0)
-    for effect in robot.effects:
-        fine = effect.command(fine, time, fine_dt, p)
-    return fine.reshape(len(dt), substeps, -1)
-
-
-@dataclass(frozen=True)
-class _Setting:
-    """What a compiled filter depends on."""
-
-    robot: Robot
-    integrator: Integrator
-    velocities: tuple[str, ...]
-
-
-def _filter(setting: _Setting, p: Numbers, log, intensity):
-    """Forward pass over one log at cubature points: for every sample what the smoother and a linear filter need.
-
-    Mean and covariance after the measurement; the next sample's before its measurement; their cross-covariance; the
-    expected outputs and their slope, and the mean at which these were taken.
-    """
-    robot, integrator = setting.robot, setting.integrator
-    names = robot.states
-    outputs = log["outputs"].shape[1]
-
-    def as_state(vector) -> State:
-        return {name: vector[i] for i, name in enumerate(names)}
-
-    def advance(vector, volts, interval):
-        def substep(state, held):
-            return step(robot, state, tuple(held), interval / integrator.substeps, p, integrator.friction), None
-
-        state, _ = jax.lax.scan(substep, as_state(vector), volts)
-        return jnp.stack([state[name] for name in names])
-
-    def observe(vector, seen):
-        return jnp.stack([jnp.asarray(y, float) for y in robot.observe(as_state(vector), tuple(seen), p)])[:outputs]
-
-    def sample(carry, row):
-        predicted, covariance = carry
-        volts, y, there, interval = row
-        expected, slope = observe(predicted, volts[0]), jax.jacfwd(observe)(predicted, volts[0])
-        mean, covariance, _ = _measured(predicted, covariance, expected, slope, y, there, log["noise"])
-        points = _points(mean, covariance + jnp.diag(log["jitter"]))
-        ahead = jax.vmap(lambda point: advance(point, volts, interval))(points)
-        after = jnp.mean(ahead, axis=0)
-        spread, before = ahead - after, points - mean
-        covariance_after = spread.T @ spread / len(points) + _walked(setting, intensity, interval, log)
-        cross = before.T @ spread / len(points)
-        return (after, covariance_after), (mean, covariance, after, covariance_after, cross, expected, slope, predicted)
-
-    volts = _commanded(robot, log["inputs"], log["dt"], integrator.substeps, p)
-    rows = (volts, log["outputs"], log["there"], log["dt"])
-    _, kept = jax.lax.scan(sample, (log["start"], _start_covariance(setting, intensity, log)), rows)
-    return kept
-
-
-def _measured(mean, covariance, expected, slope, y, there, noise):
-    """Mean, covariance and log-likelihood after one sample's outputs, one after the other: their noises are independent."""
-    first, likelihood = mean, jnp.zeros(())
-    for i in range(len(y)):
-        surprise = y[i] - expected[i] - slope[i] @ (mean - first)
-        along = covariance @ slope[i]
-        variance = slope[i] @ along + noise[i] ** 2
-        gain = jnp.where(there[i], along / variance, 0.0)
-        mean = mean + gain * surprise
-        covariance = _symmetric(covariance - jnp.outer(gain, along))
-        likelihood = likelihood - 0.5 * jnp.where(there[i], surprise**2 / variance + jnp.log(variance), 0.0)
-    return mean, covariance, likelihood
-
-
-def _walks(setting: _Setting):
-    return jnp.array([setting.robot.states.index(_PREFIX + name) for name in setting.velocities])
-
-
-def _walked(setting: _Setting, intensity, interval, log):
-    """Covariance that one sample adds: the forces' random walk, and the integration's own error."""
-    return jnp.diag(log["jitter"].at[_walks(setting)].set(intensity**2 * interval))
-
-
-def _start_covariance(setting: _Setting, intensity, log):
-    return jnp.diag(log["spread"].at[_walks(setting)].set(_START * intensity) ** 2)
-
-
-def _likelihood(setting: _Setting, log, kept, used, intensity):
-    """Log-likelihood of one log at `intensity`, linearised where a filter at the intensity `used` has been."""
-    means, covariances, after, covariances_after, crosses, expected, slopes, predicted = kept
-
-    def sample(carry, row):
-        mean, covariance, total = carry
-        base, base_covariance, next_, next_covariance, cross, expected, slope, predicted, y, there, interval = row
-        expected = expected + slope @ (mean - predicted)
-        mean, covariance, gained = _measured(mean, covariance, expected, slope, y, there, log["noise"])
-        # Statistical linear regression: the matrix that the points' moments imply, and what it leaves over.
-        spread = base_covariance + jnp.diag(log["jitter"])
-        turn = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(spread), True), cross).T
-        left = next_covariance - turn @ cross - _walked(setting, used, interval, log)
-        covariance = turn @ covariance @ turn.T + left + _walked(setting, intensity, interval, log)
-        return (next_ + turn @ (mean - base), _symmetric(covariance), total + gained), None
-
-    start = (log["start"], _start_covariance(setting, intensity, log), jnp.zeros(()))
-    moments = (means, covariances, after, covariances_after, crosses, expected, slopes, predicted)
-    (_, _, total), _ = jax.lax.scan(sample, start, (*moments, log["outputs"], log["there"], log["dt"]))
-    return total
-
-
-def _smooth(kept):
-    """Smoothed mean and standard deviation [T, n states] of one log, from its filter's moments."""
-    mean, covariance, ahead, ahead_covariance, cross = kept[:5]
-
-    def back(later, row):
-        later_mean, later_covariance = later
-        mean, covariance, ahead, ahead_covariance, cross = row
-        gain = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(ahead_covariance), True), cross.T).T
-        mean = mean + gain @ (later_mean - ahead)
-        covariance = _symmetric(covariance + gain @ (later_covariance - ahead_covariance) @ gain.T)
-        return (mean, covariance), (mean, jnp.sqrt(jnp.maximum(jnp.diag(covariance), 0.0)))
-
-    # The last sample has no later one: start from its own prediction, which says nothing new.
-    end = (ahead[-1], ahead_covariance[-1])
-    _, smoothed = jax.lax.scan(back, end, (mean, covariance, ahead, ahead_covariance, cross), reverse=True)
-    return smoothed
-
-
+# -- the filter over all logs -------------------------------------------------------------------------------------
 @partial(jax.jit, static_argnames="setting")
-def _filtered(setting: _Setting, numbers, logs, intensity):
-    return jax.vmap(lambda log: _filter(setting, numbers, log, intensity))(logs)
-
-
-@partial(jax.jit, static_argnames="setting")
-def _likelihoods(setting: _Setting, logs, kept, used, intensities):
-    """Log-likelihood of all logs together for every row of `intensities` [lanes, n]."""
-
-    def lane(intensity):
-        return jnp.sum(jax.vmap(lambda log, own: _likelihood(setting, log, own, used, intensity))(logs, kept))
-
-    return jax.vmap(lane)(intensities)
-
-
-_smoothed = jax.jit(jax.vmap(_smooth))
-
-
-# -- all logs ------------------------------------------------------------------------------------------------------
-@partial(jax.jit, static_argnames="setting")
-def _mobility(setting: _Setting, numbers, start: State):
+def _mobility(setting: Setting, numbers, start: State):
     """Acceleration of each velocity per unit of its own force [n], all else apart."""
     robot = setting.robot
     idle = tuple(0.0 for _ in robot.channels.inputs)
     loose = tuple(0.0 for _ in robot.rubbing(start, numbers))
     found = []
     for name in setting.velocities:
-        push = {key: jnp.full((), float(key == _PREFIX + name)) for key in start}
+        push = {key: jnp.full((), float(key == PREFIX + name)) for key in start}
         found.append(jax.jvp(lambda s: robot.rates(s, idle, loose, numbers), (start,), (push,))[1][name])
     return jnp.stack(found)
 
 
-def _force_scale(setting: _Setting, numbers, start: State, noise: Mapping[str, float]) -> NDArray[np.float64]:
+def _force_scale(setting: Setting, numbers, start: State, noise: Mapping[str, float]) -> NDArray[np.float64]:
     """Forces that change their own speed by one standard deviation of the noise within `_RESPONSE`."""
     mobility = np.maximum(np.abs(np.asarray(_mobility(setting, numbers, start))), 1e-12)
-    return np.array([noise.get(name, 0.01) for name in setting.velocities]) / _RESPONSE / mobility
+    # A speed that only its position shows is about as uncertain as the position moves within that time.
+    other = float(np.mean(list(noise.values()))) / _RESPONSE
+    return np.array([noise.get(name, other) for name in setting.velocities]) / _RESPONSE / mobility
 
 
 @partial(jax.jit, static_argnames=("robot", "integrator"))
@@ -357,7 +196,7 @@ def _arrays(robot: Robot, logs: LogSet, noise: Mapping[str, float], known, numbe
     }
 
 
-def _chosen(setting: _Setting, numbers, arrays, scale):
+def _chosen(setting: Setting, numbers, arrays, scale):
     """Random-walk intensities of highest likelihood, and the filter's moments there.
 
     A filter at strong intensities is linearised where it went; in that linear model many intensities are tried at
@@ -367,16 +206,16 @@ def _chosen(setting: _Setting, numbers, arrays, scale):
     choice = np.full(n, _FIRST)
     for _ in range(_ROUNDS):
         used = jnp.asarray(levels[choice] * scale)
-        kept, linearised = _filtered(setting, numbers, arrays, used), choice
+        kept, linearised = filtered(setting, numbers, arrays, used), choice
         for _ in range(2 if n > 1 else 1):
             lanes = np.array([np.where(np.arange(n) == j, level, levels[choice]) for j in range(n) for level in levels])
-            found = np.asarray(_likelihoods(setting, arrays, kept, used, jnp.asarray(lanes * scale)))
+            found = np.asarray(likelihoods(setting, arrays, kept, used, jnp.asarray(lanes * scale)))
             found = np.where(np.isfinite(found), found, -np.inf).reshape(n, len(levels))
             choice = np.argmax(found, axis=1)
         if np.array_equal(choice, linearised):
             return np.asarray(used), kept
     used = jnp.asarray(levels[choice] * scale)
-    return np.asarray(used), _filtered(setting, numbers, arrays, used)
+    return np.asarray(used), filtered(setting, numbers, arrays, used)
 
 
 @in_float64
@@ -403,11 +242,11 @@ def missing_force(
     integrator = integrator_for(robot, logs)
     arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator)
     start = {name: arrays["start"][0, i] for i, name in enumerate(pushed.states)}
-    setting = _Setting(pushed.structure, integrator, names)
+    setting = Setting(pushed.structure, integrator, names)
     scale = _force_scale(setting, numbers, start, noise)
     intensity, kept = _chosen(setting, numbers, arrays, scale)
-    mean, std = (np.asarray(x) for x in _smoothed(kept))
-    columns = [pushed.states.index(_PREFIX + name) for name in names]
+    mean, std = (np.asarray(x) for x in smoothed(kept))
+    columns = [pushed.states.index(PREFIX + name) for name in names]
     return tuple(
         ForceHistory(
             log.name, log.time, mean[e, : len(log)][:, columns], std[e, : len(log)][:, columns],

@@ -6,7 +6,7 @@ reproduces, less what it reproduces of forces moved to random moments of the sam
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,16 @@ FALSE_ALARM = 0.01
 
 @dataclass(frozen=True)
 class Pattern:
-    """`share` of the missing force's mean square that `name` reproduces, chance taken off; `p_value` of that chance."""
+    """`share` of the missing force's mean square that `name` reproduces, chance taken off; `p_value` of that chance.
+
+    `fitted` holds what it reproduces of every log's force [T, n], in the force's units.
+    """
 
     name: str
     phrase: str
     share: float
     p_value: float
+    fitted: tuple[NDArray[np.float64], ...] = field(repr=False, default=())
 
     @property
     def stands_out(self) -> bool:
@@ -75,6 +79,15 @@ _FAMILIES: tuple[tuple[str, str, Callable[[Motion], NDArray | None]], ...] = (
 )
 
 
+def _moved_squares(basis: list[NDArray], values: list[NDArray], rng: np.random.Generator) -> NDArray:
+    """Sum of squares that an orthonormal basis reproduces of forces shifted by random times in every log [_SHIFTS]."""
+    products = np.zeros((_SHIFTS, basis[0].shape[1], values[0].shape[1]))
+    for b, v in zip(basis, values, strict=True):
+        spectrum = np.fft.rfft(b, axis=0)[:, :, None] * np.conj(np.fft.rfft(v, axis=0))[:, None, :]
+        products += np.fft.irfft(spectrum, len(v), axis=0)[rng.integers(0, len(v), _SHIFTS)]
+    return np.sum(products**2, axis=(1, 2))
+
+
 def patterns(forces: Sequence[ForceHistory], seen: Sequence[Motion]) -> tuple[Pattern, ...]:
     """How much of the missing force each pattern reproduces, best first. `seen[e]` belongs to `forces[e]`."""
     values = [force.force / force.scale for force in forces]
@@ -82,11 +95,7 @@ def patterns(forces: Sequence[ForceHistory], seen: Sequence[Motion]) -> tuple[Pa
     if not whole > 0:
         return ()
     rng = np.random.default_rng(_SEED)
-    shifts = [rng.integers(0, len(v), _SHIFTS) for v in values]
-    moved = [
-        [np.roll(v, shift, axis=0) for v, shift in zip(values, row, strict=True)] for row in zip(*shifts, strict=True)
-    ]
-    stacked = np.concatenate([np.concatenate(values), *(np.concatenate(row) for row in moved)], axis=1)
+    edges = np.cumsum([len(v) for v in values])[:-1]
     found = []
     for name, phrase, family in _FAMILIES:
         columns = [family(motion) for motion in seen]
@@ -94,8 +103,12 @@ def patterns(forces: Sequence[ForceHistory], seen: Sequence[Motion]) -> tuple[Pa
             continue
         basis, scales, _ = np.linalg.svd(np.concatenate(columns), full_matrices=False)  # type: ignore[arg-type]
         basis = basis[:, scales > 1e-9 * max(scales[0], 1e-300)]
-        squares = np.sum((basis.T @ stacked) ** 2, axis=0).reshape(1 + _SHIFTS, -1).sum(axis=1) / whole
+        at_places = np.split(basis, edges)
+        products = sum(b.T @ v for b, v in zip(at_places, values, strict=True))
+        squares = np.concatenate([[np.sum(products**2)], _moved_squares(at_places, values, rng)]) / whole
         chance = float(np.mean(squares[1:]))
         p_value = (1.0 + np.count_nonzero(squares[1:] >= squares[0])) / (1.0 + _SHIFTS)
-        found.append(Pattern(name, phrase, float((squares[0] - chance) / max(1 - chance, 1e-9)), float(p_value)))
+        share = float((squares[0] - chance) / max(1 - chance, 1e-9))
+        fitted = basis @ products * forces[0].scale
+        found.append(Pattern(name, phrase, share, float(p_value), tuple(np.split(fitted, edges))))
     return tuple(sorted(found, key=lambda pattern: -pattern.share))

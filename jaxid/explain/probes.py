@@ -19,11 +19,15 @@ from ..robots.robot import Robot
 
 @dataclass(frozen=True)
 class Group:
-    """Columns that explain together: `shape` holds while each of `strengths` is applied on its own."""
+    """Columns that explain together: `shape` holds while each of `strengths` is applied on its own.
+
+    `limit` is where the inverse of a strength that cuts signals off would begin to do so.
+    """
 
     effect: Effect
     shape: Mapping[str, float]
     strengths: Mapping[str, float]
+    limit: float | None = None
 
 
 def _largest(logs: LogSet) -> float:
@@ -68,16 +72,20 @@ def groups(effect: Effect, robot: Robot, logs: LogSet) -> list[Group]:
     key = effect.key
     one_by_one: dict[str, tuple[str, tuple[float, ...]]] = {
         "actuator_dead_zone": ("threshold", tuple(s * _largest(logs) for s in (0.01, 0.03, 0.08))),
-        "voltage_saturation": ("inverse_limit", tuple(1 / (s * _largest(logs)) for s in (0.95, 0.85, 0.7, 0.55))),
         "motor_lag": ("time_constant", _TIMES),
         "input_delay": ("delay", _TIMES),
         "sensor_lag": ("time_constant", _TIMES),
         "sensor_delay": ("delay", _TIMES),
-        "traction_limit": ("inverse_limit", (1 / 10.0, 1 / 20.0, 1 / 40.0, 1 / 60.0)),
     }
     if effect.id in one_by_one:
         name, values = one_by_one[effect.id]
         return [Group(effect, {}, {key(name): value}) for value in values]
+    if effect.id == "voltage_saturation":
+        largest, shares = _largest(logs), (0.98, 0.93, 0.85, 0.7, 0.55)
+        return [Group(effect, {}, {key("inverse_limit"): 1 / (s * largest)}, largest) for s in shares]
+    if effect.id == "traction_limit":
+        forces = (5.0, 8.0, 12.0, 17.0, 24.0, 34.0, 48.0, 68.0)
+        return [Group(effect, {}, {key("inverse_limit"): 1 / force}, 1.2 * force) for force in forces]
     if effect.id == "stribeck_friction":
         return [
             Group(effect, {key("speed"): speed}, {key("amplitude"): typical[key("amplitude")]})

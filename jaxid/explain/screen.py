@@ -7,7 +7,7 @@ simulates them all as lanes.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import jax
@@ -26,6 +26,7 @@ from .probes import Group, groups, lanes
 
 _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
+_ALIKE = 0.9
 _STEP = 1e-3
 """Step of the fitted parameters' secants, in units of their magnitude."""
 
@@ -36,13 +37,19 @@ class Candidate:
 
     `gain` is the drop of the sum of squares (in units of the noise) that the effect promises with all fitted parameters
     re-estimated, to first order, less what its parameters cost; `share` the part of the excess over the noise floor;
-    `starts` the values to begin refits from, best first.
+    `starts` the values to begin refits from, best first. `direction` is the change of the simulation (whitened, fitted
+    parameters projected off, of length one) by which it explains.
     """
 
     effect: Effect
     gain: float
     share: float
     starts: tuple[dict[str, float], ...]
+    direction: NDArray[np.float32] = field(repr=False, compare=False)
+
+    def like(self, other: "Candidate") -> bool:
+        """Whether the two explain by the same change, so that only refits can tell them apart."""
+        return abs(float(self.direction @ other.direction)) > _ALIKE
 
 
 @partial(jax.jit, static_argnames=("robot", "integrator"))
@@ -99,7 +106,7 @@ def screen(
     basis = np.linalg.qr(moved[: len(own)].T)[0] if own else np.zeros((residual.size, 0))
     residual = residual - basis @ (basis.T @ residual)
     excess = max(float(residual @ residual) - np.count_nonzero(weights), 1.0)
-    scored: dict[str, list[tuple[float, dict[str, float], Effect]]] = {}
+    scored: dict[str, list[tuple[float, dict[str, float], Effect, NDArray[np.float32]]]] = {}
     for group, mine in zip(found, columns, strict=True):
         block = moved[len(own) :][mine]
         block = block - (block @ basis) @ basis.T
@@ -107,35 +114,37 @@ def screen(
         if not useful.any():
             continue
         names = [name for name, ok in zip(group.strengths, useful, strict=True) if ok]
-        gain, start = _promise(full, group, names, block[useful], residual)
+        gain, start, change = _promise(full, group, names, block[useful], residual)
         score = gain - len(names) * float(np.log(residual.size))
-        scored.setdefault(group.effect.id, []).append((score, start, group.effect))
+        direction = (change / max(float(np.linalg.norm(change)), 1e-300)).astype(np.float32)
+        scored.setdefault(group.effect.id, []).append((score, start, group.effect, direction))
     candidates = []
     for tried in scored.values():
         tried.sort(key=lambda entry: -entry[0])
-        starts = tuple(start for _, start, _ in tried[: _STARTS if len(tried[0][1]) > 1 else 1])
-        candidates.append(Candidate(tried[0][2], tried[0][0], tried[0][0] / excess, starts))
+        score, _, effect, direction = tried[0]
+        starts = tuple(entry[1] for entry in tried[: _STARTS if len(tried[0][1]) > 1 else 1])
+        candidates.append(Candidate(effect, float(score), float(score / excess), starts, direction))
     return sorted(candidates, key=lambda candidate: -candidate.gain)
 
 
-def _promise(full: Robot, group: Group, names: list[str], block: NDArray, residual: NDArray) -> tuple[float, dict]:
-    """Drop of the sum of squares to first order, and the parameters at which it is expected."""
+def _promise(
+    full: Robot, group: Group, names: list[str], block: NDArray, residual: NDArray
+) -> tuple[float, dict[str, float], NDArray]:
+    """Drop of the sum of squares to first order, the parameters at which it is expected, and the change that makes it."""
     coefficients, *_ = np.linalg.lstsq(block.T, -residual, rcond=1e-8)
-    gain = float(-coefficients @ (block @ residual))
+    if group.limit is not None:
+        # What a limit cuts off grows with its distance from the largest signal.
+        c = float(np.clip(coefficients[0], 0.0, 1.5))
+        name, probe = names[0], 1.0 / group.strengths[names[0]]
+        start = {name: 1.0 / (group.limit - c * (group.limit - probe))} if c > 0 else {name: group.strengths[name]}
+        return float(-2 * c * block[0] @ residual - c**2 * block[0] @ block[0]), start, block[0]
+    change = block.T @ coefficients
+    gain = float(-change @ residual)
     values = {name: float(c * group.strengths[name]) for name, c in zip(names, coefficients, strict=True)}
     # A strength that must be positive explains nothing with the wrong sign.
     if len(values) == 1 and any(value < full.parameters[name].lower for name, value in values.items()):
         gain = 0.0
-    if not _proportional(group):
-        # Of a limit only a size that was tried is known: the drop is that of the step as it is.
-        gain = float(2 * -block[0] @ residual - block[0] @ block[0])
-        return gain, {**group.shape, **dict(group.strengths)}
-    return gain, {**group.shape, **{n: max(value, full.parameters[n].lower) for n, value in values.items()}}
-
-
-def _proportional(group: Group) -> bool:
-    """Whether the effect's size can be read off a single probe; a limit's cannot."""
-    return not any(name.endswith("inverse_limit") for name in group.strengths)
+    return gain, {**group.shape, **{n: max(value, full.parameters[n].lower) for n, value in values.items()}}, change
 
 
 def _weights(logs: LogSet, noise: Mapping[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

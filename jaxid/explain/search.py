@@ -15,10 +15,11 @@ from .refit import FEW_STEPS, Trial, continued, refit
 from .screen import Candidate, screen
 
 SHORTLIST = 5
-"""Most candidates that are refitted."""
+"""Most candidates, no two of which explain alike, that are refitted; then those alike to the best."""
 _ALWAYS = 3
-_PROMISING = 0.3
+_PROMISING = 0.2
 """Share of the first candidate's promise below which others are refitted only if they are among the first three."""
+_MOST_ALIKE = 4
 MOST_EFFECTS = 3
 LEAST_GAIN = 0.05
 """Share of the held-out gap below which an effect explains nothing."""
@@ -81,6 +82,18 @@ def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
     return tuple(found)
 
 
+def _different(likely: Sequence[Candidate]) -> list[Candidate]:
+    """The most promising candidates, one of each that explain alike."""
+    chosen: list[Candidate] = []
+    for candidate in likely:
+        enough = len(chosen) >= _ALWAYS and candidate.gain < _PROMISING * likely[0].gain
+        if enough or len(chosen) == SHORTLIST:
+            break
+        if not any(candidate.like(other) for other in chosen):
+            chosen.append(candidate)
+    return chosen
+
+
 def _added(base: Trial, candidate: Candidate, logs: LogSet, check: LogSet, noise: dict[str, float]) -> Trial:
     robot = base.robot + candidate.effect
     return refit(robot, candidate.starts, logs, check, noise, base.initial_states, FEW_STEPS)
@@ -106,20 +119,21 @@ def name_next(
 ) -> Step | tuple[Candidate, ...]:
     """The best effect to add to `base`; what the first look found if none explains enough."""
     screened = tuple(screen(base.robot, logs, effects, noise, base.initial_states))
-    likely = [c for c in screened if c.gain > 0][:SHORTLIST]
-    shortlist = [c for i, c in enumerate(likely) if i < _ALWAYS or c.gain > _PROMISING * likely[0].gain]
-    say("first look: " + (", ".join(f"{c.effect.id} {100 * c.share:.0f} %" for c in shortlist) or "no candidate"))
-    if not shortlist:
+    likely = [c for c in screened if c.gain > 0]
+    say("first look: " + (", ".join(f"{c.effect.id} {100 * c.share:.0f} %" for c in likely[:6]) or "no candidate"))
+    if not likely:
         return screened
     # Two threads: one program compiles while another runs.
     with ThreadPoolExecutor(2) as pool:
+        shortlist = _different(likely)
         trials = list(pool.map(lambda c: _added(base, c, logs, check, noise), shortlist))
+        leader = shortlist[int(np.argmin([trial.score for trial in trials]))]
+        alike = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
+        trials += pool.map(lambda c: _added(base, c, logs, check, noise), alike)
         best = min(trial.score for trial in trials)
-        running = [trial.score < best + max(100.0, _IN_THE_RUNNING * (base.score - best)) for trial in trials]
-        finish = pool.map(
-            lambda t: continued(t, logs, check, noise), [t for t, r in zip(trials, running, strict=True) if r]
-        )
-        trials = sorted([*finish, *(t for t, r in zip(trials, running, strict=True) if not r)], key=lambda t: t.score)
+        near = best + max(100.0, _IN_THE_RUNNING * (base.score - best))
+        finished = pool.map(lambda t: continued(t, logs, check, noise) if t.score < near else t, trials)
+        trials = sorted(finished, key=lambda t: t.score)
     for trial in trials:
         say(f"refitted with {trial.id}: held-out {trial.check.normalised_rms:.3f} x noise, score {trial.score:.0f}")
     if not _worth(base, trials[0], first, len(effects)):

@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..explain.localise import ConditionShare, Localisation, power
+from ..explain.condition_shares import ConditionShare, power
+from ..explain.localise import Localisation
 from ..explain.missing_force import ForceHistory
 from ..explain.patterns import Pattern
 from ..logs import Log, LogSet
@@ -54,9 +55,9 @@ def _conditions(ax: Axes, conditions: list[ConditionShare]) -> None:
         ax.barh(row, c.ratio, height=0.62, color=COLOURS[1] if c.stands_out else _PLAIN_BAR, zorder=2)
         low, high = c.ratio_ci95
         ax.plot([low, min(high, 1.05 * end)], [row, row], color="0.15", lw=1.2, zorder=3)
-        text = f"{100 * c.share:.0f} % of force, {100 * c.time_share:.0f} % of time"
-        ax.text(0.04 * end, row, text, va="center", fontsize="x-small", zorder=4,
-                color="white" if c.stands_out else "0.1")  # fmt: skip
+        text = f"{100 * c.share:.0f} % in {100 * c.time_share:.0f} %"
+        ax.text(1.02, row, text, va="center", fontsize="x-small", transform=ax.get_yaxis_transform())
+    ax.text(1.02, -0.75, "of force in time", fontsize="x-small", color="0.35", transform=ax.get_yaxis_transform())
     ax.axvline(1.0, color="0.2", lw=1.2, ls="--", zorder=3)
     ax.set_yticks(range(len(conditions)), [c.name for c in conditions])
     for label, c in zip(ax.get_yticklabels(), conditions, strict=True):
@@ -94,7 +95,7 @@ def localisation(found: Localisation, logs: LogSet) -> Figure:
     speeds = [name for name in force.names if name in log.measured] or list(log.measured)[:1]
     ratios = [1.6] * len(force.names) + [0.8] * len(speeds)
     figure = Figure(figsize=(11.5, max(1.0 + 1.05 * sum(ratios), 5.2)), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=(1.75, 1.0))
+    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(1.75, 1.0)))
     axes = left.subplots(len(ratios), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     for i in range(len(force.names)):
         _force(axes[i], force, i, COLOURS[i % len(COLOURS)])
@@ -103,13 +104,17 @@ def localisation(found: Localisation, logs: LogSet) -> Figure:
                           color=COLOURS[i % len(COLOURS)])  # fmt: skip
     for j, name in enumerate(speeds):
         _speed(axes[len(force.names) + j], log, name)
+    follows = next((p for p in found.patterns if p.stands_out), None)
+    if follows is not None:
+        for i, ax in enumerate(axes[: len(force.names)]):
+            ax.plot(force.time, follows.fitted[e][:, i], "k--", lw=1.1, label=f"fitted to the {follows.name}")
     best = found.standing_out[0] if found.standing_out else None
     if best is not None and found.marked:
         for ax in axes:
             for start, stop in _runs(found.marked[e], log.time):
                 ax.axvspan(start, stop, color=_MARK, alpha=0.45, lw=0, zorder=0)
         axes[0].axvspan(np.nan, np.nan, color=_MARK, alpha=0.45, lw=0, label=best.phrase)
-    axes[0].legend(fontsize="x-small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, borderpad=0)
+    axes[0].legend(fontsize="x-small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, borderpad=0)
     for ax in axes:
         _tidy(ax)
         ax.margins(x=0.01)
@@ -139,5 +144,3 @@ def _wrapped(text: str, width: int = 125) -> str:
         else:
             line = f"{line} {word}".strip()
     return "\n".join([*lines, line])
-
-

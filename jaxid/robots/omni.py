@@ -182,9 +182,10 @@ class Omni(Robot):
     def rim_speeds(self, speeds: Path, p: Numbers) -> Path:
         return speeds[0], speeds[1], p["b"] * speeds[2]
 
-    def world_force(self, force, state: State, p: Numbers) -> Path:
+    def field_force(self, field, state: State, p: Numbers) -> Path:
         sin_t, cos_t = sincos(state["theta"])
-        along, across = cos_t * force[0] + sin_t * force[1], -sin_t * force[0] + cos_t * force[1]
+        along = p["M"] * (cos_t * field[0] + sin_t * field[1])
+        across = p["M"] * (cos_t * field[1] - sin_t * field[0])
         return along, across, p["xc"] * across - p["yc"] * along
 
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:

@@ -191,10 +191,14 @@ class Pioneer(Robot):
     def drive_forces(self, torques: Path, p: Numbers) -> Path:
         return tuple(torque / p["R"] for torque in torques)
 
-    def world_force(self, force, state: State, p: Numbers) -> Path:
+    def field_force(self, field, state: State, p: Numbers) -> Path:
+        """Body, driving wheels and caster are pulled each at its place; the caster gives way along its rolling direction."""
         sin_t, cos_t = sincos(state["theta"])
-        ahead, right = -sin_t * force[0] + cos_t * force[1], cos_t * force[0] + sin_t * force[1]
-        return ahead, p["xm"] * ahead - p["ym"] * right
+        sin_b, cos_b = sincos(state["beta"])
+        ahead, right = -sin_t * field[0] + cos_t * field[1], cos_t * field[0] + sin_t * field[1]
+        rolling = p["m1"] * (cos_b * ahead - sin_b * right)
+        forwards = (p["M"] + 2.0 * p["m"]) * ahead + rolling * cos_b
+        return forwards, p["M"] * (p["xm"] * ahead - p["ym"] * right) - rolling * p["l1"] * sin_b
 
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
         sin_b, cos_b = sincos(state["beta"])

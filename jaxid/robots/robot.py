@@ -105,13 +105,9 @@ class Robot:
         """Forces at the ground [N] of the motors' torques (or forces) as the `torque` stage passes them."""
         return torques
 
-    def world_force(self, force: tuple[Scalar, Scalar], state: State, p: Numbers) -> Path:
-        """Generalised forces of a world-frame force [N] along (x, y) at the centre of mass."""
+    def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Path:
+        """Generalised forces of an acceleration field [m/s²] along the world's (x, y) that pulls at every body's mass."""
         return (0.0,) * len(self.velocities)
-
-    def mass(self, p: Numbers) -> Scalar:
-        """Mass that a slope pulls at [kg]."""
-        return p["M"]
 
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
         """Time derivative of the rubbing speeds along `rates` of the velocities."""
