@@ -289,9 +289,10 @@ def page(rows: list[dict[str, Any]]) -> str:
     order = (
         np.log2(find("sticking", 1)["simulation_error"]["half"] / find("sticking", 16)["simulation_error"]["half"]) / 4
     )
-    fit = stick["fit"]
+    fit = find("sticking", 2)["fit"]
     best = (
-        f"with four sub-steps the check RMS is {fit['half']['check_rms']:.3f} and {fit['demo']['check_rms']:.3f}, "
+        f"with two sub-steps of 10 ms, the default at 50 Hz, the check "
+        f"RMS is {fit['half']['check_rms']:.3f} and {fit['demo']['check_rms']:.3f}, "
         f"and no bias of the four friction parameters and I0 exceeds "
         f"{100 * max(abs(fit['bias'][name]) for name in ('Cs', 'Cv', 'Cs1', 'Cv1', 'I0')):.2f} %"
     )

@@ -74,7 +74,7 @@ def plans(name: str) -> list[Plan]:
     return [found[i] for i in order]
 
 
-def _true_parameters(robot: str, hidden: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+def true_parameters(robot: str, hidden: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
     """The hidden effects' constants in the model's own terms, where the two have the same meaning."""
     inputs = {"pioneer": ("V2", "V3"), "omni": ("u1", "u2", "u3", "u4"), "axis": ("u",)}[robot]
     outputs = {"pioneer": ("eta1", "eta2"), "omni": ("V", "Vn", "W"), "axis": ("v",)}[robot]
@@ -135,7 +135,7 @@ def run(plan: Plan) -> dict:
         fit = jaxid.output_error(robot, logs)
         found = explain(fit, logs, check)
         seconds = time.perf_counter() - begin
-    true = _true_parameters(plan.robot, case.effects)
+    true = true_parameters(plan.robot, case.effects)
     covered = {}
     for effect in found.effects:
         for name, value in true.get(effect.id, {}).items():

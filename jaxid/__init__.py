@@ -7,10 +7,13 @@ fit, check = logs.split(check=["turns.csv", "crawl.csv"])
 ls = jaxid.integral_least_squares(jaxid.Pioneer(), fit)
 oe = jaxid.output_error(jaxid.Pioneer(), fit, start=ls)
 jaxid.compare(ls, oe, check=check)
+jaxid.explain(oe, fit, check)
 """
 
 from ._float64 import float64
+from .effects import catalogue
 from .estimate import Estimate, Fit, integral_least_squares, output_error
+from .explain import Explanation, explain
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
@@ -27,6 +30,7 @@ __all__ = [
     "Custom",
     "Effect",
     "Estimate",
+    "Explanation",
     "Fit",
     "Integrator",
     "Log",
@@ -40,7 +44,9 @@ __all__ = [
     "Robot",
     "Smooth",
     "Sticking",
+    "catalogue",
     "compare",
+    "explain",
     "float64",
     "integral_least_squares",
     "noise_level",

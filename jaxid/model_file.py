@@ -12,6 +12,12 @@
     upper = 2.0
     prior = [0.3, 0.1]             # mean, standard deviation
 
+    [[effects]]                    # added from the catalogue, at zero unless the file says otherwise
+    id = "stribeck_friction"
+
+    [parameters."stribeck_friction.amplitude"]
+    value = 0.1
+
 Every entry overrides the robot's own; what is not mentioned stays as it is. The same file is written after a fit, with
 the estimates as values. `docs/files.md` describes each key.
 """
@@ -27,6 +33,7 @@ import numpy as np
 import tomli_w
 
 from ._atomic import write_text
+from .effects import catalogue, effect_by_id
 from .logs.log import did_you_mean
 from .parameters import Parameter, ParameterError, ParameterTable
 from .robots import Robot
@@ -123,25 +130,38 @@ def _check_zeros(robot: Robot, own: ParameterTable, path: Path) -> None:
                 )
 
 
-def _check_effects(document: Mapping[str, Any], robot: Robot, path: Path) -> None:
+def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path) -> Robot:
+    """The robot with the catalogue's effects that the file names and the robot does not have."""
     effects = document.get("effects", [])
     if not isinstance(effects, list) or not all(isinstance(e, dict) and isinstance(e.get("id"), str) for e in effects):
         raise ModelFileError(f'{path}: effects is no list of tables with an id; write [[effects]] and id = "...".')
     named = [effect["id"] for effect in effects]
     own = [effect.id for effect in robot.effects]
-    if named and named != own:
+    if named and named[: len(own)] != own:
         raise ModelFileError(
             f"{path}: effects names {', '.join(named)}, but the robot {robot.name!r} has {', '.join(own) or 'none'}; "
             "give the robot with these effects (package.module:attribute) or take them out of the file."
         )
+    for identifier in named[len(own) :]:
+        if identifier in [effect.id for effect in robot.effects]:
+            raise ModelFileError(f"{path}: effects names {identifier} twice; take one of them out.")
+        try:
+            robot = robot + effect_by_id(robot, identifier)
+        except KeyError:
+            near = did_you_mean(identifier, [effect.id for effect in catalogue(robot)])
+            raise ModelFileError(
+                f"{path}: effects names {identifier!r}, which no effect of the catalogue for {robot.name!r} is{near}; "
+                f"correct it, give the robot with this effect (package.module:attribute), or take it out of the file."
+            ) from None
+    return robot
 
 
 def read_model(path: str | Path, robot: Robot) -> Robot:
-    """The robot with the numbers, free parameters, bounds and priors of a model file.
+    """The robot with the effects, numbers, free parameters, bounds and priors of a model file.
 
     Raises `ModelFileError`, one sentence with file, key and remedy: a file that cannot be opened or is not TOML, another
     robot's file, unknown keys and parameters, values that are no finite numbers, impossible bounds and priors, negative
-    values of what cannot be negative, effects that the robot does not have.
+    values of what cannot be negative, effects that neither the robot nor the catalogue has.
     """
     path = Path(path)
     try:
@@ -162,7 +182,7 @@ def read_model(path: str | Path, robot: Robot) -> Robot:
         raise ModelFileError(
             f"{path}: robot = {named!r}, but the robot given is {robot.name!r}; give the model of this robot."
         )
-    _check_effects(document, robot, path)
+    robot = _with_effects(document, robot, path)
     entries = document.get("parameters", {})
     if not isinstance(entries, Mapping):
         raise ModelFileError(f"{path}: parameters = {entries!r} is no table; write [parameters] and lines below it.")

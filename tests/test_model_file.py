@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Custom, Effect, Log, LogSet, Omni, Parameter, Pioneer, simulate
+from jaxid.effects import catalogue, effect_by_id
 from jaxid.logs import Channels
 from jaxid.model_file import ModelFileError, model_text, read_model, write_model
 
@@ -108,7 +109,10 @@ def test_standard_errors_stand_in_the_file_where_there_are_any():
         ('[parameters.Cs]\nfree = "yes"', ("parameters.Cs.free", "true")),
         ('[parameters.Cs]\nunit = "mN m"', ("parameters.Cs.unit", "'N m'", "convert")),
         ("parameters = 3", ("parameters", "table")),
-        ('[[effects]]\nid = "motor_lag"', ("motor_lag", "none")),
+        ('[[effects]]\nid = "motor_lagg"', ("'motor_lagg'", "'motor_lag'", "catalogue")),
+        ('[[effects]]\nid = "coriolis_coupling"', ("'coriolis_coupling'", "'pioneer'", "module:attribute")),
+        ('[[effects]]\nid = "motor_lag"\n[[effects]]\nid = "motor_lag"', ("motor_lag", "twice")),
+        ('[[effects]]\nid = "motor_lag"\n[parameters]\n"motor_lag.time" = 1', ("motor_lag.time", "time_constant")),
         ("effects = 1", ("effects", "[[effects]]")),
     ],
 )
@@ -131,15 +135,54 @@ def test_files_that_cannot_be_opened(tmp_path):
         read_model(tmp_path / "binary.toml", Pioneer())
 
 
-def test_a_model_with_effects_is_for_a_robot_with_the_same_effects(tmp_path):
-    class Drag(Effect):
-        id = "quadratic_drag"
+class Rope(Effect):
+    """A user's own effect, which no catalogue has."""
 
-        def parameters(self, robot):
-            return {self.key("c"): Parameter(0.0, "N s^2/m^2", free=True, lower=0.0)}
+    id = "rope"
 
-    robot = (Axis() + Drag()).with_values(**{"quadratic_drag.c": 0.7})
+    def parameters(self, robot):
+        return {self.key("c"): Parameter(0.0, "N s/m", free=True, lower=0.0)}
+
+
+def test_a_users_own_effects_come_with_the_robot(tmp_path):
+    robot = (Axis() + Rope()).with_values(**{"rope.c": 0.7})
     write_model(tmp_path / "model.toml", robot)
-    assert read_model(tmp_path / "model.toml", Axis() + Drag()).parameters == robot.parameters
-    with pytest.raises(ModelFileError, match="quadratic_drag"):
+    assert read_model(tmp_path / "model.toml", Axis() + Rope()).parameters == robot.parameters
+    with pytest.raises(ModelFileError, match="rope"):
         read_model(tmp_path / "model.toml", Axis())
+    named = robot + effect_by_id(robot, "motor_lag")
+    write_model(tmp_path / "model.toml", named)
+    assert read_model(tmp_path / "model.toml", Axis() + Rope()) == named
+    with pytest.raises(ModelFileError, match="has motor_lag; give the robot"):
+        read_model(tmp_path / "model.toml", Axis() + effect_by_id(Axis(), "motor_lag"))
+
+
+@pytest.mark.parametrize("robot", [Pioneer(), Omni().with_values(coriolis=0.0), Axis()], ids=lambda robot: robot.name)
+def test_every_catalogue_effect_comes_back_from_a_file(tmp_path, robot):
+    rng = np.random.default_rng(5)
+    effects = catalogue(robot)
+    assert len(effects) >= 14
+    for one in effects:
+        model = robot + one
+        model = model + next(e for e in catalogue(model) if e.id != one.id)  # a second one knows of the first
+        values = {n: p.value + 0.01 * rng.uniform(1, 2) for n, p in model.parameters.items() if p.free}
+        model = model.with_values(**values)
+        write_model(tmp_path / "model.toml", model)
+        again = read_model(tmp_path / "model.toml", type(robot)())
+        # Equal robots are one compiled program with the same numbers: they simulate alike.
+        assert again == model and again.structure == model.structure, one.id
+        assert len(set(model.parameters) - set(robot.parameters)) > 0 or one.frees
+
+
+def test_a_read_model_with_effects_simulates_as_the_one_written(tmp_path):
+    time = np.arange(300) * 0.02
+    logs = LogSet([Log.from_arrays("run", time, 3 * np.sin(2 * time)[:, None], {"v": np.zeros(300)}, "axis")])
+    model = Axis()
+    for name in ("stribeck_friction", "cogging_torque", "sensor_lag"):
+        model = model + effect_by_id(model, name)
+    added = {n: 0.05 if "periods" not in n else 4.0 for n in model.parameters if "." in n}
+    model = model.with_values(**added)
+    write_model(tmp_path / "model.toml", model)
+    (first,), (again,) = simulate(model, logs), simulate(read_model(tmp_path / "model.toml", Axis()), logs)
+    assert np.array_equal(first, again)
+    assert np.max(np.abs(first - simulate(Axis(), logs)[0])) > 0.01

@@ -1,4 +1,4 @@
-"""The command line: `jaxid fit`, `jaxid simulate`, `jaxid demo`."""
+"""The command line: `jaxid fit`, `jaxid explain`, `jaxid simulate`, `jaxid demo`."""
 
 from .app import main
 

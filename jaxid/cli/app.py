@@ -31,6 +31,12 @@ RobotArgument = Annotated[
 Mapping = Annotated[
     Path | None, typer.Option("--map", metavar="MAPPING.toml", help="Standard column name to the file's column.")
 ]
+Model = Annotated[
+    Path | None,
+    typer.Option(
+        "--model", metavar="MODEL.toml", help="Known constants, start values, free parameters, bounds, priors, effects."
+    ),
+]
 
 
 def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
@@ -74,18 +80,38 @@ def fit(
     check: Annotated[
         list[str] | None, typer.Option("--check", metavar="LOG...", help="Logs held out to check the result on.")
     ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(
-            "--model", metavar="MODEL.toml", help="Known constants, start values, free parameters, bounds, priors."
-        ),
-    ] = None,
+    model: Model = None,
     mapping: Mapping = None,
 ) -> None:
     """Identify a robot's parameters from its logs, by integral least squares and by output error."""
     from .fit import run_fit
 
     run_fit(robot, fit, check or [], model, mapping, out)
+
+
+@app.command()
+@_one_line_errors
+def explain(
+    robot: RobotArgument,
+    fit: Annotated[list[str], typer.Option("--fit", metavar="LOG...", help="Logs to identify from; patterns work.")],
+    check: Annotated[
+        list[str], typer.Option("--check", metavar="LOG...", help="Logs held out, on which explanations are judged.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="DIR", help="Folder for explanation.json, model.toml, report.html, pictures."),
+    ],
+    model: Model = None,
+    baseline: Annotated[
+        str | None,
+        typer.Option("--baseline", metavar="uncoupled", help="Start the omni from the paper's equations."),
+    ] = None,
+    mapping: Mapping = None,
+) -> None:
+    """Find where simulation and logs disagree, name the missing effect, add it, and show the gap shrink."""
+    from .explain import run_explain
+
+    run_explain(robot, fit, check, model, baseline, mapping, out)
 
 
 @app.command()

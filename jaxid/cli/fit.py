@@ -90,9 +90,8 @@ def write_results(
     return comparison
 
 
-def run_fit(spec: str, fit: list[str], check: list[str], model: Path | None, mapping: Path | None, out: Path) -> None:
-    """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
-    keep_compiled_programs()
+def identifiable(spec: str, model: Path | None) -> Robot:
+    """The robot of the command line with its model file. Raises `ParameterError` if nothing is free."""
     robot = load_robot(spec)
     if model is not None:
         robot = read_model(model, robot)
@@ -100,6 +99,13 @@ def run_fit(spec: str, fit: list[str], check: list[str], model: Path | None, map
         raise ParameterError(
             "no parameter is free; write free = true for at least one in a model file and give --model."
         )
+    return robot
+
+
+def read_case(
+    robot: Robot, fit: list[str], check: list[str], mapping: Path | None, out: Path
+) -> tuple[LogSet, LogSet | None]:
+    """Logs to fit and to check, looked over; `out` is made first. Raises `UnusableInput` if no log can be fitted."""
     prepare_folder(out)
     fit_logs = read_logs(fit, robot, mapping=mapping)
     check_logs = read_logs(check, robot, mapping=mapping) if check else None
@@ -108,6 +114,14 @@ def run_fit(spec: str, fit: list[str], check: list[str], model: Path | None, map
         raise UnusableInput(next(iter(useless.values())).message)
     say(f"{len(fit_logs)} logs to fit, {len(check_logs or ())} to check")
     warn_of_findings(fit_logs, check_logs)
+    return fit_logs, check_logs
+
+
+def run_fit(spec: str, fit: list[str], check: list[str], model: Path | None, mapping: Path | None, out: Path) -> None:
+    """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
+    keep_compiled_programs()
+    robot = identifiable(spec, model)
+    fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
     fits = estimate(robot, fit_logs)
     write_results(out, fits, check_logs, fit_logs)
     say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if check_logs is not None else ""))

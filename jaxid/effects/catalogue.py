@@ -47,8 +47,8 @@ def _drive_effects(robot: Robot) -> list[Effect]:
     ]
 
 
-def catalogue(robot: Robot) -> list[Effect]:
-    """Every effect that applies to `robot` and is not in it yet."""
+def _applicable(robot: Robot) -> list[Effect]:
+    """Every effect that a robot of this kind can have and that is not in this one yet."""
     found = _signal_effects(robot)
     if robot.drive_axes:
         found += _drive_effects(robot)
@@ -65,19 +65,24 @@ def catalogue(robot: Robot) -> list[Effect]:
     if isinstance(robot, Pioneer):
         found.append(LateralCentreOfMass(("xm",)))
     if isinstance(robot, Omni):
-        found.append(LateralCentreOfMass(("yc", "xc")))
-        if robot.parameters["coriolis"].value == 0.0:
-            found.append(CoriolisCoupling())
+        found += [LateralCentreOfMass(("yc", "xc")), CoriolisCoupling()]
     if isinstance(robot, Axis):
         found = [effect for effect in found if effect.id != "asymmetric_friction"]  # the offset is the same model
     present = {effect.id for effect in robot.effects}
     return [effect for effect in found if effect.id not in present]
 
 
+def catalogue(robot: Robot) -> list[Effect]:
+    """Every effect that applies to `robot` and that it lacks."""
+    # The turning frame's own terms are lacking only where they have been left out.
+    whole = isinstance(robot, Omni) and robot.parameters["coriolis"].value != 0.0
+    return [effect for effect in _applicable(robot) if not (whole and isinstance(effect, CoriolisCoupling))]
+
+
 def effect_by_id(robot: Robot, identifier: str) -> Effect:
-    """The catalogue's effect with that identifier. Raises `KeyError` naming those that apply."""
-    for effect in catalogue(robot):
-        if effect.id == identifier:
-            return effect
-    known = ", ".join(effect.id for effect in catalogue(robot))
+    """The catalogue's effect with that identifier. Raises `KeyError` naming those that apply and are not there yet."""
+    found = {effect.id: effect for effect in _applicable(robot)}
+    if identifier in found:
+        return found[identifier]
+    known = ", ".join(found)
     raise KeyError(f"no effect {identifier!r} applies to {robot.name}; there are {known}")

@@ -8,6 +8,8 @@ puts small kinks into the cost, on which steps can go on being rejected for ever
 a row have not lowered the cost (half chi-squared) by a hundredth, which no interval would notice.
 """
 
+import threading
+from collections import OrderedDict
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -15,6 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
@@ -114,7 +117,33 @@ def minimise(
     )
 
 
-minimise_compiled = jax.jit(minimise, static_argnames=("structure",))
+_jitted = jax.jit(minimise, static_argnames=("structure",))
+_programs: OrderedDict[Any, Any] = OrderedDict()
+_MOST_PROGRAMS = 64
+_bookkeeping = threading.Lock()
+
+
+def program(structure: Structure, problem: Problem, start: Unknowns):
+    """The compiled `minimise` for these shapes, kept for the next call; compiling leaves other threads free to run."""
+    leaves, tree = jax.tree.flatten((problem, start))
+    key = (structure, tree, tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves))
+    with _bookkeeping:
+        found = _programs.pop(key, None)
+    if found is None:
+        found = _jitted.lower(structure, problem, start, max_steps=np.int64(1), tolerance=np.float64(1)).compile()
+    with _bookkeeping:
+        _programs[key] = found
+        while len(_programs) > _MOST_PROGRAMS:
+            _programs.popitem(last=False)
+    return found
+
+
+def minimise_compiled(
+    structure: Structure, problem: Problem, start: Unknowns, *, max_steps: int = 100, tolerance: float = 1e-3
+) -> Optimum:
+    """`minimise`, compiled once for all problems of the same structure and shapes."""
+    run = program(structure, problem, start)
+    return run(problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
 
 
 @partial(jax.jit, static_argnames=("structure",))

@@ -5,10 +5,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from .._atomic import write_text
 from ..estimate.result import Estimate, Fit
+from ..logs import LogSet
+from ..model_file import write_model
 from ..robots.robot import Robot
 from .heldout import HeldOut
 from .next_experiment import NextExperiment
@@ -71,12 +73,37 @@ def _worded(name: str, estimate: Estimate) -> str:
     return f"{name.replace('_', ' ')} {estimate.value:.3g} ± {estimate.std_error:.1g}{unit}"
 
 
-@dataclass(frozen=True)
+class Display(Protocol):
+    """How explanations are shown to people."""
+
+    def text(self, found: "Explanation") -> str:
+        """For a terminal."""
+        ...
+
+    def body(self, found: "Explanation") -> str:
+        """HTML for a notebook."""
+        ...
+
+    def save(self, found: "Explanation", folder: Path) -> list[Path]:
+        """Write the page and its pictures and return their paths."""
+        ...
+
+
+_displays: list[Display] = []
+
+
+def show_with(display: Display) -> None:
+    """Show explanations with `display`. The package `report` calls this, so that nothing here depends on drawing."""
+    _displays[:] = [display]
+
+
+@dataclass(frozen=True, repr=False)
 class Explanation:
     """The whole explanation. `model` is an ordinary robot: fit it, simulate it, save it, extend it.
 
     `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
-    is; `next_experiment` what to record to settle what this data leaves open.
+    is; `next_experiment` what to record to settle what this data leaves open. `check` are the held-out logs, for pictures
+    (without them, residuals are drawn and measurements are not). In a notebook it shows itself.
     """
 
     verdict: Verdict
@@ -88,6 +115,7 @@ class Explanation:
     search: Search = field(repr=False)
     localisation: Any = None
     next_experiment: NextExperiment | None = None
+    check: LogSet | None = field(default=None, repr=False)
 
     @property
     def model(self) -> Robot:
@@ -160,13 +188,30 @@ class Explanation:
             "next_experiment": self.next_experiment.to_dict() if self.next_experiment else {},
         }
 
-    def save(self, folder: str | Path) -> None:
-        """Write `explanation.json`, and `next_experiment.csv` where one is proposed. Raises `OSError`."""
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write the explanation into `folder` (made if missing) and return the paths of its files.
+
+        `explanation.json`, `model.toml` (the model with its effects), `next_experiment.csv` where one is proposed,
+        `report.html` and its pictures. Raises `OSError` if the folder cannot be written.
+        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / "explanation.json", json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n")
+        written = [folder / "explanation.json", folder / "model.toml"]
+        write_text(written[0], json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n")
+        errors = {name: estimate.std_error for name, estimate in self.final.parameters.items()}
+        write_model(written[1], self.model, errors, self.final.method)
         if self.next_experiment:
-            self.next_experiment.save(folder / "next_experiment.csv")
+            written.append(folder / "next_experiment.csv")
+            self.next_experiment.save(written[-1])
+        for display in _displays:
+            written += display.save(self, folder)
+        return written
+
+    def __repr__(self) -> str:
+        return _displays[0].text(self) if _displays else self.sentence
+
+    def _repr_html_(self) -> str | None:
+        return _displays[0].body(self) if _displays else None
 
 
 def _finite(value: float) -> float | None:

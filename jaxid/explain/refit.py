@@ -1,5 +1,6 @@
 """Refit of a model with one more effect: all free parameters and the effect's own, weighed by the noise of the data."""
 
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -8,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._float64 import in_float64
-from ..estimate.levenberg_marquardt import Optimum, minimise_compiled
+from ..estimate.levenberg_marquardt import Optimum, minimise_compiled, program
 from ..estimate.output_error import output_error
 from ..estimate.problem import Unknowns, parameters_at
 from ..estimate.result import Fit
@@ -18,8 +19,10 @@ from ..robots.effect import Effect
 from ..robots.robot import Robot
 from .heldout import HeldOut, held_out
 
-_STEPS = 40
-FEW_STEPS = 10
+_STEPS = 25
+one_at_a_time = threading.Lock()
+"""Held while a rollout runs: two large programs at once can starve each other of XLA's worker threads for ever."""
+FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
 
 
@@ -80,8 +83,10 @@ def refit(
         sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
         problem = replace(problem, sigma=jnp.where(jnp.isfinite(sigma), sigma, problem.sigma))
         unknowns = Unknowns(unknowns.z, _states(initial_states, logs, structure, problem))
-        optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
-        cost = float(optimum.cost)
+        program(structure, problem, unknowns)  # compiled here, while other threads may run
+        with one_at_a_time:
+            optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
+            cost = float(optimum.cost)
         if np.isfinite(cost) and (best is None or cost < best[0]):
             best = (cost, optimum, structure, problem)
     assert best is not None
@@ -91,12 +96,14 @@ def refit(
     states = {name: np.array(problem.start[name]) for name in robot.states}
     for i, name in enumerate(structure.state_names):
         states[name] = states[name] + np.asarray(problem.state_scale[i] * optimum.unknowns.states[:, i])
+    with one_at_a_time:
+        predicted = held_out(found, check, noise)
     return Trial(
         effects=robot.effects,
         robot=found,
         squares=float(jnp.sum(optimum.triangle.squares)),
         free=len(structure.names),
-        check=held_out(found, check, noise),
+        check=predicted,
         initial_states={log.name: {n: float(v[e]) for n, v in states.items()} for e, log in enumerate(logs)},
     )
 

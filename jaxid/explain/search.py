@@ -27,7 +27,7 @@ _LEAST_OF_FIRST = 0.02
 """Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
 _SEPARATED = 2.0
 """Standard errors of the log-likelihood difference beyond which two names are told apart (Vuong 1989)."""
-_IN_THE_RUNNING = 0.3
+_IN_THE_RUNNING = 0.1
 """Candidates that lack less than this share of the best one's gain after a few steps are refitted to the end."""
 _BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
 
@@ -99,13 +99,17 @@ def _added(base: Trial, candidate: Candidate, logs: LogSet, check: LogSet, noise
     return refit(robot, candidate.starts, logs, check, noise, base.initial_states, FEW_STEPS)
 
 
+def _least(before: Trial, first: Trial) -> float:
+    """The least drop of the held-out RMS that explains something."""
+    return max(LEAST_GAIN * before.check.gap, _LEAST_OF_FIRST * first.check.gap)
+
+
 def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
     """Whether an effect explains something, the number of candidates tried accounted for."""
     gain = before.check.normalised_rms - after.check.normalised_rms
-    least = max(LEAST_GAIN * before.check.gap, _LEAST_OF_FIRST * first.check.gap)
     likelier = before.squares - after.squares
     price = (after.free - before.free) * np.log(before.check.samples) + 2 * np.log(tried)
-    return gain >= least and likelier > price and told_apart(after, before) > _SEPARATED
+    return gain >= _least(before, first) and likelier > price and told_apart(after, before) > _SEPARATED
 
 
 def name_next(
@@ -130,9 +134,10 @@ def name_next(
         leader = shortlist[int(np.argmin([trial.score for trial in trials]))]
         alike = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
         trials += pool.map(lambda c: _added(base, c, logs, check, noise), alike)
-        best = min(trial.score for trial in trials)
-        near = best + max(100.0, _IN_THE_RUNNING * (base.score - best))
-        finished = pool.map(lambda t: continued(t, logs, check, noise) if t.score < near else t, trials)
+        best = min(trials, key=lambda t: t.score)
+        near = best.score + max(100.0, _IN_THE_RUNNING * (base.score - best.score))
+        promising = base.check.normalised_rms - best.check.normalised_rms > 0.5 * _least(base, first)
+        finished = pool.map(lambda t: continued(t, logs, check, noise) if promising and t.score < near else t, trials)
         trials = sorted(finished, key=lambda t: t.score)
     for trial in trials:
         say(f"refitted with {trial.id}: held-out {trial.check.normalised_rms:.3f} x noise, score {trial.score:.0f}")

@@ -1,0 +1,86 @@
+"""`jaxid explain`: read, look, fit, and say what the model lacks; files for programs and a page for people."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import typer
+
+from ..estimate import Fit
+from ..explain import explain
+from ..explain.missing_force import NoVelocities
+from ..logs import LogSet
+from ..report import compare
+from ..report.files import write_fit
+from ..robots import Omni, Robot
+from .arguments import UnusableInput, load_robot
+from .cache import keep_compiled_programs
+from .console import say, show, step
+from .fit import estimate, identifiable, prepare_folder, read_case
+
+BASELINES = ("uncoupled",)
+"""What `--baseline` can be."""
+
+
+def check_baseline(baseline: str | None, robot: Robot) -> None:
+    """Raise `typer.BadParameter` (exit status 2) for a baseline that there is not, or not for this robot."""
+    if baseline is None:
+        return
+    if baseline not in BASELINES:
+        raise typer.BadParameter(
+            f"There is no baseline {baseline!r}; use --baseline {' or '.join(BASELINES)}, or leave it out."
+        )
+    if not isinstance(robot, Omni):
+        raise typer.BadParameter(
+            f"--baseline {baseline} is for the omni and not for {robot.name!r}; leave it out for this robot."
+        )
+
+
+def without_coupling(robot: Robot) -> Robot:
+    """The omni by its paper's equations, which lack the turning frame's own terms.
+
+    Raises `UnusableInput` for a model that has them as an effect.
+    """
+    if "coriolis_coupling" in [effect.id for effect in robot.effects]:
+        raise UnusableInput(
+            "The model has the effect coriolis_coupling, which --baseline uncoupled leaves out; take one of the two away."
+        )
+    return robot.change("coriolis", value=0.0, free=False)
+
+
+def _write_fits(out: Path, fits: list[Fit], fit: LogSet, check: LogSet) -> None:
+    with step("Check on held-out logs"):
+        comparison = compare(*fits, check=check, fit=fit)
+    write_fit(out, fits, comparison.validations)
+
+
+def run_explain(
+    spec: str,
+    fit: list[str],
+    check: list[str],
+    model: Path | None,
+    baseline: str | None,
+    mapping: Path | None,
+    out: Path,
+) -> None:
+    """Write fit.json, explanation.json, model.toml, report.html and pictures to `out` and print what was found."""
+    keep_compiled_programs()
+    check_baseline(baseline, load_robot(spec))
+    robot = identifiable(spec, model)
+    if baseline is not None:
+        robot = without_coupling(robot)
+    fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
+    assert check_logs is not None  # --check is required
+    fits = estimate(robot, fit_logs)
+    _write_fits(out, fits, fit_logs, check_logs)
+    with step("Explanation") as report:
+        try:
+            found = explain(fits[-1], fit_logs, check_logs, report=report)
+        except NoVelocities as error:
+            raise UnusableInput(str(error)) from None
+    found = replace(found, check=check_logs)
+    for note in found.final.notes if found.effects else ():
+        say(f"warning: {note}", style="yellow")
+    show(repr(found))
+    with step("Page and pictures"):
+        written = found.save(out)
+    say(f"{out}: fit.json, {', '.join(path.name for path in written if path.suffix != '.png')} and pictures")

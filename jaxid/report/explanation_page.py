@@ -1,0 +1,97 @@
+"""The page of an explanation: verdict, where, what, how sure, before and after, what next, in one file.
+
+The same body shows in a notebook. Importing this module gives explanations their page (`explain.explanation.show_with`).
+"""
+
+from importlib.resources import files
+from pathlib import Path
+
+from jinja2 import Environment
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from .._atomic import replacing, write_text
+from ..explain.explanation import Explanation, show_with
+from ..explain.heldout import FALSE_ALARM
+from . import explanation_figures as draw
+from . import explanation_tables as tab
+from .figures import as_html, as_png
+from .localisation_figures import localisation
+from .tables import Table, to_html
+
+_TEMPLATE = "explanation.html.jinja"
+_DPI = 100
+ALT = {
+    "localisation": "The missing force over time, and when it acts",
+    "ranking": "Candidates: promised share of the gap, and error after a refit",
+    "before_after": "Residual before and after on the worst held-out log",
+    "whiteness": "Correlation and spectrum of the residual before and after",
+    "moved": "The robot's own parameters before and after",
+    "next_experiment": "Inputs of the proposed experiment",
+}
+"""Every picture's name and what it shows."""
+
+
+def figures(found: Explanation) -> dict[str, Figure]:
+    """The figures that apply, by the names of `ALT`."""
+    made: dict[str, Figure | None] = {}
+    if found.localisation is not None and found.check is not None:
+        made["localisation"] = localisation(found.localisation, found.check)
+    made["ranking"] = draw.ranking(found)
+    made["before_after"] = draw.before_after(found)
+    made["whiteness"] = draw.whiteness(found)
+    made["moved"] = draw.moved(found)
+    if found.next_experiment is not None:
+        made["next_experiment"] = draw.next_inputs(found.next_experiment, found.model.channels.units)
+    return {name: figure for name, figure in made.items() if figure is not None}
+
+
+def _markup(table: Table) -> Markup:
+    return Markup(to_html(table))
+
+
+def _render(found: Explanation, pictures: dict[str, Figure], whole: bool) -> str:
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string(files(__package__).joinpath(_TEMPLATE).read_text(encoding="utf-8"))
+    bars = [("error " + label if found.effects else "error", state.normalised_rms, colour)
+            for state, _, colour, label in draw.states(found)]  # fmt: skip
+    bars.append(("noise floor", 1.0, "#8c8c8c"))
+    top = max(value for _, value, _ in bars)
+    return template.render(
+        whole=whole,
+        found=found,
+        bars=[(name, value, 80.0 * value / top, colour) for name, value, colour in bars],
+        pictures={name: Markup(as_html(figure, ALT[name], _DPI)) for name, figure in pictures.items()},
+        effects=_markup(tab.effects_table(found)),
+        evidence=_markup(tab.evidence_table(found)),
+        channels=_markup(tab.channel_table(found)),
+        moved=_markup(tab.moved_table(found)),
+        false_alarm=FALSE_ALARM,
+        words=tab.words,
+    )
+
+
+class _Page:
+    """How explanations are shown: text on a terminal, this page in a notebook and in a file."""
+
+    def text(self, found: Explanation) -> str:
+        return tab.text(found)
+
+    def body(self, found: Explanation) -> str:
+        return _render(found, figures(found), whole=False)
+
+    def save(self, found: Explanation, folder: Path) -> list[Path]:
+        pictures = figures(found)
+        written = [folder / "report.html"]
+        write_text(written[0], _render(found, pictures, whole=True))
+        for name, figure in pictures.items():
+            written.append(folder / f"{name}.png")
+            with replacing(written[-1]) as temporary:
+                temporary.write_bytes(as_png(figure, 130))
+        # What an earlier explanation left here would pass for this one's.
+        for name in ALT.keys() - pictures.keys():
+            (folder / f"{name}.png").unlink(missing_ok=True)
+        return written
+
+
+show_with(_Page())

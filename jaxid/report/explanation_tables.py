@@ -1,0 +1,119 @@
+"""Tables of an explanation: the effects, how sure their names are, the gap by channel, and the parameters that moved."""
+
+import math
+
+from ..estimate.result import Estimate
+from ..explain.explanation import Explanation
+from ..explain.localise import channel_name
+from .tables import Cell, Table, number, percent, to_text, with_error
+
+_MOVED = 2.0
+"""Standard errors (of the fit before) beyond which a parameter's move is marked."""
+
+
+def words(identifier: str) -> str:
+    """An identifier as words."""
+    return identifier.replace("_", " ")
+
+
+def interval(estimate: Estimate) -> str:
+    """The 95 % interval, "-" where there is none."""
+    low, high = estimate.ci95
+    return "-" if math.isnan(low) or math.isnan(high) else f"{number(low, 3)} to {number(high, 3)}"
+
+
+def effects_table(found: Explanation) -> Table:
+    """Every parameter of every effect that was added; the formulas below."""
+    rows = []
+    for effect in found.effects:
+        for k, (name, e) in enumerate(effect.parameters.items()):
+            doubt = "" if e.status == "identified" else f" ({words(e.status)})"
+            value = with_error(e.value, e.std_error) if not doubt else number(e.value, 3) + doubt
+            title, where = (effect.title, effect.where) if k == 0 else ("", "")
+            rows.append(
+                (Cell(title), Cell(where), Cell(words(name)), Cell(value), Cell(interval(e)), Cell(e.unit, "dim"))
+            )
+    formulas = tuple(f"{effect.title}: {effect.formula}" for effect in found.effects)
+    header = ("effect", "where", "parameter", "value ± std error", "95 % interval", "unit")
+    return Table("What was added", header, tuple(rows), formulas)
+
+
+def evidence_table(found: Explanation) -> Table:
+    """What each effect does to the held-out error, and how far the next name lies behind."""
+    rows = []
+    for effect in found.effects:
+        evidence = effect.evidence
+        behind = "-" if evidence.margin is None else number(evidence.margin, 3)
+        alike = ", ".join(map(words, effect.equivalent_to))
+        rows.append(
+            (
+                Cell(effect.title),
+                Cell(f"{evidence.before:.2f} to {evidence.after:.2f}"),
+                Cell(f"{evidence.refitted} of {evidence.looked_at}"),
+                Cell(words(evidence.runner_up) if evidence.runner_up else "-"),
+                Cell(behind),
+                Cell(alike or "none", "bad" if alike else ""),
+            )
+        )
+    header = ("effect", "held-out error", "refitted", "runner-up", "behind by", "not told apart from")
+    notes = (
+        "Held-out error in units of the noise. Behind by: chi-squared on all logs, parameters counted; two models that "
+        "are equally good differ by a few.",
+    )
+    return Table("How sure", header, tuple(rows), notes)
+
+
+def channel_table(found: Explanation) -> Table:
+    """Held-out error of every channel before and after, in units of the noise."""
+    units = found.model.channels.units
+    after = bool(found.effects)
+    rows = []
+    for name, before in found.before.by_channel.items():
+        noise = f"{number(found.before.noise[name], 3)} {units.get(name, '')}".strip()
+        own = [Cell(number(before, 3))] + ([Cell(number(found.after.by_channel[name], 3))] if after else [])
+        rows.append((Cell(channel_name(name)), *own, Cell("1", "dim"), Cell(noise, "dim")))
+    total = [Cell(number(found.before.normalised_rms, 3))]
+    total += [Cell(number(found.after.normalised_rms, 3))] if after else []
+    rows.append((Cell("all"), *total, Cell("1", "dim"), Cell("")))
+    header = ("channel", *(("before", "after") if after else ("error",)), "noise floor", "one unit of noise is")
+    return Table("Error on held-out logs, in units of the noise (RMS)", header, tuple(rows))
+
+
+def moved_table(found: Explanation) -> Table:
+    """The robot's own parameters before and after, and how far each moved."""
+    rows = []
+    for name, (before, after) in found.moved.items():
+        step = after.value - before.value
+        relative = percent(100.0 * step / abs(before.value)) if before.value else "-"
+        errors = abs(step) / before.std_error if before.std_error > 0 else math.nan
+        mark = "bad" if errors > _MOVED else ""
+        rows.append(
+            (
+                Cell(name),
+                Cell(after.unit, "dim"),
+                Cell(with_error(before.value, before.std_error)),
+                Cell(with_error(after.value, after.std_error)),
+                Cell(relative, mark),
+                Cell("-" if math.isnan(errors) else f"{errors:.1f}", mark),
+            )
+        )
+    header = ("parameter", "unit", "before", "after", "moved", "in std errors")
+    notes = ("In std errors: of the fit before, which could not know of its own bias.",)
+    return Table("How the robot's own parameters moved", header, tuple(rows), notes)
+
+
+def tables(found: Explanation) -> tuple[Table, ...]:
+    """The tables that apply."""
+    if not found.effects:
+        return (channel_table(found),)
+    return effects_table(found), evidence_table(found), channel_table(found), moved_table(found)
+
+
+def text(found: Explanation) -> str:
+    """The explanation for a terminal: the verdict, where the gap is, the tables, what to do next."""
+    paragraphs = [found.sentence]
+    if found.localisation is not None:
+        paragraphs.append(found.localisation.sentence)
+    if found.next_experiment is not None:
+        paragraphs.append(f"Next: {found.next_experiment.sentence}")
+    return to_text(tables(found), paragraphs)
