@@ -22,7 +22,7 @@ import numpy as np
 
 RESULTS = Path(__file__).parent / "results"
 SIZES = Path(__file__).parent / "hidden" / "sizes.json"
-ROBOTS = ("pioneer", "omni")
+ROBOTS = ("pioneer", "omni", "axis")
 FIRST_SEED = {"main": 100, "aside": 5000, "fast": 900}
 
 

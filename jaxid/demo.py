@@ -36,7 +36,7 @@ TABLE_5 = {"I0": 0.3, "Ir1": 2.144e-4, "Ir": 0.0012, "Ip1": 1.072e-4, "Cs1": 0.0
 
 
 def folder(name: str) -> Path:
-    """Folder of the demonstration logs: "pioneer", "omni", "pioneer_paper" or "omni_paper"."""
+    """Folder of the demonstration logs: "pioneer", "omni", "pioneer_paper", "omni_paper" or "unknown"."""
     return Path(str(files("jaxid"))) / "demo_logs" / name
 
 

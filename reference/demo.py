@@ -1,6 +1,7 @@
 """Writes the demonstration logs: `python -m reference.demo OUTDIR`.
 
-OUTDIR gets README.md and the folders pioneer, omni, pioneer_paper and omni_paper, each with its logs and truth.toml.
+OUTDIR gets README.md and the folders pioneer, omni, pioneer_paper and omni_paper, each with its logs and truth.toml,
+and the folder unknown, whose truth is in do_not_look_yet.toml.
 """
 
 import sys
@@ -44,6 +45,9 @@ below.
   columns show 0 there) and `hanging_*` (method 3; columns t, theta, mass; theta starts at 1 rad with no speed; torque
   = mass * 9.8 m/s^2 * 0.25 m, noise 0.01 rad). As in the paper, the falling mass's own inertia (mass * 0.25^2, 2.3 %
   of J at 0.51 kg) is left out.
+- `unknown`: six logs `fit_*` and three `check_*` of 15 s of a robot that is a Pioneer as far as its maker's data sheet
+  goes; columns and noise as in `pioneer`. Something about it is not in the data sheet. `notebooks/explain.ipynb` finds
+  out what; the answer is in `do_not_look_yet.toml`.
 
 | log | seed |
 | --- | --- |
@@ -179,6 +183,33 @@ def omni_paper_logs() -> dict[str, tuple[pd.DataFrame, int]]:
     return out
 
 
+UNKNOWN = PIONEER.with_parameters(I0=0.34, Cs=0.29, Cv=0.05)
+UNKNOWN_EFFECT = {"stribeck_friction": {"amplitude": 0.3, "speed": 0.06}}  # N m, m/s
+
+
+def unknown_logs() -> dict[str, tuple[pd.DataFrame, int]]:
+    """{file stem: (log, seed)} of a Pioneer of which its owner does not know everything."""
+    plan = [("fit", kind) for kind in ("prbs_forward", "prbs_reversing", "multilevel", "steps", "turning", "crawl")]
+    plan += [("check", kind) for kind in ("prbs_reversing", "arcs", "crawl")]
+    out = {}
+    for seed, (role, kind) in enumerate(plan, start=501):
+        inputs = excitation.experiment("pioneer", kind, 751, seed)
+        number = sum(stem.startswith(role) for stem in out) + 1
+        out[f"{role}_{number}"] = (
+            simulate_log(UNKNOWN, inputs, SAMPLING, PIONEER_NOISE, seed, UNKNOWN_EFFECT),
+            seed,
+        )
+    return out
+
+
+def _write_unknown_truth(folder: Path) -> None:
+    lines = ["# What is hidden in these logs. Run notebooks/explain.ipynb first.", *[""] * 30]
+    lines += [f"{name} = {value!r}" for name, value in UNKNOWN.parameters.items()]
+    for name, values in UNKNOWN_EFFECT.items():
+        lines += ["", f"[effects.{name}]", *(f"{key} = {value!r}" for key, value in values.items())]
+    (folder / "do_not_look_yet.toml").write_text("\n".join(lines) + "\n")
+
+
 def write_all(folder: Path) -> None:
     """All demonstration logs below `folder`."""
     rows = []
@@ -207,6 +238,10 @@ def write_all(folder: Path) -> None:
         for stem, (table, seed) in logs.items():
             _write(table, folder / name / f"{stem}.csv")
             rows.append(f"| {name}/{stem}.csv | {seed} |")
+    for stem, (table, seed) in unknown_logs().items():
+        _write(table, folder / "unknown" / f"{stem}.csv")
+        rows.append(f"| unknown/{stem}.csv | {seed} |")
+    _write_unknown_truth(folder / "unknown")
     (folder / "README.md").write_text(README + "\n".join(rows) + "\n")
 
 

@@ -88,3 +88,35 @@ def axis_log(axis_law):
         return Log.from_arrays(name, time, inputs[:, None], outputs, AXIS)
 
     return measured
+
+
+@pytest.fixture(scope="session")
+def hidden_drag(tmp_path_factory):
+    """Folder of short CSV logs `fit_*` and `check_*` of an axis with 1.5 N s²/m² of quadratic drag, by the independent
+    simulator; noise 0.01 m/s."""
+    pytest.importorskip("numba", reason="the independent simulator needs numba")
+    from reference import excitation
+    from reference.axis import AXIS as axis
+    from reference.logs import simulate_log
+
+    folder = tmp_path_factory.mktemp("hidden")
+    drag = {"quadratic_drag": {"coefficient": 1.5}}
+    plan = [("fit", kind) for kind in ("multilevel", "prbs_reversing", "crawl")]
+    for seed, (role, kind) in enumerate([*plan, ("check", "multilevel"), ("check", "crawl")], start=31):
+        inputs = excitation.experiment("axis", kind, 500, seed)
+        table = simulate_log(axis, inputs, 0.02, 0.01, seed, drag)
+        table[["t", "u", "v"]].to_csv(folder / f"{role}_{kind}.csv", index=False)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def explained(hidden_drag):
+    """The explanation of `hidden_drag`, its held-out logs with it."""
+    import dataclasses
+
+    from jaxid import Axis, explain, integral_least_squares, output_error
+
+    logs, check = (read_logs(hidden_drag / f"{role}_*.csv", "axis") for role in ("fit", "check"))
+    start = integral_least_squares(Axis(), logs)
+    found = explain(output_error(Axis(), logs, start=start), logs, check)
+    return dataclasses.replace(found, check=check)

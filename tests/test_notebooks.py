@@ -53,4 +53,4 @@ def test_committed_notebook_is_complete_and_clean(path):
 
 
 def test_there_are_notebooks():
-    assert {path.stem for path in NOTEBOOKS} >= {"omni_paper", "pioneer_paper"}
+    assert {path.stem for path in NOTEBOOKS} >= {"explain", "omni_paper", "pioneer_paper"}

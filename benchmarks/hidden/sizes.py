@@ -50,6 +50,18 @@ FIRST = {
     "resonance": 1.0,
     "hysteresis": 3.0,
 }
+AXIS_FIRST = {
+    "stribeck_friction": 8.0,
+    "cogging_torque": 8.0,
+    "quadratic_drag": 25.0,
+    "actuator_dead_zone": 0.8,
+    "sublinear_viscous_friction": 0.3,
+    "traction_limit": 1 / 30.0,
+    "surface_change": 0.5,
+    "push": 10.0,
+    "resonance": 3.0,
+    "hysteresis": 10.0,
+}
 OMNI_FIRST = {
     "stribeck_friction": 10.0,
     "traction_limit": 1 / 40.0,
@@ -126,9 +138,14 @@ def main() -> None:
         for identifier in EFFECTS:
             if identifier in NOT_FOR[robot] or identifier == "coriolis_coupling" or identifier in own:
                 continue
-            if robot == "axis" and identifier in ("ground_slope", "asymmetric_friction"):
-                continue  # on one axis the same model as an offset
-            first = FIRST[identifier] if robot != "omni" else OMNI_FIRST.get(identifier, FIRST[identifier])
+            if robot == "axis" and identifier in (
+                "ground_slope",
+                "asymmetric_friction",
+                "sensor_scale",
+                "surface_change",
+            ):
+                continue  # on one axis the same model as an offset or another gain, or not in the catalogue
+            first = {"omni": OMNI_FIRST, "axis": AXIS_FIRST}.get(robot, {}).get(identifier, FIRST[identifier])
             medium = size_for(robot, identifier, STRENGTHS["medium"], first, lambda m: print(m, flush=True))
             if medium is None:
                 continue

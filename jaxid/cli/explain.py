@@ -14,25 +14,23 @@ from ..report.files import write_fit
 from ..robots import Omni, Robot
 from .arguments import UnusableInput, load_robot
 from .cache import keep_compiled_programs
-from .console import say, show, step
-from .fit import estimate, identifiable, prepare_folder, read_case
+from .console import complain, say, show, step
+from .fit import estimate, identifiable, read_case
 
 BASELINES = ("uncoupled",)
 """What `--baseline` can be."""
 
 
 def check_baseline(baseline: str | None, robot: Robot) -> None:
-    """Raise `typer.BadParameter` (exit status 2) for a baseline that there is not, or not for this robot."""
+    """One line and exit status 2 (`typer.Exit`) for a baseline that there is not, or not for this robot."""
     if baseline is None:
         return
     if baseline not in BASELINES:
-        raise typer.BadParameter(
-            f"There is no baseline {baseline!r}; use --baseline {' or '.join(BASELINES)}, or leave it out."
-        )
+        complain(f"There is no baseline {baseline!r}; use --baseline {' or '.join(BASELINES)}, or leave it out.")
+        raise typer.Exit(2)
     if not isinstance(robot, Omni):
-        raise typer.BadParameter(
-            f"--baseline {baseline} is for the omni and not for {robot.name!r}; leave it out for this robot."
-        )
+        complain(f"--baseline {baseline} is for the omni and not for {robot.name!r}; leave it out for this robot.")
+        raise typer.Exit(2)
 
 
 def without_coupling(robot: Robot) -> Robot:

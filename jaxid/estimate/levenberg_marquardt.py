@@ -8,8 +8,10 @@ puts small kinks into the cost, on which steps can go on being rejected for ever
 a row have not lowered the cost (half chi-squared) by a hundredth, which no interval would notice.
 """
 
-import threading
+import os
 from collections import OrderedDict
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -120,30 +122,38 @@ def minimise(
 _jitted = jax.jit(minimise, static_argnames=("structure",))
 _programs: OrderedDict[Any, Any] = OrderedDict()
 _MOST_PROGRAMS = 64
-_bookkeeping = threading.Lock()
 
 
-def program(structure: Structure, problem: Problem, start: Unknowns):
-    """The compiled `minimise` for these shapes, kept for the next call; compiling leaves other threads free to run."""
+def _key(structure: Structure, problem: Problem, start: Unknowns):
     leaves, tree = jax.tree.flatten((problem, start))
-    key = (structure, tree, tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves))
-    with _bookkeeping:
-        found = _programs.pop(key, None)
-    if found is None:
-        found = _jitted.lower(structure, problem, start, max_steps=np.int64(1), tolerance=np.float64(1)).compile()
-    with _bookkeeping:
-        _programs[key] = found
-        while len(_programs) > _MOST_PROGRAMS:
-            _programs.popitem(last=False)
-    return found
+    return structure, tree, tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves)
+
+
+def compile_ahead(tasks: Sequence[tuple[Structure, Problem, Unknowns]]) -> None:
+    """Compile `minimise` for several structures at once, for `minimise_compiled` to find.
+
+    Only compilation runs in threads of its own. Programs must not run in several threads at a time: two of them can
+    starve each other of XLA's worker threads for ever.
+    """
+    missing = {key: task for task in tasks if (key := _key(*task)) not in _programs}
+    numbers = {"max_steps": np.int64(1), "tolerance": np.float64(1)}
+    lowered = {key: _jitted.lower(*task, **numbers) for key, task in missing.items()}
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        found = dict(zip(lowered, pool.map(lambda program: program.compile(), lowered.values()), strict=True))
+    for key, compiled in found.items():
+        _programs[key] = compiled
+    while len(_programs) > _MOST_PROGRAMS:
+        _programs.popitem(last=False)
 
 
 def minimise_compiled(
     structure: Structure, problem: Problem, start: Unknowns, *, max_steps: int = 100, tolerance: float = 1e-3
 ) -> Optimum:
     """`minimise`, compiled once for all problems of the same structure and shapes."""
-    run = program(structure, problem, start)
-    return run(problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
+    compile_ahead([(structure, problem, start)])
+    key = _key(structure, problem, start)
+    _programs.move_to_end(key)
+    return _programs[key](problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
 
 
 @partial(jax.jit, static_argnames=("structure",))

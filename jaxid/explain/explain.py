@@ -11,7 +11,7 @@ from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_par
 from .heldout import held_out
 from .localise import localise
 from .next_experiment import NextExperiment, propose
-from .refit import Trial, in_full
+from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, search
 
 _LEFT_OVER = 0.15
@@ -22,14 +22,14 @@ _WEAK = 100.0
 """Lead over the runner-up (chi-squared) below which an experiment is proposed to confirm a name."""
 
 
-def _evidence(step: Step, before: Trial) -> Evidence:
-    best = step.chosen
+def _evidence(step: Step) -> Evidence:
+    best, before, after = step.chosen, step.before, step.after
     rivals = [trial for trial in step.trials[1:] if trial.id not in step.equivalent]
     return Evidence(
         before=before.check.normalised_rms,
-        after=best.check.normalised_rms,
-        fit_gain=before.squares - best.squares,
-        check_gain=before.check.squares - best.check.squares,
+        after=after.check.normalised_rms,
+        fit_gain=before.squares - after.squares,
+        check_gain=before.check.squares - after.check.squares,
         looked_at=len(step.screened),
         refitted=len(step.trials),
         runner_up=rivals[0].id if rivals else None,
@@ -40,14 +40,12 @@ def _evidence(step: Step, before: Trial) -> Evidence:
 def _named(found: Search, final: Fit) -> tuple[NamedEffect, ...]:
     """The added effects that are still in the final model, in the order of what they explained."""
     present = {effect.id: effect for effect in final.robot.effects}
-    before, named = found.baseline, []
+    named = []
     for step in found.steps:
         effect = present.get(step.chosen.id)
         if effect is not None:
             own = effect_parameters(effect.id, effect.frees, final.parameters)
-            evidence = _evidence(step, before)
-            named.append(NamedEffect(effect.id, effect.where, effect.formula, own, step.equivalent, evidence))
-        before = step.chosen
+            named.append(NamedEffect(effect.id, effect.where, effect.formula, own, step.equivalent, _evidence(step)))
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
 
 
@@ -122,4 +120,5 @@ def explain(
         search=found,
         localisation=localisation,
         next_experiment=_next(found, logs),
+        check=check,
     )

@@ -154,7 +154,7 @@ class Explanation:
                 for e in self.effects
             )
             return f"Missing was {sets}: {closed}, but this data does not tell these names apart."
-        return f"Missing was {names}: with it {closed}."
+        return f"Missing was {names}: {closed}."
 
     @property
     def moved(self) -> dict[str, tuple[Estimate, Estimate]]:
@@ -203,6 +203,9 @@ class Explanation:
         if self.next_experiment:
             written.append(folder / "next_experiment.csv")
             self.next_experiment.save(written[-1])
+        else:
+            # One of an earlier explanation would pass for this one's.
+            (folder / "next_experiment.csv").unlink(missing_ok=True)
         for display in _displays:
             written += display.save(self, folder)
         return written

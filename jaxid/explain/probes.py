@@ -71,7 +71,7 @@ def groups(effect: Effect, robot: Robot, logs: LogSet) -> list[Group]:
     typical = {name: robot.parameters[name].typical or 1.0 for name in own}
     key = effect.key
     one_by_one: dict[str, tuple[str, tuple[float, ...]]] = {
-        "actuator_dead_zone": ("threshold", tuple(s * _largest(logs) for s in (0.01, 0.03, 0.08))),
+        "actuator_dead_zone": ("threshold", tuple(s * _largest(logs) for s in (0.01, 0.03, 0.08, 0.2, 0.4))),
         "motor_lag": ("time_constant", _TIMES),
         "input_delay": ("delay", _TIMES),
         "sensor_lag": ("time_constant", _TIMES),

@@ -1,6 +1,5 @@
 """Refit of a model with one more effect: all free parameters and the effect's own, weighed by the noise of the data."""
 
-import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._float64 import in_float64
-from ..estimate.levenberg_marquardt import Optimum, minimise_compiled, program
+from ..estimate.levenberg_marquardt import Optimum, compile_ahead, minimise_compiled
 from ..estimate.output_error import output_error
 from ..estimate.problem import Unknowns, parameters_at
 from ..estimate.result import Fit
@@ -20,8 +19,7 @@ from ..robots.robot import Robot
 from .heldout import HeldOut, held_out
 
 _STEPS = 25
-one_at_a_time = threading.Lock()
-"""Held while a rollout runs: two large programs at once can starve each other of XLA's worker threads for ever."""
+_FIRST_STEPS = 2  # from each of several starts, of which the best goes on
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
 
@@ -36,11 +34,13 @@ class Trial:
     free: int
     check: HeldOut
     initial_states: dict[str, dict[str, float]]
+    named: str = ""
+    """The effect this trial is about, if not the one added last."""
 
     @property
     def id(self) -> str:
-        """Identifier of the effect added last."""
-        return self.effects[-1].id if self.effects else ""
+        """Identifier of the effect that this trial is about: the one added last, unless `named` says otherwise."""
+        return self.named or (self.effects[-1].id if self.effects else "")
 
     @property
     def score(self) -> float:
@@ -63,6 +63,12 @@ def _states(fit_states: Mapping[str, Mapping[str, float]], logs: LogSet, structu
 
 
 @in_float64
+def compile_refits(robots: Sequence[Robot], logs: LogSet) -> None:
+    """Compile the refits of several robots at once; `refit` finds them compiled."""
+    compile_ahead([build(robot, logs, start={}) for robot in robots])
+
+
+@in_float64
 def refit(
     robot: Robot,
     starts: Sequence[Mapping[str, float]],
@@ -76,34 +82,32 @@ def refit(
 
     `initial_states` are those of the model without the effect, where they had to be estimated.
     """
-    best: tuple[float, Optimum, Any, Any] | None = None
+    first = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
+    tried: list[tuple[float, Optimum, Any]] = []
+    structure: Any = None
     for start in starts:
-        first = {name: robot.parameters[name].value for name in robot.parameters.free_names}
         structure, problem, unknowns = build(robot, logs, start={**first, **start})
-        sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
         problem = replace(problem, sigma=jnp.where(jnp.isfinite(sigma), sigma, problem.sigma))
         unknowns = Unknowns(unknowns.z, _states(initial_states, logs, structure, problem))
-        program(structure, problem, unknowns)  # compiled here, while other threads may run
-        with one_at_a_time:
-            optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
-            cost = float(optimum.cost)
-        if np.isfinite(cost) and (best is None or cost < best[0]):
-            best = (cost, optimum, structure, problem)
-    assert best is not None
-    _, optimum, structure, problem = best
+        steps = max_steps if len(starts) == 1 else _FIRST_STEPS
+        optimum = minimise_compiled(structure, problem, unknowns, max_steps=steps)
+        cost = float(optimum.cost)
+        tried.append((cost if np.isfinite(cost) else np.inf, optimum, problem))
+    _, optimum, problem = min(tried, key=lambda entry: entry[0])
+    if len(starts) > 1:
+        optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
     values = dict(zip(structure.names, np.asarray(parameters_at(problem, optimum.unknowns.z)).tolist(), strict=True))
     found = robot.with_values(**values)
     states = {name: np.array(problem.start[name]) for name in robot.states}
     for i, name in enumerate(structure.state_names):
         states[name] = states[name] + np.asarray(problem.state_scale[i] * optimum.unknowns.states[:, i])
-    with one_at_a_time:
-        predicted = held_out(found, check, noise)
     return Trial(
         effects=robot.effects,
         robot=found,
         squares=float(jnp.sum(optimum.triangle.squares)),
         free=len(structure.names),
-        check=predicted,
+        check=held_out(found, check, noise),
         initial_states={log.name: {n: float(v[e]) for n, v in states.items()} for e, log in enumerate(logs)},
     )
 

@@ -103,10 +103,11 @@ def screen(
     residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()
     moved = ((outputs[1:] - outputs[0]) * weights).reshape(len(secants) + len(changes), -1)
     moved = np.where(np.all(np.isfinite(moved), axis=1, keepdims=True), moved, 0.0)
-    basis = np.linalg.qr(moved[: len(own)].T)[0] if own else np.zeros((residual.size, 0))
+    basis, triangle = np.linalg.qr(moved[: len(own)].T)
+    whole = residual
     residual = residual - basis @ (basis.T @ residual)
     excess = max(float(residual @ residual) - np.count_nonzero(weights), 1.0)
-    scored: dict[str, list[tuple[float, dict[str, float], Effect, NDArray[np.float32]]]] = {}
+    scored: dict[str, list[tuple[float, dict[str, float], dict[str, float], Effect, NDArray[np.float32]]]] = {}
     for group, mine in zip(found, columns, strict=True):
         block = moved[len(own) :][mine]
         block = block - (block @ basis) @ basis.T
@@ -115,16 +116,36 @@ def screen(
             continue
         names = [name for name, ok in zip(group.strengths, useful, strict=True) if ok]
         gain, start, change = _promise(full, group, names, block[useful], residual)
+        # How the fitted parameters would give way, to first order: what the effect had been mistaken for.
+        plain = moved[len(own) :][mine][useful]
+        size = _sizes(group, names, start)
+        shift = -np.linalg.lstsq(triangle, basis.T @ (whole + plain.T @ size), rcond=1e-6)[0] * np.array(steps)
+        given_way = {n: _inside(robot, n, base[n] + d) for n, d in zip(own, shift, strict=True)}
         score = gain - len(names) * float(np.log(residual.size))
         direction = (change / max(float(np.linalg.norm(change)), 1e-300)).astype(np.float32)
-        scored.setdefault(group.effect.id, []).append((score, start, group.effect, direction))
+        scored.setdefault(group.effect.id, []).append((score, start, given_way, group.effect, direction))
     candidates = []
     for tried in scored.values():
         tried.sort(key=lambda entry: -entry[0])
-        score, _, effect, direction = tried[0]
-        starts = tuple(entry[1] for entry in tried[: _STARTS if len(tried[0][1]) > 1 else 1])
+        score, _, _, effect, direction = tried[0]
+        best = tried[: _STARTS if len(tried[0][1]) > 1 else 1]
+        starts = tuple(start for entry in best for start in (entry[1], {**entry[2], **entry[1]}))
         candidates.append(Candidate(effect, float(score), float(score / excess), starts, direction))
     return sorted(candidates, key=lambda candidate: -candidate.gain)
+
+
+def _sizes(group: Group, names: Sequence[str], start: Mapping[str, float]) -> NDArray:
+    """The start's strengths in units of the probes'."""
+    if group.limit is None:
+        return np.array([start[name] / group.strengths[name] for name in names])
+    return np.array([(group.limit - 1 / start[name]) / (group.limit - 1 / group.strengths[name]) for name in names])
+
+
+def _inside(robot: Robot, name: str, value: float) -> float:
+    """A start for a parameter that a first-order step may have taken out of its bounds."""
+    now, lower, upper = (getattr(robot.parameters[name], field) for field in ("value", "lower", "upper"))
+    value = max(value, lower + 0.05 * abs(now - lower)) if np.isfinite(lower) else value
+    return min(value, upper - 0.05 * abs(upper - now)) if np.isfinite(upper) else value
 
 
 def _promise(

@@ -1,8 +1,7 @@
 """Naming: refit the shortlist, rank by likelihood on all logs, go on until nothing but noise is left or nothing helps."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_level
 from ..robots.effect import Effect
 from .heldout import held_out
-from .refit import FEW_STEPS, Trial, continued, refit
+from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
 
 SHORTLIST = 5
@@ -36,11 +35,16 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Step:
-    """One effect added: the trials, best first, and the ids that the data cannot tell from the best."""
+    """One effect added: the trials, best first, and the ids that the data cannot tell from the best.
+
+    `before` and `after` are the model without it and with it at the time it was added.
+    """
 
     trials: tuple[Trial, ...]
     equivalent: tuple[str, ...]
     screened: tuple[Candidate, ...] = field(repr=False)
+    before: Trial = field(repr=False)
+    after: Trial = field(repr=False)
 
     @property
     def chosen(self) -> Trial:
@@ -94,9 +98,16 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
     return chosen
 
 
-def _added(base: Trial, candidate: Candidate, logs: LogSet, check: LogSet, noise: dict[str, float]) -> Trial:
-    robot = base.robot + candidate.effect
-    return refit(robot, candidate.starts, logs, check, noise, base.initial_states, FEW_STEPS)
+def _all_added(
+    base: Trial, candidates: Sequence[Candidate], logs: LogSet, check: LogSet, noise: dict[str, float]
+) -> list[Trial]:
+    """A few steps of the refit with each of the candidates."""
+    robots = [base.robot + candidate.effect for candidate in candidates]
+    compile_refits(robots, logs)
+    return [
+        refit(robot, candidate.starts, logs, check, noise, base.initial_states, FEW_STEPS)
+        for robot, candidate in zip(robots, candidates, strict=True)
+    ]
 
 
 def _least(before: Trial, first: Trial) -> float:
@@ -127,23 +138,21 @@ def name_next(
     say("first look: " + (", ".join(f"{c.effect.id} {100 * c.share:.0f} %" for c in likely[:6]) or "no candidate"))
     if not likely:
         return screened
-    # Two threads: one program compiles while another runs.
-    with ThreadPoolExecutor(2) as pool:
-        shortlist = _different(likely)
-        trials = list(pool.map(lambda c: _added(base, c, logs, check, noise), shortlist))
-        leader = shortlist[int(np.argmin([trial.score for trial in trials]))]
-        alike = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
-        trials += pool.map(lambda c: _added(base, c, logs, check, noise), alike)
-        best = min(trials, key=lambda t: t.score)
-        near = best.score + max(100.0, _IN_THE_RUNNING * (base.score - best.score))
-        promising = base.check.normalised_rms - best.check.normalised_rms > 0.5 * _least(base, first)
-        finished = pool.map(lambda t: continued(t, logs, check, noise) if promising and t.score < near else t, trials)
-        trials = sorted(finished, key=lambda t: t.score)
+    shortlist = _different(likely)
+    trials = _all_added(base, shortlist, logs, check, noise)
+    leader = shortlist[int(np.argmin([trial.score for trial in trials]))]
+    alike = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
+    trials += _all_added(base, alike, logs, check, noise)
+    best = min(trials, key=lambda t: t.score)
+    near = best.score + max(100.0, _IN_THE_RUNNING * (base.score - best.score))
+    promising = base.check.normalised_rms - best.check.normalised_rms > 0.5 * _least(base, first)
+    trials = [continued(t, logs, check, noise) if promising and t.score < near else t for t in trials]
+    trials.sort(key=lambda t: t.score)
     for trial in trials:
         say(f"refitted with {trial.id}: held-out {trial.check.normalised_rms:.3f} x noise, score {trial.score:.0f}")
     if not _worth(base, trials[0], first, len(effects)):
         return screened
-    return Step(tuple(trials), _equivalent(trials), screened)
+    return Step(tuple(trials), _equivalent(trials), screened, base, trials[0])
 
 
 def _without(trial: Trial, identifier: str, base: Trial, logs: LogSet, check: LogSet, noise: dict[str, float]) -> Trial:
@@ -167,6 +176,48 @@ def _pruned(current: Trial, base: Trial, logs: LogSet, check: LogSet, noise: dic
     return current
 
 
+def _swapped(final: Trial, old: str, new: Effect, base: Trial, logs, check, noise: dict[str, float], start) -> Trial:
+    """The final model with one effect in another's place."""
+    robot = base.robot
+    for effect in final.effects:
+        if effect.id not in {e.id for e in robot.effects}:
+            robot = robot + (new if effect.id == old else effect)
+    known = {n: final.robot.parameters[n].value for n in robot.parameters.free_names if n in final.robot.parameters}
+    return refit(robot, [{**known, **start}], logs, check, noise, final.initial_states)
+
+
+def _reconsidered(
+    steps: list[Step], final: Trial, base: Trial, logs, check, noise, say: Report
+) -> tuple[list[Step], Trial]:
+    """Look again at the rivals of each of several effects, now that the others are there.
+
+    A name that came first while another effect was still missing may have won, or lost, by that effect's doing.
+    """
+    if len(steps) < 2:
+        return steps, final
+    revised = []
+    for step in steps:
+        present = {e.id for e in final.effects}
+        if step.chosen.id not in present:
+            revised.append(step)
+            continue
+        gain = max(t.score for t in step.trials) - step.chosen.score
+        rivals = [t for t in step.trials[1:] if t.score - step.chosen.score < 0.2 * gain and t.id not in present][:3]
+        trials = [replace(final, named=step.chosen.id)]
+        for rival in rivals:
+            own = {n: p.value for n, p in rival.robot.parameters.items() if n.startswith(f"{rival.id}.")}
+            swapped = _swapped(final, step.chosen.id, rival.effects[-1], base, logs, check, noise, own)
+            trials.append(replace(swapped, named=rival.id))
+            say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.check.normalised_rms:.3f} x noise")
+        trials.sort(key=lambda t: t.score)
+        final = trials[0]
+        if rivals:
+            others = tuple(t for t in step.trials if t.id not in {trial.id for trial in trials})
+            step = replace(step, trials=(*trials, *others), equivalent=_equivalent(trials))
+        revised.append(step)
+    return revised, final
+
+
 def search(
     fit: Fit,
     logs: LogSet,
@@ -181,7 +232,8 @@ def search(
     state = held_out(fit.robot, check, noise)
     own = held_out(fit.robot, logs, noise).squares if not fit.initial_states else np.inf
     baseline = Trial(fit.robot.effects, fit.robot, own, len(fit.free_names), state, fit.initial_states)
-    current, steps, first_look = baseline, [], ()
+    current, first_look = baseline, ()
+    steps: list[Step] = []
     while not current.check.adequate and len(steps) < most:
         if not steps:
             # The same weights as the refits, so that likelihoods compare.
@@ -198,4 +250,5 @@ def search(
         if len(steps) > 1:
             current = _pruned(current, baseline, logs, check, noise, report)
         report(f"added {found.chosen.id}: held-out {current.check.normalised_rms:.3f} x noise")
+    steps, current = _reconsidered(steps, current, baseline, logs, check, noise, report)
     return Search(baseline, current, tuple(steps), tuple(first_look))

@@ -1,6 +1,9 @@
 """Comparisons, explanations, tables and figures."""
 
-from . import explanation_page as _explanation_page  # gives explanations their page
+from ..explain.explanation import show_with
 from .comparison import Comparison, compare
+from .explanation_page import Page
+
+show_with(Page())
 
 __all__ = ["Comparison", "compare"]

@@ -3,7 +3,8 @@
 Residuals are in units of the noise's standard deviation throughout, so that 1 is the noise floor.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,22 +17,16 @@ from scipy import signal
 from ..explain.explanation import Explanation
 from ..explain.heldout import HeldOut
 from ..explain.next_experiment import NextExperiment
-from ..explain.search import Step
 from ..robots.robot import Robot
 from ..simulate.simulate import simulate
 from .figures import COLOURS, _tidy
 
 Array = NDArray[np.float64]
 
-BEFORE, AFTER, ALIKE, OTHER = COLOURS[1], COLOURS[2], "#8fd3bd", "0.75"
+BEFORE, AFTER = COLOURS[1], COLOURS[2]
 _MEASURED, _NOISE = "0.45", "0.88"
-_MOST_ROWS = 10
 _LAGS = 50
 _WINDOW = 3.0  # s
-
-
-def _name(identifier: str) -> str:
-    return identifier.replace("_", " ")
 
 
 def states(found: Explanation) -> list[tuple[HeldOut, Robot, str, str]]:
@@ -42,99 +37,6 @@ def states(found: Explanation) -> list[tuple[HeldOut, Robot, str, str]]:
             (found.after, found.model, AFTER, "after"),
         ]
     return [(found.before, found.baseline.robot, AFTER if found.verdict == "adequate" else BEFORE, "model")]
-
-
-def _bars(ax: Axes, shares: Sequence[float], colours: Sequence[str]) -> None:
-    for row, (share, colour) in enumerate(zip(shares, colours, strict=True)):
-        percent = 100.0 * min(max(share, 0.0), 1.0)
-        ax.barh(row, percent, height=0.66, color=colour, zorder=2)
-        ax.text(percent + 1.5, row, f"{percent:.0f} %", va="center", fontsize="x-small")
-    ax.set_xlim(0.0, 115.0)
-    ax.set_xlabel("promised share of the gap [%]", fontsize="small")
-    ax.set_title("first look at all candidates", loc="left", fontsize="small", fontweight="bold")
-
-
-def _refits(ax: Axes, errors: Sequence[float | None], colours: Sequence[str], before: float) -> None:
-    """Lines from the error before to the error with each candidate; 1 is the floor."""
-    known = [error for error in errors if error is not None]
-    # A refit that is worse than no effect stands at the edge with its number.
-    right = before + 0.12 * max(before - 1.0, 0.05)
-    for row, (error, colour) in enumerate(zip(errors, colours, strict=True)):
-        if error is None:
-            ax.text(before, row, "not refitted", va="center", ha="right", fontsize="x-small", color="0.6")
-            continue
-        end = min(error, right)
-        ax.plot([before, end], [row, row], color=colour, lw=2.5, zorder=2, solid_capstyle="butt")
-        ax.plot(end, row, "o", color=colour, ms=8, zorder=3)
-        side = ("right", -7) if end < before and end > 1 + 0.25 * (before - 1) else ("left", 8)
-        at = {"textcoords": "offset points", "va": "center", "ha": side[0], "fontsize": "x-small"}
-        ax.annotate(f"{error:.2f}", (end, row), (side[1], 0), **at)
-    ax.axvline(before, color=BEFORE, lw=1.6, zorder=1)
-    ax.axvline(1.0, color="0.2", lw=1.6, ls="--", zorder=1)
-    ax.text(before, -0.75, "before ", color=BEFORE, ha="right", fontsize="x-small", va="bottom")
-    ax.text(1.0, -0.75, " noise floor", color="0.2", ha="left", fontsize="x-small", va="bottom")
-    low = min([1.0, *known])
-    ax.set_xlim(low - 0.06 * (right - low), right + 0.02 * (right - low))
-    ax.set_xlabel("held-out error with it, all parameters refitted [times the noise]", fontsize="small")
-    ax.set_title("refitted", loc="left", fontsize="small", fontweight="bold", pad=16)
-
-
-def _step(axes: Sequence[Axes], step: Step, before: float) -> None:
-    refitted = {trial.id: trial.check.normalised_rms for trial in step.trials}
-    shares = {c.effect.id: c.share for c in step.screened}
-    names = list(refitted) + [name for name in shares if name not in refitted and shares[name] > 0.005]
-    names = names[: max(_MOST_ROWS, len(refitted))]
-    colour = {name: ALIKE if name in step.equivalent else OTHER for name in names} | {step.chosen.id: AFTER}
-    colours = [colour[name] for name in names]
-    _bars(axes[0], [shares.get(name, 0.0) for name in names], colours)
-    _refits(axes[1], [refitted.get(name) for name in names], colours, before)
-    axes[0].set_yticks(range(len(names)), [_name(name) for name in names])
-    for label, name in zip(axes[0].get_yticklabels(), names, strict=True):
-        label.set_fontweight("bold" if name == step.chosen.id else "normal")
-    axes[1].set_yticks(range(len(names)), [""] * len(names))
-    for ax in axes:
-        ax.set_ylim(len(names) - 0.4, -0.9)
-        _tidy(ax)
-        ax.grid(axis="y", visible=False)
-
-
-def _rows(step: Step) -> int:
-    """How many candidates `_step` shows."""
-    refitted = {trial.id for trial in step.trials}
-    others = [c for c in step.screened if c.effect.id not in refitted and c.share > 0.005]
-    return max(len(refitted), min(len(refitted) + len(others), _MOST_ROWS))
-
-
-def ranking(found: Explanation) -> Figure | None:
-    """Which candidates were looked at, how much each promised, and what was left once it was refitted.
-
-    One row of panels for every effect added. Green: added; light green: the data cannot tell it from that. None where
-    nothing was looked at.
-    """
-    steps, first = found.search.steps, [c for c in found.search.first_look if c.share > 0.0][:_MOST_ROWS]
-    if not steps and not first:
-        return None
-    if not steps:
-        figure = Figure(figsize=(7.5, 1.2 + 0.3 * len(first)), layout="constrained")
-        ax = figure.subplots()
-        _bars(ax, [c.share for c in first], [OTHER] * len(first))
-        ax.set_yticks(range(len(first)), [_name(c.effect.id) for c in first])
-        ax.set_ylim(len(first) - 0.4, -0.6)
-        _tidy(ax)
-        ax.grid(axis="y", visible=False)
-        return figure
-    counts = [_rows(step) for step in steps]
-    figure = Figure(figsize=(11, 0.6 + sum(1.1 + 0.3 * n for n in counts)), layout="constrained")
-    grid = figure.subplots(len(steps), 2, squeeze=False, width_ratios=(1, 1.5), height_ratios=[n + 3 for n in counts])
-    before = found.before.normalised_rms
-    for row, step in zip(grid, steps, strict=True):
-        _step(row, step, before)
-        before = step.chosen.check.normalised_rms
-    handles = [Patch(color=AFTER, label="added")]
-    if any(step.equivalent for step in steps):
-        handles.append(Patch(color=ALIKE, label="not told apart from it by this data"))
-    figure.legend(handles=handles, loc="outside lower right", ncols=2, fontsize="small", frameon=False)
-    return figure
 
 
 def times(found: Explanation) -> list[Array] | None:
@@ -152,16 +54,24 @@ def worst_log(found: Explanation) -> int:
 def worst_window(residual: Array, time: Array, length: float = _WINDOW) -> tuple[float, float]:
     """The stretch of `length` seconds with the largest squared residual."""
     squares = np.nansum(residual**2, axis=1)
-    samples = max(min(int(length / np.median(np.diff(time))), len(time) - 1), 1)
+    samples = max(min(round(length / float(np.median(np.diff(time)))), len(time) - 1), 1)
     first = int(np.argmax(np.convolve(squares, np.ones(samples), mode="valid")))
     return float(time[first]), float(time[min(first + samples, len(time) - 1)])
+
+
+def _mean_over(values: Array, time: Array, length: float = 0.3) -> Array:
+    """Moving average over `length` seconds."""
+    n = max(round(length / float(np.median(np.diff(time)))), 1)
+    there = np.convolve(np.isfinite(values), np.ones(n), mode="same")
+    return np.convolve(np.nan_to_num(values), np.ones(n), mode="same") / np.maximum(there, 1)
 
 
 def before_after(found: Explanation) -> Figure | None:
     """The worst held-out log: residuals before and after over the whole run; its worst seconds enlarged.
 
     Left, one row a channel: residual in units of the noise, which stays in the grey band 95 % of the time when nothing
-    is missing. Right: measured and simulated in the shaded stretch (only where the logs are there).
+    is missing (thick: its mean over 0.3 s). Right: measured and simulated in the framed
+    stretch (only where the logs are there).
     """
     time = times(found)
     if time is None:
@@ -177,7 +87,9 @@ def before_after(found: Explanation) -> Figure | None:
         ax = grid[i, 0]
         ax.axhspan(-1.96, 1.96, color=_NOISE, lw=0, zorder=0)
         for state, _, colour, _ in shown:
-            ax.plot(time[e], state.residuals[e][:, i], color=colour, lw=0.8)
+            error = state.residuals[e][:, i]
+            ax.plot(time[e], error, color=colour, lw=0.5, alpha=0.4)
+            ax.plot(time[e], _mean_over(error, time[e]), color=colour, lw=1.6, zorder=3)
         largest = [np.nanquantile(np.abs(state.residuals[e][:, i]), 0.999) for state, *_ in shown]
         reach = 1.1 * max(*largest, 4.0)
         ax.set_ylim(-reach, reach)
@@ -185,7 +97,7 @@ def before_after(found: Explanation) -> Figure | None:
         if wide:
             ax.axvspan(*window, fill=False, ec="0.2", lw=1.2, zorder=4)
     if wide:
-        _enlarged(found, grid[:, 1], e, window, channels)
+        _enlarged(found, list(grid[:, 1]), e, window, channels)
     for ax in grid.ravel():
         _tidy(ax)
         ax.margins(x=0.01)
@@ -209,9 +121,9 @@ def _enlarged(
 ) -> None:
     assert found.check is not None
     log = found.check[e]
-    only = type(found.check)([log])
     shown = (log.time >= window[0]) & (log.time <= window[1])
-    simulated = [(simulate(robot, only)[0], colour) for _, robot, colour, _ in states(found)]
+    # All logs at once, as when they were judged: that program is compiled already.
+    simulated = [(simulate(robot, found.check)[e], colour) for _, robot, colour, _ in states(found)]
     for ax, name in zip(axes, channels, strict=True):
         column = log.channels.measured.index(name)
         ax.plot(log.time[shown], log.output(name)[shown], ".", ms=3, color=_MEASURED)
@@ -233,7 +145,8 @@ def correlation(parts: Sequence[Array], lags: int = _LAGS) -> Array:
 def spectrum(parts: Sequence[Array], interval: float) -> tuple[Array, Array]:
     """Frequency [Hz] and power of the residuals in units of the noise's, which is 1 at every frequency (Welch)."""
     n = min(256, min(len(part) for part in parts))
-    found = [signal.welch(np.nan_to_num(part), 1.0 / interval, nperseg=n, detrend=False) for part in parts]
+    plain: Any = False  # no trend is taken off; the library's annotation knows strings only
+    found = [signal.welch(np.nan_to_num(part), 1.0 / interval, nperseg=n, detrend=plain) for part in parts]
     weights = [len(part) for part in parts]
     power = np.average([p for _, p in found], axis=0, weights=weights)
     # One-sided density of white noise of variance 1 is 2 / rate; the two ends of the spectrum have half of it.
@@ -283,44 +196,42 @@ def whiteness(found: Explanation) -> Figure | None:
 
 
 def moved(found: Explanation) -> Figure | None:
-    """The robot's own parameters before (orange) and after (green) with 95 % intervals, relative to the value after."""
-    pairs = {n: p for n, p in found.moved.items() if p[1].value != 0 and np.isfinite(p[1].value)}
+    """The robot's own parameters before (orange) and after (green) with 95 % intervals, relative to the larger one."""
+    pairs = {name: pair for name, pair in found.moved.items() if any(e.value for e in pair)}
     if not pairs or not found.effects:
         return None
-    relative = {
-        name: [
-            (100 * (e.value / after.value - 1), *sorted(100 * (end / after.value - 1) for end in e.ci95))
-            for e in (before, after)
-        ]
-        for name, (before, after) in pairs.items()
-    }
-    ends = np.array([v for own in relative.values() for row in own for v in row])
-    reach = float(np.clip(1.15 * np.max(np.abs(ends[np.isfinite(ends)])), 2.0, 100.0))
-    figure = Figure(figsize=(8, 1.3 + 0.36 * len(relative)), layout="constrained")
+    figure = Figure(figsize=(8, 1.3 + 0.36 * len(pairs)), layout="constrained")
     ax = figure.subplots()
     ax.axvline(0.0, color="0.3", lw=0.8)
-    for row, own in enumerate(relative.values()):
-        for (value, low, high), colour, shift in zip(own, (BEFORE, AFTER), (-0.14, 0.14), strict=True):
-            ax.plot([low, high], [row + shift] * 2, color=colour, lw=2.5, solid_capstyle="butt")
-            at = float(np.clip(value, -0.98 * reach, 0.98 * reach))
-            shape = "o" if at == value else ">" if value > 0 else "<"
-            ax.plot(at, row + shift, shape, color=colour, ms=7)
-            if at != value:
-                side = ("right", -8) if value > 0 else ("left", 8)
-                ax.annotate(f"{value:+.0f} %", (at, row + shift), (side[1], 0), textcoords="offset points",
-                            ha=side[0], va="center", fontsize="x-small", color=colour)  # fmt: skip
-    ax.set_yticks(range(len(relative)), list(relative))
-    ax.set_ylim(len(relative) - 0.5, -0.5)
+    farthest = 2.0
+    for row, (before, after) in enumerate(pairs.values()):
+        size = max(abs(before.value), abs(after.value))
+        for e, colour, shift in ((before, BEFORE, -0.14), (after, AFTER, 0.14)):
+            low, value, high = (100 * (v - after.value) / size for v in (e.ci95[0], e.value, e.ci95[1]))
+            sure = e.status == "identified"
+            if sure:
+                ax.plot([low, high], [row + shift] * 2, color=colour, lw=2.5, solid_capstyle="butt")
+            ax.plot(value, row + shift, "o", color=colour, ms=7, mfc=colour if sure else "white")
+            farthest = max(farthest, abs(value), *([abs(low), abs(high)] if sure else []))
+        ax.annotate("", (0.0, row), (100 * (before.value - after.value) / size, row), zorder=1,
+                    arrowprops={"arrowstyle": "->", "color": "0.6", "lw": 1.0})  # fmt: skip
+    ax.set_yticks(range(len(pairs)), list(pairs))
+    ax.set_ylim(len(pairs) - 0.5, -0.5)
+    reach = min(1.12 * farthest, 120.0)
     ax.set_xlim(-reach, reach)
-    ax.set_xlabel("difference from the value after [%]")
+    ax.set_xlabel("difference from the value after [% of the larger of the two]")
     _tidy(ax)
     ax.grid(axis="y", visible=False)
     handles = [Line2D([], [], color=c, marker="o", lw=2, label=n) for c, n in ((BEFORE, "before"), (AFTER, "after"))]
-    figure.legend(handles=handles, loc="outside upper right", ncols=2, fontsize="small", frameon=False)
+    if any(e.status != "identified" for pair in pairs.values() for e in pair):
+        handles.append(
+            Line2D([], [], color="0.4", marker="o", ls="", mfc="white", label="at a bound or not identified")
+        )
+    figure.legend(handles=handles, loc="outside upper right", ncols=3, fontsize="small", frameon=False)
     return figure
 
 
-def next_inputs(proposed: NextExperiment, units: dict[str, str]) -> Figure:
+def next_inputs(proposed: NextExperiment, units: Mapping[str, str]) -> Figure:
     """The inputs of the proposed experiment over time."""
     n = len(proposed.input_names)
     figure = Figure(figsize=(9, 0.8 + 0.95 * n), layout="constrained")

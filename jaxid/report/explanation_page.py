@@ -1,6 +1,6 @@
 """The page of an explanation: verdict, where, what, how sure, before and after, what next, in one file.
 
-The same body shows in a notebook. Importing this module gives explanations their page (`explain.explanation.show_with`).
+The same body shows in a notebook. The package gives it to explanations (`explain.explanation.show_with`).
 """
 
 from importlib.resources import files
@@ -11,18 +11,21 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from .._atomic import replacing, write_text
-from ..explain.explanation import Explanation, show_with
+from ..explain.explanation import Explanation
 from ..explain.heldout import FALSE_ALARM
 from . import explanation_figures as draw
 from . import explanation_tables as tab
 from .figures import as_html, as_png
+from .leads_figure import leads
 from .localisation_figures import localisation
+from .ranking_figure import ranking
 from .tables import Table, to_html
 
 _TEMPLATE = "explanation.html.jinja"
 _DPI = 100
 ALT = {
     "localisation": "The missing force over time, and when it acts",
+    "leads": "The missing force against speed, heading, place and time",
     "ranking": "Candidates: promised share of the gap, and error after a refit",
     "before_after": "Residual before and after on the worst held-out log",
     "whiteness": "Correlation and spectrum of the residual before and after",
@@ -37,7 +40,10 @@ def figures(found: Explanation) -> dict[str, Figure]:
     made: dict[str, Figure | None] = {}
     if found.localisation is not None and found.check is not None:
         made["localisation"] = localisation(found.localisation, found.check)
-    made["ranking"] = draw.ranking(found)
+        made["localisation"].suptitle("")  # the page says the same sentence above the picture
+        if found.verdict == "unexplained":
+            made["leads"] = leads(found)
+    made["ranking"] = ranking(found)
     made["before_after"] = draw.before_after(found)
     made["whiteness"] = draw.whiteness(found)
     made["moved"] = draw.moved(found)
@@ -52,7 +58,7 @@ def _markup(table: Table) -> Markup:
 
 def _render(found: Explanation, pictures: dict[str, Figure], whole: bool) -> str:
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(files(__package__).joinpath(_TEMPLATE).read_text(encoding="utf-8"))
+    template = environment.from_string(files("jaxid.report").joinpath(_TEMPLATE).read_text(encoding="utf-8"))
     bars = [("error " + label if found.effects else "error", state.normalised_rms, colour)
             for state, _, colour, label in draw.states(found)]  # fmt: skip
     bars.append(("noise floor", 1.0, "#8c8c8c"))
@@ -71,7 +77,7 @@ def _render(found: Explanation, pictures: dict[str, Figure], whole: bool) -> str
     )
 
 
-class _Page:
+class Page:
     """How explanations are shown: text on a terminal, this page in a notebook and in a file."""
 
     def text(self, found: Explanation) -> str:
@@ -92,6 +98,3 @@ class _Page:
         for name in ALT.keys() - pictures.keys():
             (folder / f"{name}.png").unlink(missing_ok=True)
         return written
-
-
-show_with(_Page())

@@ -5,7 +5,7 @@ import math
 from ..estimate.result import Estimate
 from ..explain.explanation import Explanation
 from ..explain.localise import channel_name
-from .tables import Cell, Table, number, percent, to_text, with_error
+from .tables import WIDTH, Cell, Table, number, percent, to_text, with_error
 
 _MOVED = 2.0
 """Standard errors (of the fit before) beyond which a parameter's move is marked."""
@@ -116,4 +116,4 @@ def text(found: Explanation) -> str:
         paragraphs.append(found.localisation.sentence)
     if found.next_experiment is not None:
         paragraphs.append(f"Next: {found.next_experiment.sentence}")
-    return to_text(tables(found), paragraphs)
+    return to_text(tables(found), paragraphs, WIDTH)

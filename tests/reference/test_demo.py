@@ -23,7 +23,7 @@ def written(tmp_path_factory):
 
 def test_shipped_logs_are_reproduced(written):
     names = sorted(path.relative_to(written) for path in written.rglob("*.csv"))
-    assert names == sorted(path.relative_to(SHIPPED) for path in SHIPPED.rglob("*.csv")) and len(names) == 43
+    assert names == sorted(path.relative_to(SHIPPED) for path in SHIPPED.rglob("*.csv")) and len(names) == 52
     for name in names:
         new, old = pd.read_csv(written / name), pd.read_csv(SHIPPED / name)
         assert list(new) == list(old)
@@ -38,6 +38,17 @@ def test_shipped_logs_are_reproduced(written):
 def test_truth_files_hold_the_constants(written, folder, truth):
     stored = tomllib.loads((written / folder / "truth.toml").read_text())
     assert stored == {name: value for name, value in truth.items() if value < 1e29}
+
+
+def test_the_unknown_robots_truth_is_where_nobody_looks_by_accident(written):
+    stored = tomllib.loads((written / "unknown" / "do_not_look_yet.toml").read_text())
+    effects = stored.pop("effects")
+    assert effects == demo.UNKNOWN_EFFECT and stored == demo.UNKNOWN.parameters
+    shipped = SHIPPED / "unknown"
+    assert (shipped / "do_not_look_yet.toml").read_text() == (written / "unknown" / "do_not_look_yet.toml").read_text()
+    # Neither the file names nor the notes on the logs tell what is hidden.
+    told = " ".join(path.name for path in shipped.iterdir()) + (SHIPPED / "README.md").read_text()
+    assert not any(name.split("_")[0] in told for name in effects)
 
 
 def test_hanging_robot_gives_its_inertia(written):

@@ -1,0 +1,224 @@
+"""The page and figures of an explanation show what was found, in one file that needs nothing else."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import matplotlib.colors as colours
+import numpy as np
+import pytest
+from markupsafe import escape
+
+from jaxid.explain import NextExperiment
+from jaxid.report import explanation_figures as draw
+from jaxid.report import explanation_tables as tab
+from jaxid.report.explanation_page import ALT, figures
+from jaxid.report.leads_figure import leads
+from jaxid.report.ranking_figure import ALIKE, OTHER, ranking
+
+VOID = {"meta", "img", "br"}
+SECTIONS = ["Where?", "What?", "How sure?", "Before and after", "What next?"]
+
+
+class Structure(HTMLParser):
+    """Open tags, headings and picture sources of a page; complains about tags that do not close."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.open, self.sources, self.headings, self.tags = [], [], [], set()
+        self.feed(page)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.sources += [value for key, value in attrs if key in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ("h1", "h2"):
+            self.headings.append(data.strip())
+
+
+@pytest.fixture(scope="module")
+def ambiguous(explained):
+    """The same explanation as if a second name were open, with an experiment to settle it."""
+    step = explained.search.steps[0]
+    other = step.trials[1].id
+    found = replace(explained.search, steps=(replace(step, equivalent=(other,)),))
+    time = np.arange(100) * 0.02
+    between = ("quadratic_drag", other)
+    proposed = NextExperiment(between, "with a wave at 2 N", 5.0, 0.4, time, 2 * np.sin(time)[:, None], ("u",))
+    effects = (replace(explained.effects[0], equivalent_to=(other,)),)
+    return replace(explained, verdict="ambiguous", effects=effects, search=found, next_experiment=proposed)
+
+
+@pytest.fixture(scope="module")
+def unexplained(explained):
+    """The same gap as if no candidate had helped."""
+    found = replace(explained.search, steps=())
+    nothing = {"effects": (), "final": explained.baseline, "after": explained.before}
+    return replace(explained, verdict="unexplained", search=found, **nothing)
+
+
+@pytest.fixture(scope="module")
+def adequate(explained):
+    """As if the final model had been there from the start."""
+    found = replace(explained.search, steps=(), first_look=())
+    nothing = {"effects": (), "baseline": explained.final, "before": explained.after, "localisation": None}
+    return replace(explained, verdict="adequate", search=found, **nothing)
+
+
+def saved(found, folder):
+    found.save(folder)
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_page_is_one_file_with_the_verdict_first(explained, tmp_path):
+    page = saved(explained, tmp_path)
+    read = Structure(page)
+    assert read.headings == [explained.sentence, *SECTIONS]
+    assert len(read.sources) == 5 and all(source.startswith("data:image/png;base64,") for source in read.sources)
+    assert not read.tags & {"script", "link", "iframe"} and "http" not in re.sub(r"base64,[^\"]+", "", page)
+    assert {path.stem for path in tmp_path.glob("*.png")} == {
+        "localisation", "ranking", "before_after", "whiteness", "moved"
+    }  # fmt: skip
+    for words in (explained.localisation.sentence, "F = -coefficient v |v|", "N s^2/m^2", "0.5 %", "runner-up"):
+        assert escape(words) in page, words
+
+
+def test_open_names_are_said_to_be_open_and_settled_next(ambiguous, tmp_path):
+    page = saved(ambiguous, tmp_path)
+    assert Structure(page).headings == [ambiguous.sentence, *SECTIONS]
+    other = ambiguous.effects[0].equivalent_to[0].replace("_", " ")
+    assert f"cannot be told from <b>{other}</b>" in page.replace("\n", " ")
+    assert ambiguous.next_experiment.sentence in page and (tmp_path / "next_experiment.png").exists()
+
+
+def test_an_unexplained_gap_gives_leads(unexplained, tmp_path):
+    page = saved(unexplained, tmp_path)
+    assert Structure(page).headings == [
+        unexplained.sentence,
+        "Where?",
+        "What?",
+        "How sure?",
+        "The residual",
+        "What next?",
+    ]
+    assert (tmp_path / "leads.png").exists() and not (tmp_path / "moved.png").exists()
+    figure = leads(unexplained)
+    assert [ax.get_xlabel() for ax in figure.axes] == ["v [m/s]", "x [m]", "time [s]"]
+    # What the fit cannot absorb of the drag: the true resistance less the fitted one, away from standstill.
+    speed, middle = figure.axes[0].lines[1].get_data()
+    fitted = unexplained.baseline.robot.parameters.numbers
+    missing = (fitted["Fv"] - 2.0) * speed - 1.5 * speed * np.abs(speed) + (fitted["Fc"] - 0.5) * np.sign(speed)
+    moving = np.abs(speed) > 0.1
+    assert moving.sum() >= 4 and np.ptp(missing[moving]) > 0.3
+    np.testing.assert_allclose(middle[moving], missing[moving], atol=0.1)
+
+
+def test_a_complete_model_has_no_missing_force(adequate, tmp_path):
+    page = saved(adequate, tmp_path)
+    assert Structure(page).headings == [adequate.sentence, "How sure?", "The residual", "What next?"]
+    assert f"{adequate.before.p_white:.2g}" in page
+    assert set(figures(adequate)) == {"before_after", "whiteness"}
+
+
+def test_a_notebook_shows_the_same_body(explained, tmp_path):
+    body = explained._repr_html_()
+    read = Structure(body)
+    assert read.headings == [explained.sentence, *SECTIONS] and not read.tags & {"html", "body", "head"}
+    assert all(name in ALT for name in figures(explained))
+    # Without the logs, what needs measurements is left out.
+    bare = replace(explained, check=None)
+    assert set(figures(bare)) == {"ranking", "before_after", "whiteness", "moved"}
+    assert Structure(bare._repr_html_()).headings == [explained.sentence, *SECTIONS]
+
+
+def test_what_users_name_is_escaped(explained):
+    named = replace(explained, effects=(replace(explained.effects[0], formula="F < <b>v</b> & w"),))
+    body = named._repr_html_()
+    assert "<b>v</b>" not in body and "F &lt; &lt;b&gt;v&lt;/b&gt; &amp; w" in body
+
+
+def test_the_text_fits_a_terminal(explained, ambiguous):
+    for found in (explained, ambiguous):
+        text = tab.text(found)
+        assert text.startswith(found.sentence[:60]) and max(map(len, text.splitlines())) <= tab.WIDTH
+        assert "coefficient" in text and "moved" in text
+    rows = {row[0].text: [cell.text for cell in row] for row in tab.channel_table(explained).rows}
+    assert rows["all"][1] == f"{explained.before.normalised_rms:.2f}"
+    assert float(rows["speed v"][2]) == pytest.approx(explained.after.by_channel["v"], abs=0.006)
+
+
+def test_the_ranking_shows_promises_and_refits(ambiguous):
+    figure = ranking(ambiguous)
+    bars, refits = figure.axes
+    step = ambiguous.search.steps[0]
+    names = [label.get_text().replace(" ", "_") for label in bars.get_yticklabels()]
+    assert names[: len(step.trials)] == [trial.id for trial in step.trials]
+    shares = {c.effect.id: min(max(100 * c.share, 0), 100) for c in step.screened}
+    assert [bar.get_width() for bar in bars.patches] == pytest.approx([shares[name] for name in names])
+    expected = {names[0]: draw.AFTER, step.equivalent[0]: ALIKE}
+    for bar, name in zip(bars.patches, names, strict=True):
+        assert colours.same_color(bar.get_facecolor(), expected.get(name, OTHER))
+    dots = [line.get_xdata()[0] for line in refits.lines if line.get_marker() == "o"]
+    assert dots[0] == step.chosen.check.normalised_rms and len(dots) == len(step.trials)
+    assert sum(text.get_text() == "not refitted" for text in refits.texts) == len(names) - len(step.trials)
+
+
+def test_before_and_after_are_the_held_out_residuals(explained):
+    figure = draw.before_after(explained)
+    e = draw.worst_log(explained)
+    worse = [float(np.mean(r**2)) for r in explained.before.residuals]
+    assert worse[e] == max(worse)
+    error, enlarged = figure.axes
+    for line, state in zip(error.lines[::2], (explained.before, explained.after), strict=True):
+        np.testing.assert_array_equal(line.get_ydata(), state.residuals[e][:, 0])
+    measured, before, after = enlarged.lines
+    shown = np.isin(explained.check[e].time, measured.get_xdata())
+    np.testing.assert_array_equal(measured.get_ydata(), explained.check[e].output("v")[shown])
+    noise = explained.before.noise["v"]
+    for line, state in ((before, explained.before), (after, explained.after)):
+        own = (line.get_ydata() - measured.get_ydata()) / noise
+        np.testing.assert_allclose(own, state.residuals[e][shown, 0], atol=1e-9)
+
+
+def test_the_worst_window_is_where_the_error_is():
+    residual = np.zeros((500, 2))
+    residual[200:260, 1] = 3.0
+    begin, end = draw.worst_window(residual, np.arange(500) * 0.02, 2.0)
+    assert begin <= 4.0 and end >= 5.18 and end - begin == pytest.approx(2.0)
+
+
+def test_noise_has_a_flat_spectrum_and_no_correlation():
+    rng = np.random.default_rng(8)
+    parts = [rng.normal(size=20000) for _ in range(3)]
+    frequency, power = draw.spectrum(parts, 0.02)
+    assert frequency[-1] == pytest.approx(25.0) and power.mean() == pytest.approx(1.0, abs=0.02)
+    assert power.min() > 0.85 and power.max() < 1.15
+    rho = draw.correlation(parts)
+    assert rho[0] == 1.0 and np.abs(rho[1:]).max() < 4 / 60000**0.5
+    # An AR(1) residual: correlation a^k, and the closed form of its spectrum.
+    coloured = np.zeros(60000)
+    for k, e in enumerate(rng.normal(size=59999)):
+        coloured[k + 1] = 0.8 * coloured[k] + e
+    np.testing.assert_allclose(draw.correlation([coloured])[:5], 0.8 ** np.arange(5), atol=0.03)
+    frequency, power = draw.spectrum([coloured], 0.02)
+    exact = 1 / np.abs(1 - 0.8 * np.exp(-2j * np.pi * frequency * 0.02)) ** 2
+    assert np.median(power / exact) == pytest.approx(1.0, abs=0.03)
+
+
+def test_parameters_stand_where_they_were_relative_to_the_larger(explained):
+    figure = draw.moved(explained)
+    (ax,) = figure.axes
+    names = [label.get_text() for label in ax.get_yticklabels()]
+    dots = [line for line in ax.lines if line.get_marker() == "o"]
+    assert names == list(explained.moved) and len(dots) == 2 * len(names)
+    for name, before, after in zip(names, dots[::2], dots[1::2], strict=True):
+        old, new = (e.value for e in explained.moved[name])
+        assert before.get_xdata()[0] == pytest.approx(100 * (old - new) / max(abs(old), abs(new)))
+        assert after.get_xdata()[0] == 0.0

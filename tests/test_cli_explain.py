@@ -1,0 +1,129 @@
+"""`jaxid explain`: files, exit statuses and error lines, on short logs of an axis with a known drag."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jaxid import Omni, demo, noise_level, read_logs
+from jaxid.cli import main
+from jaxid.cli.arguments import UnusableInput
+from jaxid.cli.explain import without_coupling
+from jaxid.effects import effect_by_id
+
+
+@pytest.fixture
+def jaxid(capsys, monkeypatch):
+    """Run a command line: (exit status, stdout, stderr)."""
+    for command in ("explain", "fit", "simulate"):
+        monkeypatch.setattr(f"jaxid.cli.{command}.keep_compiled_programs", lambda: None)
+
+    def run(*argv):
+        with pytest.raises(SystemExit) as end:
+            main([str(argument) for argument in argv])
+        said = capsys.readouterr()
+        return end.value.code or 0, said.out, said.err
+
+    return run
+
+
+def test_from_logs_to_a_model_with_its_effect(jaxid, hidden_drag, explained, tmp_path):
+    out = tmp_path / "new" / "out"
+    fit, check = sorted(hidden_drag.glob("fit_*.csv")), sorted(hidden_drag.glob("check_*.csv"))
+    code, said, remarks = jaxid("explain", "axis", "--fit", *fit, "--check", *check, "--out", out)
+    assert code == 0, remarks
+    assert said.startswith("Missing was quadratic drag") and "Traceback" not in remarks
+    assert max(map(len, said.splitlines())) <= 100
+    # The same as in a notebook, and every file that is promised.
+    document = json.loads((out / "explanation.json").read_text())
+    assert document["verdict"] == "named" and [e["id"] for e in document["effects"]] == ["quadratic_drag"]
+    assert document["gap"]["before"] == pytest.approx(explained.before.normalised_rms, rel=1e-6)
+    assert document["gap"]["after"] == pytest.approx(explained.after.normalised_rms, rel=1e-6)
+    fits = json.loads((out / "fit.json").read_text())["methods"]
+    assert set(fits) == {"integral_least_squares", "output_error"}
+    assert fits["output_error"]["parameters"]["Fv"]["value"] == pytest.approx(explained.baseline["Fv"].value, rel=1e-6)
+    page = (out / "report.html").read_text()
+    assert page.startswith("<!doctype html>") and page.rstrip().endswith("</html>") and "quadratic drag" in page
+    assert {"ranking.png", "before_after.png", "localisation.png"} <= {path.name for path in out.glob("*.png")}
+    assert not list(out.glob(".*"))
+
+    # The model predicts the held-out logs as well as the explanation says it does.
+    noise = noise_level(read_logs([*fit, *check], "axis"))["v"]
+    errors = []
+    for path in check:
+        predicted = tmp_path / path.name
+        argv = ("simulate", "axis", "--log", path, "--model", out / "model.toml", "--out", predicted)
+        assert jaxid(*argv)[0] == 0
+        errors.append(pd.read_csv(predicted)["v"] - pd.read_csv(path)["v"])
+    rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) / noise
+    assert rms == pytest.approx(document["gap"]["after"], rel=1e-6)
+
+    # And it can be fitted again.
+    code, said, remarks = jaxid(
+        "fit", "axis", "--fit", *fit, "--model", out / "model.toml", "--out", tmp_path / "again"
+    )
+    assert code == 0, remarks
+    again = json.loads((tmp_path / "again" / "fit.json").read_text())["methods"]["output_error"]["parameters"]
+    drag = again["quadratic_drag.coefficient"]
+    assert drag["status"] == "identified" and abs(drag["value"] - 1.5) < 4 * drag["std_error"]
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (("--baseline", "uncoupled"), ("omni", "axis")),
+        (("--baseline", "coupled"), ("coupled", "uncoupled")),
+        (("--baseline",), ("--baseline",)),
+    ],
+)
+def test_a_baseline_that_does_not_apply_is_status_2(jaxid, hidden_drag, tmp_path, more, words):
+    logs = ("--fit", hidden_drag / "fit_crawl.csv", "--check", hidden_drag / "check_crawl.csv")
+    code, said, remarks = jaxid("explain", "axis", *logs, "--out", tmp_path / "o", *more)
+    assert code == 2 and not said and "Traceback" not in remarks
+    assert all(word in remarks for word in words) and not (tmp_path / "o").exists()
+    assert len(remarks.splitlines()) == 1 or len(more) == 1
+
+
+def test_held_out_logs_and_a_robot_are_needed(jaxid, hidden_drag, tmp_path):
+    logs = ("--fit", hidden_drag / "fit_crawl.csv")
+    assert jaxid("explain", "axis", *logs, "--out", tmp_path / "o")[0] == 2
+    assert jaxid("explain", "axes", *logs, "--check", *logs[1:], "--out", tmp_path / "o")[0] == 2
+
+
+def test_unusable_input_is_one_line_and_status_1(jaxid, hidden_drag, tmp_path):
+    fit, check = ("--fit", hidden_drag / "fit_crawl.csv"), ("--check", hidden_drag / "check_crawl.csv")
+    model = tmp_path / "model.toml"
+    model.write_text('[[effects]]\nid = "quadratic_dragg"\n')
+    for argv, words in (
+        ((*fit, "--check", tmp_path / "absent.csv"), ("absent.csv",)),
+        (("--fit", tmp_path / "none_*.csv", *check), ("none_*.csv",)),
+        ((*fit, *check, "--model", model), ("model.toml", "quadratic_drag")),
+    ):
+        code, said, remarks = jaxid("explain", "axis", *argv, "--out", tmp_path / "o")
+        assert code == 1 and not said, remarks
+        (line,) = remarks.splitlines()
+        assert line.startswith("jaxid: ") and all(word in line for word in words)
+
+
+def test_the_uncoupled_baseline_lacks_the_turning_frames_terms(jaxid, tmp_path, monkeypatch):
+    robot = without_coupling(Omni())
+    assert robot.parameters["coriolis"].value == 0.0 and not robot.parameters["coriolis"].free
+    with pytest.raises(UnusableInput, match="coriolis_coupling"):
+        without_coupling(robot + effect_by_id(robot, "coriolis_coupling"))
+    started = []
+
+    def stop(robot, logs):
+        started.append(robot)
+        raise UnusableInput("Enough.")
+
+    monkeypatch.setattr("jaxid.cli.explain.estimate", stop)
+    for more in ((), ("--baseline", "uncoupled")):
+        paths = sorted(demo.folder("omni").glob("check_*.csv"))
+        argv = ("explain", "omni", "--fit", paths[0], "--check", paths[1], "--out", tmp_path, *more)
+        assert jaxid(*argv)[0] == 1
+    assert [robot.parameters["coriolis"].value for robot in started] == [1.0, 0.0]
+
+
+def test_help_names_the_command(jaxid):
+    assert "explain" in jaxid("--help")[1]
