@@ -184,7 +184,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Blind study of naming hidden effects.")
     parser.add_argument("--set", choices=list(FIRST_SEED), default="main")
     parser.add_argument("--shard", default="1/1", help="K/N: every N-th case from the K-th")
-    parser.add_argument("--only", default="", help="run cases whose name contains this")
+    parser.add_argument("--only", default="", help="run cases whose name contains one of these (comma between)")
     parser.add_argument("--limit", type=int, default=None, help="most cases to run now")
     parser.add_argument("--report", action="store_true", help="write the page from the results")
     arguments = parser.parse_args()
@@ -194,7 +194,11 @@ def main() -> None:
         write(results("main"), results("aside"))
         return
     number, of = (int(part) for part in arguments.shard.split("/"))
-    chosen = [plan for plan in plans(arguments.set)[number - 1 :: of] if arguments.only in plan.name]
+    chosen = [
+        plan
+        for plan in plans(arguments.set)[number - 1 :: of]
+        if any(part in plan.name for part in arguments.only.split(","))
+    ]
     done = results(arguments.set)
     left = [plan for plan in chosen if plan.name not in done][: arguments.limit]
     print(f"{len(chosen)} cases, {len(chosen) - len(left)} there already or left for later", flush=True)

@@ -80,6 +80,7 @@ class MotorLag(Effect):
     id: ClassVar[str] = "motor_lag"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "time_constant * du'/dt = u - u'"
+    max_step: ClassVar[float] = 0.005
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "time_constant", "s", 0.03)

@@ -29,6 +29,7 @@ class StribeckFriction(_OnDriveAxes):
     id: ClassVar[str] = "stribeck_friction"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "C' = C + amplitude * exp(-(s / speed)^2)"
+    max_step: ClassVar[float] = 0.005  # friction falls off within a step or two of starting to slide
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = {"pioneer": ("N m", 0.1), "omni": ("N", 10.0)}.get(robot.name, ("N", 1.0))

@@ -63,7 +63,9 @@ def _lanes(robot: Robot, integrator: Integrator, numbers, changes, start, inputs
     return jax.lax.map(one, changes, batch_size=16)
 
 
-def _simulate(robot: Robot, logs: LogSet, changes: Sequence[Mapping[str, float]], states) -> NDArray[np.float64]:
+def _simulate(
+    robot: Robot, integrator: Integrator, logs: LogSet, changes: Sequence[Mapping[str, float]], states
+) -> NDArray[np.float64]:
     """Whitening left aside: simulated outputs [P, samples x channels] at the logs' measured places."""
     batch = logs.batch()
     base = robot.parameters.numbers
@@ -71,7 +73,7 @@ def _simulate(robot: Robot, logs: LogSet, changes: Sequence[Mapping[str, float]]
     padded = list(changes) + [{}] * (-len(changes) % 16)
     columns = {name: jnp.array([change.get(name, base[name]) for change in padded]) for name in names}
     numbers = {name: jnp.asarray(value, float) for name, value in base.items()}
-    outputs = _lanes(robot.structure, integrator_for(robot, logs), numbers, columns, states, batch.inputs, batch.dt)
+    outputs = _lanes(robot.structure, integrator, numbers, columns, states, batch.inputs, batch.dt)
     return np.asarray(outputs)[: len(changes)]
 
 
@@ -98,7 +100,7 @@ def screen(
         for name, value in known_states.get(log.name, {}).items():
             states[name][e] = value
     states = {name: jnp.asarray(value) for name, value in states.items()}
-    outputs = _simulate(full, logs, [{}, *secants, *changes], states)
+    outputs = _simulate(full, integrator_for(robot, logs), logs, [{}, *secants, *changes], states)
     weights, measured = _weights(logs, noise)
     residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()
     moved = ((outputs[1:] - outputs[0]) * weights).reshape(len(secants) + len(changes), -1)

@@ -37,6 +37,8 @@ class Effect:
     frees: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
+    max_step: ClassVar[float] = float("inf")
+    """Longest integration step [s] for which the effect's own parameters come out right."""
 
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""

@@ -26,8 +26,9 @@ class Integrator:
 
     @staticmethod
     def suited(robot: Robot, sampling_interval: float, friction: DryFriction | None = None) -> "Integrator":
-        """The integrator whose steps are no longer than the robot's `max_step`."""
-        substeps = max(1, math.ceil(sampling_interval / robot.max_step - 1e-6))
+        """The integrator whose steps are no longer than the `max_step` of the robot and of its effects."""
+        longest = min(robot.max_step, *(effect.max_step for effect in robot.effects), math.inf)
+        substeps = max(1, math.ceil(sampling_interval / longest - 1e-6))
         return Integrator(substeps, friction or Sticking())
 
 
