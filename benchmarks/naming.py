@@ -191,7 +191,11 @@ def main() -> None:
     if arguments.report:
         from .hidden.naming_page import write
 
-        write(results("main"), results("aside"))
+        planned = {
+            name: [(robot, sum(plan.robot == robot for plan in plans(name))) for robot in ROBOTS]
+            for name in ("main", "aside")
+        }
+        write(results("main"), results("aside"), planned)
         return
     number, of = (int(part) for part in arguments.shard.split("/"))
     chosen = [

@@ -161,8 +161,8 @@ def failures(entries: list[Entry]) -> list[str]:
     return lines
 
 
-def write(main: dict[str, Entry], aside: dict[str, Entry], rivals: dict[str, Any] | None = None) -> None:
-    """Write the page, its picture and `naming.json`."""
+def write(main: dict[str, Entry], aside: dict[str, Entry], planned: dict[str, list[tuple[str, int]]]) -> None:
+    """Write the page, its picture and `naming.json`. `planned` are the numbers of cases of each set by robot."""
     sets = {"main": list(main.values()), "aside": list(aside.values())}
     broken = [e for entries in sets.values() for e in entries if "error" in e]
     sets = {name: [e for e in entries if "error" not in e] for name, entries in sets.items()}
@@ -181,6 +181,12 @@ def write(main: dict[str, Entry], aside: dict[str, Entry], rivals: dict[str, Any
         for strength in ("weak", "medium", "strong"):
             part = [e for e in own if e["strength"] == strength]
             per_robot.append(f"| {robot} | {strength} | {shown(share(part, named_right), 'named')} |")
+    ran = "; ".join(
+        f"{name}: "
+        + ", ".join(f"{robot} {sum(e['robot'] == robot for e in sets[name])} of {count}" for robot, count in of)
+        for name, of in planned.items()
+        if sets[name]
+    )
     hidden_well = sum(e["kind"] in ("single", "outside") and not visible(e) for e in everything)
     text = f"""# The blind study: are hidden effects named?
 
@@ -189,8 +195,8 @@ Written by `python -m benchmarks.naming --report` from `benchmarks/results/namin
 independent simulator in `reference/` (event-accurate sticking, adaptive steps) with physical constants, noise level and
 excitation drawn from its seed, written to CSV, read back, fitted and explained; the workflow sees the files and the
 nominal model. Six logs to fit and three to check, 25 s at 50 Hz. `main` was looked at while the workflow was built,
-`aside` has other seeds and was looked at once. Cases were taken in random order; those that stand in the files are all
-that were run, none is left out{"" if not broken else f", {len(broken)} of them ended with an error"}.
+`aside` has other seeds and is to be looked at once. The cases that stand in the files are all that were run, none is left
+out{"" if not broken else f", {len(broken)} of them ended with an error"}: {ran}.
 
 {header}
 | --- | --- |{" --- |" * len(found)}
