@@ -44,10 +44,11 @@ SIZES = {
 }
 OMNI_SIZES = {
     "asymmetric_viscous_friction": 0.9,
+    "sublinear_viscous_friction": 0.65,
     "motor_heating": 3e-3,
     "traction_limit": 1 / 45.0,
     "quadratic_drag": 20.0,
-    "cogging_torque": 1.0,
+    "cogging_torque": 0.4,
     "wheel_radius_mismatch": 0.2,
 }
 NOT_THE_SAME = {
@@ -66,10 +67,7 @@ def names(robot: str) -> list[str]:
 def in_model_terms(robot: str, name: str, p: dict[str, float]) -> dict[str, float]:
     """The effect's constants as parameters of the model with all effects."""
     if name == "cogging_torque":
-        angles = [k for k in ("phi2", "phi3", "phi_1", "phi_2", "phi_3", "phi_4")]
-        model = MODEL[robot]()
-        own = {f"sine_{angle}": p["amplitude"] for angle in model.angles}
-        assert own and angles
+        own = {f"sine_{angle}": p["amplitude"] for angle in MODEL[robot]().angles}
         return {f"{name}.{k}": v for k, v in {**own, "periods": p["periods"]}.items()}
     if name == "lateral_com_offset" and robot == "omni":
         J, M = REFERENCE[robot].parameters["J"], REFERENCE[robot].parameters["M"]
@@ -99,6 +97,8 @@ def both(request):
     for name in names(robot):
         size = OMNI_SIZES.get(name, SIZES[name]) if robot == "omni" else SIZES[name]
         p = effect(robot, name, size, rng)
+        if name == "surface_change":
+            p |= {"offset": -0.3}  # from the start on, until the robot has driven out of it
         changes.append(in_model_terms(robot, name, p))
         hidden.append({name: p})
     base = full.parameters.numbers
