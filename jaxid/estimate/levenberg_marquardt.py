@@ -23,6 +23,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
+from .._compile import compiled
 from .problem import Problem, Structure, Triangle, Unknowns, reduced_residual
 
 _STALLED_STEPS = 8
@@ -119,7 +120,7 @@ def minimise(
     )
 
 
-_jitted = jax.jit(minimise, static_argnames=("structure",))
+_jitted = compiled(minimise, static_argnames=("structure",))
 _programs: OrderedDict[Any, Any] = OrderedDict()
 _MOST_PROGRAMS = 64
 
@@ -140,8 +141,8 @@ def compile_ahead(tasks: Sequence[tuple[Structure, Problem, Unknowns]]) -> None:
     lowered = {key: _jitted.lower(*task, **numbers) for key, task in missing.items()}
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         found = dict(zip(lowered, pool.map(lambda program: program.compile(), lowered.values()), strict=True))
-    for key, compiled in found.items():
-        _programs[key] = compiled
+    for key, one in found.items():
+        _programs[key] = one
     while len(_programs) > _MOST_PROGRAMS:
         _programs.popitem(last=False)
 
@@ -156,7 +157,7 @@ def minimise_compiled(
     return _programs[key](problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
 
 
-@partial(jax.jit, static_argnames=("structure",))
+@partial(compiled, static_argnames=("structure",))
 def minimise_lanes(
     structure: Structure, problem: Problem, starts: Unknowns, *, max_steps=100, tolerance=1e-3
 ) -> Optimum:
