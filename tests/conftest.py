@@ -7,9 +7,6 @@ from pathlib import Path
 # is imported.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache/compiled"))
 
-# As the command line does: see `jaxid.cli.app.main`.
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
-
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 

@@ -3,7 +3,6 @@
 Exit status: 0 with a result, 1 for input that cannot be used (one line on stderr), 2 for wrong arguments.
 """
 
-import os
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -145,9 +144,4 @@ def demo(
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run one command line (by default the process's own). Always ends in `SystemExit` with the exit status."""
-    # One thread for each operation: on two cores XLA's worker threads can starve one another inside a large program,
-    # which then never returns. The process is ours alone, so its flags are too.
-    flags = os.environ.get("XLA_FLAGS", "")
-    if "xla_cpu_multi_thread_eigen" not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_multi_thread_eigen=false".strip()
     app(args=repeat_flags(list(sys.argv[1:] if argv is None else argv), MANY), prog_name="jaxid")

@@ -23,7 +23,6 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
-from .._compile import compiled
 from .problem import Problem, Structure, Triangle, Unknowns, reduced_residual
 
 _STALLED_STEPS = 8
@@ -120,7 +119,7 @@ def minimise(
     )
 
 
-_jitted = compiled(minimise, static_argnames=("structure",))
+_jitted = jax.jit(minimise, static_argnames=("structure",))
 _programs: OrderedDict[Any, Any] = OrderedDict()
 _MOST_PROGRAMS = 64
 
@@ -133,8 +132,8 @@ def _key(structure: Structure, problem: Problem, start: Unknowns):
 def compile_ahead(tasks: Sequence[tuple[Structure, Problem, Unknowns]]) -> None:
     """Compile `minimise` for several structures at once, for `minimise_compiled` to find.
 
-    Only compilation runs in threads of its own. Programs must not run in several threads at a time: two of them can
-    starve each other of XLA's worker threads for ever.
+    Only compilation runs in threads of its own. Programs must not run in several threads at a time: their batched LAPACK
+    calls share XLA's worker threads and can wait for one another for ever.
     """
     missing = {key: task for task in tasks if (key := _key(*task)) not in _programs}
     numbers = {"max_steps": np.int64(1), "tolerance": np.float64(1)}
@@ -157,7 +156,7 @@ def minimise_compiled(
     return _programs[key](problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
 
 
-@partial(compiled, static_argnames=("structure",))
+@partial(jax.jit, static_argnames=("structure",))
 def minimise_lanes(
     structure: Structure, problem: Problem, starts: Unknowns, *, max_steps=100, tolerance=1e-3
 ) -> Optimum:

@@ -22,7 +22,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import Log
 from ..parameters import ParameterError
@@ -35,6 +34,24 @@ Form = Literal["momentum", "speed"]
 _SUBSTEPS = 4  # of one sample; the caster turns with time constants down to d / eta1, about one sample
 _SMOOTH = np.ones(5) / 5  # moving average through which standstill is judged
 _PAD = 512  # rows; so that logs of similar length share a compiled program
+
+
+def _solved(A, b):
+    """A⁻¹ b for a small symmetric positive definite A [n, n], by elimination written out.
+
+    LAPACK's batched solver shares XLA's worker threads: several such calls in one program, as here for every tangent,
+    can wait for one another for ever on a machine with two cores.
+    """
+    n = b.shape[0]
+    rows = [[*A[i], b[i]] for i in range(n)]
+    for k in range(n):
+        for i in range(k + 1, n):
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
+    x: list = [None] * n
+    for k in reversed(range(n)):
+        x[k] = (rows[k][n] - sum(rows[k][j] * x[j] for j in range(k + 1, n))) / rows[k][k]
+    return jnp.stack(x)
 
 
 def _mass_times(robot: Robot, names: tuple[str, ...], state, inputs, p):
@@ -56,10 +73,10 @@ def _mass_times(robot: Robot, names: tuple[str, ...], state, inputs, p):
 
     B = jax.jacfwd(rubbing)(v)
     K = -jax.jacfwd(accelerations)(jnp.zeros(B.shape[0]))
-    return B.T @ K.T @ jnp.linalg.solve(K @ K.T, v)
+    return B.T @ K.T @ _solved(K @ K.T, v)
 
 
-@partial(compiled, static_argnames=("robot", "names", "positions", "free", "form", "mass", "substeps"))
+@partial(jax.jit, static_argnames=("robot", "names", "positions", "free", "form", "mass", "substeps"))
 def _integrals(robot, names, positions, free, form, mass, substeps, numbers, theta, rows):
     """Per sample: P, dP/dtheta; per interval: impulse, d(impulse)/dtheta; rubbing speeds; the friction axes' shares."""
     dt, inputs, speeds, ahead, first, start, moved = rows
