@@ -11,6 +11,7 @@ import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
 from jaxid import Log, LogSet, float64, read_logs  # noqa: E402
+from jaxid.cli import main  # noqa: E402
 
 DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
 
@@ -20,6 +21,19 @@ def double_precision():
     """Double precision for one test, as inside jaxid's public functions."""
     with float64():
         yield
+
+
+@pytest.fixture
+def jaxid(capsys):
+    """Run a command line: (exit status, stdout, stderr)."""
+
+    def run(*argv):
+        with pytest.raises(SystemExit) as end:
+            main([str(argument) for argument in argv])
+        said = capsys.readouterr()
+        return end.value.code or 0, said.out, said.err
+
+    return run
 
 
 @pytest.fixture(scope="session")
@@ -112,11 +126,8 @@ def hidden_drag(tmp_path_factory):
 @pytest.fixture(scope="session")
 def explained(hidden_drag):
     """The explanation of `hidden_drag`, its held-out logs with it."""
-    import dataclasses
-
     from jaxid import Axis, explain, integral_least_squares, output_error
 
     logs, check = (read_logs(hidden_drag / f"{role}_*.csv", "axis") for role in ("fit", "check"))
     start = integral_least_squares(Axis(), logs)
-    found = explain(output_error(Axis(), logs, start=start), logs, check)
-    return dataclasses.replace(found, check=check)
+    return explain(output_error(Axis(), logs, start=start), logs, check)

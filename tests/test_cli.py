@@ -31,19 +31,6 @@ def compiled_programs(tmp_path_factory):
             jax.config.update(name, value)
 
 
-@pytest.fixture
-def jaxid(capsys):
-    """Run a command line: (exit status, stdout, stderr)."""
-
-    def run(*argv):
-        with pytest.raises(SystemExit) as end:
-            main([str(argument) for argument in argv])
-        said = capsys.readouterr()
-        return end.value.code or 0, said.out, said.err
-
-    return run
-
-
 def axis_log(path: Path, seed: int, columns=("t", "u", "v")) -> Path:
     """A driven axis that always moves forwards, integrated exactly for each held input, with white noise on the speed."""
     rng = np.random.default_rng(seed)

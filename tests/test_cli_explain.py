@@ -7,25 +7,16 @@ import pandas as pd
 import pytest
 
 from jaxid import Omni, demo, noise_level, read_logs
-from jaxid.cli import main
 from jaxid.cli.arguments import UnusableInput
 from jaxid.cli.explain import without_coupling
 from jaxid.effects import effect_by_id
 
 
-@pytest.fixture
-def jaxid(capsys, monkeypatch):
-    """Run a command line: (exit status, stdout, stderr)."""
+@pytest.fixture(autouse=True)
+def no_cache_of_its_own(monkeypatch):
+    """The tests share one cache of compiled programs."""
     for command in ("explain", "fit", "simulate"):
         monkeypatch.setattr(f"jaxid.cli.{command}.keep_compiled_programs", lambda: None)
-
-    def run(*argv):
-        with pytest.raises(SystemExit) as end:
-            main([str(argument) for argument in argv])
-        said = capsys.readouterr()
-        return end.value.code or 0, said.out, said.err
-
-    return run
 
 
 def test_from_logs_to_a_model_with_its_effect(jaxid, hidden_drag, explained, tmp_path):

@@ -16,6 +16,7 @@ import jaxid
 from jaxid.model_file import write_model
 from reference import excitation
 from reference.axis import AXIS
+from reference.effects import EFFECTS
 from reference.logs import simulate_log
 from reference.omni import OMNI
 from reference.pioneer import PIONEER
@@ -127,8 +128,6 @@ def effect(robot: str, identifier: str, size: float, rng: np.random.Generator) -
             return {"mass": size, "frequency": float(rng.uniform(2, 5)), "damping": 0.05}
         case "hysteresis":
             return {"force": size, "distance": float(rng.uniform(0.05, 0.15))}
-    from reference.effects import EFFECTS
-
     return {next(iter(EFFECTS[identifier])): size}
 
 
@@ -152,10 +151,10 @@ def make(
     kinds = [("fit", kind) for kind in FIT] + [("check", kind) for kind in CHECK]
     for number, (role, kind) in enumerate(kinds):
         inputs = excitation.experiment(robot, kind, SAMPLES, 1000 * seed + number)
-        tables[f"{role}_{kind}"] = simulate_log(
+        table = simulate_log(
             reference, inputs, SAMPLING, noise, 1000 * seed + 500 + number, effects=hidden, rtol=1e-7, atol=1e-9
         )
-        tables[f"{role}_{kind}"].drop(columns=[c for c in ("q",) if c in tables[f"{role}_{kind}"]], inplace=True)
+        tables[f"{role}_{kind}"] = table.drop(columns="q", errors="ignore")
     names = AXIS_NAMES if robot == "axis" else {}
     nominal = {names.get(name, name): reference.parameters[name] for name in KNOWN[robot]}
     if "coriolis_coupling" in effects:

@@ -1,6 +1,5 @@
 """`jaxid explain`: read, look, fit, and say what the model lacks; files for programs and a page for people."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -75,7 +74,6 @@ def run_explain(
             found = explain(fits[-1], fit_logs, check_logs, report=report)
         except NoVelocities as error:
             raise UnusableInput(str(error)) from None
-    found = replace(found, check=check_logs)
     for note in found.final.notes if found.effects else ():
         say(f"warning: {note}", style="yellow")
     show(repr(found))

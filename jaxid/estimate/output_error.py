@@ -110,7 +110,7 @@ def _on_bounds(structure: Structure, problem: Problem, optimum: Optimum, max_ste
 
 def _reason(optimum: Optimum, max_steps: int) -> str:
     if bool(optimum.converged):
-        return "converged: neither the parameters nor the residuals change any more"
+        return "converged: no step changes the fit noticeably any more"
     return f"not converged in {max_steps} steps; start closer, free fewer parameters, or allow more steps"
 
 

@@ -50,8 +50,8 @@ def _named(found: Search, final: Fit) -> tuple[NamedEffect, ...]:
 
 
 def _verdict(found: Search, named: Sequence[NamedEffect]) -> Verdict:
-    before, after = found.baseline.check, found.final.check
-    if not found.steps and before.adequate:
+    before, after = found.before, found.after
+    if not found.steps and after.adequate:
         return "adequate"
     left = after.gap > _LEFT_OVER * before.gap and after.normalised_rms > _SMALL
     if not named or (not after.adequate and left):
@@ -103,22 +103,22 @@ def explain(
     """
     report("looking for a gap on the held-out logs")
     found = search(fit, logs, check, effects=effects, most=most, report=report)
-    final = in_full(found.final, logs) if found.steps else fit
+    final = in_full(found.final, logs) if found.steps and found.final else fit
     named = _named(found, final)
     verdict = _verdict(found, named)
     localisation = None
     if verdict != "adequate":
         report("finding where simulation and data disagree")
-        localisation = localise(fit, check, found.baseline.check, stages=_stages(found))
+        localisation = localise(fit, check, found.before, stages=_stages(found))
     return Explanation(
         verdict=verdict,
         effects=named,
         baseline=fit,
         final=final,
-        before=found.baseline.check,
-        after=held_out(final.robot, check, found.baseline.check.noise) if found.steps else found.baseline.check,
+        before=found.before,
+        after=held_out(final.robot, check, found.before.noise) if found.steps else found.before,
         search=found,
+        check=check,
         localisation=localisation,
         next_experiment=_next(found, logs),
-        check=check,
     )

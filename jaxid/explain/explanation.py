@@ -102,8 +102,8 @@ class Explanation:
     """The whole explanation. `model` is an ordinary robot: fit it, simulate it, save it, extend it.
 
     `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
-    is; `next_experiment` what to record to settle what this data leaves open. `check` are the held-out logs, for pictures
-    (without them, residuals are drawn and measurements are not). In a notebook it shows itself.
+    is; `next_experiment` what to record to settle what this data leaves open. `check` are the held-out logs. In a notebook
+    it shows itself.
     """
 
     verdict: Verdict
@@ -113,9 +113,9 @@ class Explanation:
     before: HeldOut
     after: HeldOut
     search: Search = field(repr=False)
+    check: LogSet = field(repr=False)
     localisation: Any = None
     next_experiment: NextExperiment | None = None
-    check: LogSet | None = field(default=None, repr=False)
 
     @property
     def model(self) -> Robot:

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from ..robots.effect import Numbers, State
 from ..robots.robot import Robot
-from ..simulate.rollout import Integrator, step
+from ..simulate.rollout import Integrator, commanded, step
 
 PREFIX = "missing_force."
 """Names of the forces' states begin with this, and end with the velocity they accelerate."""
@@ -32,16 +32,6 @@ def _points(mean, covariance):
 
 def _symmetric(matrix):
     return 0.5 * (matrix + matrix.T)
-
-
-def _commanded(robot: Robot, inputs, dt, substeps: int, p: Numbers):
-    """Inputs of every step of the integrator [T, substeps, nu], after the effects on whole commands."""
-    fine_dt = jnp.repeat(dt / substeps, substeps)
-    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(fine_dt)[:-1]])
-    fine = jnp.repeat(inputs, substeps, axis=0)
-    for effect in robot.effects:
-        fine = effect.command(fine, time, fine_dt, p)
-    return fine.reshape(len(dt), substeps, -1)
 
 
 @dataclass(frozen=True)
@@ -89,7 +79,7 @@ def _filter(setting: Setting, p: Numbers, log, intensity):
         cross = before.T @ spread / len(points)
         return (after, covariance_after), (mean, covariance, after, covariance_after, cross, expected, slope, predicted)
 
-    volts = _commanded(robot, log["inputs"], log["dt"], integrator.substeps, p)
+    volts = commanded(robot, p, log["inputs"], log["dt"], integrator.substeps)
     rows = (volts, log["outputs"], log["there"], log["dt"])
     _, kept = jax.lax.scan(sample, (log["start"], _start_covariance(setting, intensity, log)), rows)
     return kept

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from .conditions import motions
 
 
 @dataclass(frozen=True)
@@ -34,25 +34,9 @@ def _largest(logs: LogSet) -> float:
     return max(float(np.max(np.abs(log.inputs))) for log in logs)
 
 
-def _path(log, robot: Robot) -> NDArray[np.float64]:
-    """World positions [T, 2] by dead reckoning from the measured speeds."""
-    dt = np.diff(log.time, append=log.time[-1] + log.sampling_interval)
-    rate = np.nan_to_num(log.output("eta2" if robot.name == "pioneer" else "W"))
-    heading = np.concatenate([[0.0], np.cumsum(rate * dt)[:-1]])
-    if robot.name == "pioneer":
-        ahead = np.nan_to_num(log.output("eta1"))
-        velocity = np.stack([-np.sin(heading) * ahead, np.cos(heading) * ahead], axis=1)
-    else:
-        V, Vn = np.nan_to_num(log.output("V")), np.nan_to_num(log.output("Vn"))
-        velocity = np.stack(
-            [V * np.cos(heading) - Vn * np.sin(heading), V * np.sin(heading) + Vn * np.cos(heading)], axis=1
-        )
-    return np.concatenate([[[0.0, 0.0]], np.cumsum(velocity * dt[:, None], axis=0)[:-1]])
-
-
 def _lines(robot: Robot, logs: LogSet) -> list[dict[str, float]]:
     """Lines across the floor that part of the driven path lies beyond."""
-    path = np.concatenate([_path(log, robot) for log in logs])
+    path = np.concatenate([motion.path for motion in motions(robot, logs) if motion.path is not None])
     lines = []
     for angle in np.arange(8) * np.pi / 4:
         along = path @ np.array([np.cos(angle), np.sin(angle)])

@@ -14,7 +14,6 @@ from ..estimate.problem import Unknowns, parameters_at
 from ..estimate.result import Fit
 from ..estimate.setup import build
 from ..logs import LogSet
-from ..robots.effect import Effect
 from ..robots.robot import Robot
 from .heldout import HeldOut, held_out
 
@@ -26,21 +25,15 @@ FEW_STEPS = 8
 
 @dataclass(frozen=True)
 class Trial:
-    """A model refitted with some effects. `squares` is chi-squared on the logs it was fitted to."""
+    """A model refitted with its effects. `id` is the effect that the trial is about, `squares` chi-squared on the logs
+    it was fitted to."""
 
-    effects: tuple[Effect, ...]
+    id: str
     robot: Robot
     squares: float
     free: int
     check: HeldOut
     initial_states: dict[str, dict[str, float]]
-    named: str = ""
-    """The effect this trial is about, if not the one added last."""
-
-    @property
-    def id(self) -> str:
-        """Identifier of the effect that this trial is about: the one added last, unless `named` says otherwise."""
-        return self.named or (self.effects[-1].id if self.effects else "")
 
     @property
     def score(self) -> float:
@@ -103,7 +96,7 @@ def refit(
     for i, name in enumerate(structure.state_names):
         states[name] = states[name] + np.asarray(problem.state_scale[i] * optimum.unknowns.states[:, i])
     return Trial(
-        effects=robot.effects,
+        id=robot.effects[-1].id if robot.effects else "",
         robot=found,
         squares=float(jnp.sum(optimum.triangle.squares)),
         free=len(structure.names),

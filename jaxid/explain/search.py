@@ -9,7 +9,8 @@ from ..effects import catalogue
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_level
 from ..robots.effect import Effect
-from .heldout import held_out
+from ..robots.robot import Robot
+from .heldout import HeldOut, held_out
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
 
@@ -54,10 +55,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Search:
-    """What naming found: `baseline` and `final` held-out states, the model with its effects, and every step."""
+    """What naming found: how the fit and the `final` model (None where nothing is missing) do on the held-out logs, the
+    effects in the order in which they were added, and the candidates of the first look."""
 
-    baseline: Trial
-    final: Trial
+    before: HeldOut
+    after: HeldOut
+    final: Trial | None
     steps: tuple[Step, ...]
     first_look: tuple[Candidate, ...]
 
@@ -155,35 +158,33 @@ def name_next(
     return Step(tuple(trials), _equivalent(trials), screened, base, trials[0])
 
 
-def _without(trial: Trial, identifier: str, base: Trial, logs: LogSet, check: LogSet, noise: dict[str, float]) -> Trial:
-    """The model refitted without one of its effects."""
+def _with_effects(base: Trial, effects: Sequence[Effect]) -> Robot:
+    """The robot of `base` with those of `effects` that it has not got."""
     robot = base.robot
-    for effect in trial.effects:
-        if effect.id != identifier and effect.id not in {e.id for e in robot.effects}:
-            robot = robot + effect
-    start = {n: trial.robot.parameters[n].value for n in robot.parameters.free_names}
-    return refit(robot, [start], logs, check, noise, trial.initial_states)
+    own = {effect.id for effect in robot.effects}
+    for effect in effects:
+        robot = robot if effect.id in own else robot + effect
+    return robot
+
+
+def _refitted(robot: Robot, like: Trial, extra: dict[str, float], logs, check, noise: dict[str, float]) -> Trial:
+    """`robot` refitted from the numbers of the trial `like`, and from `extra` where that has none."""
+    known = like.robot.parameters
+    start = {name: known[name].value for name in robot.parameters.free_names if name in known}
+    return refit(robot, [{**start, **extra}], logs, check, noise, like.initial_states)
 
 
 def _pruned(current: Trial, base: Trial, logs: LogSet, check: LogSet, noise: dict[str, float], say: Report) -> Trial:
     """Drop effects that later ones made superfluous."""
-    own = [e.id for e in current.effects if e.id not in {b.id for b in base.effects}]
+    given = {effect.id for effect in base.robot.effects}
+    own = [effect.id for effect in current.robot.effects if effect.id not in given]
     for identifier in own[:-1]:
-        trial = _without(current, identifier, base, logs, check, noise)
+        kept = [effect for effect in current.robot.effects if effect.id != identifier]
+        trial = _refitted(_with_effects(base, kept), current, {}, logs, check, noise)
         if trial.score < current.score + 10.0:
             say(f"{identifier} is not needed any more")
             current = trial
     return current
-
-
-def _swapped(final: Trial, old: str, new: Effect, base: Trial, logs, check, noise: dict[str, float], start) -> Trial:
-    """The final model with one effect in another's place."""
-    robot = base.robot
-    for effect in final.effects:
-        if effect.id not in {e.id for e in robot.effects}:
-            robot = robot + (new if effect.id == old else effect)
-    known = {n: final.robot.parameters[n].value for n in robot.parameters.free_names if n in final.robot.parameters}
-    return refit(robot, [{**known, **start}], logs, check, noise, final.initial_states)
 
 
 def _reconsidered(
@@ -197,17 +198,19 @@ def _reconsidered(
         return steps, final
     revised = []
     for step in steps:
-        present = {e.id for e in final.effects}
+        present = {effect.id for effect in final.robot.effects}
         if step.chosen.id not in present:
             revised.append(step)
             continue
         gain = max(t.score for t in step.trials) - step.chosen.score
         rivals = [t for t in step.trials[1:] if t.score - step.chosen.score < 0.2 * gain and t.id not in present][:3]
-        trials = [replace(final, named=step.chosen.id)]
+        trials = [replace(final, id=step.chosen.id)]
         for rival in rivals:
             own = {n: p.value for n, p in rival.robot.parameters.items() if n.startswith(f"{rival.id}.")}
-            swapped = _swapped(final, step.chosen.id, rival.effects[-1], base, logs, check, noise, own)
-            trials.append(replace(swapped, named=rival.id))
+            instead = rival.robot.effects[-1]
+            effects = [instead if effect.id == step.chosen.id else effect for effect in final.robot.effects]
+            swapped = _refitted(_with_effects(base, effects), final, own, logs, check, noise)
+            trials.append(replace(swapped, id=rival.id))
             say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.check.normalised_rms:.3f} x noise")
         trials.sort(key=lambda t: t.score)
         final = trials[0]
@@ -230,15 +233,14 @@ def search(
     """Add effects to a fitted model as long as they explain something. `effects` are further candidates."""
     noise = noise_level(LogSet([*logs, *check]))
     state = held_out(fit.robot, check, noise)
-    own = held_out(fit.robot, logs, noise).squares if not fit.initial_states else np.inf
-    baseline = Trial(fit.robot.effects, fit.robot, own, len(fit.free_names), state, fit.initial_states)
-    current, first_look = baseline, ()
+    if state.adequate:
+        return Search(state, state, None, (), ())
+    # With the same weights as the refits, so that likelihoods compare.
+    start = {name: fit.robot.parameters[name].value for name in fit.free_names}
+    baseline = current = refit(fit.robot, [start], logs, check, noise, fit.initial_states)
+    first_look: tuple[Candidate, ...] = ()
     steps: list[Step] = []
     while not current.check.adequate and len(steps) < most:
-        if not steps:
-            # The same weights as the refits, so that likelihoods compare.
-            start = {n: fit.robot.parameters[n].value for n in fit.free_names}
-            baseline = current = refit(fit.robot, [start], logs, check, noise, fit.initial_states)
         present = {effect.id for effect in current.robot.effects}
         remaining = [*catalogue(current.robot), *(e for e in effects if e.id not in present)]
         found = name_next(current, baseline, logs, check, noise, remaining, report)
@@ -251,4 +253,4 @@ def search(
             current = _pruned(current, baseline, logs, check, noise, report)
         report(f"added {found.chosen.id}: held-out {current.check.normalised_rms:.3f} x noise")
     steps, current = _reconsidered(steps, current, baseline, logs, check, noise, report)
-    return Search(baseline, current, tuple(steps), tuple(first_look))
+    return Search(state, current.check, current, tuple(steps), tuple(first_look))

@@ -39,13 +39,6 @@ def states(found: Explanation) -> list[tuple[HeldOut, Robot, str, str]]:
     return [(found.before, found.baseline.robot, AFTER if found.verdict == "adequate" else BEFORE, "model")]
 
 
-def times(found: Explanation) -> list[Array] | None:
-    """Time [T] of every held-out log, from the logs or else from the missing force; None where neither is there."""
-    if found.check is not None:
-        return [log.time for log in found.check]
-    return [force.time for force in found.localisation.forces] if found.localisation is not None else None
-
-
 def worst_log(found: Explanation) -> int:
     """Number of the held-out log with the largest error before."""
     return int(np.argmax([np.nanmean(r**2) for r in found.before.residuals]))
@@ -66,23 +59,19 @@ def _mean_over(values: Array, time: Array, length: float = 0.3) -> Array:
     return np.convolve(np.nan_to_num(values), np.ones(n), mode="same") / np.maximum(there, 1)
 
 
-def before_after(found: Explanation) -> Figure | None:
+def before_after(found: Explanation) -> Figure:
     """The worst held-out log: residuals before and after over the whole run; its worst seconds enlarged.
 
     Left, one row a channel: residual in units of the noise, which stays in the grey band 95 % of the time when nothing
     is missing (thick: its mean over 0.3 s). Right: measured and simulated in the framed
-    stretch (only where the logs are there).
+    stretch.
     """
-    time = times(found)
-    if time is None:
-        return None
+    time = [log.time for log in found.check]
     e = worst_log(found)
     channels, shown = list(found.before.by_channel), states(found)
     window = worst_window(found.before.residuals[e], time[e])
-    wide = found.check is not None
     figure = Figure(figsize=(11.5, 1.0 + 1.9 * len(channels)), layout="constrained")
-    grid = figure.subplots(len(channels), 1 + wide, squeeze=False, sharex="col",
-                           width_ratios=(1.9, 1.0) if wide else (1.0,))  # fmt: skip
+    grid = figure.subplots(len(channels), 2, squeeze=False, sharex="col", width_ratios=(1.9, 1.0))
     for i, name in enumerate(channels):
         ax = grid[i, 0]
         ax.axhspan(-1.96, 1.96, color=_NOISE, lw=0, zorder=0)
@@ -94,23 +83,18 @@ def before_after(found: Explanation) -> Figure | None:
         reach = 1.1 * max(*largest, 4.0)
         ax.set_ylim(-reach, reach)
         ax.set_ylabel(f"{name}: error\n[times the noise]")
-        if wide:
-            ax.axvspan(*window, fill=False, ec="0.2", lw=1.2, zorder=4)
-    if wide:
-        _enlarged(found, list(grid[:, 1]), e, window, channels)
+        ax.axvspan(*window, fill=False, ec="0.2", lw=1.2, zorder=4)
+    _enlarged(found, list(grid[:, 1]), e, window, channels)
     for ax in grid.ravel():
         _tidy(ax)
         ax.margins(x=0.01)
-    name = found.check[e].name if found.check is not None else f"held-out log {e + 1}"
-    grid[-1, 0].set_xlabel(f"time in {name} [s]")
-    if wide:
-        grid[-1, 1].set_xlabel("time [s]")
-        grid[0, 1].set_title("the framed stretch enlarged", loc="left", fontsize="small", fontweight="bold")
+    grid[-1, 0].set_xlabel(f"time in {found.check[e].name} [s]")
+    grid[-1, 1].set_xlabel("time [s]")
+    grid[0, 1].set_title("the framed stretch enlarged", loc="left", fontsize="small", fontweight="bold")
     grid[0, 0].set_title("simulated minus measured", loc="left", fontsize="small", fontweight="bold")
     handles = [Line2D([], [], color=colour, lw=2, label=label) for *_, colour, label in shown]
     handles += [Patch(color=_NOISE, label="95 % of noise alone")]
-    if wide:
-        handles.append(Line2D([], [], color=_MEASURED, marker=".", ls="", label="measured"))
+    handles.append(Line2D([], [], color=_MEASURED, marker=".", ls="", label="measured"))
     figure.legend(handles=handles, loc="outside upper right", ncols=4, fontsize="small", frameon=False)
     figure.align_ylabels(grid[:, 0])
     return figure
@@ -119,7 +103,6 @@ def before_after(found: Explanation) -> Figure | None:
 def _enlarged(
     found: Explanation, axes: Sequence[Axes], e: int, window: tuple[float, float], channels: Sequence[str]
 ) -> None:
-    assert found.check is not None
     log = found.check[e]
     shown = (log.time >= window[0]) & (log.time <= window[1])
     # All logs at once, as when they were judged: that program is compiled already.
@@ -156,12 +139,9 @@ def spectrum(parts: Sequence[Array], interval: float) -> tuple[Array, Array]:
     return found[0][0][1:], (power / level)[1:]
 
 
-def whiteness(found: Explanation) -> Figure | None:
+def whiteness(found: Explanation) -> Figure:
     """Autocorrelation and spectrum of the held-out residuals before and after, one row a channel."""
-    time = times(found)
-    if time is None:
-        return None
-    interval = float(np.median(np.diff(time[0])))
+    interval = float(np.median(np.diff(found.check[0].time)))
     channels, shown = list(found.before.by_channel), states(found)
     figure = Figure(figsize=(11.5, 0.9 + 1.9 * len(channels)), layout="constrained")
     grid = figure.subplots(len(channels), 2, squeeze=False, sharex="col")

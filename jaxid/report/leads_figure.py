@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 def _leads(found: Explanation, e: int, column: int) -> dict[str, Array]:
     """What the missing force of log `e` may depend on [T], by axis label."""
-    assert found.check is not None and found.localisation is not None
+    assert found.localisation is not None
     motion = motions(found.baseline.robot, found.check)[e]
     force, log = found.localisation.forces[e], found.check[e]
     units = log.channels.units
@@ -31,10 +31,10 @@ def _leads(found: Explanation, e: int, column: int) -> dict[str, Array]:
 def leads(found: Explanation) -> Figure | None:
     """The strongest missing force of all held-out logs against speed, heading, place and time (lines: median in bins).
 
-    None without logs, or where no force rises above its uncertainty.
+    None where no force rises above its uncertainty.
     """
     place = found.localisation
-    if place is None or found.check is None or not any(place.force_share.values()):
+    if place is None or not any(place.force_share.values()):
         return None
     name = max(place.force_share, key=lambda n: place.force_share[n])
     column = list(place.force_share).index(name)

@@ -55,6 +55,17 @@ def step(robot: Robot, state: State, inputs: Path, h, p: Numbers, friction: DryF
     return robot.settle(state, after, inputs, h, p)
 
 
+def commanded(robot: Robot, p: Numbers, inputs: Float[Array, "T nu"], dt: Float[Array, " T"], substeps: int):
+    """What arrives of the inputs [T, substeps, nu] in every substep: effects on commands act at the integrator's pace."""
+    fine_dt = jnp.repeat(dt / substeps, substeps)
+    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
+    fine_time = jnp.repeat(time, substeps) + jnp.tile(jnp.arange(substeps), len(dt)) * fine_dt
+    fine = jnp.repeat(inputs, substeps, axis=0)
+    for effect in robot.effects:
+        fine = effect.command(fine, fine_time, fine_dt, p)
+    return fine.reshape(len(dt), substeps, -1)
+
+
 def rollout(
     robot: Robot,
     p: Numbers,
@@ -69,16 +80,12 @@ def rollout(
     the sensors of the model show at sample k. Runs under `jit`, `vmap` and forward-mode differentiation.
     """
     n = integrator.substeps
-    commanded = inputs
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
-    fine = [effect for effect in robot.effects if type(effect).command is not Effect.command]
+    fine = any(type(effect).command is not Effect.command for effect in robot.effects)
+    seen = inputs
     if fine:
-        fine_dt = jnp.repeat(dt / n, n)
-        fine_time = jnp.repeat(time, n) + jnp.tile(jnp.arange(n), len(dt)) * fine_dt
-        inputs = jnp.repeat(inputs, n, axis=0)
-        for effect in fine:
-            inputs = effect.command(inputs, fine_time, fine_dt, p)
-        inputs = inputs.reshape(len(dt), n, -1)
+        inputs = commanded(robot, p, inputs, dt, n)
+        seen = inputs[:, 0]
     start = {name: jnp.asarray(start[name], dtype=float) for name in robot.states}
 
     def sample(state: State, row):
@@ -92,7 +99,6 @@ def rollout(
         state, _ = jax.lax.scan(substep, state, u if fine else None, length=n)
         return state, outputs
 
-    seen = inputs[:, 0] if fine else commanded
     _, outputs = jax.lax.scan(sample, start, (inputs, seen, dt))
     for effect in robot.effects:
         outputs = effect.measure(outputs, time, p)
