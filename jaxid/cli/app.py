@@ -3,6 +3,7 @@
 Exit status: 0 with a result, 1 for input that cannot be used (one line on stderr), 2 for wrong arguments.
 """
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -144,4 +145,7 @@ def demo(
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run one command line (by default the process's own). Always ends in `SystemExit` with the exit status."""
+    # One thread for a program: jaxid's are long loops of small operations, and handing these to several threads takes
+    # twice as long. Here the process is ours alone.
+    os.environ.setdefault("PJRT_NPROC", "1")
     app(args=repeat_flags(list(sys.argv[1:] if argv is None else argv), MANY), prog_name="jaxid")

@@ -12,6 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 _CORNER = 0.01
+_DEEPEST = 10 * _CORNER
+_WIDEST = 10.0
 
 
 class Bounds(eqx.Module):
@@ -43,6 +45,15 @@ class Bounds(eqx.Module):
         rising = self.scale * 0.5 * (1.0 + z / root)
         inside = 0.5 * (upper - lower) * (1.0 + z * z) ** -1.5
         return jnp.where(both, inside, jnp.where(has_lower, rising, jnp.where(has_upper, -rising, self.scale)))
+
+    def reachable(self, z: Float[Array, " n"]) -> Float[Array, " n"]:
+        """The coordinates, kept from where the parameter has practically reached its bound and hardly moves any more.
+
+        A step that overshoots would leave it there for ever, though a smaller step might show that it belongs inside.
+        """
+        both, has_lower, has_upper, _, _ = self._kinds()
+        one_sided = jnp.where(has_lower | has_upper, jnp.maximum(z, -_DEEPEST), z)
+        return jnp.where(both, jnp.clip(z, -_WIDEST, _WIDEST), one_sided)
 
     def coordinates(self, theta: Float[Array, " n"]) -> Float[Array, " n"]:
         """The optimiser's coordinates of given parameters; a parameter on its bound starts just inside."""

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._compile import compiled
 from .levenberg_marquardt import Optimum, minimise_compiled
 from .problem import Problem, Structure, Unknowns, simulate_all
 
@@ -35,7 +36,7 @@ def ambiguous_index(structure: Structure) -> int | None:
     return None
 
 
-@partial(jax.jit, static_argnames=("structure", "index"))
+@partial(compiled, static_argnames=("structure", "index"))
 def search_state(structure: Structure, problem: Problem, unknowns: Unknowns, candidates, index: int):
     """The best of `candidates` [C, E] (in units of the state's scale) for every log, and the cost of each log there."""
 

@@ -1,11 +1,12 @@
 """Levenberg-Marquardt on the reduced output-error problem, by optimistix.
 
 Coordinates are in units of the parameters' typical values and residuals in units of the noise, so that the damping
-(identity, starting at one) is a weak pull towards the last iterate for directions that the data hardly determines and
-nothing for those it does. It stops when no coordinate moves by more than `tolerance` of its typical value and no
-reduced residual by more than `tolerance` of the noise: a step below a thousandth of a standard error. Sticking friction
-puts small kinks into the cost, on which steps can go on being rejected for ever; so it also stops when several steps in
-a row have not lowered the cost (half chi-squared) by a hundredth, which no interval would notice.
+(identity) is a weak pull towards the last iterate for directions that the data hardly determines and nothing for those
+it does. Sticking friction puts small kinks into the cost, and the caster's flips large ones, on which the usual schedule
+of one damping after another takes many linearisations; so every step tries several dampings at once, by simulation, and
+linearises at the best.
+
+It stops where the linearisation promises no drop of the cost, or where steps no longer change it noticeably.
 """
 
 import os
@@ -21,31 +22,119 @@ import jax.numpy as jnp
 import lineax as lx
 import numpy as np
 import optimistix as optx
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from .problem import Problem, Structure, Triangle, Unknowns, reduced_residual
+from .._compile import compiled
+from .problem import Problem, Structure, Triangle, Unknowns, cost, reduced_residual
 
-_STALLED_STEPS = 8
+_DAMPINGS = (1e-3, 0.1, 1.0, 10.0, 100.0, 1000.0)
+"""Tried at every step, in units of the typical values. A simulation alone is cheap beside a linearisation, and dampings
+run as its lanes."""
+_STRONGER = 1e4
+"""Factor by which all of them grow when none lowers the cost."""
+_PROMISE = 5e-7
+"""Promised drop of the cost below which the optimum is reached: a thousandth of a standard error."""
 _NOTICEABLE = 0.01
 """Drop of the cost (half chi-squared) that counts as progress."""
+_STALLED_STEPS = 2
+
+
+class _Cost(eqx.Module):
+    """Half the sum of squares by simulation alone."""
+
+    structure: Structure = eqx.field(static=True)
+    problem: Problem
+
+    def __call__(self, unknowns: Unknowns) -> Float[Array, ""]:
+        return cost(self.structure, self.problem, unknowns)
+
+
+class _Linearised(eqx.Module):
+    """Where the next steps start, and the singular values and vectors of the Jacobian there.
+
+    `left` is the residual along the left singular vectors.
+    """
+
+    y: Any
+    left: Float[Array, " n"]
+    values: Float[Array, " n"]
+    right: Float[Array, "n n"]
+
+    @property
+    def promise(self) -> Float[Array, ""]:
+        """Drop of the cost (half chi-squared) that a step promises whose damping is the least tried."""
+        kept = self.values**2 / (self.values**2 + _DAMPINGS[0])
+        return 0.5 * jnp.sum(kept * self.left**2)
+
+
+class _BestDamping(optx.AbstractDescent):
+    """The best of several damped Newton steps."""
+
+    cost: _Cost
+
+    def init(self, y, f_info_struct) -> _Linearised:
+        del f_info_struct
+        flat, _ = ravel_pytree(y)
+        return _Linearised(y, jnp.zeros_like(flat), jnp.ones_like(flat), jnp.eye(flat.size))
+
+    def query(self, y, f_info, state) -> _Linearised:
+        del state
+        U, values, right = jnp.linalg.svd(f_info.jac.as_matrix(), full_matrices=False)
+        residual, _ = ravel_pytree(f_info.residual)
+        return _Linearised(y, U.T @ residual, values, right)
+
+    def step(self, step_size, state):
+        flat, as_tree = ravel_pytree(state.y)
+
+        def reachable(unknowns: Unknowns) -> Unknowns:
+            return unknowns._replace(z=self.cost.problem.bounds.reachable(unknowns.z))
+
+        def best():
+            dampings = jnp.array(_DAMPINGS)[:, None] / step_size
+            steps = -(state.values * state.left / (state.values**2 + dampings)) @ state.right
+            there = jax.vmap(lambda step: reachable(as_tree(flat + step)))(steps)
+            costs = jax.vmap(self.cost)(there)
+            best = jnp.argmin(jnp.where(jnp.isfinite(costs), costs, jnp.inf))
+            return ravel_pytree(jax.tree.map(lambda leaf: leaf[best], there))[0] - flat
+
+        step = jax.lax.cond(state.promise > _PROMISE, best, lambda: jnp.zeros_like(flat))
+        return as_tree(step), optx.RESULTS.successful
+
+
+class _AnyLower(optx.AbstractSearch):
+    """Accept whatever lowers the cost; otherwise damp more."""
+
+    def init(self, y, f_info_struct):
+        return jnp.array(1.0)
+
+    def step(self, first_step, y, y_eval, f_info, f_eval_info, state):
+        accept = first_step | (f_eval_info.as_min() < f_info.as_min())
+        step_size = jnp.where(accept, 1.0, state / _STRONGER)
+        return step_size, accept, optx.RESULTS.successful, step_size
 
 
 class _Progress(eqx.Module):
-    """optimistix's own state and how long ago the cost last fell noticeably."""
+    """optimistix's own state, and for how many steps the cost has not fallen noticeably."""
 
-    inner: eqx.Module
+    inner: Any
     cost: Float[Array, ""]
     stalled: Int[Array, ""]
 
 
 class _Solver(optx.LevenbergMarquardt):
-    """optimistix's Levenberg-Marquardt, which also stops when it stalls or after `limit` steps (a number, not a constant
-    of the compiled program)."""
+    """optimistix's Levenberg-Marquardt with the best of several dampings at every step.
+
+    It also stops where no step promises anything, where none lowers the cost noticeably twice in a row, and after `limit`
+    steps (a number, not a constant of the compiled program).
+    """
 
     limit: Int[Array, ""]
 
-    def __init__(self, tolerance, limit, verbose):
-        super().__init__(rtol=1e-5, atol=tolerance, linear_solver=lx.QR(), verbose=verbose)
+    def __init__(self, cost: _Cost, tolerance, limit, verbose):
+        super().__init__(rtol=1e-5, atol=tolerance, verbose=verbose)
+        self.descent: Any = _BestDamping(cost)
+        self.search: Any = _AnyLower()
         self.limit = limit
 
     def init(self, *arguments) -> Any:
@@ -57,11 +146,12 @@ class _Solver(optx.LevenbergMarquardt):
         cost = 0.5 * sum(jnp.sum(part**2) for part in inner.f_info.residual)
         better = cost < state.cost - _NOTICEABLE
         stalled = jnp.where(better, 0, state.stalled + 1)
-        return y, _Progress(inner, jnp.where(better, cost, state.cost), stalled), aux
+        return y, _Progress(inner, jnp.minimum(cost, state.cost), stalled), aux
 
     def terminate(self, fn, y, args, options, state: Any, tags):
         done, result = super().terminate(fn, y, args, options, state.inner, tags)
-        return done | (state.stalled >= _STALLED_STEPS) | (state.inner.num_steps > self.limit), result
+        reached = (state.inner.descent_state.promise < _PROMISE) & ~state.inner.first_step
+        return done | reached | (state.stalled >= _STALLED_STEPS) | (state.inner.num_steps > self.limit), result
 
 
 class Optimum(NamedTuple):
@@ -97,7 +187,7 @@ def minimise(
     `verbose` is optimistix's: True, or a function that is called with every step's figures.
     """
     residual = reduced_residual(structure, problem, start)
-    solver = _Solver(tolerance, max_steps, verbose)
+    solver = _Solver(_Cost(structure, problem), tolerance, max_steps, verbose)
     solution = optx.least_squares(
         residual, solver, start, args=problem, has_aux=True, max_steps=None, throw=False, options={"jac": "fwd"}
     )
@@ -119,7 +209,7 @@ def minimise(
     )
 
 
-_jitted = jax.jit(minimise, static_argnames=("structure",))
+_jitted = compiled(minimise, static_argnames=("structure",))
 _programs: OrderedDict[Any, Any] = OrderedDict()
 _MOST_PROGRAMS = 64
 
@@ -156,7 +246,7 @@ def minimise_compiled(
     return _programs[key](problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
 
 
-@partial(jax.jit, static_argnames=("structure",))
+@partial(compiled, static_argnames=("structure",))
 def minimise_lanes(
     structure: Structure, problem: Problem, starts: Unknowns, *, max_steps=100, tolerance=1e-3
 ) -> Optimum:

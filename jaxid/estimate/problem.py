@@ -108,6 +108,16 @@ def simulate_all(structure: Structure, problem: Problem, unknowns: Unknowns) -> 
     return jax.vmap(one)(unknowns.states, (problem.dt, problem.inputs, problem.start))
 
 
+def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, ""]:
+    """Half the sum of squares, priors included, from a simulation alone."""
+    y = simulate_all(structure, problem, unknowns)
+    residual = jnp.where(problem.mask, (y - problem.outputs) / problem.sigma, 0.0)
+    theta = parameters_at(problem, unknowns.z)
+    pull = jnp.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
+    own = jnp.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0) * unknowns.states**2
+    return 0.5 * (jnp.sum(residual**2) + jnp.sum(pull) + jnp.sum(own))
+
+
 def _upright(R: Float[Array, "m n"]) -> Float[Array, "m n"]:
     """The triangle with a non-negative diagonal, so that it varies continuously with the matrix it came from."""
     diagonal = jnp.diagonal(R)

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import Log
 from ..parameters import ParameterError
@@ -76,7 +77,7 @@ def _mass_times(robot: Robot, names: tuple[str, ...], state, inputs, p):
     return B.T @ K.T @ _solved(K @ K.T, v)
 
 
-@partial(jax.jit, static_argnames=("robot", "names", "positions", "free", "form", "mass", "substeps"))
+@partial(compiled, static_argnames=("robot", "names", "positions", "free", "form", "mass", "substeps"))
 def _integrals(robot, names, positions, free, form, mass, substeps, numbers, theta, rows):
     """Per sample: P, dP/dtheta; per interval: impulse, d(impulse)/dtheta; rubbing speeds; the friction axes' shares."""
     dt, inputs, speeds, ahead, first, start, moved = rows

@@ -13,6 +13,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
+from .._compile import compiled
 from ..robots.effect import Numbers, State
 from ..robots.robot import Robot
 from ..simulate.rollout import Integrator, commanded, step
@@ -152,13 +153,13 @@ def _smooth(kept):
     return found
 
 
-@partial(jax.jit, static_argnames="setting")
+@partial(compiled, static_argnames="setting")
 def filtered(setting: Setting, numbers, logs, intensity):
     """The filter's moments of every log at one random-walk `intensity` [n forces]: the leaves are [E, T, ...]."""
     return jax.vmap(lambda log: _filter(setting, numbers, log, intensity))(logs)
 
 
-@partial(jax.jit, static_argnames="setting")
+@partial(compiled, static_argnames="setting")
 def likelihoods(setting: Setting, logs, kept, used, intensities):
     """Log-likelihood of all logs together for every row of `intensities` [lanes, n]."""
 
@@ -168,5 +169,5 @@ def likelihoods(setting: Setting, logs, kept, used, intensities):
     return jax.vmap(lane)(intensities)
 
 
-smoothed = jax.jit(jax.vmap(_smooth))
+smoothed = compiled(jax.vmap(_smooth))
 """Smoothed mean and standard deviation [E, T, n states] from the moments of `filtered`."""

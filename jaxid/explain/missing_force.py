@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import LogSet, noise_level
 from ..robots.custom import Custom
@@ -129,7 +130,7 @@ def _needed(robot: Robot, names: tuple[str, ...]) -> None:
 
 
 # -- the filter over all logs -------------------------------------------------------------------------------------
-@partial(jax.jit, static_argnames="setting")
+@partial(compiled, static_argnames="setting")
 def _mobility(setting: Setting, numbers, start: State):
     """Acceleration of each velocity per unit of its own force [n], all else apart."""
     robot = setting.robot
@@ -150,7 +151,7 @@ def _force_scale(setting: Setting, numbers, start: State, noise: Mapping[str, fl
     return np.array([noise.get(name, other) for name in setting.velocities]) / _RESPONSE / mobility
 
 
-@partial(jax.jit, static_argnames=("robot", "integrator"))
+@partial(compiled, static_argnames=("robot", "integrator"))
 def _sensed(robot: Robot, integrator: Integrator, numbers, start, inputs, dt):
     """What the measurement stages of the model's own effects add to its simulated outputs."""
     plain = replace(robot, effects=tuple(e for e in robot.effects if type(e).measure is Effect.measure))

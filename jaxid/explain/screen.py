@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import LogSet
 from ..robots.effect import Effect
@@ -52,7 +53,7 @@ class Candidate:
         return abs(float(self.direction @ other.direction)) > _ALIKE
 
 
-@partial(jax.jit, static_argnames=("robot", "integrator"))
+@partial(compiled, static_argnames=("robot", "integrator"))
 def _lanes(robot: Robot, integrator: Integrator, numbers, changes, start, inputs, dt):
     """Simulated outputs [P, E, T, ny] for parameters `numbers` with `changes` ([P] by name) put in."""
 

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
+from .._compile import compiled
 from .._float64 import in_float64
 from ..parameters import Parameter
 from ..robots.effect import Effect, Numbers, Path, State
@@ -100,7 +101,7 @@ class CurrentLimit(Effect):
         return tuple(jnp.clip(u, e - reach, e + reach) for u, e in zip(volts, emf, strict=True))
 
 
-@partial(jax.jit, static_argnames=("robot", "substeps"))
+@partial(compiled, static_argnames=("robot", "substeps"))
 def _loop(robot: Omni, p: Numbers, reference: Float[Array, "T 3"], gains, sampling, substeps: int):
     """Scan over the samples: speeds [T, 3] with currents [T, 4], and duties [T, 4]."""
     proportional, integral = gains

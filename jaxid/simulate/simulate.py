@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import LogSet
 from ..robots.robot import Robot
@@ -20,7 +21,7 @@ def integrator_for(robot: Robot, logs: LogSet) -> Integrator:
     return Integrator.suited(robot, max(log.sampling_interval for log in logs))
 
 
-@partial(jax.jit, static_argnames=("robot", "integrator"))
+@partial(compiled, static_argnames=("robot", "integrator"))
 def _simulate(robot: Robot, integrator: Integrator, numbers, start, inputs, dt):
     return jax.vmap(lambda s, u, d: rollout(robot, numbers, s, u, d, integrator))(start, inputs, dt)
 
