@@ -57,6 +57,8 @@ class Problem(eqx.Module):
     state_free: Bool[Array, "E s"]
     state_scale: Float[Array, " s"]
     state_precision: Float[Array, " s"]
+    driven: dict[str, Float[Array, "E T"]] = eqx.field(default_factory=dict)
+    """States that are set to these values at every sample instead of being simulated."""
 
 
 class Unknowns(NamedTuple):
@@ -87,10 +89,10 @@ class Triangle(NamedTuple):
 
 def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
     """Simulated outputs [T, ny] of one experiment; `e` holds its arrays."""
-    dt, inputs, start = e
+    dt, inputs, start, driven = e
     p = {**problem.numbers, **dict(zip(structure.names, theta, strict=True))}
     moved = {name: start[name] + problem.state_scale[i] * own_states[i] for i, name in enumerate(structure.state_names)}
-    return rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator)
+    return rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator, driven)
 
 
 def parameters_at(problem: Problem, z: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -105,7 +107,7 @@ def simulate_all(structure: Structure, problem: Problem, unknowns: Unknowns) -> 
     def one(own, e):
         return _experiment(structure, problem, theta, own, e)
 
-    return jax.vmap(one)(unknowns.states, (problem.dt, problem.inputs, problem.start))
+    return jax.vmap(one)(unknowns.states, (problem.dt, problem.inputs, problem.start, problem.driven))
 
 
 def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, ""]:
@@ -159,7 +161,7 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
     triangles, squares = jax.vmap(experiment)(
         unknowns.states,
         problem.state_free,
-        (problem.dt, problem.inputs, problem.start),
+        (problem.dt, problem.inputs, problem.start, problem.driven),
         problem.outputs,
         problem.mask,
     )

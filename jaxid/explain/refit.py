@@ -8,16 +8,23 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._float64 import in_float64
+from ..estimate.globalise import shortened
 from ..estimate.levenberg_marquardt import Optimum, compile_ahead, minimise_compiled
 from ..estimate.output_error import output_error
-from ..estimate.problem import Unknowns, parameters_at
+from ..estimate.problem import Problem, Structure, Unknowns, parameters_at
 from ..estimate.result import Fit
 from ..estimate.setup import build
 from ..logs import LogSet
 from ..robots.robot import Robot
+from ..simulate.driven import driven_angles
 from .heldout import HeldOut, held_out
 
 _STEPS = 25
+_DRIVEN_STEPS = 15
+_SHORTEST, _LONGER, _LEAST_LONGER = 1.5, 1.35, 1.02
+"""First horizon [s], by how much it grows, and by how much at least before growing is given up."""
+_LOST = 1.5
+"""Growth of the cost per sample at which a longer horizon has lost the way."""
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
@@ -55,10 +62,46 @@ def _states(fit_states: Mapping[str, Mapping[str, float]], logs: LogSet, structu
     return jnp.asarray(own)
 
 
+def _as_driven(problem: Problem, robot: Robot, logs: LogSet) -> Problem | None:
+    """The problem with the wheels' angles as driven, if the effect added last repeats with them; None otherwise.
+
+    While such an effect is not yet right, a simulated angle soon leaves the true one, and from there nothing leads back.
+    """
+    repeats = bool(robot.effects) and "wheel_angles" in robot.effects[-1].needs
+    driven = dict(driven_angles(robot, logs)) if repeats else {}
+    if not driven:
+        return None
+    shown = jnp.array([name not in driven for name in logs.channels.measured])
+    return replace(problem, driven=driven, mask=problem.mask & shown)
+
+
+def _over_longer_and_longer(structure: Structure, problem: Problem, unknowns: Unknowns) -> Unknowns:
+    """Minimise over the logs' first seconds, and over more and more of them: by less where the way was lost."""
+    longest = float(jnp.max(jnp.sum(problem.dt, axis=1)))
+    seconds, longer, before = _SHORTEST, _LONGER, np.inf
+    while seconds < longest and longer > _LEAST_LONGER:
+        current = shortened(problem, seconds)
+        optimum = minimise_compiled(structure, current, unknowns, max_steps=_DRIVEN_STEPS)
+        cost = float(optimum.cost) / float(jnp.sum(current.mask))
+        if np.isfinite(cost) and cost < _LOST * before:
+            unknowns, before = optimum.unknowns, max(cost, 0.5)
+            seconds, longer = seconds * longer, min(longer**1.5, _LONGER)
+        else:
+            seconds, longer = seconds / longer * longer**0.5, longer**0.5
+    return unknowns
+
+
 @in_float64
 def compile_refits(robots: Sequence[Robot], logs: LogSet) -> None:
     """Compile the refits of several robots at once; `refit` finds them compiled."""
-    compile_ahead([build(robot, logs, start={}) for robot in robots])
+    tasks = []
+    for robot in robots:
+        structure, problem, unknowns = build(robot, logs, start={})
+        tasks.append((structure, problem, unknowns))
+        as_driven = _as_driven(problem, robot, logs)
+        if as_driven is not None:
+            tasks.append((structure, as_driven, unknowns))
+    compile_ahead(tasks)
 
 
 @in_float64
@@ -84,6 +127,10 @@ def refit(
         problem = replace(problem, sigma=jnp.where(jnp.isfinite(sigma), sigma, problem.sigma))
         unknowns = Unknowns(unknowns.z, _states(initial_states, logs, structure, problem))
         steps = max_steps if len(starts) == 1 else _FIRST_STEPS
+        as_driven = _as_driven(problem, robot, logs) if len(starts) > 1 else None
+        if as_driven is not None:
+            unknowns = minimise_compiled(structure, as_driven, unknowns, max_steps=_DRIVEN_STEPS).unknowns
+            unknowns = _over_longer_and_longer(structure, problem, unknowns)
         optimum = minimise_compiled(structure, problem, unknowns, max_steps=steps)
         cost = float(optimum.cost)
         tried.append((cost if np.isfinite(cost) else np.inf, optimum, problem))

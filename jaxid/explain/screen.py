@@ -20,6 +20,7 @@ from .._float64 import in_float64
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from ..simulate.driven import driven_angles
 from ..simulate.rollout import Integrator, rollout
 from ..simulate.simulate import integrator_for
 from ..simulate.start import initial_states
@@ -54,18 +55,18 @@ class Candidate:
 
 
 @partial(compiled, static_argnames=("robot", "integrator"))
-def _lanes(robot: Robot, integrator: Integrator, numbers, changes, start, inputs, dt):
+def _lanes(robot: Robot, integrator: Integrator, numbers, changes, start, inputs, dt, driven):
     """Simulated outputs [P, E, T, ny] for parameters `numbers` with `changes` ([P] by name) put in."""
 
     def one(change):
         p = {**numbers, **change}
-        return jax.vmap(lambda s, u, d: rollout(robot, p, s, u, d, integrator))(start, inputs, dt)
+        return jax.vmap(lambda s, u, d, k: rollout(robot, p, s, u, d, integrator, k))(start, inputs, dt, driven)
 
     return jax.lax.map(one, changes, batch_size=16)
 
 
 def _simulate(
-    robot: Robot, integrator: Integrator, logs: LogSet, changes: Sequence[Mapping[str, float]], states
+    robot: Robot, integrator: Integrator, logs: LogSet, changes: Sequence[Mapping[str, float]], states, driven
 ) -> NDArray[np.float64]:
     """Whitening left aside: simulated outputs [P, samples x channels] at the logs' measured places."""
     batch = logs.batch()
@@ -74,7 +75,7 @@ def _simulate(
     padded = list(changes) + [{}] * (-len(changes) % 16)
     columns = {name: jnp.array([change.get(name, base[name]) for change in padded]) for name in names}
     numbers = {name: jnp.asarray(value, float) for name, value in base.items()}
-    outputs = _lanes(robot.structure, integrator, numbers, columns, states, batch.inputs, batch.dt)
+    outputs = _lanes(robot.structure, integrator, numbers, columns, states, batch.inputs, batch.dt, driven)
     return np.asarray(outputs)[: len(changes)]
 
 
@@ -101,8 +102,9 @@ def screen(
         for name, value in known_states.get(log.name, {}).items():
             states[name][e] = value
     states = {name: jnp.asarray(value) for name, value in states.items()}
-    outputs = _simulate(full, integrator_for(robot, logs), logs, [{}, *secants, *changes], states)
-    weights, measured = _weights(logs, noise)
+    driven = dict(driven_angles(full, logs))
+    outputs = _simulate(full, integrator_for(robot, logs), logs, [{}, *secants, *changes], states, driven)
+    weights, measured = _weights(logs, {name: level for name, level in noise.items() if name not in driven})
     residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()
     moved = ((outputs[1:] - outputs[0]) * weights).reshape(len(secants) + len(changes), -1)
     moved = np.where(np.all(np.isfinite(moved), axis=1, keepdims=True), moved, 0.0)

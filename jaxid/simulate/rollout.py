@@ -6,7 +6,9 @@ starts) come from `jax.vmap` around it.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import jax
 import jax.numpy as jnp
@@ -73,11 +75,13 @@ def rollout(
     inputs: Float[Array, "T nu"],
     dt: Float[Array, " T"],
     integrator: Integrator,
+    driven: Mapping[str, Float[Array, " T"]] = MappingProxyType({}),
 ) -> Float[Array, "T ny"]:
     """Outputs at the sample times of one experiment.
 
     Row k of `inputs` acts from sample k to k+1, `dt[k]` seconds later (zero-order hold); row k of the result is what
-    the sensors of the model show at sample k. Runs under `jit`, `vmap` and forward-mode differentiation.
+    the sensors of the model show at sample k. States in `driven` are set to these values at every sample. Runs under
+    `jit`, `vmap` and forward-mode differentiation.
     """
     n = integrator.substeps
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
@@ -89,7 +93,8 @@ def rollout(
     start = {name: jnp.asarray(start[name], dtype=float) for name in robot.states}
 
     def sample(state: State, row):
-        u, seen, interval = row
+        u, seen, interval, known = row
+        state = {**state, **known}
         outputs = jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, tuple(seen), p)])
 
         def substep(s: State, held_inputs):
@@ -99,7 +104,7 @@ def rollout(
         state, _ = jax.lax.scan(substep, state, u if fine else None, length=n)
         return state, outputs
 
-    _, outputs = jax.lax.scan(sample, start, (inputs, seen, dt))
+    _, outputs = jax.lax.scan(sample, start, (inputs, seen, dt, dict(driven)))
     for effect in robot.effects:
         outputs = effect.measure(outputs, time, p)
     return outputs
