@@ -43,6 +43,12 @@ def nothing_wrong(entry: Entry) -> bool:
     return bool(found) and all(ids & set(entry["hidden"]) for ids in found)
 
 
+def wrong_name(entry: Entry) -> bool:
+    """A verdict with names none of which, nor of those declared equivalent, is hidden."""
+    found = answers(entry)
+    return entry["verdict"] in ("named", "ambiguous") and not any(ids & set(entry["hidden"]) for ids in found)
+
+
 def visible(entry: Entry) -> bool:
     """Whether the hidden effect showed: one that the held-out logs cannot show cannot be asked for."""
     return entry["before"] > 1.1
@@ -72,6 +78,7 @@ def summary(entries: list[Entry]) -> dict[str, Any]:
         "cases": len(entries),
         "named, medium and strong": share([e for e in single if e["strength"] != "weak"], named_right),
         "named, weak": share([e for e in single if e["strength"] == "weak"], named_right),
+        "given a wrong name": share(single, wrong_name),
         "mean size of declared sets": float(np.mean(sizes)) if sizes else None,
         "false alarms": share(complete, lambda e: e["verdict"] != "adequate"),
         "outside the catalogue unexplained": share(outside, lambda e: e["verdict"] == "unexplained"),

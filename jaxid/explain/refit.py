@@ -9,7 +9,7 @@ import numpy as np
 
 from .._float64 import in_float64
 from ..estimate.globalise import shortened
-from ..estimate.levenberg_marquardt import Optimum, compile_ahead, minimise_compiled
+from ..estimate.levenberg_marquardt import compile_ahead, minimise_compiled
 from ..estimate.output_error import output_error
 from ..estimate.problem import Problem, Structure, Unknowns, parameters_at
 from ..estimate.result import Fit
@@ -23,8 +23,11 @@ _STEPS = 25
 _DRIVEN_STEPS = 15
 _SHORTEST, _LONGER, _LEAST_LONGER = 1.5, 1.35, 1.02
 """First horizon [s], by how much it grows, and by how much at least before growing is given up."""
-_LOST = 1.5
-"""Growth of the cost per sample at which a longer horizon has lost the way."""
+_LOST, _HOPELESS = 1.5, 5.0
+"""Growth of the cost per sample at which a longer horizon has lost the way, and cost at which there is none."""
+_HORIZONS = 16
+_WEAKER = (1.0, 0.1, 0.01)
+"""Shares of an effect's first guess that are tried one after another while the simulation diverges."""
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
@@ -48,7 +51,8 @@ class Trial:
 
         The Bayesian information criterion on the logs fitted, plus chi-squared on those held out.
         """
-        return self.squares + self.free * float(np.log(self.check.samples)) + self.check.squares
+        total = self.squares + self.free * float(np.log(self.check.samples)) + self.check.squares
+        return total if np.isfinite(total) else np.inf
 
 
 def _states(fit_states: Mapping[str, Mapping[str, float]], logs: LogSet, structure: Any, problem: Any):
@@ -79,10 +83,14 @@ def _over_longer_and_longer(structure: Structure, problem: Problem, unknowns: Un
     """Minimise over the logs' first seconds, and over more and more of them: by less where the way was lost."""
     longest = float(jnp.max(jnp.sum(problem.dt, axis=1)))
     seconds, longer, before = _SHORTEST, _LONGER, np.inf
-    while seconds < longest and longer > _LEAST_LONGER:
+    for _ in range(_HORIZONS):
+        if seconds >= longest or longer <= _LEAST_LONGER:
+            break
         current = shortened(problem, seconds)
         optimum = minimise_compiled(structure, current, unknowns, max_steps=_DRIVEN_STEPS)
         cost = float(optimum.cost) / float(jnp.sum(current.mask))
+        if before == np.inf and not cost < _HOPELESS:
+            break
         if np.isfinite(cost) and cost < _LOST * before:
             unknowns, before = optimum.unknowns, max(cost, 0.5)
             seconds, longer = seconds * longer, min(longer**1.5, _LONGER)
@@ -118,25 +126,29 @@ def refit(
 
     `initial_states` are those of the model without the effect, where they had to be estimated.
     """
-    first = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
-    tried: list[tuple[float, Optimum, Any]] = []
-    structure: Any = None
+    known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    structure, problem, _ = build(robot, logs, start={**known, **starts[0]})
+    problem = replace(problem, sigma=jnp.where(jnp.isfinite(sigma), sigma, problem.sigma))
+    as_driven = _as_driven(problem, robot, logs) if len(starts) > 1 else None
+    states = _states(initial_states, logs, structure, problem)
+    own = [name for name in structure.names if robot.effects and name.startswith(f"{robot.effects[-1].id}.")]
+    tried: list[tuple[float, Unknowns]] = []
     for start in starts:
-        structure, problem, unknowns = build(robot, logs, start={**first, **start})
-        problem = replace(problem, sigma=jnp.where(jnp.isfinite(sigma), sigma, problem.sigma))
-        unknowns = Unknowns(unknowns.z, _states(initial_states, logs, structure, problem))
-        steps = max_steps if len(starts) == 1 else _FIRST_STEPS
-        as_driven = _as_driven(problem, robot, logs) if len(starts) > 1 else None
-        if as_driven is not None:
-            unknowns = minimise_compiled(structure, as_driven, unknowns, max_steps=_DRIVEN_STEPS).unknowns
-            unknowns = _over_longer_and_longer(structure, problem, unknowns)
-        optimum = minimise_compiled(structure, problem, unknowns, max_steps=steps)
-        cost = float(optimum.cost)
-        tried.append((cost if np.isfinite(cost) else np.inf, optimum, problem))
-    _, optimum, problem = min(tried, key=lambda entry: entry[0])
+        for weaker in _WEAKER if len(starts) > 1 else (1.0,):
+            values = {**known, **start}
+            values |= {name: weaker * values[name] for name in own}
+            z = problem.bounds.coordinates(jnp.array([values[name] for name in structure.names]))
+            steps = max_steps if len(starts) == 1 else _FIRST_STEPS if as_driven is None else _DRIVEN_STEPS
+            optimum = minimise_compiled(structure, as_driven or problem, Unknowns(z, states), max_steps=steps)
+            tried.append((float(jnp.nan_to_num(optimum.cost, nan=jnp.inf)), optimum.unknowns))
+            if np.isfinite(tried[-1][0]) and not bool(optimum.diverged):
+                break
+    unknowns = min(tried, key=lambda entry: entry[0])[1]
+    if as_driven is not None:
+        unknowns = _over_longer_and_longer(structure, problem, unknowns)
     if len(starts) > 1:
-        optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
+        optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
     values = dict(zip(structure.names, np.asarray(parameters_at(problem, optimum.unknowns.z)).tolist(), strict=True))
     found = robot.with_values(**values)
     states = {name: np.array(problem.start[name]) for name in robot.states}

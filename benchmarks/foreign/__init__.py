@@ -1,0 +1,1 @@
+"""A second, foreign physics engine (MuJoCo) drives the Pioneer; `python -m benchmarks.foreign` explains its logs."""

@@ -1,0 +1,4 @@
+"""`docs/foreign.md` from the stored results."""
+
+def page(stored):
+    return ""
