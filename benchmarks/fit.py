@@ -31,6 +31,7 @@ from benchmarks.rivals.page import page  # noqa: E402
 from benchmarks.rivals.pioneer_problem import make_problem  # noqa: E402
 from benchmarks.rivals.worker import ENVIRONMENT, RIVALS  # noqa: E402
 
+RESULTS = ROOT / "benchmarks/results/fit.json"
 FITS = 10
 ALL_FITS = ("jaxid",)
 ONCE = ("optimistix as it comes", "jaxid.output_error, initial states estimated")
@@ -186,12 +187,23 @@ def cold(runs: int) -> list[dict[str, Any]]:
     return results
 
 
+def _write(results: dict[str, Any]) -> None:
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+    (ROOT / "docs/speed.md").write_text(page(results, SAME, CLOSE))
+
+
 def main() -> None:
     """Run everything and write the results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a trial of short logs that writes nothing")
     parser.add_argument("--only", nargs="*", choices=[*RIVALS, "cold"], help="these rivals only; writes nothing")
+    parser.add_argument("--cold", action="store_true", help="measure the cold process anew; the fits stay as they are")
     options = parser.parse_args()
+    if options.cold:
+        known = json.loads(RESULTS.read_text())
+        _write({**known, "cold": cold(COLD_RUNS)})
+        return
     names = [name for name in RIVALS if not options.only or name in options.only or name == "jaxid"]
     facts = machine()
     fits, samples, experiments, repeats = (2, 200, 3, 1) if options.quick else (FITS, 1000, 8, REPEATS)
@@ -202,9 +214,7 @@ def main() -> None:
     if options.quick or options.only:
         print(page(results, SAME, CLOSE))
         return
-    (ROOT / "benchmarks/results").mkdir(exist_ok=True)
-    (ROOT / "benchmarks/results/fit.json").write_text(json.dumps(results, indent=1) + "\n")
-    (ROOT / "docs/speed.md").write_text(page(results, SAME, CLOSE))
+    _write(results)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ jaxid.explain(oe, fit, check)
 
 from ._float64 import float64
 from .effects import catalogue
-from .estimate import Estimate, Fit, integral_least_squares, output_error
+from .estimate import Estimate, Fit, Identifiability, identifiability, integral_least_squares, output_error
 from .explain import Explanation, explain
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
@@ -32,6 +32,7 @@ __all__ = [
     "Estimate",
     "Explanation",
     "Fit",
+    "Identifiability",
     "Integrator",
     "Log",
     "LogError",
@@ -48,6 +49,7 @@ __all__ = [
     "compare",
     "explain",
     "float64",
+    "identifiability",
     "integral_least_squares",
     "noise_level",
     "output_error",

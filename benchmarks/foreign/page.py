@@ -1,4 +1,93 @@
 """`docs/foreign.md` from the stored results."""
 
-def page(stored):
-    return ""
+import textwrap
+from typing import Any
+
+HEAD = """# Logs that another physics engine made
+
+Written by `python -m benchmarks.foreign` (MuJoCo {mujoco}, JAX {jax}); all numbers are in `benchmarks/results/foreign.json`.
+
+MuJoCo drives a Pioneer of rigid bodies in three dimensions: a body on a free joint, two driven wheels, a caster's fork and
+wheel, held up and moved by contacts with the floor. Nothing rolls by constraint: the wheels roll because friction holds
+them. Every case draws its constants anew (15 %), drives six logs to fit and three to check (25 s at 50 Hz, about
+{level:g} V, noise 0.01 m/s and 0.02 rad/s), and gives `jaxid.explain` the CSV files and the nominal model.
+"""
+
+AGREE = """## Nothing hidden: the two agree
+
+On a floor on which nothing slips (contact friction {grip:g}) and with a low body, the steady motion under constant voltage
+is jaxid's to {steady:.2f} % (forward speed and yaw rate), and whole experiments without noise differ by {least:.3f} to
+{most:.3f} standard deviations of the noise. What remains shrinks with the contacts' time constant, not with the step. At
+8 V in place of {level:g} V a reversal lifts the caster or makes wheels slip, which no planar model can follow.
+"""
+
+HEADER = """| hidden | catalogue's name | verdict | named | held-out error | wheels slip, at most | seconds | judged |
+| --- | --- | --- | --- | --- | --- | --- | --- |"""
+
+
+def judged(entry: dict[str, Any]) -> str:
+    """Whether the verdict is right: `right`, `unexplained`, `missed` or `wrong name`."""
+    sets = [{name, *entry["equivalent"][name]} for name in entry["named"]]
+    if entry["told"].startswith("nothing"):
+        return "right" if entry["verdict"] == "adequate" else "false alarm"
+    if entry["verdict"] == "adequate":
+        return "missed"
+    if entry["verdict"] == "unexplained":
+        return "honestly unexplained" if entry["answer"] is None else "unexplained, though it has a name"
+    known = [entry["answer"] in ids for ids in sets]
+    if all(known):
+        return "right" if entry["verdict"] == "named" else "right, in a set"
+    return "right, and one too many" if any(known) else "stands in for what has no name"
+
+
+def _names(entry: dict[str, Any]) -> str:
+    told = []
+    for name in entry["named"]:
+        others = entry["equivalent"][name]
+        told.append(name + (f" (or {', '.join(others)})" if others else ""))
+    return "; ".join(told) or "-"
+
+
+def _row(entry: dict[str, Any]) -> str:
+    error = f"{entry['before']:.2f} → {entry['after']:.3f}"
+    return (
+        f"| {entry['told']} | {entry['answer'] or '-'} | {entry['verdict']} | {_names(entry)} | {error} "
+        f"| {entry['largest_slip']:.2g} m/s | {entry['seconds']:.0f} | {judged(entry)} |"
+    )
+
+
+def _sizes(entry: dict[str, Any]) -> str:
+    """Named parameters beside the hidden ones."""
+    parts = []
+    for key, (value, error) in entry["parameters"].items():
+        true = entry["true"].get(key.split(".")[1]) if key.split(".")[0] == entry["answer"] else None
+        told = f" (hidden: {true:g})" if true is not None else ""
+        parts.append(f"{key} {value:.4g} ± {error:.1g}{told}")
+    return "; ".join(parts)
+
+
+def _paragraph(entry: dict[str, Any]) -> str:
+    sizes = _sizes(entry)
+    text = f"- **{entry['told']}.** {entry['sentence']} {entry['where']} {sizes + '.' if sizes else ''}"
+    return textwrap.fill(" ".join(text.split()), 120, subsequent_indent="  ")
+
+
+def page(stored: dict[str, Any]) -> str:
+    """The page's Markdown."""
+    from .cases import FIRM, LEVEL
+
+    agreement, cases = stored["agreement"], stored["cases"]
+    off = [
+        abs(m / j - 1)
+        for row in agreement["steady"]
+        for m, j in zip(row["mujoco"], row["jaxid"], strict=True)
+        if abs(j) > 1e-9
+    ]
+    rms = [value for both in agreement["rms_in_noise"].values() for value in both]
+    parts = [
+        HEAD.format(**stored["versions"], level=LEVEL),
+        AGREE.format(steady=100 * max(off), least=min(rms), most=max(rms), grip=FIRM["grip"], level=LEVEL),
+        "## What was said\n\n" + HEADER + "\n" + "\n".join(map(_row, cases.values())) + "\n",
+        "\n".join(_paragraph(entry) for entry in cases.values() if not entry["told"].startswith("nothing")) + "\n",
+    ]
+    return "\n".join(parts)

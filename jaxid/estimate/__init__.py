@@ -1,7 +1,16 @@
 """Estimators: the papers' linear methods and output error."""
 
+from .identifiability import FreeDirection, Identifiability, identifiability
 from .integral_least_squares import integral_least_squares
 from .output_error import output_error
 from .result import Estimate, Fit
 
-__all__ = ["Estimate", "Fit", "integral_least_squares", "output_error"]
+__all__ = [
+    "Estimate",
+    "Fit",
+    "FreeDirection",
+    "Identifiability",
+    "identifiability",
+    "integral_least_squares",
+    "output_error",
+]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..robots.robot import Robot
 from .result import Estimate, Status
 
-_RANK = 1e-9
+RANK = 1e-9
 """Singular values below this share of the largest (columns scaled to one) count as zero."""
-_PRACTICAL = 1.0
+PRACTICAL = 1.0
 """A standard error above this multiple of the parameter's magnitude: the data says nothing useful about it."""
 
 
@@ -43,13 +43,13 @@ def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: ND
     _, singular, Vt = np.linalg.svd(block / used, full_matrices=True)
     values = np.zeros(index.size)
     values[: singular.size] = singular
-    zero = values <= _RANK * max(values.max(), 1e-300)
+    zero = values <= RANK * max(values.max(), 1e-300)
     inverse = np.where(zero, 0.0, 1.0 / np.where(zero, 1.0, values) ** 2)
     scaled = (Vt.T * inverse) @ Vt
     covariance[np.ix_(index, index)] = scaled / np.outer(used, used)
     in_null_space = np.any(np.abs(Vt[zero]) > 1e-3, axis=0) if zero.any() else np.zeros(index.size, dtype=bool)
     errors = np.sqrt(np.diag(covariance)[index])
-    determined[index] = ~in_null_space & (norms > 0) & (errors <= _PRACTICAL * magnitude[index])
+    determined[index] = ~in_null_space & (norms > 0) & (errors <= PRACTICAL * magnitude[index])
     return Spread(covariance, determined)
 
 
