@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from jaxid import AXIS, Axis, Log, LogSet, output_error
-from jaxid.explain import Explanation, explain, missing_force
+from jaxid.explain import Explanation, explain
+from jaxid.explain.missing_force import missing_force
 from jaxid.robots.effect import Effect
 from jaxid.robots.robot import Robot
 

@@ -52,7 +52,9 @@ def run(case: Any) -> dict[str, Any]:
         },
         "before": found.before.normalised_rms,
         "after": found.after.normalised_rms,
-        "by_channel": {name: [found.before.by_channel[name], found.after.by_channel[name]] for name in ("eta1", "eta2")},
+        "by_channel": {
+            name: [found.before.by_channel[name], found.after.by_channel[name]] for name in ("eta1", "eta2")
+        },
         "p_white_after": found.after.p_white,
         "first_look": [[c.effect.id, round(c.share, 3)] for c in found.search.first_look[:4]],
         "estimates": {name: [e.value, e.std_error, true[name]] for name, e in final.items()},

@@ -39,7 +39,9 @@ class Case:
     true: Mapping[str, float] = field(default_factory=dict)
 
 
-def _case(name: str, told: str, seed: int, answer: str | None, true: Mapping[str, float] | None = None, **hidden) -> Case:
+def _case(
+    name: str, told: str, seed: int, answer: str | None, true: Mapping[str, float] | None = None, **hidden
+) -> Case:
     delay = hidden.pop("delay", 0.0)
     return Case(name, told, seed, answer, World(**(FIRM | hidden)), delay, true or {})
 

@@ -20,7 +20,7 @@ from ..simulate.driven import driven_angles
 from .heldout import HeldOut, held_out
 
 _STEPS = 25
-_DRIVEN_STEPS = 15
+_DRIVEN_STEPS, _HORIZON_STEPS = 10, 5
 _SHORTEST, _LONGER, _LEAST_LONGER = 1.5, 1.35, 1.02
 """First horizon [s], by how much it grows, and by how much at least before growing is given up."""
 _LOST, _HOPELESS = 1.5, 5.0
@@ -87,7 +87,7 @@ def _over_longer_and_longer(structure: Structure, problem: Problem, unknowns: Un
         if seconds >= longest or longer <= _LEAST_LONGER:
             break
         current = shortened(problem, seconds)
-        optimum = minimise_compiled(structure, current, unknowns, max_steps=_DRIVEN_STEPS)
+        optimum = minimise_compiled(structure, current, unknowns, max_steps=_HORIZON_STEPS)
         cost = float(optimum.cost) / float(jnp.sum(current.mask))
         if before == np.inf and not cost < _HOPELESS:
             break
@@ -121,10 +121,13 @@ def refit(
     noise: Mapping[str, float],
     initial_states: Mapping[str, Mapping[str, float]],
     max_steps: int = _STEPS,
+    rival: float = np.inf,
 ) -> Trial:
     """Fit `robot` (with its effects) to `logs` from each of `starts`, and predict `check` with the best.
 
-    `initial_states` are those of the model without the effect, where they had to be estimated.
+    `initial_states` are those of the model without the effect, where they had to be estimated. `rival` is the lowest
+    chi-squared of other candidates: an effect that repeats with the wheels' angles and comes not below it although it is
+    told the angles is not followed up.
     """
     sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
     known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
@@ -144,8 +147,8 @@ def refit(
             tried.append((float(jnp.nan_to_num(optimum.cost, nan=jnp.inf)), optimum.unknowns))
             if np.isfinite(tried[-1][0]) and not bool(optimum.diverged):
                 break
-    unknowns = min(tried, key=lambda entry: entry[0])[1]
-    if as_driven is not None:
+    cost, unknowns = min(tried, key=lambda entry: entry[0])
+    if as_driven is not None and 2 * cost < rival:
         unknowns = _over_longer_and_longer(structure, problem, unknowns)
     if len(starts) > 1:
         optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)

@@ -104,13 +104,16 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
 def _all_added(
     base: Trial, candidates: Sequence[Candidate], logs: LogSet, check: LogSet, noise: dict[str, float]
 ) -> list[Trial]:
-    """A few steps of the refit with each of the candidates."""
+    """A few steps of the refit with each of the candidates; last those that are dear to follow up."""
+    candidates = sorted(candidates, key=lambda candidate: "wheel_angles" in candidate.effect.needs)
     robots = [base.robot + candidate.effect for candidate in candidates]
     compile_refits(robots, logs)
-    return [
-        refit(robot, candidate.starts, logs, check, noise, base.initial_states, FEW_STEPS)
-        for robot, candidate in zip(robots, candidates, strict=True)
-    ]
+    trials: list[Trial] = []
+    for robot, candidate in zip(robots, candidates, strict=True):
+        rival = min((trial.squares for trial in trials), default=np.inf)
+        states = base.initial_states
+        trials.append(refit(robot, candidate.starts, logs, check, noise, states, FEW_STEPS, rival))
+    return trials
 
 
 def _least(before: Trial, first: Trial) -> float:
@@ -143,7 +146,8 @@ def name_next(
         return screened
     shortlist = _different(likely)
     trials = _all_added(base, shortlist, logs, check, noise)
-    leader = shortlist[int(np.argmin([trial.score for trial in trials]))]
+    best = min(trials, key=lambda trial: trial.score).id
+    leader = next(candidate for candidate in shortlist if candidate.effect.id == best)
     alike = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
     trials += _all_added(base, alike, logs, check, noise)
     best = min(trials, key=lambda t: t.score)
