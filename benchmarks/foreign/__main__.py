@@ -32,7 +32,7 @@ def run(case: Any) -> dict[str, Any]:
         logs = jaxid.read_logs([str(path) for path in fit_files], robot="pioneer")
         check = jaxid.read_logs([str(path) for path in check_files], robot="pioneer")
         fit = jaxid.output_error(robot, logs)
-        found = jaxid.explain(fit, logs, check)
+        found = jaxid.explain(fit, logs, check, effects=case.effects)
         seconds = time.perf_counter() - begin
     true = constants(case.seed)
     final = {name: found.final[name] for name in found.baseline.free_names if name in found.final.parameters}

@@ -14,6 +14,7 @@ from reference import excitation
 
 from .pioneer_mjcf import World
 from .simulate import drive, log_table
+from .uneven_friction import UnevenFriction
 
 LEVEL = 5.0
 """About the largest voltage [V]: at 8 V a reversal lifts the caster, which no planar model can follow."""
@@ -27,7 +28,8 @@ FIRM: dict[str, Any] = {"grip": 3.0, "height": -0.04}
 class Case:
     """`world` and `delay` [s] are what is hidden; `answer` the catalogue's name for it, None where it has none.
 
-    `true` holds the hidden size in the named effect's own parameter. `told` says what was hidden in words.
+    `true` holds the hidden size in the named effect's own parameter. `told` says what was hidden in words. `effects` are
+    candidates beside the catalogue's.
     """
 
     name: str
@@ -37,13 +39,14 @@ class Case:
     world: World = field(default_factory=lambda: World(**FIRM))
     delay: float = 0.0
     true: Mapping[str, float] = field(default_factory=dict)
+    effects: tuple[jaxid.Effect, ...] = ()
 
 
 def _case(
     name: str, told: str, seed: int, answer: str | None, true: Mapping[str, float] | None = None, **hidden
 ) -> Case:
-    delay = hidden.pop("delay", 0.0)
-    return Case(name, told, seed, answer, World(**(FIRM | hidden)), delay, true or {})
+    delay, effects = hidden.pop("delay", 0.0), hidden.pop("effects", ())
+    return Case(name, told, seed, answer, World(**(FIRM | hidden)), delay, true or {}, effects)
 
 
 CASES = (
@@ -56,6 +59,10 @@ CASES = (
     ),
     _case("shifted_mass", "centre of mass 15 mm to the right", 7002, "lateral_com_offset", {"xm": 0.015}, shift=0.015),
     _case("friction_loss", "0.06 N m more dry friction in the right wheel's joint", 7003, None, extra_loss=0.06),
+    _case(
+        "friction_loss_own_effect", "the same, and `explain` is given a user's effect for it", 7003, "uneven_friction",
+        {"difference": 0.06}, extra_loss=0.06, effects=(UnevenFriction(),),
+    ),
     _case("delayed_actuator", "motors get their voltage 25 ms late", 7004, "input_delay", {"delay": 0.025}, delay=0.025),
     _case("slip", "wheels slip: contact friction 0.8 in place of 3", 7005, None, grip=0.8),
     _case("scrub", "tyres resist turning on the spot: torsional friction 5 mm", 7006, None, torsion=0.005),

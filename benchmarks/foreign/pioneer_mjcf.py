@@ -19,8 +19,8 @@ class World:
     Contact friction coefficient `grip`; `torsion` [m], the contact's friction against turning on the spot as a length
     (MuJoCo's torsional friction), 0 for none; `contact_time` [s], the time constant of the contacts and of the dry
     friction, larger is softer; `slope_x`, `slope_y`, gravity along the floor's x and y in units of g; `extra_loss` [N m],
-    dry friction of the right driving wheel beyond the left one's; `shift` [m], centre of mass moved to the right; `height` [m], the body's centre of
-    mass above the axle, on which it depends how load moves between the wheels and when one lifts.
+    dry friction of the right driving wheel beyond the left one's; `shift` [m], centre of mass moved to the right; `height`
+    [m], the body's centre of mass above the axle, which says how load moves between the wheels and when one lifts.
     """
 
     grip: float = 0.9

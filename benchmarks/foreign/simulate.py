@@ -25,7 +25,7 @@ class Motion:
 
 
 def _forward(data: mujoco.MjData) -> float:
-    """Speed of the axle's middle along the robot [m/s]; the free joint's velocity is in world axes, its turning in the body's."""
+    """Speed of the axle's middle along the robot [m/s]; a free joint's velocity is in world axes, its turning in the body's."""
     w, x, y, z = data.qpos[3:7]
     ahead = np.array([2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z)])
     return float(ahead @ data.qvel[:2] / np.hypot(*ahead))
@@ -37,7 +37,7 @@ def drive(p: Mapping[str, float], voltages: NDArray, world: World | None = None,
     `delay` [s], in whole integration steps, is how late the motors get their command. Raises `RuntimeError` if the engine
     gives up (a number that is not finite).
     """
-    model = mujoco.MjModel.from_xml_string(mjcf(p, world))  # pyright: ignore[reportAttributeAccessIssue]
+    model = mujoco.MjModel.from_xml_string(mjcf(p, world))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=round(REST / TIMESTEP))
     late = round(delay / TIMESTEP)

@@ -7,6 +7,7 @@ logged inputs only; no measurement is fed back, so noise on the outputs biases n
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -22,9 +23,11 @@ from .integral_least_squares import integral_least_squares
 from .levenberg_marquardt import Optimum, minimise_compiled, minimise_lanes
 from .problem import Problem, Structure, Triangle, Unknowns, parameters_at
 from .result import Fit
+from .robust_covariance import robust_covariance
 from .setup import InitialStates, build
 from .uncertainty import combinations, estimates, spread
 
+Covariance = Literal["white", "robust"]
 _WEIGHT_ROUNDS = 6
 _WEIGHT_SETTLED = 0.01
 _NEAR_BOUND = 0.02
@@ -122,6 +125,7 @@ def output_error(
     start: Start = None,
     initial_states: InitialStates = "auto",
     integrator: Integrator | None = None,
+    covariance: Covariance = "white",
     max_steps: int = 100,
     report: Report = _silent,
 ) -> Fit:
@@ -134,6 +138,7 @@ def output_error(
     - `initial_states`: "known" (at rest, or as the log says), "estimate" (free for every log), or "auto": free for logs
       that start in motion.
     - `integrator`: step and dry-friction law; by default true sticking with steps that suit the robot.
+    - `covariance`: of the parameters, for "white" residuals, or "robust" against coloured ones (`robust_covariance`).
     - `report`: called with a sentence whenever a stage of the work is done.
 
     Returns a `Fit`. Raises `ParameterError` for unknown or no free parameters, and where the simulation diverges at the start.
@@ -168,14 +173,16 @@ def output_error(
     if bool(optimum.diverged) and isinstance(start, Fit):
         report(f"the simulation diverges at the result of {start.method}; starting from the model's own values")
         again = output_error(
-            robot, logs, initial_states=initial_states, integrator=integrator, max_steps=max_steps, report=report
-        )
+            robot, logs, initial_states=initial_states, integrator=integrator, covariance=covariance,
+            max_steps=max_steps, report=report,
+        )  # fmt: skip
         note = f"The simulation diverges at the result of {start.method}; the fit started from the model's own values."
         return replace(again, notes=(*again.notes, note))
     problem, optimum, iterations = _reweighted(structure, problem, optimum, max_steps, report)
     inner = optimum
     problem, optimum, at_bound = _on_bounds(structure, problem, optimum, max_steps)
-    return _fit(robot, logs, structure, problem, inner, optimum, at_bound, iterations, max_steps)
+    robust = robust_covariance(structure, problem, inner.unknowns) if covariance == "robust" else None
+    return _fit(robot, logs, structure, problem, inner, optimum, at_bound, iterations, max_steps, robust)
 
 
 def _initial_states(robot, logs, structure, problem, optimum) -> dict[str, dict[str, float]]:
@@ -186,7 +193,7 @@ def _initial_states(robot, logs, structure, problem, optimum) -> dict[str, dict[
     return {log.name: {name: float(values[name][e]) for name in robot.states} for e, log in enumerate(logs)}
 
 
-def _fit(robot, logs, structure, problem, inner, optimum, at_bound, iterations, max_steps) -> Fit:
+def _fit(robot, logs, structure, problem, inner, optimum, at_bound, iterations, max_steps, robust) -> Fit:
     names = structure.names
     theta = np.asarray(parameters_at(problem, optimum.unknowns.z))
     # Uncertainty with every parameter free: one that lies on its bound still widens the others' intervals.
@@ -194,6 +201,8 @@ def _fit(robot, logs, structure, problem, inner, optimum, at_bound, iterations, 
     jacobian = np.asarray(inner.triangle.shared) / slope
     magnitude = np.maximum(np.abs(theta), np.asarray(problem.bounds.scale))
     found = spread(jacobian, np.ones(len(names), dtype=bool), magnitude)
+    if robust is not None:
+        found = found._replace(covariance=robust)
     values = dict(zip(names, theta.tolist(), strict=True))
     identified = robot.with_values(**values)
     unknown_count = len(names) + float(jnp.sum(problem.state_free))

@@ -126,30 +126,46 @@ def _upright(R: Float[Array, "m n"]) -> Float[Array, "m n"]:
     return R * jnp.where(diagonal < 0, -1.0, 1.0)[:, None]
 
 
+def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_free, e, measured, mask):
+    """Weighted residual [T, ny] of one experiment and its sensitivity [T, ny, n + s]; zero where nothing was measured."""
+    n, s = len(structure.names), len(structure.state_names)
+
+    def outputs(x):
+        return _experiment(structure, problem, x[:n], x[n:], e)
+
+    # One program for primal and tangents: the primal is not repeated for every direction.
+    x = jnp.concatenate([theta, own])
+    y, tangents = jax.vmap(lambda t: jax.jvp(outputs, (x,), (t,)), out_axes=(None, -1))(jnp.eye(n + s))
+    weight = jnp.where(mask, 1.0 / problem.sigma, 0.0)
+    residual = jnp.where(mask, (y - measured) * weight, 0.0)
+    columns = jnp.concatenate([columns, jnp.where(own_free, 1.0, 0.0)])
+    return residual, jnp.where(mask[..., None], tangents * weight[..., None] * columns, 0.0)
+
+
+def _experiments(problem: Problem, unknowns: Unknowns):
+    """What `_whitened` takes of every experiment."""
+    e = (problem.dt, problem.inputs, problem.start, problem.driven)
+    return unknowns.states, problem.state_free, e, problem.outputs, problem.mask
+
+
+def sensitivities(structure: Structure, problem: Problem, unknowns: Unknowns):
+    """Weighted residuals [E, T, ny] and their derivative [E, T, ny, n + s] by the physical parameters, each free or not,
+    and by each experiment's own initial states, in units of their scale."""
+    theta = parameters_at(problem, unknowns.z)
+    ones = jnp.ones_like(theta)
+    return jax.vmap(lambda *own: _whitened(structure, problem, theta, ones, *own))(*_experiments(problem, unknowns))
+
+
 def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Triangle:
     """Residual and sensitivities at `unknowns`, reduced to the arrow-shaped triangle."""
     n, s = len(structure.names), len(structure.state_names)
-    E, _, ny = problem.outputs.shape
     theta = parameters_at(problem, unknowns.z)
     slope = jnp.where(problem.free, problem.bounds.slope(unknowns.z), 0.0)
 
     def experiment(own, own_free, e, measured, mask):
-        def outputs(x):
-            return _experiment(structure, problem, x[:n], x[n:], e)
-
-        def value_and_sensitivity(x):
-            # One program for primal and tangents: the primal is not repeated for every direction.
-            basis = jnp.eye(n + s)
-            y, tangents = jax.vmap(lambda t: jax.jvp(outputs, (x,), (t,)), out_axes=(None, -1))(basis)
-            return y, tangents
-
-        y, tangents = value_and_sensitivity(jnp.concatenate([theta, own]))
-        weight = jnp.where(mask, 1.0 / problem.sigma, 0.0)
-        residual = jnp.where(mask, (y - measured) * weight, 0.0)
+        residual, jacobian = _whitened(structure, problem, theta, slope, own, own_free, e, measured, mask)
         squares = jnp.sum(residual**2, axis=0)
-        residual = residual.reshape(-1)
-        columns = jnp.concatenate([slope, jnp.where(own_free, 1.0, 0.0)])
-        jacobian = jnp.where(mask[..., None], tangents * weight[..., None] * columns, 0.0).reshape(-1, n + s)
+        residual, jacobian = residual.reshape(-1), jacobian.reshape(-1, n + s)
         sound = jnp.all(jnp.isfinite(residual)) & jnp.all(jnp.isfinite(jacobian))
         residual = jnp.where(sound, residual, _DIVERGED)
         jacobian = jnp.where(sound, jacobian, 0.0)
@@ -158,13 +174,7 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
         prior = jnp.concatenate([jnp.diag(state_prior), jnp.zeros((s, n)), (state_prior * own)[:, None]], axis=1)
         return _upright(jnp.linalg.qr(jnp.concatenate([block, prior]), mode="r")), squares
 
-    triangles, squares = jax.vmap(experiment)(
-        unknowns.states,
-        problem.state_free,
-        (problem.dt, problem.inputs, problem.start, problem.driven),
-        problem.outputs,
-        problem.mask,
-    )
+    triangles, squares = jax.vmap(experiment)(*_experiments(problem, unknowns))
     pull = jnp.sqrt(problem.prior_precision)
     prior = jnp.concatenate([jnp.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
     prior = jnp.where(problem.free[:, None], prior, 0.0)
