@@ -12,7 +12,16 @@ jaxid.explain(oe, fit, check)
 
 from ._float64 import float64
 from .effects import catalogue
-from .estimate import Estimate, Fit, Identifiability, identifiability, integral_least_squares, output_error
+from .estimate import (
+    Estimate,
+    Fit,
+    Identifiability,
+    Repeatability,
+    identifiability,
+    integral_least_squares,
+    output_error,
+    repeatability,
+)
 from .explain import Explanation, explain
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
@@ -42,6 +51,7 @@ __all__ = [
     "ParameterError",
     "ParameterTable",
     "Pioneer",
+    "Repeatability",
     "Robot",
     "Smooth",
     "Sticking",
@@ -54,5 +64,6 @@ __all__ = [
     "noise_level",
     "output_error",
     "read_logs",
+    "repeatability",
     "simulate",
 ]

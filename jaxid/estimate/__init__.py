@@ -3,6 +3,7 @@
 from .identifiability import FreeDirection, Identifiability, identifiability
 from .integral_least_squares import integral_least_squares
 from .output_error import output_error
+from .repeatability import Repeatability, repeatability
 from .result import Estimate, Fit
 
 __all__ = [
@@ -10,7 +11,9 @@ __all__ = [
     "Fit",
     "FreeDirection",
     "Identifiability",
+    "Repeatability",
     "identifiability",
     "integral_least_squares",
     "output_error",
+    "repeatability",
 ]

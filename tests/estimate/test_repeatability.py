@@ -1,0 +1,60 @@
+"""jaxid/estimate/repeatability.py: recordings of one axis, of which one was heavier, and of one that cannot be fitted."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, LogError, LogSet, ParameterError, output_error, repeatability
+
+ROBOT = Axis().change("offset", free=False).with_values(M=1.0, Fv=2.0, Fc=0.5)
+INPUTS = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 60)
+
+
+def recordings(axis_log, masses, seed=0):
+    return [
+        axis_log(f"run {k}", np.roll(INPUTS, 60 * k), noise=0.01, seed=seed + k, position=False, M=mass)
+        for k, mass in enumerate(masses)
+    ]
+
+
+def test_recordings_of_one_robot_agree(axis_log):
+    found = repeatability(ROBOT, LogSet(recordings(axis_log, [1.0, 1.0, 1.0, 1.0])))
+    assert found.disagreeing == () and "All 4 recordings agree" in found.sentence
+    for name, true in {"M": 1.0, "Fv": 2.0, "Fc": 0.5}.items():
+        assert abs(found.together[name].value - true) < 4 * found.together[name].std_error
+        # Four recordings together know twice as much as one.
+        ratio = found.together[name].std_error / np.mean([fit[name].std_error for fit in found.alone.values()])
+        assert ratio == pytest.approx(0.5, rel=0.3)
+
+
+def test_p_values_are_uniform_for_repeatable_recordings(axis_log):
+    p = []
+    for seed in range(0, 60, 3):
+        p += repeatability(ROBOT, LogSet(recordings(axis_log, [1.0] * 3, seed)), covariance="white").p_values.values()
+    # Kolmogorov-Smirnov would ask for independence; three quarters of a flat distribution lie above 0.25.
+    assert 0.55 < np.mean(np.array(p) > 0.25) < 0.92 and min(p) > 1e-4
+
+
+def test_the_one_with_a_payload_is_pointed_out(axis_log):
+    found = repeatability(ROBOT, LogSet(recordings(axis_log, [1.0, 1.0, 1.15, 1.0])))
+    assert found.disagreeing == ("run 2",) and found.furthest["run 2"][0] == "M"
+    assert found.furthest["run 2"][1] > 5 and "run 2" in found.sentence and "run 2" in repr(found)
+    assert found.without["run 2"]["M"].value == pytest.approx(1.0, rel=0.01)
+
+
+def test_a_recording_that_cannot_be_fitted_is_named_and_the_rest_stands(axis_log, monkeypatch):
+    def fails_on_wild(robot, logs, **options):
+        if [log.name for log in logs] == ["wild"]:
+            raise ParameterError("the simulation of 'axis' diverges at the start values")
+        return output_error(robot, logs, **options)
+
+    monkeypatch.setattr(sys.modules["jaxid.estimate.repeatability"], "output_error", fails_on_wild)
+    good = recordings(axis_log, [1.0, 1.0, 1.0])
+    wild = axis_log("wild", INPUTS, noise=0.01, position=False)
+    found = repeatability(ROBOT, LogSet([*good, wild]))
+    assert set(found.failed) == {"wild"} and set(found.p_values) == {"run 0", "run 1", "run 2"}
+    assert all(len(fit.initial_states) == 2 and "wild" not in fit.initial_states for fit in found.without.values())
+    assert "wild could not be fitted" in found.sentence
+    with pytest.raises(LogError, match="two recordings"):
+        repeatability(ROBOT, LogSet(good[:1]))
