@@ -26,21 +26,23 @@ def run(case: Any) -> dict[str, Any]:
     from .cases import constants, write
 
     with tempfile.TemporaryDirectory() as folder:
-        fit_files, check_files, model, slip = write(case, Path(folder))
+        files = write(case, Path(folder))
         begin = time.perf_counter()
-        robot = read_model(model, jaxid.Pioneer())
-        logs = jaxid.read_logs([str(path) for path in fit_files], robot="pioneer")
-        check = jaxid.read_logs([str(path) for path in check_files], robot="pioneer")
+        robot = read_model(files.model, jaxid.Pioneer())
+        logs = jaxid.read_logs([str(path) for path in files.fit], robot="pioneer")
+        check = jaxid.read_logs([str(path) for path in files.check], robot="pioneer")
         fit = jaxid.output_error(robot, logs)
         found = jaxid.explain(fit, logs, check, effects=case.effects)
         seconds = time.perf_counter() - begin
     true = constants(case.seed)
+    true["Cs"] += case.world.extra_loss / 2.0  # the model's one constant stands for both wheels
     final = {name: found.final[name] for name in found.baseline.free_names if name in found.final.parameters}
     return {
         "told": case.told,
         "answer": case.answer,
         "true": dict(case.true),
-        "largest_slip": slip,
+        "largest_slip": files.largest_slip,
+        "slipping": files.slipping,
         "verdict": found.verdict,
         "named": [effect.id for effect in found.effects],
         "equivalent": {effect.id: list(effect.equivalent_to) for effect in found.effects},

@@ -18,14 +18,21 @@ KINDS = ("prbs_reversing", "turning", "crawl")
 SEED = 7100
 
 
-def _both(name: str, voltages: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _both(name: str, voltages: np.ndarray, **world: float) -> tuple[np.ndarray, np.ndarray]:
     """Speeds [N, 2] by MuJoCo and by jaxid."""
     robot = jaxid.Pioneer()
-    foreign = drive(robot.parameters.numbers, voltages, World(**FIRM)).speeds
+    foreign = drive(robot.parameters.numbers, voltages, World(**(FIRM | world))).speeds
     time = np.arange(len(voltages)) * SAMPLING
     log = jaxid.Log.from_arrays(name, time, voltages, foreign, jaxid.PIONEER)
     rest = {state: np.zeros(1) for state in robot.states}
     return foreign, jaxid.simulate(robot, jaxid.LogSet([log]), start=rest)[0]
+
+
+def _difference(kind: str, level: float = LEVEL, **world: float) -> list[float]:
+    """RMS difference of both speeds in an experiment [standard deviations of the noise]."""
+    voltages = excitation.experiment("pioneer", kind, SAMPLES, SEED + KINDS.index(kind), level)
+    foreign, own = _both(kind, voltages, **world)
+    return (np.sqrt(np.mean((foreign - own) ** 2, axis=0)) / NOISE["pioneer"]).tolist()
 
 
 def agreement() -> dict[str, Any]:
@@ -34,8 +41,12 @@ def agreement() -> dict[str, Any]:
     for held in VOLTAGES:
         foreign, own = _both("steady", np.tile(held, (501, 1)))
         steady.append({"voltages": held, "mujoco": foreign[-1].tolist(), "jaxid": own[-1].tolist()})
-    moving = {}
-    for number, kind in enumerate(KINDS):
-        foreign, own = _both(kind, excitation.experiment("pioneer", kind, SAMPLES, SEED + number, LEVEL))
-        moving[kind] = (np.sqrt(np.mean((foreign - own) ** 2, axis=0)) / NOISE["pioneer"]).tolist()
-    return {"steady": steady, "rms_in_noise": moving}
+    step, contact = World().timestep / 2, World().contact_time / 2
+    return {
+        "steady": steady,
+        "rms_in_noise": {kind: _difference(kind) for kind in KINDS},
+        "half_step": _difference(KINDS[0], timestep=step),
+        "half_step_and_contact_time": _difference(KINDS[0], timestep=step, contact_time=contact),
+        "at_8_V": _difference(KINDS[0], level=8.0),
+        "at_8_V_grip_10": _difference(KINDS[0], level=8.0, grip=10.0),
+    }

@@ -17,11 +17,13 @@ from .simulate import drive, log_table
 from .uneven_friction import UnevenFriction
 
 LEVEL = 5.0
-"""About the largest voltage [V]: at 8 V a reversal lifts the caster, which no planar model can follow."""
+"""About the largest voltage [V]: at 8 V the wheels slip at reversals even on the floor of `FIRM`."""
 SPREAD = 0.15
 """Relative spread of the constants, drawn anew for every case."""
+SLIPS = 0.01
+"""Slip [m/s] that counts: the noise of the forward speed."""
 FIRM: dict[str, Any] = {"grip": 3.0, "height": -0.04}
-"""A floor on which nothing slips and a low body: what jaxid's equations take for granted."""
+"""A floor on which next to nothing slips and a low body: what jaxid's equations take for granted."""
 
 
 @dataclass(frozen=True)
@@ -80,22 +82,32 @@ def constants(seed: int) -> dict[str, float]:
     return values
 
 
-def write(case: Case, folder: Path) -> tuple[list[Path], list[Path], Path, float]:
-    """Drive, and write six logs to fit, three to check and the nominal model. Also the wheels' largest slip [m/s].
+@dataclass(frozen=True)
+class Written:
+    """Files to fit and to check, the nominal model's, the wheels' `largest_slip` [m/s] and `slipping`, the share of
+    samples at which one slips by more than `SLIPS`."""
 
-    Returns the fit files, the check files, the model file and that slip.
-    """
+    fit: list[Path]
+    check: list[Path]
+    model: Path
+    largest_slip: float
+    slipping: float
+
+
+def write(case: Case, folder: Path) -> Written:
+    """Drive, and write six logs to fit, three to check and the nominal model into `folder`."""
     p = constants(case.seed)
     files: dict[str, list[Path]] = {"fit": [], "check": []}
-    slip = 0.0
+    slips = []
     for number, (role, kind) in enumerate([*(("fit", k) for k in FIT), *(("check", k) for k in CHECK)]):
         voltages = excitation.experiment("pioneer", kind, SAMPLES, 1000 * case.seed + number, LEVEL)
         motion = drive(p, voltages, case.world, case.delay)
-        slip = max(slip, float(np.abs(motion.slip).max()))
+        slips.append(np.abs(motion.slip).max(axis=1))
         sigma = NOISE["pioneer"]
         table = log_table(voltages, motion, (sigma[0], sigma[1]), 1000 * case.seed + 500 + number)
         files[role].append(folder / f"{role}_{kind}.csv")
         table.to_csv(files[role][-1], index=False, float_format="%.6g")
     model = folder / "nominal.toml"
     write_model(model, jaxid.Pioneer().with_values(**{name: p[name] for name in KNOWN["pioneer"]}))
-    return files["fit"], files["check"], model, slip
+    slip = np.concatenate(slips)
+    return Written(files["fit"], files["check"], model, float(slip.max()), float(np.mean(slip > SLIPS)))

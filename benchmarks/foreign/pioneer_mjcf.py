@@ -21,6 +21,7 @@ class World:
     friction, larger is softer; `slope_x`, `slope_y`, gravity along the floor's x and y in units of g; `extra_loss` [N m],
     dry friction of the right driving wheel beyond the left one's; `shift` [m], centre of mass moved to the right; `height`
     [m], the body's centre of mass above the axle, which says how load moves between the wheels and when one lifts.
+    `timestep` [s] is the engine's; the contacts' time constant has to be twice it or more.
     """
 
     grip: float = 0.9
@@ -31,10 +32,9 @@ class World:
     extra_loss: float = 0.0
     shift: float = 0.0
     height: float = 0.0
+    timestep: float = 0.0005
 
 
-TIMESTEP = 0.0005
-"""Integration step [s]; the contacts' time constant has to be twice it or more."""
 THIN = 0.004
 """Half the width of a wheel [m]: an ellipsoid, so that it touches at one point whatever it leans."""
 
@@ -76,7 +76,7 @@ def mjcf(p: Mapping[str, float], world: World | None = None) -> str:
     dims, torsion = (4, world.torsion) if world.torsion > 0 else (3, 0.0)
     return f"""<mujoco model="pioneer">
   <compiler angle="radian" balanceinertia="false"/>
-  <option timestep="{TIMESTEP}" integrator="implicitfast" cone="elliptic" impratio="100" solver="Newton"
+  <option timestep="{world.timestep:.9g}" integrator="implicitfast" cone="elliptic" impratio="100" solver="Newton"
     iterations="50" tolerance="1e-12" gravity="{GRAVITY * world.slope_x:.9g} {GRAVITY * world.slope_y:.9g} {-GRAVITY}"/>
   <default>
     <geom condim="{dims}" friction="{world.grip:.9g} {torsion:.9g} 0" solref="{soft}" solimp="0.98 0.999 0.0005"

@@ -8,10 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .pioneer_mjcf import TIMESTEP, World, mjcf
+from .pioneer_mjcf import World, mjcf
 
 SAMPLING = 0.02
-STEPS = round(SAMPLING / TIMESTEP)
 REST = 1.0
 """Seconds without voltage before a log begins, in which the wheels sink into their contacts."""
 
@@ -37,10 +36,12 @@ def drive(p: Mapping[str, float], voltages: NDArray, world: World | None = None,
     `delay` [s], in whole integration steps, is how late the motors get their command. Raises `RuntimeError` if the engine
     gives up (a number that is not finite).
     """
+    world = world or World()
+    steps = round(SAMPLING / world.timestep)
     model = mujoco.MjModel.from_xml_string(mjcf(p, world))
     data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, nstep=round(REST / TIMESTEP))
-    late = round(delay / TIMESTEP)
+    mujoco.mj_step(model, data, nstep=round(REST / world.timestep))
+    late = round(delay / world.timestep)
     joints = [model.joint(name).dofadr[0] for name in ("right", "left")]
     speeds, slip = np.empty((len(voltages), 2)), np.empty((len(voltages), 2))
     reach = np.array([p["L"], -p["L"]])
@@ -48,9 +49,9 @@ def drive(p: Mapping[str, float], voltages: NDArray, world: World | None = None,
         speeds[k] = _forward(data), data.qvel[5]
         slip[k] = p["R"] * data.qvel[joints] - speeds[k, 0] - reach * speeds[k, 1]
         done = 0
-        while done < STEPS:
-            row, within = divmod(k * STEPS + done - late, STEPS)
-            held = min(STEPS - within, STEPS - done)
+        while done < steps:
+            row, within = divmod(k * steps + done - late, steps)
+            held = min(steps - within, steps - done)
             data.ctrl[:] = voltages[row] if row >= 0 else 0.0
             mujoco.mj_step(model, data, nstep=held)
             done += held

@@ -49,12 +49,14 @@ def _named(found: Search, final: Fit) -> tuple[NamedEffect, ...]:
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
 
 
-def _verdict(found: Search, named: Sequence[NamedEffect]) -> Verdict:
+def _verdict(found: Search, named: Sequence[NamedEffect], most: int) -> Verdict:
     before, after = found.before, found.after
     if not found.steps and after.adequate:
         return "adequate"
     left = after.gap > _LEFT_OVER * before.gap and after.normalised_rms > _SMALL
-    if not named or (not after.adequate and left):
+    # As many effects as may be added and still not noise: they stand in for something else.
+    used_up = len(found.steps) >= most > 1
+    if not named or (not after.adequate and (left or used_up)):
         return "unexplained"
     return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"
 
@@ -105,7 +107,7 @@ def explain(
     found = search(fit, logs, check, effects=effects, most=most, report=report)
     final = in_full(found.final, logs) if found.steps and found.final else fit
     named = _named(found, final)
-    verdict = _verdict(found, named)
+    verdict = _verdict(found, named, most)
     localisation = None
     if verdict != "adequate":
         report("finding where simulation and data disagree")

@@ -90,15 +90,20 @@ def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
 
 
 def _different(likely: Sequence[Candidate]) -> list[Candidate]:
-    """The most promising candidates, one of each that explain alike."""
+    """The most promising candidates, one of each that explain alike.
+
+    Those that are told the wheels' angles promise more than the others can; they come on top and displace none.
+    """
+    told = [candidate for candidate in likely if "wheel_angles" in candidate.effect.needs]
+    others = [candidate for candidate in likely if candidate not in told]
     chosen: list[Candidate] = []
-    for candidate in likely:
-        enough = len(chosen) >= _ALWAYS and candidate.gain < _PROMISING * likely[0].gain
+    for candidate in others:
+        enough = len(chosen) >= _ALWAYS and candidate.gain < _PROMISING * others[0].gain
         if enough or len(chosen) == SHORTLIST:
             break
         if not any(candidate.like(other) for other in chosen):
             chosen.append(candidate)
-    return chosen
+    return chosen + [candidate for candidate in told if candidate.gain >= _PROMISING * likely[0].gain]
 
 
 def _all_added(
