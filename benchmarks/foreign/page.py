@@ -33,10 +33,10 @@ Slip counts from 0.01 m/s at either driving wheel. Sizes are given with one stan
 
 - **Nothing hidden.** The residuals are white with p = {white}; an alarm is raised below 0.005, so the
   first was close to a false one.
-- **Wrong: unlike wheels.** The catalogue has one dry friction for both wheels and no effect in which they differ. Three
-  effects that tell the wheels apart imitate it together, and what they leave is below the share of the gap that a verdict
-  allows, so the verdict is `named` although nothing named is there and the residuals are not white. With a user's own effect
-  (`benchmarks/foreign/uneven_friction.py`) passed to `explain`, that one is named, with the hidden size.
+- **Unlike wheels.** The catalogue has one dry friction for both wheels and no effect in which they differ. Three effects
+  that tell the wheels apart imitate it together, but not down to noise, so the verdict is `unexplained`, and says how far
+  the three get. With a user's own effect (`benchmarks/foreign/uneven_friction.py`) passed to `explain`, that one is named,
+  with the hidden size.
 - **Delay.** The set holds the right name, but the first one given, the sensors' delay, is not what was hidden, and its size
   is off by more than two standard errors.
 - **Slip and soft contacts** stay without a name. The nearest candidate is `traction_limit`, a constant cut-off of the
