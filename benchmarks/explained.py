@@ -30,7 +30,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE, RESULTS = ROOT / "docs" / "explained.md", ROOT / "benchmarks" / "results" / "explained.json"
 _EMPS_SAMPLES = 5  # ms between samples: twice per period of the cut-off of the published filter
 _EMPS_SECONDS = 4.0
-_PUSHED = 6.0  # standard deviations of the missing force that count as a push
 
 
 @dataclass(frozen=True)
@@ -118,22 +117,22 @@ def _figures(found: Explanation, seconds: float) -> dict:
 
 
 def pushes(found: Explanation, data: Path) -> dict:
-    """When the carriage is pushed in the validation record, by pulses of force that are taken out of the logged input here:
-    where the missing force stands out, and the truth."""
+    """The missing force in the validation record, whose pulses of force (half a second each) are taken out of the logged
+    input here: its mean during the pulses and between them, against the pulses' own height."""
     record = load_emps(data / "emps", "DATA_EMPS_PULSES")
     logs = LogSet(_emps_logs(replace(record, vir=record.vir - record.pulse), "validation"))
-    seen: list[float] = []
-    for log, history in zip(logs, missing_force(found.model, logs), strict=True):
-        force = history.force[:, 0] - np.median(history.force[:, 0])
-        spread = 1.4826 * np.median(np.abs(force))
-        out = np.flatnonzero(np.abs(force) > _PUSHED * spread)
-        begin = float(log.name.split()[1])
-        seen += [begin + float(log.time[k] - log.time[0]) for k in out]
-    true = record.t[np.flatnonzero(np.diff((record.pulse != 0).astype(int)) == 1)]
-    groups = np.split(np.array(seen), np.flatnonzero(np.diff(seen) > 0.3) + 1) if seen else []
+    pulses = LogSet(_emps_logs(replace(record, vir=record.pulse), "validation"))
+    true = np.concatenate([log.inputs[:, 0] for log in pulses])
+    force = np.concatenate([history.force[:, 0] for history in missing_force(found.model, logs)])
+    on = true > 0.5 * true.max()
+    slope = float(np.cov(force, true)[0, 1] / np.var(true))
     return {
-        "pushed at": [round(float(t), 2) for t in true],
-        "found": [[round(g[0], 2), round(g[-1], 2)] for g in groups],
+        "pulses": int(np.sum(np.diff(on.astype(int)) == 1)),
+        "height": float(true.max()),
+        "during": float(np.mean(force[on])),
+        "between": float(np.mean(force[~on])),
+        "share": slope,
+        "correlation": float(np.corrcoef(force, true)[0, 1]),
     }
 
 
@@ -146,12 +145,11 @@ def _section(title: str, known: str, figures: dict) -> str:
         lines += [f"The robot's own parameters moved: {moved}.", ""]
     if "pushes" in figures:
         p = figures["pushes"]
-        near = [any(a - 0.2 <= t <= b + 0.2 for a, b in p["found"]) for t in p["pushed at"]]
-        stray = sum(not any(a - 0.2 <= t <= b + 0.2 for t in p["pushed at"]) for a, b in p["found"])
         lines += [
-            f"In the validation record pulses push the carriage {len(near)} times, once a second. "
-            f"Taken out of the logged input, they are left to the missing force of the model found here: it stands out (six "
-            f"robust standard deviations) within 0.2 s of {sum(near)} of them, and {stray} times elsewhere.",
+            f"In the validation record {p['pulses']} pulses of {p['height']:.0f} N push the carriage for half a second "
+            f"each. Taken out of the logged input, they are left to the missing force of the model found here: its mean is "
+            f"{p['during']:.0f} N during the pulses and {p['between']:.0f} N between them, and it follows them with a "
+            f"correlation of {p['correlation']:.3f}.",
             "",
         ]
     return "\n".join(lines)
