@@ -117,6 +117,7 @@ def both(request):
             {name: jnp.asarray(value, float) for name, value in start.items()},
             jnp.asarray(inputs)[None],
             jnp.full((1, SAMPLES), SAMPLING),
+            {},
         )
     columns = [model.channels.measured.index(c) for c in model.channels.outputs]
     seen = {}
