@@ -1,5 +1,5 @@
-"""`jax.jit` for jaxid's large programs: XLA's older CPU fusion code, which compiles them in about 60 % of the time and to
-programs that run equally fast (`benchmarks/fit.py` prints both times). Other devices take no notice."""
+"""`jax.jit` for jaxid's large programs: with XLA's older CPU fusion code, which compiles them markedly sooner and to
+programs that run equally fast. Other devices take no notice."""
 
 from functools import partial
 

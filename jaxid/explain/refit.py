@@ -26,6 +26,7 @@ _SHORTEST, _LONGER, _LEAST_LONGER = 1.5, 1.35, 1.02
 _LOST, _HOPELESS = 1.5, 5.0
 """Growth of the cost per sample at which a longer horizon has lost the way, and cost at which there is none."""
 _HORIZONS = 16
+"""Most horizons that are tried."""
 _WEAKER = (1.0, 0.1, 0.01)
 """Shares of an effect's first guess that are tried one after another while the simulation diverges."""
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
