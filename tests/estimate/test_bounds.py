@@ -76,3 +76,13 @@ def test_a_start_on_a_bound_is_moved_just_inside():
 def test_far_from_its_bound_a_parameter_moves_as_if_there_were_none():
     b = bounds()
     assert float(b.slope(jnp.full(5, 5.0))[1]) == pytest.approx(1e-4, rel=1e-5)
+
+
+def test_what_is_reachable_keeps_a_slope_and_leaves_sound_coordinates_alone():
+    b = bounds()
+    sound = b.coordinates(jnp.array([-7.0, 3e-4, 1.0, 0.3, 2.2]))
+    np.testing.assert_array_equal(b.reachable(sound), sound)
+    for z in (-1e6, 1e6):
+        far = b.reachable(jnp.full(b.lower.shape, z))
+        free_side = jnp.isfinite(far) & (jnp.abs(b.slope(far)) > 1e-4 * b.scale)
+        assert bool(jnp.all(free_side))

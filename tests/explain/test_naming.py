@@ -22,7 +22,13 @@ def test_nothing_hidden_is_adequate():
 
 @pytest.mark.parametrize(
     ("effect", "size"),
-    [("stribeck_friction", 4.0), ("actuator_dead_zone", 0.3), ("quadratic_drag", 20.0), ("sensor_bias", 0.03)],
+    [
+        ("stribeck_friction", 4.0),
+        ("actuator_dead_zone", 0.3),
+        ("quadratic_drag", 20.0),
+        ("sensor_bias", 0.03),
+        ("cogging_torque", 8.0),
+    ],
 )
 def test_a_hidden_effect_is_named_and_closes_the_gap(effect, size):
     found = explained({effect: size})
