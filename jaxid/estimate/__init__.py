@@ -1,17 +1,21 @@
 """Estimators: the papers' linear methods and output error."""
 
+from .fleet import Fleet, fit_fleet
 from .identifiability import FreeDirection, Identifiability, identifiability
 from .integral_least_squares import integral_least_squares
 from .output_error import output_error
 from .repeatability import Repeatability, repeatability
-from .result import Estimate, Fit
+from .result import Estimate, Fit, Outlier
 
 __all__ = [
     "Estimate",
     "Fit",
+    "Fleet",
     "FreeDirection",
     "Identifiability",
+    "Outlier",
     "Repeatability",
+    "fit_fleet",
     "identifiability",
     "integral_least_squares",
     "output_error",

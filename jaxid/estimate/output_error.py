@@ -18,21 +18,19 @@ from ..logs import LogSet
 from ..parameters import ParameterError
 from ..robots.robot import Robot
 from ..simulate.rollout import Integrator
+from .from_optimum import channel_noise, fit_at, on_bounds, unknown_count
 from .globalise import ambiguous_index, globalise
 from .integral_least_squares import integral_least_squares
 from .levenberg_marquardt import Optimum, minimise_compiled, minimise_lanes
-from .problem import Problem, Structure, Triangle, Unknowns, parameters_at
+from .problem import Problem, Structure, Unknowns
 from .result import Fit
 from .robust_covariance import robust_covariance
-from .setup import InitialStates, build
-from .uncertainty import combinations, estimates, spread
+from .robust_loss import Loss, minimise_robustly
+from .setup import InitialStates, build, start_values
 
 Covariance = Literal["white", "robust"]
 _WEIGHT_ROUNDS = 6
 _WEIGHT_SETTLED = 0.01
-_NEAR_BOUND = 0.02
-_BOUND_COST = 2.0
-"""Half chi-squared a parameter may cost when it is moved from near its bound onto it."""
 
 Start = Fit | Mapping[str, float] | Sequence[Mapping[str, float]] | None
 Report = Callable[[str], None]
@@ -40,18 +38,6 @@ Report = Callable[[str], None]
 
 def _silent(message: str) -> None:
     pass
-
-
-def _numbers(robot: Robot, start: Fit | Mapping[str, float] | None) -> dict[str, float]:
-    """Start values of the free parameters."""
-    if start is None:
-        return {name: robot.parameters[name].value for name in robot.parameters.free_names}
-    if isinstance(start, Fit):
-        values = start.robot.parameters.numbers
-        return {name: values.get(name, robot.parameters[name].value) for name in robot.parameters.free_names}
-    for name in start:
-        robot.parameters[name]  # an unknown name is an error, not a silently ignored start
-    return {**_numbers(robot, None), **{k: float(v) for k, v in start.items() if k in robot.parameters.free_names}}
 
 
 def _from_many(structure: Structure, problem: Problem, starts: Unknowns) -> Unknowns:
@@ -62,23 +48,13 @@ def _from_many(structure: Structure, problem: Problem, starts: Unknowns) -> Unkn
     return jax.tree.map(lambda x: x[best], optima.unknowns)
 
 
-def channel_noise(problem: Problem, triangle: Triangle, unknown_count: float) -> np.ndarray:
-    """Standard deviation of each channel's residual at the optimum, degrees of freedom accounted for [ny]."""
-    counts = np.asarray(jnp.sum(problem.mask, axis=(0, 1)), dtype=float)
-    squares = np.asarray(jnp.sum(triangle.squares, axis=0))
-    # The unknowns are shared among channels by their share of the samples.
-    freedom = np.maximum(counts * (1.0 - unknown_count / max(counts.sum(), 1.0)), 1.0)
-    sigma = np.asarray(problem.sigma)
-    return np.where(counts > 0, sigma * np.sqrt(squares / freedom), sigma)
-
-
 def _reweighted(structure: Structure, problem: Problem, optimum: Optimum, max_steps: int, report: Report):
     """Estimate every channel's noise from the residual and minimise again, until the weights settle."""
-    unknown_count = len(structure.names) + float(jnp.sum(problem.state_free))
     floor = np.asarray(problem.sigma) * 1e-3
     total = int(optimum.iterations)
     for _ in range(_WEIGHT_ROUNDS):
-        sigma = np.maximum(channel_noise(problem, optimum.triangle, unknown_count), floor)
+        noise = channel_noise(problem, optimum.triangle.squares, unknown_count(structure, problem))
+        sigma = np.maximum(np.asarray(noise), floor)
         change = float(np.max(np.abs(sigma / np.asarray(problem.sigma) - 1.0)))
         if change < _WEIGHT_SETTLED:
             break
@@ -89,32 +65,35 @@ def _reweighted(structure: Structure, problem: Problem, optimum: Optimum, max_st
     return problem, optimum, total
 
 
-def _on_bounds(structure: Structure, problem: Problem, optimum: Optimum, max_steps: int):
-    """Put parameters that crept towards a bound exactly on it where that costs nothing, one set at a time."""
-    lower, upper = np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper)
-    scale = np.asarray(problem.bounds.scale)
-    theta = np.asarray(parameters_at(problem, optimum.unknowns.z))
-    low = np.isfinite(lower) & (theta - lower < _NEAR_BOUND * scale)
-    high = np.isfinite(upper) & (upper - theta < _NEAR_BOUND * scale)
-    near = (low | high) & np.asarray(problem.free)
-    if not near.any():
-        return problem, optimum, np.zeros(theta.shape, dtype=bool)
-    at = np.where(low, lower, np.where(high, upper, theta))
-    trial = replace(
-        problem,
-        free=problem.free & ~jnp.asarray(near),
-        held=jnp.where(jnp.asarray(near), jnp.asarray(at), problem.held),
-    )
-    held = minimise_compiled(structure, trial, optimum.unknowns, max_steps=max_steps)
-    if held.cost < optimum.cost + _BOUND_COST:
-        return trial, held, near
-    return problem, optimum, np.zeros(theta.shape, dtype=bool)
+def _without(problem: Problem, logs: Sequence[int]) -> Problem:
+    """The problem in which the logs of these numbers have no weight."""
+    kept = np.ones(problem.mask.shape[0], dtype=bool)
+    kept[list(logs)] = False
+    return replace(problem, mask=problem.mask & jnp.asarray(kept)[:, None, None])
 
 
-def _reason(optimum: Optimum, max_steps: int) -> str:
-    if bool(optimum.converged):
-        return "converged: no step changes the fit noticeably any more"
-    return f"not converged in {max_steps} steps; start closer, free fewer parameters, or allow more steps"
+def _diverging(optimum: Optimum) -> list[int]:
+    """Numbers of the logs on which the simulation is not finite."""
+    return np.flatnonzero(~np.isfinite(np.asarray(optimum.triangle.squares)).all(axis=1)).tolist()
+
+
+def _first_minimum(structure: Structure, problem: Problem, unknowns: Unknowns, max_steps: int):
+    """The minimum, the problem, and the numbers of logs left out because the simulation diverges on them alone.
+
+    Logs on which only the start diverges come back once the others have led to better parameters.
+    """
+    optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
+    bad = _diverging(optimum)
+    if not bad or len(bad) == problem.mask.shape[0]:
+        return optimum, problem, []
+    rest = _without(problem, bad)
+    optimum = minimise_compiled(structure, rest, unknowns, max_steps=max_steps)
+    again = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
+    bad = _diverging(again)
+    if not bad:
+        return again, problem, []
+    rest = _without(problem, bad)
+    return minimise_compiled(structure, rest, optimum.unknowns, max_steps=max_steps), rest, bad
 
 
 @in_float64
@@ -125,7 +104,9 @@ def output_error(
     start: Start = None,
     initial_states: InitialStates = "auto",
     integrator: Integrator | None = None,
+    loss: Loss = "squares",
     covariance: Covariance = "white",
+    clock_offset: bool = False,
     max_steps: int = 100,
     report: Report = _silent,
 ) -> Fit:
@@ -138,19 +119,27 @@ def output_error(
     - `initial_states`: "known" (at rest, or as the log says), "estimate" (free for every log), or "auto": free for logs
       that start in motion.
     - `integrator`: step and dry-friction law; by default true sticking with steps that suit the robot.
+    - `loss`: "squares", or "huber", "cauchy", "student_t" against outliers, which the result lists (`robust_loss`).
+    - `clock_offset`: whether inputs and outputs may run on different clocks; every log's offset is then estimated.
     - `covariance`: of the parameters, for "white" residuals, or "robust" against coloured ones (`robust_covariance`).
     - `report`: called with a sentence whenever a stage of the work is done.
 
-    Returns a `Fit`. Raises `ParameterError` for unknown or no free parameters, and where the simulation diverges at the start.
+    Returns a `Fit`. A log on which alone the simulation diverges is left out and named in `Fit.log_status`. Raises
+    `ParameterError` for unknown or no free parameters, and where the simulation diverges at the start on every log.
     """
     many = None
     if start is not None and not isinstance(start, Fit | Mapping):
-        many = [_numbers(robot, values) for values in start]
+        many = [start_values(robot, values) for values in start]
         # The middle of the starts sets the magnitudes in which all of them move: one wild start must not.
         first = {name: float(np.median([values[name] for values in many])) for name in many[0]}
     else:
-        first = _numbers(robot, start)
-    structure, problem, unknowns = build(robot, logs, start=first, initial=initial_states, integrator=integrator)
+        first = start_values(robot, start)
+    structure, problem, unknowns = build(
+        robot, logs, start=first, initial=initial_states, integrator=integrator, clock_offset=clock_offset
+    )
+    if loss != "squares":
+        problem = replace(problem, weight=jnp.ones(problem.mask.shape))
+    left_out: list[int] = []
     if many is not None:
         coordinates = [problem.bounds.coordinates(jnp.array([v[n] for n in structure.names])) for v in many]
         states = jnp.broadcast_to(unknowns.states, (len(many), *unknowns.states.shape))
@@ -163,62 +152,32 @@ def output_error(
         starts = [unknowns, Unknowns(coordinates, unknowns.states)]
         optimum = globalise(structure, problem, starts, index, report=report)
     else:
-        optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
+        optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps)
         report("first minimum found")
-    if bool(optimum.diverged) and not isinstance(start, Fit):
+    diverged = len(_diverging(optimum)) > len(left_out)
+    if diverged and not isinstance(start, Fit):
         raise ParameterError(
             f"the simulation of {robot.name!r} diverges at the start values; check the logs' units and signs, or give "
             "other start values"
         )
-    if bool(optimum.diverged) and isinstance(start, Fit):
+    if diverged and isinstance(start, Fit):
         report(f"the simulation diverges at the result of {start.method}; starting from the model's own values")
         again = output_error(
-            robot, logs, initial_states=initial_states, integrator=integrator, covariance=covariance,
-            max_steps=max_steps, report=report,
+            robot, logs, initial_states=initial_states, integrator=integrator, loss=loss, covariance=covariance,
+            clock_offset=clock_offset, max_steps=max_steps, report=report,
         )  # fmt: skip
         note = f"The simulation diverges at the result of {start.method}; the fit started from the model's own values."
         return replace(again, notes=(*again.notes, note))
     problem, optimum, iterations = _reweighted(structure, problem, optimum, max_steps, report)
-    inner = optimum
-    problem, optimum, at_bound = _on_bounds(structure, problem, optimum, max_steps)
-    robust = robust_covariance(structure, problem, inner.unknowns) if covariance == "robust" else None
-    return _fit(robot, logs, structure, problem, inner, optimum, at_bound, iterations, max_steps, robust)
-
-
-def _initial_states(robot, logs, structure, problem, optimum) -> dict[str, dict[str, float]]:
-    """Every log's initial state by name, estimated where it was free."""
-    values = {name: np.array(problem.start[name]) for name in robot.states}
-    for i, name in enumerate(structure.state_names):
-        values[name] = values[name] + np.asarray(problem.state_scale[i] * optimum.unknowns.states[:, i])
-    return {log.name: {name: float(values[name][e]) for name in robot.states} for e, log in enumerate(logs)}
-
-
-def _fit(robot, logs, structure, problem, inner, optimum, at_bound, iterations, max_steps, robust) -> Fit:
-    names = structure.names
-    theta = np.asarray(parameters_at(problem, optimum.unknowns.z))
-    # Uncertainty with every parameter free: one that lies on its bound still widens the others' intervals.
-    slope = np.asarray(problem.bounds.slope(inner.unknowns.z))
-    jacobian = np.asarray(inner.triangle.shared) / slope
-    magnitude = np.maximum(np.abs(theta), np.asarray(problem.bounds.scale))
-    found = spread(jacobian, np.ones(len(names), dtype=bool), magnitude)
-    if robust is not None:
-        found = found._replace(covariance=robust)
-    values = dict(zip(names, theta.tolist(), strict=True))
-    identified = robot.with_values(**values)
-    unknown_count = len(names) + float(jnp.sum(problem.state_free))
-    noise = channel_noise(problem, optimum.triangle, unknown_count)
-    counted = np.asarray(jnp.any(problem.mask, axis=(0, 1)))
-    measured = logs[0].channels.measured
-    return Fit(
-        method="output_error",
-        robot=identified,
-        parameters=estimates(robot, values, names, found, at_bound),
-        combinations=combinations(robot, identified.parameters.numbers, names, found.covariance),
-        free_names=names,
-        covariance=found.covariance,
-        noise={c: float(noise[i]) for i, c in enumerate(measured) if counted[i]},
-        converged=bool(optimum.converged),
-        reason=_reason(optimum, max_steps),
-        iterations=iterations,
-        initial_states=_initial_states(robot, logs, structure, problem, optimum),
-    )
+    inner, noise, outliers, bread = optimum, None, (), 1.0
+    if loss != "squares":
+        found = minimise_robustly(structure, problem, optimum, logs, loss, max_steps=max_steps, report=report)
+        problem, optimum, inner = found.problem, found.optimum, found.inner
+        noise, outliers, bread = found.scale, found.outliers, found.bread
+        iterations += found.iterations
+    bounded = on_bounds(structure, problem, optimum, max_steps)
+    robust = bread**2 * robust_covariance(structure, problem, optimum.unknowns) if covariance == "robust" else None
+    return fit_at(
+        robot, logs, structure, problem, inner, bounded, iterations=iterations, max_steps=max_steps, covariance=robust,
+        noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
+    )  # fmt: skip

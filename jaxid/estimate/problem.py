@@ -26,6 +26,10 @@ _DIVERGED = 1e30
 """Stands in for residuals that are not finite: larger than any sound one, so that the step is rejected."""
 
 
+CLOCK_OFFSET = "clock_offset"
+"""Estimated for every experiment like an initial state: how far the inputs' clock is ahead of the outputs' [s]."""
+
+
 class Structure(NamedTuple):
     """What a compiled fit depends on besides array shapes: hashable and free of numbers."""
 
@@ -59,6 +63,8 @@ class Problem(eqx.Module):
     state_precision: Float[Array, " s"]
     driven: dict[str, Float[Array, "E T"]] = eqx.field(default_factory=dict)
     """States that are set to these values at every sample instead of being simulated."""
+    weight: Float[Array, "E T ny"] | None = None
+    """Square roots of the weights that a robust loss gives to the samples; none for squares."""
 
 
 class Unknowns(NamedTuple):
@@ -87,12 +93,19 @@ class Triangle(NamedTuple):
         return 0.5 * sum((jnp.sum(part**2) for part in parts), jnp.zeros(()))
 
 
+def shifted(y: Float[Array, "T ny"], dt: Float[Array, " T"], offset: Float[Array, ""]) -> Float[Array, "T ny"]:
+    """Outputs `offset` seconds after the sample times, linear between samples, the ends held."""
+    time = jnp.cumsum(dt) - dt
+    return jax.vmap(lambda channel: jnp.interp(time + offset, time, channel), in_axes=1, out_axes=1)(y)
+
+
 def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
     """Simulated outputs [T, ny] of one experiment; `e` holds its arrays."""
     dt, inputs, start, driven = e
     p = {**problem.numbers, **dict(zip(structure.names, theta, strict=True))}
     moved = {name: start[name] + problem.state_scale[i] * own_states[i] for i, name in enumerate(structure.state_names)}
-    return rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator, driven)
+    y = rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator, driven)
+    return shifted(y, dt, moved[CLOCK_OFFSET]) if CLOCK_OFFSET in moved else y
 
 
 def parameters_at(problem: Problem, z: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -114,6 +127,7 @@ def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Ar
     """Half the sum of squares, priors included, from a simulation alone."""
     y = simulate_all(structure, problem, unknowns)
     residual = jnp.where(problem.mask, (y - problem.outputs) / problem.sigma, 0.0)
+    residual = residual if problem.weight is None else residual * problem.weight
     theta = parameters_at(problem, unknowns.z)
     pull = jnp.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
     own = jnp.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0) * unknowns.states**2
@@ -126,7 +140,7 @@ def _upright(R: Float[Array, "m n"]) -> Float[Array, "m n"]:
     return R * jnp.where(diagonal < 0, -1.0, 1.0)[:, None]
 
 
-def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_free, e, measured, mask):
+def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_free, e, measured, mask, robust=None):
     """Weighted residual [T, ny] of one experiment and its sensitivity [T, ny, n + s]; zero where nothing was measured."""
     n, s = len(structure.names), len(structure.state_names)
 
@@ -136,7 +150,7 @@ def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_f
     # One program for primal and tangents: the primal is not repeated for every direction.
     x = jnp.concatenate([theta, own])
     y, tangents = jax.vmap(lambda t: jax.jvp(outputs, (x,), (t,)), out_axes=(None, -1))(jnp.eye(n + s))
-    weight = jnp.where(mask, 1.0 / problem.sigma, 0.0)
+    weight = jnp.where(mask, 1.0 / problem.sigma if robust is None else robust / problem.sigma, 0.0)
     residual = jnp.where(mask, (y - measured) * weight, 0.0)
     columns = jnp.concatenate([columns, jnp.where(own_free, 1.0, 0.0)])
     return residual, jnp.where(mask[..., None], tangents * weight[..., None] * columns, 0.0)
@@ -145,7 +159,7 @@ def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_f
 def _experiments(problem: Problem, unknowns: Unknowns):
     """What `_whitened` takes of every experiment."""
     e = (problem.dt, problem.inputs, problem.start, problem.driven)
-    return unknowns.states, problem.state_free, e, problem.outputs, problem.mask
+    return unknowns.states, problem.state_free, e, problem.outputs, problem.mask, problem.weight
 
 
 def sensitivities(structure: Structure, problem: Problem, unknowns: Unknowns):
@@ -162,8 +176,8 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
     theta = parameters_at(problem, unknowns.z)
     slope = jnp.where(problem.free, problem.bounds.slope(unknowns.z), 0.0)
 
-    def experiment(own, own_free, e, measured, mask):
-        residual, jacobian = _whitened(structure, problem, theta, slope, own, own_free, e, measured, mask)
+    def experiment(own, own_free, *rest):
+        residual, jacobian = _whitened(structure, problem, theta, slope, own, own_free, *rest)
         squares = jnp.sum(residual**2, axis=0)
         residual, jacobian = residual.reshape(-1), jacobian.reshape(-1, n + s)
         sound = jnp.all(jnp.isfinite(residual)) & jnp.all(jnp.isfinite(jacobian))

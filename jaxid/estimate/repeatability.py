@@ -11,11 +11,14 @@ import numpy as np
 from scipy import stats
 
 from ..logs import LogError, LogSet
-from ..parameters import ParameterError
 from ..robots.robot import Robot
-from .output_error import Covariance, output_error
+from ..simulate.rollout import Integrator
+from .fleet import fit_fleet
+from .output_error import Covariance
 from .result import Fit
 
+_ALL = ""
+"""Name of the fit of all recordings among those of all but one."""
 SIGNIFICANT = 0.01
 """Share of sets of perfectly repeatable recordings in which one is said to disagree."""
 
@@ -95,33 +98,28 @@ def repeatability(
     logs: LogSet,
     *,
     start: Fit | Mapping[str, float] | None = None,
+    integrator: Integrator | None = None,
     covariance: Covariance = "robust",
     report: Callable[[str], None] = lambda message: None,
 ) -> Repeatability:
     """Fit every recording alone, all together and all but each, and say which disagrees.
 
-    `start` and `covariance` are those of `output_error`; the robust covariance is the default here, since what the model
-    lacks would otherwise pass for disagreement. Raises `LogError` for fewer than two logs that can be fitted.
+    `start`, `integrator` and `covariance` are those of `output_error`; the robust covariance is the default here, since
+    what the model lacks would otherwise pass for disagreement. Raises `LogError` for fewer than two logs that can be fitted.
     """
-    alone: dict[str, Fit] = {}
-    failed: dict[str, str] = {}
-    for log in logs:
-        try:
-            alone[log.name] = output_error(robot, LogSet([log]), start=start, covariance=covariance)
-            report(f"{log.name} alone")
-        except (ParameterError, LogError) as error:
-            failed[log.name] = str(error)
-    sound = [log for log in logs if log.name in alone]
+    options = {"start": start, "integrator": integrator, "covariance": covariance, "report": report}
+    alone = fit_fleet(robot, {log.name: LogSet([log]) for log in logs}, **options)
+    sound = [log for log in logs if log.name in alone.fits]
     if len(sound) < 2:
         raise LogError(f"repeatability needs two recordings that can be fitted; there are {len(sound)} of {len(logs)}")
-    together = output_error(robot, LogSet(sound), start=start, covariance=covariance)
-    report("all together")
-    without: dict[str, Fit] = {}
-    p_values: dict[str, float] = {}
-    furthest: dict[str, tuple[str, float]] = {}
-    for log in sound:
-        others = LogSet([other for other in sound if other is not log])
-        without[log.name] = output_error(robot, others, start=together, covariance=covariance)
-        p_values[log.name], furthest[log.name] = _difference(alone[log.name], without[log.name])
-        report(f"all but {log.name}")
-    return Repeatability(together, alone, without, p_values, furthest, failed)
+    groups = {log.name: LogSet([other for other in sound if other is not log]) for log in sound}
+    found = fit_fleet(robot, {_ALL: LogSet(sound), **groups}, **options)
+    differences = {name: _difference(alone.fits[name], found.fits[name]) for name in groups if name in found.fits}
+    return Repeatability(
+        together=found.fits[_ALL],
+        alone=alone.fits,
+        without={name: found.fits[name] for name in differences},
+        p_values={name: p for name, (p, _) in differences.items()},
+        furthest={name: worst for name, (_, worst) in differences.items()},
+        failed={**alone.failed, **found.failed},
+    )

@@ -37,6 +37,21 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Outlier:
+    """A stretch of samples that a robust loss gave little weight: from `start` to `stop` [s], `samples` of one channel.
+
+    `deviations`: measured minus simulated at the worst of them, in robust standard deviations.
+    """
+
+    log: str
+    channel: str
+    start: float
+    stop: float
+    samples: int
+    deviations: float
+
+
+@dataclass(frozen=True)
 class Fit:
     """The result of an estimator.
 
@@ -49,6 +64,9 @@ class Fit:
     - `converged`, `reason` in words, `iterations`.
     - `initial_states`: per log name, the initial state used (estimated where it was free).
     - `notes`: sentences that the user should read.
+    - `log_status`: per log name, "fitted" or what is wrong with it: "left out: …", "stands out: …".
+    - `clock_offsets`: per log name, how far the inputs' clock is ahead of the outputs' [s], where that was estimated.
+    - `outliers`: what a robust loss gave little weight.
     """
 
     method: str
@@ -63,6 +81,9 @@ class Fit:
     iterations: int
     initial_states: dict[str, dict[str, float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    log_status: dict[str, str] = field(default_factory=dict)
+    clock_offsets: dict[str, Estimate] = field(default_factory=dict)
+    outliers: tuple[Outlier, ...] = ()
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of a parameter or combination by its symbol."""

@@ -13,12 +13,27 @@ from ..robots.robot import Robot
 from ..simulate.rollout import Integrator
 from ..simulate.start import initial_states
 from .bounds import Bounds
-from .problem import Problem, Structure, Unknowns
+from .problem import CLOCK_OFFSET, Problem, Structure, Unknowns
+from .result import Fit
 
 InitialStates = Literal["auto", "known", "estimate"]
 _STATE_SCALE = 0.1
 _UNMEASURED_SPREAD = 0.5
 """Prior standard deviation (SI units) of an uncertain initial state that no sensor shows, such as the caster's angle."""
+_CLOCK_SPREAD = 0.5
+"""Prior standard deviation [s] of the offset between two clocks."""
+
+
+def start_values(robot: Robot, start: Fit | Mapping[str, float] | None) -> dict[str, float]:
+    """Start values of the free parameters."""
+    if start is None:
+        return {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    if isinstance(start, Fit):
+        values = start.robot.parameters.numbers
+        return {name: values.get(name, robot.parameters[name].value) for name in robot.parameters.free_names}
+    for name in start:
+        robot.parameters[name]  # an unknown name is an error, not a silently ignored start
+    return {**start_values(robot, None), **{k: float(v) for k, v in start.items() if k in robot.parameters.free_names}}
 
 
 def typical_values(robot: Robot, start: Mapping[str, float], names: tuple[str, ...]) -> np.ndarray:
@@ -54,8 +69,10 @@ def build(
     start: Mapping[str, float],
     initial: InitialStates = "auto",
     integrator: Integrator | None = None,
+    clock_offset: bool = False,
 ) -> tuple[Structure, Problem, Unknowns]:
-    """The problem in which all free parameters of `robot` are estimated from `logs`, starting at `start`.
+    """The problem in which all free parameters of `robot` are estimated from `logs`, starting at `start`; with `clock_offset`,
+    every log's offset between the inputs' and the outputs' clock as well.
 
     Optional channels weigh in only where they are states of the robot (a measured position) and their output stands in
     the log. Raises `ParameterError` if no parameter is free.
@@ -78,6 +95,14 @@ def build(
     shown = {c for i, c in enumerate(measured) if bool(np.any(np.asarray(batch.mask)[..., i]))}
     precision = np.array([0.0 if name in shown else _UNMEASURED_SPREAD**-2 for name in state_names])
 
+    scales = [_STATE_SCALE] * len(state_names)
+    interval = max(log.sampling_interval for log in logs)
+    if clock_offset:
+        state_names = (*state_names, CLOCK_OFFSET)
+        state_free = np.concatenate([state_free, np.ones((len(logs), 1), dtype=bool)], axis=1)
+        precision, scales = np.append(precision, _CLOCK_SPREAD**-2), [*scales, interval]
+        begin.states[CLOCK_OFFSET] = np.zeros(len(logs))
+
     values = np.array([start.get(name, robot.parameters[name].value) for name in names])
     table = [robot.parameters[name] for name in names]
     scale = typical_values(robot, start, names)
@@ -85,7 +110,6 @@ def build(
         lower=jnp.array([p.lower for p in table]), upper=jnp.array([p.upper for p in table]), scale=jnp.array(scale)
     )
     priors = [p.prior or (0.0, np.inf) for p in table]
-    interval = max(log.sampling_interval for log in logs)
     mask = batch.mask & _modelled(robot, measured)
     problem = Problem(
         dt=batch.dt,
@@ -101,7 +125,7 @@ def build(
         prior_precision=jnp.array([p[1] ** -2.0 for p in priors]),
         start={name: jnp.asarray(value) for name, value in begin.states.items()},
         state_free=jnp.array(state_free),
-        state_scale=jnp.full(len(state_names), _STATE_SCALE),
+        state_scale=jnp.array(scales),
         state_precision=jnp.array(precision),
     )
     structure = Structure(robot.structure, names, tuple(state_names), integrator or Integrator.suited(robot, interval))

@@ -1,0 +1,62 @@
+"""jaxid/estimate/fleet.py: many axes in one batch give what each gives alone, and a bad one does not touch the rest."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Integrator, LogError, LogSet, ParameterError, fit_fleet, output_error
+
+ROBOT = Axis().change("offset", free=False).with_values(M=1.0, Fv=2.0, Fc=0.5)
+INPUTS = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 60)
+MASSES = {"light": 0.8, "usual": 1.0, "heavy": 1.3}
+
+
+def member(axis_log, mass, runs, noise=0.01, seed=0):
+    return LogSet(
+        axis_log(f"run {k}", np.roll(INPUTS, 60 * k)[: 360 - 40 * k], noise, seed + k, position=False, M=mass)
+        for k in range(runs)
+    )
+
+
+@pytest.fixture(scope="module")
+def fleet(axis_log):
+    return {
+        name: member(axis_log, mass, runs=1 + k, noise=0.005 * (1 + k), seed=10 * k)
+        for k, (name, mass) in enumerate(MASSES.items())
+    }
+
+
+def test_every_member_gets_what_it_gets_alone(fleet):
+    found = fit_fleet(ROBOT, fleet)
+    assert found.failed == {} and list(found.fits) == list(MASSES)
+    for name, fit in found.fits.items():
+        alone = output_error(ROBOT, fleet[name])
+        assert fit.converged and fit.noise["v"] == pytest.approx(alone.noise["v"], rel=0.01)
+        assert set(fit.initial_states) == set(fleet[name].names) and set(fit.log_status.values()) == {"fitted"}
+        for symbol in ROBOT.parameters.free_names:
+            assert abs(fit[symbol].value - alone[symbol].value) < 0.05 * alone[symbol].std_error
+            assert fit[symbol].std_error == pytest.approx(alone[symbol].std_error, rel=0.02)
+        assert abs(fit["M"].value - MASSES[name]) < 4 * fit["M"].std_error
+        assert name in repr(found)
+
+
+def test_a_member_whose_simulation_diverges_is_named_and_the_rest_stands(axis_log, fleet):
+    wild = LogSet([axis_log("slow", INPUTS, 0.01, dt=10.0, position=False)])  # ten seconds are no step for this axis
+    sound, found = (fit_fleet(ROBOT, some, integrator=Integrator(2)) for some in (fleet, {**fleet, "wild": wild}))
+    assert set(found.failed) == {"wild"} and "diverges" in found.failed["wild"] and "wild: " in repr(found)
+    for name, fit in sound.fits.items():
+        assert found.fits[name]["M"].value == pytest.approx(fit["M"].value, rel=1e-5)
+
+
+def test_a_parameter_on_its_bound_is_marked_for_the_member_that_has_it(axis_log):
+    without_friction = LogSet([axis_log("a", INPUTS, 0.01, 3, position=False, Fc=0.0)])
+    fleet = {"usual": member(axis_log, 1.0, 1), "smooth": without_friction}
+    found = fit_fleet(ROBOT.change("Fc", lower=0.05), fleet)
+    assert found.fits["smooth"]["Fc"].status == "at_bound" and found.fits["smooth"]["Fc"].value == 0.05
+    assert found.fits["usual"]["Fc"].status == "identified"
+
+
+def test_errors_name_what_is_missing(fleet):
+    with pytest.raises(LogError, match="no member"):
+        fit_fleet(ROBOT, {})
+    with pytest.raises(ParameterError, match="no parameter 'mass'"):
+        fit_fleet(ROBOT, fleet, start={"mass": 1.0})
