@@ -11,6 +11,7 @@ jaxid.explain(oe, fit, check)
 """
 
 from ._float64 import float64
+from .design import Design, DesignError, design_experiment
 from .effects import catalogue
 from .estimate import (
     Estimate,
@@ -18,11 +19,15 @@ from .estimate import (
     Fleet,
     Identifiability,
     Outlier,
+    Posterior,
+    Profiles,
     Repeatability,
     fit_fleet,
     identifiability,
     integral_least_squares,
     output_error,
+    posterior,
+    profile_likelihood,
     repeatability,
 )
 from .explain import Explanation, explain
@@ -40,6 +45,8 @@ __all__ = [
     "Channels",
     "Comparison",
     "Custom",
+    "Design",
+    "DesignError",
     "Effect",
     "Estimate",
     "Explanation",
@@ -56,12 +63,15 @@ __all__ = [
     "ParameterError",
     "ParameterTable",
     "Pioneer",
+    "Posterior",
+    "Profiles",
     "Repeatability",
     "Robot",
     "Smooth",
     "Sticking",
     "catalogue",
     "compare",
+    "design_experiment",
     "explain",
     "fit_fleet",
     "float64",
@@ -69,6 +79,8 @@ __all__ = [
     "integral_least_squares",
     "noise_level",
     "output_error",
+    "posterior",
+    "profile_likelihood",
     "read_logs",
     "repeatability",
     "simulate",

@@ -11,13 +11,30 @@ from pathlib import Path
 def replacing(path: str | Path) -> Iterator[Path]:
     """A temporary path beside `path` to write to; it takes the place of `path` when the block ends without an error.
 
-    A reader never sees half a file, and a file that was there before survives a failure. Raises `OSError` if the folder
-    cannot be written.
+    A reader never sees half a file, and a file that was there before survives a failure; of a run that is killed, the
+    temporary file stays behind. Raises `OSError`, which names `path`, if the folder cannot be written or the disk is full.
     """
     path = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+    with _naming(path):
+        handle, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=".part", dir=path.parent)
+        os.close(handle)
+        with _moved(Path(name), path) as temporary:
+            yield temporary
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Errors about no file (a full disk) or about a temporary one are errors about `path`."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or not (error.filename is None or str(error.filename).endswith(".part")):
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), str(path)) from None
+
+
+@contextmanager
+def _moved(temporary: Path, path: Path) -> Iterator[Path]:
     try:
         yield temporary
         # mkstemp makes private files; results get the permissions any new file would have.

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1] / "jaxid"
-ORDER = ("logs", "robots", "effects", "simulate", "estimate", "explain", "report", "cli")
+ORDER = ("logs", "robots", "effects", "simulate", "estimate", "design", "explain", "report", "cli")
 
 
 def packages_imported(path: Path) -> set[str]:

@@ -3,6 +3,7 @@
 Exit status: 0 with a result, 1 for input that cannot be used (one line on stderr), 2 for wrong arguments.
 """
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -15,8 +16,10 @@ import typer
 from .arguments import UnusableInput, repeat_flags
 from .console import complain
 
-MANY = ("--fit", "--check")
+MANY = ("--fit", "--check", "--limit", "--noise", "--already", "--speed", "--floor")
 """Flags that take every value up to the next flag."""
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+"""Reasons why the results cannot be printed; other errors without a file are bugs."""
 
 app = typer.Typer(
     name="jaxid",
@@ -57,11 +60,10 @@ def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
         except BrokenPipeError:
             raise
         except OSError as error:
-            if error.filename is None:
+            if error.filename is None and error.errno not in _DISK:
                 raise
-            complain(
-                f"{error.filename} cannot be used ({error.strerror}); check the path, its permissions and the disk."
-            )
+            place = error.filename or "Standard output"
+            complain(f"{place} cannot be used ({error.strerror}); check the path, its permissions and the disk.")
             raise typer.Exit(1) from None
 
     return run
@@ -128,6 +130,48 @@ def simulate(
     from .simulate import run_simulate
 
     run_simulate(robot, log, model, mapping, out)
+
+
+@app.command()
+@_one_line_errors
+def design(
+    robot: RobotArgument,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for experiment.csv, design.json, report.html.")
+    ],
+    limit: Annotated[
+        list[float],
+        typer.Option("--limit", metavar="LIMIT...", help="Largest absolute input, one for all or one each."),
+    ],
+    noise: Annotated[
+        list[str] | None,
+        typer.Option("--noise", metavar="CHANNEL=SIGMA...", help="Noise by output, such as eta1=0.01."),
+    ] = None,
+    already: Annotated[
+        list[str] | None, typer.Option("--already", metavar="LOG...", help="Logs recorded so far, to add to.")
+    ] = None,
+    speed: Annotated[
+        list[str] | None, typer.Option("--speed", metavar="CHANNEL=LIMIT...", help="Largest outputs, such as eta1=1.")
+    ] = None,
+    floor: Annotated[
+        list[float] | None, typer.Option("--floor", metavar="X Y", help="Extents of the floor to stay on [m].")
+    ] = None,
+    radius: Annotated[float | None, typer.Option("--radius", help="Largest distance from the start [m].")] = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="Length of an experiment [s].")] = 20.0,
+    interval: Annotated[float, typer.Option("--interval", help="Sampling interval [s].")] = 0.02,
+    experiments: Annotated[int, typer.Option("--experiments", help="How many experiments to design.")] = 1,
+    rounds: Annotated[int, typer.Option("--rounds", help="Rounds of improvement, 64 inputs each.")] = 60,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the random exchanges.")] = 0,
+    model: Model = None,
+    mapping: Mapping = None,
+) -> None:
+    """Design the experiment that tells most about the free parameters, within limits."""
+    from .design import run_design
+
+    run_design(
+        robot, model, out, limit, seconds, interval, noise or [], speed or [], floor or [], radius, already or [],
+        experiments, rounds, seed, mapping,
+    )  # fmt: skip
 
 
 @app.command()

@@ -4,6 +4,8 @@ from .fleet import Fleet, fit_fleet
 from .identifiability import FreeDirection, Identifiability, identifiability
 from .integral_least_squares import integral_least_squares
 from .output_error import output_error
+from .posterior import Posterior, posterior
+from .profile_likelihood import Profile, Profiles, profile_likelihood
 from .repeatability import Repeatability, repeatability
 from .result import Estimate, Fit, Outlier
 
@@ -14,10 +16,15 @@ __all__ = [
     "FreeDirection",
     "Identifiability",
     "Outlier",
+    "Posterior",
+    "Profile",
+    "Profiles",
     "Repeatability",
     "fit_fleet",
     "identifiability",
     "integral_least_squares",
     "output_error",
+    "posterior",
+    "profile_likelihood",
     "repeatability",
 ]

@@ -86,7 +86,9 @@ class Identifiability:
         return "\n".join([*lines, *(direction.sentence for direction in self.free_directions)])
 
 
-def _directions(jacobian: NDArray[np.float64], names: tuple[str, ...]) -> tuple[list[FreeDirection], NDArray[np.float64]]:
+def _directions(
+    jacobian: NDArray[np.float64], names: tuple[str, ...]
+) -> tuple[list[FreeDirection], NDArray[np.float64]]:
     """Free directions of a whitened Jacobian [m, n] by relative changes, and all singular values [n]."""
     _, found, Vt = np.linalg.svd(jacobian, full_matrices=True)
     singular = np.zeros(len(names))

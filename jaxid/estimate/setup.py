@@ -1,6 +1,7 @@
 """From a robot and its logs to an output-error problem in arrays."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import jax.numpy as jnp
@@ -131,6 +132,27 @@ def build(
     structure = Structure(robot.structure, names, tuple(state_names), integrator or Integrator.suited(robot, interval))
     unknowns = Unknowns(bounds.coordinates(jnp.array(values)), jnp.zeros((len(logs), len(state_names))))
     return structure, problem, unknowns
+
+
+def at_fit(
+    fit: Fit, logs: LogSet, *, initial: InitialStates = "auto", integrator: Integrator | None = None
+) -> tuple[Structure, Problem, Unknowns]:
+    """The problem that `fit` solved, at its solution and with its noise. Arguments are those of the fit."""
+    start = start_values(fit.robot, fit)
+    structure, problem, unknowns = build(
+        fit.robot, logs, start=start, initial=initial, integrator=integrator, clock_offset=bool(fit.clock_offsets)
+    )
+    sigma = [fit.noise.get(c, float(problem.sigma[i])) for i, c in enumerate(logs[0].channels.measured)]
+    states = np.zeros(unknowns.states.shape)
+    for i, name in enumerate(structure.state_names):
+        for e, log in enumerate(logs):
+            if name == CLOCK_OFFSET:
+                value = fit.clock_offsets[log.name].value
+            else:
+                value = fit.initial_states[log.name][name]
+            states[e, i] = (value - float(problem.start[name][e])) / float(problem.state_scale[i])
+    problem = replace(problem, sigma=jnp.array(sigma))
+    return structure, problem, Unknowns(unknowns.z, jnp.where(problem.state_free, jnp.array(states), 0.0))
 
 
 def _modelled(robot: Robot, measured: tuple[str, ...]):

@@ -10,8 +10,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .._atomic import replacing
-from ..logs import Log, LogSet, signals
+from ..logs import Log, LogSet
 from ..robots.robot import Robot
+from ..simulate.excitation import Drive, plain_shapes, single_modes
 from ..simulate.simulate import simulate
 
 _DURATION = 20.0  # s
@@ -19,16 +20,6 @@ _LEVELS = (0.15, 0.4, 1.0)
 """Of the largest input seen in the logs."""
 _FASTEST = 1.05
 """Of the fastest motion seen in the logs, which the simulated experiment must not exceed."""
-_MODES = {
-    "pioneer": {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)},
-    "omni": {
-        "forwards": (0.0, -1.0, 0.0, 1.0),
-        "sideways": (1.0, 0.0, -1.0, 0.0),
-        "on the spot": (0.5, 0.5, 0.5, 0.5),
-        "along and turning": (0.3, -0.7, 0.3, 1.0),
-    },
-}
-"""Directions in which inputs can be driven."""
 
 
 @dataclass(frozen=True)
@@ -70,41 +61,12 @@ class NextExperiment:
         }
 
 
-def _shapes(interval: float) -> dict[str, NDArray[np.float64]]:
-    """Signals of unit amplitude."""
-    n = round(_DURATION / interval)
-    bits = signals.prbs(7, 1.0, max(interval, 0.3), interval, seed=3)
-    slow = signals.prbs(5, 1.0, max(interval, 1.2), interval, seed=2)
-    shapes = {
-        "a step forwards and back": signals.step_forward_and_back(1.0, 1.0, 8.0, 8.0, 3.0, interval),
-        "a fast random binary sequence": bits,
-        "a slow random binary sequence": slow,
-        "a sweep from 0.1 to 3 Hz": signals.chirp(1.0, 0.1, 3.0, _DURATION, interval),
-        "random levels": signals.multilevel([-1.0, -0.5, 0.2, 0.5, 1.0], 1.0, _DURATION, interval, 5),
-        "one long run": signals.step(1.0, 0.5, _DURATION, interval),
-    }
-    return {name: np.resize(np.asarray(s, float).ravel(), n) for name, s in shapes.items()}
-
-
-def _family(robot: Robot, logs: LogSet) -> list[tuple[str, NDArray[np.float64]]]:
-    """Descriptions and inputs of drivable experiments."""
-    names: tuple[str, ...] = tuple(logs.channels.inputs)
+def _family(robot: Robot, logs: LogSet) -> list[Drive]:
+    """Drivable experiments with the inputs seen so far."""
     interval = float(np.median([log.sampling_interval for log in logs]))
     largest = max(float(np.max(np.abs(log.inputs))) for log in logs)
-    unit = logs.channels.units.get(next(iter(names)), "")
-    plain: dict[str, tuple[float, ...]] = {
-        name: tuple(float(i == k) for i in range(len(names))) for k, name in enumerate(names)
-    }
-    modes: dict[str, tuple[float, ...]] = _MODES.get(robot.name, plain) if len(names) > 1 else {"": (1.0,)}
-    family: list[tuple[str, NDArray[np.float64]]] = []
-    for mode, direction in modes.items():
-        for shape, signal in _shapes(interval).items():
-            for level in _LEVELS:
-                where = f"{mode} with " if mode else "with "
-                size = level * largest
-                title = f"{where}{shape} at {size:.3g} {unit}".strip()
-                family.append((title, size * signal[:, None] * np.array(direction)))
-    return family
+    sizes = [level * largest for level in _LEVELS]
+    return single_modes(robot.name, logs.channels, plain_shapes(_DURATION, interval), sizes)
 
 
 def propose(
@@ -120,10 +82,10 @@ def propose(
     scale = np.array([noise[c] for c in outputs])
     family = _family(one[1], logs)
     interval = float(np.median([log.sampling_interval for log in logs]))
-    time = np.asarray(np.arange(len(family[0][1])) * interval, np.float64)
+    time = np.asarray(np.arange(len(family[0].inputs)) * interval, np.float64)
     nothing = np.zeros((len(time), len(channels.measured)))
     runs = LogSet(
-        [Log.from_arrays(f"run {i}", time, inputs, nothing, channels) for i, (_, inputs) in enumerate(family)]
+        [Log.from_arrays(f"run {i}", time, drive.inputs, nothing, channels) for i, drive in enumerate(family)]
     )
     first, second = simulate(one[1], runs), simulate(other[1], runs)
     fastest = [max(float(np.nanmax(np.abs(log.outputs[:, c]))) for log in logs) for c in columns]
@@ -131,9 +93,9 @@ def propose(
     best = int(np.argmax(differences))
     if differences[best] <= so_far:
         return None
-    description, inputs = family[best]
+    drive = family[best]
     return NextExperiment(
-        (one[0], other[0]), description, float(differences[best]), so_far, time, inputs, channels.inputs
+        (one[0], other[0]), drive.description, float(differences[best]), so_far, time, drive.inputs, channels.inputs
     )
 
 

@@ -1,0 +1,87 @@
+"""`jaxid design`: the experiment to drive next, as a file with time and inputs, and what it is worth."""
+
+import html
+import json
+from pathlib import Path
+
+from .._atomic import write_text
+from ..design import Design, DesignError, design_experiment
+from ..logs import LogSet, read_logs
+from ..robots import Robot
+from .arguments import UnusableInput
+from .cache import keep_compiled_programs
+from .console import say, show, step
+from .findings import warn_of_findings
+from .fit import identifiable, prepare_folder
+
+
+def _by_channel(pairs: list[str], flag: str) -> dict[str, float]:
+    """`["eta1=0.01", ...]` as numbers by channel. Raises `UnusableInput`."""
+    found = {}
+    for pair in pairs:
+        name, equals, number = pair.partition("=")
+        try:
+            found[name] = float(number)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise UnusableInput(f"{flag} {pair} is not a channel and a number; write for example {flag} eta1=0.01.")
+    return found
+
+
+def _document(design: Design, files: list[Path]) -> str:
+    """What design.json holds."""
+    content = {
+        "robot": design.robot,
+        "sentence": design.sentence,
+        "runs": [
+            {"file": file.name, "description": run.description, "limited_by": list(run.limited_by)}
+            for run, file in zip(design.runs, files, strict=True)
+        ],
+        "reference": design.reference,
+        "parameters": {
+            name: {
+                "value": value,
+                "unit": design.units[name],
+                "std_error": design.std_errors[name],
+                "reference_std_error": design.reference_std_errors[name],
+            }
+            for name, value in design.values.items()
+        },
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def run_design(
+    spec: str, model: Path | None, out: Path, limit: list[float], seconds: float, interval: float, noise: list[str],
+    speed: list[str], floor: list[float], radius: float | None, already: list[str], experiments: int, rounds: int, seed: int,
+    mapping: Path | None,
+) -> None:  # fmt: skip
+    """Write experiment.csv (or experiment_1.csv ...), design.json and report.html to `out` and print the design."""
+    keep_compiled_programs()
+    robot: Robot = identifiable(spec, model)
+    levels, speeds = _by_channel(noise, "--noise"), _by_channel(speed, "--speed")
+    if len(floor) not in (0, 2):
+        raise UnusableInput(f"--floor got {len(floor)} numbers; give two, the extents of the floor in metres.")
+    prepare_folder(out)
+    logs: LogSet | None = read_logs(already, robot, mapping=mapping) if already else None
+    warn_of_findings(logs)
+    with step("Design") as report:
+        try:
+            design = design_experiment(
+                robot, limit=limit[0] if len(limit) == 1 else limit, seconds=seconds, interval=interval,
+                noise=levels or None, already=logs, speeds=speeds, rectangle=(floor[0], floor[1]) if floor else None,
+                radius=radius, experiments=experiments, rounds=rounds, seed=seed, report=report,
+            )  # fmt: skip
+        except DesignError as error:
+            raise UnusableInput(str(error)) from None
+    files = design.save(out / "experiment.csv")
+    write_text(out / "design.json", _document(design, files))
+    title = html.escape(f"jaxid design {robot.name}")
+    write_text(
+        out / "report.html",
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head>'
+        f'<body style="font-family:sans-serif"><h2>{title}</h2>{design._repr_html_()}</body></html>\n',
+    )
+    show(repr(design))
+    say(f"{out}: {', '.join(file.name for file in files)}, design.json, report.html")

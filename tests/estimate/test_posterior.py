@@ -1,0 +1,47 @@
+"""jaxid/estimate/posterior.py: NUTS against a density computed on a grid, and the role of bounds and priors."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Integrator, LogSet, output_error, posterior, simulate
+
+pytest.importorskip("blackjax", reason="the posterior needs blackjax (extra `posterior`)")
+TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.0}
+ROBOT = Axis().change("offset", free=False).with_values(**TRUE).change("Fc", free=False)
+STEP = Integrator(2)
+
+
+@pytest.fixture(scope="module")
+def logs(axis_log):
+    inputs = np.repeat([1.5, -1.0, 0.8], 12)
+    return LogSet([axis_log("a", inputs, noise=0.04, seed=4, position=False, **TRUE)])
+
+
+def test_moments_and_quantiles_are_those_of_the_density_on_a_grid(logs):
+    """Twelve noisy samples a level, and a bound that cuts the posterior in the middle."""
+    lower = 2.0
+    robot = ROBOT.change("Fv", lower=lower)
+    fit = output_error(robot, logs, integrator=STEP)
+    found = posterior(fit, logs, integrator=STEP, draws=300, warmup=150, seed=3)
+    M, Fv = np.linspace(0.6, 1.6, 40), np.linspace(lower, 3.2, 50)
+    sigma, measured = fit.noise["v"], logs[0].output("v")
+
+    def log_density(m, f):
+        simulated = simulate(ROBOT.with_values(M=m, Fv=f), logs, integrator=STEP)[0][:, 0]
+        return -0.5 * np.sum(((simulated - measured) / sigma) ** 2)
+
+    log_density = np.array([[log_density(m, f) for f in Fv] for m in M])
+    density = np.exp(log_density - log_density.max())
+    for name, grid, marginal in (("M", M, density.sum(axis=1)), ("Fv", Fv, density.sum(axis=0))):
+        share = marginal / marginal.sum()
+        mean = float(share @ grid)
+        deviation = float(np.sqrt(share @ (grid - mean) ** 2))
+        draws = found.samples[name]
+        assert draws.shape == (4, 300) and found.effective[name] > 200 and found.r_hat[name] < 1.05
+        assert draws.mean() == pytest.approx(mean, abs=0.2 * deviation)
+        assert draws.std() == pytest.approx(deviation, rel=0.15)
+        # The 10 % quantile of 200 independent draws is known to 0.12 standard deviations.
+        quantiles = np.interp((0.1, 0.9), np.cumsum(share) - share / 2, grid)
+        assert np.quantile(draws, (0.1, 0.9)) == pytest.approx(quantiles, abs=0.35 * deviation)
+        assert found.ci95(name) == tuple(np.quantile(draws, (0.025, 0.975)))
+    assert found.samples["Fv"].min() >= lower and "Fv" in repr(found)

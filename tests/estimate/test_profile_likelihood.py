@@ -1,0 +1,63 @@
+"""jaxid/estimate/profile_likelihood.py against SciPy's minimiser, and for what data leaves open."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from jaxid import Axis, Integrator, LogSet, ParameterError, output_error, profile_likelihood, simulate
+
+TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
+ROBOT = Axis().change("offset", free=False).with_values(**TRUE)
+STEP = Integrator(2)
+
+
+@pytest.fixture(scope="module")
+def logs(axis_log):
+    inputs = np.repeat([1.5, -1.0, 0.8, 2.0], 40)
+    return LogSet([axis_log("a", inputs, noise=0.05, seed=4, position=False, **TRUE)])
+
+
+@pytest.fixture(scope="module")
+def fit(logs):
+    return output_error(ROBOT, logs, integrator=STEP)
+
+
+def test_interval_ends_are_where_scipys_best_fit_is_worse_by_3_84(fit, logs):
+    profiles = profile_likelihood(fit, logs, ["M", "Fc"], integrator=STEP)
+    measured, sigma = logs[0].output("v"), fit.noise["v"]
+
+    def residual(values):
+        model = ROBOT.with_values(**values)
+        return (simulate(model, logs, integrator=STEP)[0][:, 0] - measured) / sigma
+
+    def rise(held, value):
+        others = [n for n in TRUE if n != held]
+        start = [fit[n].value for n in others]
+        found = least_squares(
+            lambda x: residual({held: value, **dict(zip(others, np.abs(x), strict=True))}), start, x_scale=start
+        )
+        return 2 * found.cost - float(np.sum(residual({n: fit[n].value for n in TRUE}) ** 2))
+
+    for name in ("M", "Fc"):
+        profile = profiles[name]
+        assert profile.open_ends == () and profile.ci95[0] < profile.value < profile.ci95[1]
+        assert profile.value == pytest.approx(fit[name].value, abs=0.02 * fit[name].std_error)
+        for end in profile.ci95:
+            assert rise(name, end) == pytest.approx(3.84, abs=0.15)
+        assert np.all(np.diff(profile.values) > 0) and profile.rise.min() > -0.01
+        assert name in profile.sentence and profile.sentence in repr(profiles)
+
+
+def test_what_the_data_leaves_open_has_an_open_interval(axis_log):
+    """Without a gain of its own force, mass, friction and gain only enter as ratios."""
+    inputs = np.repeat([1.5, -1.0, 0.8, 2.0], 40)
+    logs = LogSet([axis_log("a", inputs, noise=0.05, seed=4, position=False, **TRUE)])
+    robot = ROBOT.change("gain", free=True)
+    fit = output_error(robot, logs, integrator=STEP)
+    profile = profile_likelihood(fit, logs, ["M"], integrator=STEP)["M"]
+    assert "above" in profile.open_ends and "does not end it" in profile.sentence
+
+
+def test_a_parameter_that_was_not_estimated_is_an_error(fit, logs):
+    with pytest.raises(ParameterError, match="did not estimate 'offset'; its free parameters are M, Fv, Fc"):
+        profile_likelihood(fit, logs, ["offset"])
