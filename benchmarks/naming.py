@@ -18,11 +18,14 @@ import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax
 import numpy as np
 
 RESULTS = Path(__file__).parent / "results"
 SIZES = Path(__file__).parent / "hidden" / "sizes.json"
 ROBOTS = ("pioneer", "omni", "axis")
+_FORGET = 10
+"""Cases after which compiled programs are forgotten."""
 FIRST_SEED = {"main": 100, "aside": 5000, "fast": 900}
 
 
@@ -218,6 +221,8 @@ def main() -> None:
         told = entry.get("error") or f"{entry['verdict']}: {', '.join(entry['named'])} {entry['equivalent']}"
         rms = f"{entry.get('before', np.nan):.2f} -> {entry.get('after', np.nan):.3f}"
         print(f"[{count}/{len(left)}] {plan.name}: {told} ({rms}, {entry.get('seconds')} s)", flush=True)
+        if count % _FORGET == 0:
+            jax.clear_caches()  # hundreds of cases would fill the memory with programs
 
 
 if __name__ == "__main__":

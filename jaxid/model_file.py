@@ -23,7 +23,6 @@ the estimates as values. `docs/files.md` describes each key.
 """
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +32,7 @@ import numpy as np
 import tomli_w
 
 from ._atomic import write_text
+from ._toml import read_toml, shown
 from .effects import catalogue, effect_by_id
 from .logs.log import did_you_mean
 from .parameters import Parameter, ParameterError, ParameterTable
@@ -42,6 +42,8 @@ _TOP = ("robot", "method", "parameters", "effects")
 _READ = ("value", "free", "lower", "upper", "prior")
 _WRITTEN = ("unit", "std_error", "meaning")
 """Keys that say something to the reader and change nothing (`unit` must be the robot's own)."""
+_SIZES = (1e-100, 1e30)
+"""Sizes of numbers that are not zero; an estimate may end next to zero."""
 
 
 class ModelFileError(ValueError):
@@ -54,14 +56,18 @@ def _number(entry: Any, key: str, path: Path, *, infinite: bool = False) -> floa
             number = float(entry)
         except OverflowError:
             number = math.inf
-        if math.isfinite(number) or (infinite and not math.isnan(number)):
+        if math.isinf(number) and infinite:
             return number
-    raise ModelFileError(f"{path}: {key} = {entry!r} is not a finite number; give one in SI units.")
+        if math.isfinite(number):
+            if number != 0 and not _SIZES[0] <= abs(number) <= _SIZES[1]:
+                raise ModelFileError(f"{path}: {key} = {number:g} is beyond any physical size; give it in SI units.")
+            return number
+    raise ModelFileError(f"{path}: {key} = {entry!r:.60} is not a finite number; give one in SI units.")
 
 
 def _prior(entry: Any, key: str, path: Path) -> tuple[float, float]:
     if not isinstance(entry, list) or len(entry) != 2:
-        raise ModelFileError(f"{path}: {key} = {entry!r} is no prior; give [mean, standard deviation].")
+        raise ModelFileError(f"{path}: {key} = {entry!r:.60} is no prior; give [mean, standard deviation].")
     mean, deviation = (_number(value, key, path) for value in entry)
     if deviation <= 0:
         raise ModelFileError(f"{path}: {key} = {entry!r} has no positive standard deviation; give one above zero.")
@@ -76,17 +82,19 @@ def _override(name: str, entry: Any, own: Parameter, path: Path) -> Parameter:
     for other in entry:
         if other not in (*_READ, *_WRITTEN):
             raise ModelFileError(
-                f"{path}: {key} has an unknown key {other!r}{did_you_mean(other, _READ)}; use {', '.join(_READ)}."
+                f"{path}: {key} has an unknown key {other!r:.60}{did_you_mean(other, _READ)}; use {', '.join(_READ)}."
             )
     unit = entry.get("unit", own.unit)
-    if own.unit and unit != own.unit:
-        raise ModelFileError(f"{path}: {key}.unit = {unit!r}, but {name} is in {own.unit!r}; convert the numbers.")
+    if not isinstance(unit, str) or (own.unit and unit != own.unit):
+        raise ModelFileError(f"{path}: {key}.unit = {unit!r:.60}, but {name} is in {own.unit!r}; convert the numbers.")
     fields: dict[str, Any] = {}
     if "value" in entry:
         fields["value"] = _number(entry["value"], f"{key}.value", path)
     if "free" in entry:
         if not isinstance(entry["free"], bool):
-            raise ModelFileError(f"{path}: {key}.free = {entry['free']!r} is neither true nor false; give one of them.")
+            raise ModelFileError(
+                f"{path}: {key}.free = {entry['free']!r:.60} is neither true nor false; give one of them."
+            )
         fields["free"] = entry["free"]
     for bound in ("lower", "upper"):
         if bound in entry:
@@ -139,7 +147,7 @@ def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path) -> Robo
     own = [effect.id for effect in robot.effects]
     if named and named[: len(own)] != own:
         raise ModelFileError(
-            f"{path}: effects names {', '.join(named)}, but the robot {robot.name!r} has {', '.join(own) or 'none'}; "
+            f"{path}: effects names {shown(', '.join(named))}, but the robot {robot.name!r} has {', '.join(own) or 'none'}; "
             "give the robot with these effects (package.module:attribute) or take them out of the file."
         )
     for identifier in named[len(own) :]:
@@ -150,7 +158,7 @@ def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path) -> Robo
         except KeyError:
             near = did_you_mean(identifier, [effect.id for effect in catalogue(robot)])
             raise ModelFileError(
-                f"{path}: effects names {identifier!r}, which no effect of the catalogue for {robot.name!r} is{near}; "
+                f"{path}: effects names {identifier!r:.60}, which no effect of the catalogue for {robot.name!r} is{near}; "
                 f"correct it, give the robot with this effect (package.module:attribute), or take it out of the file."
             ) from None
     return robot
@@ -165,10 +173,10 @@ def read_model(path: str | Path, robot: Robot) -> Robot:
     """
     path = Path(path)
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = read_toml(path)
     except OSError as error:
         raise ModelFileError(f"The model {path} cannot be opened ({error.strerror}); check the path.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ModelFileError(
             f"The model {path} is not TOML ({error}); write lines like Cs = 0.3 under [parameters]."
         ) from None
@@ -176,22 +184,24 @@ def read_model(path: str | Path, robot: Robot) -> Robot:
         if key not in _TOP:
             near = did_you_mean(key, _TOP)
             remedy = f"put it under [parameters] if {key} is a parameter" if key in robot.parameters else "take it out"
-            raise ModelFileError(f"{path}: there is no key {key!r} in a model{near}; {remedy}.")
+            raise ModelFileError(f"{path}: there is no key {key!r:.60} in a model{near}; {remedy}.")
     named = document.get("robot", robot.name)
     if named != robot.name:
         raise ModelFileError(
-            f"{path}: robot = {named!r}, but the robot given is {robot.name!r}; give the model of this robot."
+            f"{path}: robot = {named!r:.60}, but the robot given is {robot.name!r}; give the model of this robot."
         )
     robot = _with_effects(document, robot, path)
     entries = document.get("parameters", {})
     if not isinstance(entries, Mapping):
-        raise ModelFileError(f"{path}: parameters = {entries!r} is no table; write [parameters] and lines below it.")
+        raise ModelFileError(
+            f"{path}: parameters = {entries!r:.60} is no table; write [parameters] and lines below it."
+        )
     table = dict(robot.parameters)
     for name, entry in entries.items():
         if name not in table:
             near = did_you_mean(name, table)
             raise ModelFileError(
-                f"{path}: parameters.{name} is no parameter of the robot {robot.name!r}{near}; use {', '.join(table)}."
+                f"{path}: parameters.{shown(name)} is no parameter of the robot {robot.name!r}{near}; use {', '.join(table)}."
             )
         table[name] = _override(name, entry, table[name], path)
     changed = robot.with_parameters(ParameterTable(table))

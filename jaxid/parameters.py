@@ -49,9 +49,10 @@ class Parameter:
                 f"parameter {name} = {self.value} {self.unit} lies outside its bounds [{self.lower}, {self.upper}]; "
                 "change the value or the bounds"
             )
-        if self.prior is not None and not (math.isfinite(self.prior[0]) and self.prior[1] > 0):
+        # The deviation is used by its inverse square, which must be a number, too.
+        if self.prior is not None and not (math.isfinite(self.prior[0]) and 1e-100 < self.prior[1] < 1e100):
             raise ParameterError(
-                f"parameter {name} has prior {self.prior}; give (mean, standard deviation) with a positive deviation"
+                f"parameter {name} has prior {self.prior}; give a finite mean and a positive deviation"
             )
 
 

@@ -12,6 +12,7 @@ from scipy import stats
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "naming.md"
 RESULTS = ROOT / "benchmarks" / "results" / "naming.json"
+SINDY = RESULTS.with_name("naming_sindy.json")
 Entry = dict[str, Any]
 OTHER = ("adequate", "unexplained")
 
@@ -168,6 +169,61 @@ def failures(entries: list[Entry]) -> list[str]:
     return lines
 
 
+def beside_sindy() -> str:
+    """What PySINDy says of the same logs, next to jaxid, where `python -m benchmarks.naming_sindy` was run."""
+    if not SINDY.is_file():
+        return ""
+    sections = []
+    for name, report in json.loads(SINDY.read_text(encoding="utf-8")).items():
+        ours, theirs, plain = report["jaxid"], report["pysindy"], report["pysindy, STLSQ"]
+        keys = [key for key in TARGETS if key in ours and theirs[key] is not None]
+        keys += ["given a wrong name", "hidden effect among the names", "gap closed, median of all single effects"]
+        rows = [
+            f"| {key} | {TARGETS.get(key, '')} | {shown(ours.get(key), key)} | {shown(theirs[key], key)} | "
+            f"{shown(plain[key], key)} |"
+            for key in keys
+        ]
+        effects = [
+            f"| {effect} | {of} | {here} | {there} |" for effect, (of, here, there) in report["by_effect"].items()
+        ]
+        per_robot = ", ".join(
+            f"{robot} {sum(case.startswith(robot) for case in report['cases'])}"
+            for robot in ("pioneer", "omni", "axis")
+        )
+        less = theirs["outside, unexplained or more than noise left"]
+        sections.append(f"""
+## PySINDy on the same logs ({name})
+
+Written from `benchmarks/results/naming_sindy_{name}.jsonl`, which `python -m benchmarks.naming_sindy --set {name}` appends
+to. The {len(report["cases"])} cases that both have run ({per_robot}), with the same files, the same nominal model and a
+baseline fitted by the same output error. PySINDy regresses the acceleration that the baseline leaves on a library of
+functions of speeds, inputs, pose, wheel angles and time (`benchmarks/sindy/library.py`); `readings.py` beside it says
+what a surviving term is read as. The held-out logs choose the sparsity. Terms are simulated as added accelerations
+(friction terms as Coulomb levels), and count if the held-out error falls by more than 5 %. Window, optimizer and library
+were chosen on the cases of the set `fast`; after a look at `main` the steps between thresholds were made finer and
+products of yaw rate and speed may mean a sensor's scale, both in PySINDy's favour. FROLS is PySINDy's forward regression,
+STLSQ its default.
+
+| figure | target | jaxid | PySINDy, FROLS | PySINDy, STLSQ |
+| --- | --- | --- | --- | --- |
+{chr(10).join(rows)}
+
+The reading is generous: a term names every effect of its form, terms without a name in the vocabulary do not count
+against the answer, and neither does what is left after it. On complete models any term that helps is a false alarm.
+Outside the catalogue any name is wrong; if more than noise left after the terms counts as `unexplained` too, FROLS has
+{shown(less, "outside")}. Delays, lags and hysteresis are no functions of the state, so that no term
+means them. What is linear in a motion's own speed and input corrects the model's constants and names nothing, so that on
+the axis a sensor's bias has no term either. Median time of a case, baseline included: jaxid
+{ours["seconds a case, median"]:.1f} s of wall time, PySINDy
+{theirs["processor seconds a case, median"]:.1f} s of processor time (it shared its core with others).
+
+| hidden | cases | named by jaxid | named by PySINDy, FROLS |
+| --- | --- | --- | --- |
+{chr(10).join(effects)}
+""")
+    return "".join(sections)
+
+
 def write(main: dict[str, Entry], aside: dict[str, Entry], planned: dict[str, list[tuple[str, int]]]) -> None:
     """Write the page, its picture and `naming.json`. `planned` are the numbers of cases of each set by robot."""
     sets = {"main": list(main.values()), "aside": list(aside.values())}
@@ -227,6 +283,6 @@ By robot and strength:
 | case (robot/kind/hidden/strength/seed) | said | held-out RMS | first look |
 | --- | --- | --- | --- |
 {chr(10).join(failures(everything)) or "| none | | | |"}
-"""
+{beside_sindy()}"""
     PAGE.write_text(text, encoding="utf-8")
     print(f"wrote {PAGE.relative_to(ROOT)} and {RESULTS.relative_to(ROOT)}")

@@ -10,7 +10,6 @@ It stops where the linearisation promises no drop of the cost, or where steps no
 """
 
 import os
-from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -25,7 +24,7 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from .._compile import compiled
+from .._compile import compiled, forget_programs
 from .problem import Problem, Structure, Triangle, Unknowns, cost, reduced_residual
 
 _DAMPINGS = (1e-3, 0.1, 1.0, 10.0, 100.0, 1000.0)
@@ -210,8 +209,9 @@ def minimise(
 
 
 _jitted = compiled(minimise, static_argnames=("structure",))
-_programs: OrderedDict[Any, Any] = OrderedDict()
+_programs: dict[Any, Any] = {}
 _MOST_PROGRAMS = 64
+"""Then all are forgotten, the traces they were made from too."""
 
 
 def _key(structure: Structure, problem: Problem, start: Unknowns):
@@ -225,15 +225,16 @@ def compile_ahead(tasks: Sequence[tuple[Structure, Problem, Unknowns]]) -> None:
     Only compilation runs in threads of its own. Programs must not run in several threads at a time: their batched LAPACK
     calls share XLA's worker threads and can wait for one another for ever.
     """
-    missing = {key: task for task in tasks if (key := _key(*task)) not in _programs}
+    tasks_by_key = {_key(*task): task for task in tasks}
+    missing = {key: task for key, task in tasks_by_key.items() if key not in _programs}
     numbers = {"max_steps": np.int64(1), "tolerance": np.float64(1)}
     lowered = {key: _jitted.lower(*task, **numbers) for key, task in missing.items()}
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         found = dict(zip(lowered, pool.map(lambda program: program.compile(), lowered.values()), strict=True))
-    for key, one in found.items():
-        _programs[key] = one
-    while len(_programs) > _MOST_PROGRAMS:
-        _programs.popitem(last=False)
+    if len(_programs) + len(found) > _MOST_PROGRAMS:
+        _programs.clear()
+        forget_programs()
+    _programs.update(found)
 
 
 def minimise_compiled(
@@ -241,9 +242,8 @@ def minimise_compiled(
 ) -> Optimum:
     """`minimise`, compiled once for all problems of the same structure and shapes."""
     compile_ahead([(structure, problem, start)])
-    key = _key(structure, problem, start)
-    _programs.move_to_end(key)
-    return _programs[key](problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
+    program = _programs[_key(structure, problem, start)]
+    return program(problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
 
 
 @partial(compiled, static_argnames=("structure",))

@@ -68,6 +68,8 @@ def _covariance(F: Array, residuals: Array, stretch: NDArray[np.int64], prior: A
     independent (the cluster-robust sandwich). With few stretches: white residuals.
     """
     n = F.shape[1]
+    if n == 0:
+        return np.zeros((0, 0))
     scale = np.sqrt(np.sum(F * F, axis=0) + prior)
     R = np.linalg.qr(np.concatenate([F, np.diag(np.sqrt(prior))]) / scale, mode="r")
     inverse = np.linalg.inv(R) / scale[:, None]
@@ -88,7 +90,7 @@ def _full_covariance(F: Array, prior: Array) -> Array:
     scale = np.where(scale > 0, scale, 1.0)
     rows = np.concatenate([F, np.diag(np.sqrt(prior))]) / scale
     _, singular, Vt = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    inverse = np.where(singular > _RANK * singular.max(initial=1e-300), 1.0 / np.maximum(singular, 1e-300) ** 2, 1e16)
+    inverse = np.where(singular > _RANK * singular.max(initial=1e-300), 1.0 / np.maximum(singular, 1e-150) ** 2, 1e16)
     return (Vt.T * inverse) @ Vt / np.outer(scale, scale)
 
 

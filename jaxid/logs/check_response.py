@@ -178,11 +178,11 @@ def _coarse(log: Log, windows: Windows) -> Iterator[Finding]:
     yield finding(log, windows.name, None, "warning", "coarse_sampling", text)
 
 
-def _acceleration(log: Log, windows: Windows) -> Iterator[Finding]:
+def _acceleration(log: Log, name: str) -> Iterator[Finding]:
     """Accelerations that tyres cannot give: the clock, the scale or the ground contact is not what it seems."""
-    if log.channels.units.get(windows.name) != "m/s":
+    if log.channels.units.get(name) != "m/s":
         return
-    values = log.output(windows.name)
+    values = log.output(name)
     width = max(2, round(0.03 / log.sampling_interval))
     if len(values) <= 2 * width:
         return
@@ -199,7 +199,7 @@ def _acceleration(log: Log, windows: Windows) -> Iterator[Finding]:
             "than wheels on a floor can give (1.2 g); check the clock, the speed's scale, dropped rows, and whether "
             "the wheels were lifted or slipped"
         )
-        yield finding(log, windows.name, first, "warning", "doubtful_clock", text)
+        yield finding(log, name, first, "warning", "doubtful_clock", text)
 
 
 def _disturbed(log: Log, windows: Windows) -> Iterator[Finding]:
@@ -271,7 +271,8 @@ def check_response(log: Log) -> Iterator[Finding]:
     outputs = speed_windows(log)
     yield from _signs(log, outputs)
     yield from _turning_frame(log)
+    for name in log.channels.mixing:
+        yield from _acceleration(log, name)
     for windows in outputs:
         yield from _coarse(log, windows)
-        yield from _acceleration(log, windows)
         yield from _disturbed(log, windows)

@@ -10,6 +10,10 @@ from .log import Log
 
 Array = NDArray[np.float64]
 
+_FEW = 60
+"""Samples below which most checks have nothing to go by."""
+_BRIEF = 1.0  # s
+
 
 def finding(log: Log, column: str | None, sample: int | None, severity: Severity, check: str, text: str) -> Finding:
     """A `Finding` whose sentence starts with file, column, sample and time; `text` says what and gives the remedy."""
@@ -59,6 +63,13 @@ def _clock(log: Log) -> Iterator[Finding]:
             "the input there is unknown; cut the log at the gap unless the input was held through it"
         )
         yield finding(log, "t", longest, "warning", "time_gap", text)
+    skipped = np.flatnonzero((steps > 1.5 * usual) & (steps <= 2.5 * usual))
+    if len(skipped) and np.median(np.abs(steps - usual)) < 0.02 * usual:
+        text = (
+            f"an otherwise even clock skips a sample ({len(skipped)} time(s)), so a row is missing; look at what lost it, "
+            "and cut the log there if the input changed"
+        )
+        yield finding(log, "t", int(skipped[0]), "note", "skipped_row", text)
     uneven = np.abs(steps - usual) > 0.1 * usual
     uneven[gaps] = False
     if uneven.mean() > 0.05:
@@ -103,12 +114,19 @@ def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
     spread = 1.4826 * np.median(np.abs(steps - np.median(steps)))
     low, high = np.quantile(values, [0.01, 0.99])
     least = max(7 * spread, 4.5 * quantum(values), 0.05 * (high - low))
-    spikes = np.flatnonzero((away > 3 * nearby) & (away > least))
+    spikes = 1 + np.flatnonzero((away > 3 * nearby) & (away > least))
+    # The first and last sample have one neighbour; a start or stop changes on over the next samples.
+    sizes = np.abs(steps)
+    if sizes[0] > max(6 * sizes[1:5].max(), 2 * least):
+        spikes = np.append(0, spikes)
+    if sizes[-1] > max(6 * sizes[-5:-1].max(), 2 * least):
+        spikes = np.append(spikes, len(values) - 1)
     if len(spikes):
-        first = int(spikes[0]) + 1
+        first = int(spikes[0])
+        off = np.abs(values[first] - values[first - 1 if first else 1])
         text = (
-            f"{values[first]:.4g} lies {away[spikes[0]]:.3g} off both neighbours ({len(spikes)} such spike(s)); leave "
-            "the cell empty, or run prepare(outliers=True)"
+            f"{values[first]:.4g} lies {off:.3g} off its neighbours ({len(spikes)} such spike(s)); leave the cell empty, "
+            "or run prepare(outliers=True)"
         )
         yield finding(log, name, first, "warning", "spike", text)
 
@@ -199,17 +217,38 @@ def _idle(log: Log) -> Iterator[Finding]:
         yield finding(log, None, longest, "warning" if share > 0.4 else "note", "idle", text)
 
 
+def _pulses(log: Log, name: str, values: Array) -> Iterator[Finding]:
+    """One or two samples of an input far beyond all that it ever holds: hardly a command."""
+    usual = np.quantile(np.abs(values), 0.99)
+    starts, lengths = runs(np.abs(values) > 3 * usual)
+    short = starts[lengths <= 2]
+    if usual > 0 and len(short):
+        first = int(short[0])
+        text = (
+            f"{values[first]:.4g} lies far beyond the {usual:.4g} that the input else stays below ({len(short)} such "
+            "place(s)); put in what was really applied"
+        )
+        yield finding(log, name, first, "warning", "spike", text)
+
+
 def _inputs(log: Log) -> Iterator[Finding]:
     for name in log.channels.inputs:
         values = log.input(name)
         if np.ptp(values) == 0:
             text = f"is {values[0]:.4g} throughout; take care that other logs vary it"
             yield finding(log, name, None, "note", "constant_input", text)
+        yield from _pulses(log, name, values)
         yield from _saturated(log, name, values)
 
 
 def check_samples(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:
     """Findings about the clock, the inputs, and each measured column (and each of `also`, extra columns)."""
+    if len(log) < _FEW or log.duration < _BRIEF:
+        text = (
+            f"{len(log)} samples over {log.duration:.3g} s are too few to look for faults, and to identify much from; "
+            "record a longer run, or correct the clock's unit"
+        )
+        yield finding(log, None, None, "warning", "short_log", text)
     yield from _clock(log)
     yield from _inputs(log)
     yield from _idle(log)

@@ -36,6 +36,8 @@ def _lagged(log: Log, signals: Array) -> Array:
 def _predicted(target: Array, regressors: Array) -> float:
     """Share of the variance of `target [N]` that a linear regression predicts on the quarters it was not fitted to."""
     spread = regressors.std(axis=0)
+    if np.var(target) == 0:
+        return 0.0
     regressors = ((regressors - regressors.mean(axis=0)) / np.maximum(spread, 1e-300))[:, spread > 0]
     regressors = np.concatenate([regressors, np.ones((len(target), 1))], axis=1)
     left = np.empty_like(target)

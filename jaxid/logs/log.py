@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+ABSURD = 1e12
+"""No input, output or pose in SI units is larger."""
+_SECONDS = (1e-9, 100.0)
+"""A sampling interval outside is none of a robot, and a simulation that steps through it would not end."""
+
 
 def _read_only(values: ArrayLike) -> Array:
     array = np.array(values, dtype=float)
@@ -76,8 +81,9 @@ class Log:
     - `source`: the path it was read from, or "".
     - `findings`: what the reader noticed and had to decide; pre-flight repeats it.
 
-    Raises `LogError` for fewer than two rows, wrong shapes, a time that is not finite and strictly increasing, an
-    input that is not finite, and an output (without substitute) that was never measured.
+    Raises `LogError` for fewer than two rows, wrong shapes, a time that is not finite and strictly increasing or whose
+    unit cannot be told, an input that is not finite, infinite outputs, numbers beyond 1e12, and an output (without
+    substitute) that was never measured.
     """
 
     name: str
@@ -107,20 +113,29 @@ class Log:
                 "such place(s)); cut the file there if the clock restarted, or map t = {interval = seconds} if the "
                 "rows are evenly spaced and only their stamps are coarse."
             )
+        interval = float(np.median(np.diff(time)))
+        if not (_SECONDS[0] <= interval <= _SECONDS[1] and np.abs(time).max() < 1e20):
+            raise LogError(
+                f"{self.name}: column 't' has a sampling interval of {interval:.4g} s and ends at {time[-1]:.4g} s, which "
+                "no recorder does; map t with the scale that gives seconds."
+            )
         channels = self.channels
         inputs = _read_only(_columns(self.inputs, channels.inputs, len(time), f"{self.name}: inputs"))
         outputs = _read_only(_columns(self.outputs, channels.measured, len(time), f"{self.name}: outputs"))
-        rows, columns = np.nonzero(~np.isfinite(inputs))
+        rows, columns = np.nonzero(~(np.abs(inputs) <= ABSURD))
         if len(rows):
+            k, j = rows[0], columns[0]
+            what = f"{inputs[k, j]:.4g}" if np.isfinite(inputs[k, j]) else "not a finite number"
             raise LogError(
-                f"{self.name}: input {channels.inputs[columns[0]]!r} is not a finite number at sample {rows[0]}; fill "
-                "in the command that was applied, or cut the log there."
+                f"{self.name}: input {channels.inputs[j]!r} is {what} at sample {k}; fill in the command that was "
+                "applied, or cut the log there."
             )
-        infinite = np.argwhere(np.isinf(outputs))
-        if len(infinite):
-            k, j = infinite[0]
+        absurd = np.argwhere(np.abs(outputs) > ABSURD)
+        if len(absurd):
+            k, j = absurd[0]
+            what = f"{outputs[k, j]:.4g}" if np.isfinite(outputs[k, j]) else "infinite"
             raise LogError(
-                f"{self.name}: output {channels.measured[j]!r} is infinite at sample {k}; use NaN for 'not measured'."
+                f"{self.name}: output {channels.measured[j]!r} is {what} at sample {k}; use NaN for 'not measured'."
             )
         for j, name in enumerate(channels.outputs):
             substitute = channels.substitutes.get(name)

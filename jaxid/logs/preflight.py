@@ -3,11 +3,11 @@
 Identifiers of the checks, by severity:
 
 - error: `never_moved`.
-- warning: `time_gap`, `clock_jitter`, `time_unit`, `idle`, `saturated`, `missing_samples`, `slow_sensor`,
-  `frozen_sensor`, `spike`, `dead_sensor`, `moving_start`, `sign_flipped`, `swapped`, `frame_flipped`,
-  `coarse_sampling`, `doubtful_clock`, `disturbed`; and from the reader `repeated_row`, `truncated_row`, `held_input`,
-  `infinite`.
-- note: `constant_input`, `quantisation`.
+- warning: `short_log`, `time_gap`, `clock_jitter`, `time_unit`, `unit`, `contradiction`, `idle`, `saturated`,
+  `missing_samples`, `slow_sensor`, `frozen_sensor`, `spike`, `dead_sensor`, `moving_start`, `sign_flipped`, `swapped`,
+  `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`; and from the reader `repeated_row`, `truncated_row`,
+  `held_input`, `infinite`, `empty_column`, `unused_column`.
+- note: `constant_input`, `quantisation`, `skipped_row`.
 
 A time that does not increase never gets here: no `Log` is made of it (`LogError`).
 """
@@ -19,6 +19,7 @@ import pandas as pd
 
 from .check_response import check_response
 from .check_samples import check_samples
+from .check_scale import check_scale
 from .check_sensors import check_sensors
 from .finding import Finding, LogError
 from .log import Log, did_you_mean
@@ -39,7 +40,7 @@ def preflight(log: Log, also: Sequence[str] = ()) -> list[Finding]:
             raise LogError(f"{log.name} has no extra column {name!r}{did_you_mean(name, known)}; it has {known}.")
         if not pd.api.types.is_numeric_dtype(log.extra[name]) or not np.isfinite(log.extra[name]).any():
             raise LogError(f"{log.name}: extra column {name!r} holds no numbers; leave it out of `also`.")
-    findings = [*log.findings, *check_samples(log, also), *check_sensors(log, also)]
+    findings = [*log.findings, *check_samples(log, also), *check_sensors(log, also), *check_scale(log)]
     if not any(finding.severity == "error" for finding in findings):
         # Noise alone has no response worth naming.
         findings += check_response(log)

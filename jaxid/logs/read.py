@@ -2,7 +2,7 @@
 
 Decisions taken here, each leaving a finding that pre-flight repeats:
 
-- an output cell that is empty, NaN or infinite is "not measured" and masked;
+- an output cell that is empty, NaN, infinite or beyond any physical size is "not measured" and masked;
 - an input missing for a single sample is held from the sample before (zero-order hold); a longer gap is an error, since
   what was applied is unknown;
 - a row that repeats the row before it in every column, time included, is left out (the recorder wrote it twice); any
@@ -10,70 +10,20 @@ Decisions taken here, each leaving a finding that pre-flight repeats:
 """
 
 import glob
-import math
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from .channels import POSE, Channels
 from .finding import Finding, LogError
-from .log import Log, LogSet, channels_of, did_you_mean
+from .log import ABSURD, Log, LogSet, channels_of, did_you_mean
+from .mapping import Source, read_mapping
 from .table import Table, read_table
 
 PathLike = str | Path
-
-
-class _Source(NamedTuple):
-    """Where a standard column comes from: value = scale * column + offset, or, for time, interval * row."""
-
-    column: str
-    scale: float = 1.0
-    offset: float = 0.0
-    interval: float | None = None
-
-
-def _source(name: str, entry: Any) -> _Source:
-    if isinstance(entry, str):
-        return _Source(entry)
-    if not isinstance(entry, Mapping):
-        raise LogError(f"The mapping of {name!r} is {entry!r}; give a column name or {{column=..., scale=...}}.")
-    known = ("column", "scale", "offset", *(("interval",) if name == "t" else ()))
-    for key, value in entry.items():
-        if key not in known:
-            raise LogError(f"The mapping of {name!r} has an unknown entry {key!r}; use {', '.join(known)}.")
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not (isinstance(value, str) if key == "column" else number):
-            kind = "name" if key == "column" else "number"
-            raise LogError(f"The mapping of {name!r} has {key} = {value!r}; give a {kind}.")
-    if entry.get("scale", 1) == 0 or entry.get("interval", 1) <= 0:
-        raise LogError(f"The mapping of {name!r} has a scale or interval of zero or less where it cannot; correct it.")
-    return _Source(**{"column": name, **entry})
-
-
-def _mapping(mapping: Mapping[str, Any] | PathLike | None, channels: Channels) -> dict[str, _Source]:
-    if mapping is None:
-        return {}
-    if isinstance(mapping, str | Path):
-        try:
-            mapping = tomllib.loads(Path(mapping).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise LogError(f"The mapping {mapping} cannot be opened ({error.strerror}); check the path.") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise LogError(
-                f'The mapping {mapping} is not TOML ({error}); write lines like V2 = "right_volts".'
-            ) from None
-    known = ("t", *channels, *POSE)
-    for name in mapping:
-        if name not in known:
-            raise LogError(
-                f"The mapping names {name!r}, which is no column of this robot{did_you_mean(name, known)}; use "
-                f"{list(known)}."
-            )
-    return {name: _source(name, entry) for name, entry in mapping.items()}
 
 
 def _find(paths: PathLike | Iterable[PathLike]) -> list[Path]:
@@ -84,13 +34,15 @@ def _find(paths: PathLike | Iterable[PathLike]) -> list[Path]:
             found.append(path)
         elif path.is_dir():
             raise LogError(f"{path} is a folder; give its logs, such as {path / '*.csv'}.")
+        elif path.exists():
+            raise LogError(f"{path} is a pipe or device, no file; write the log to a file first.")
         elif glob.has_magic(str(path)):
             matches = sorted(Path(match) for match in glob.glob(str(path), recursive=True) if Path(match).is_file())
             if not matches:
                 raise LogError(f"No file matches {path}; check the pattern and the folder you start from.")
             found += matches
         else:
-            near = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
+            near = [other.name for other in path.parent.iterdir() if other != path] if path.parent.is_dir() else []
             raise LogError(f"{path} does not exist{did_you_mean(path.name, near)}; check the path.")
     if not found:
         raise LogError("No logs were given; give a file, a pattern such as logs/*.csv, or a list of them.")
@@ -120,12 +72,14 @@ def _where(table: Table, row: int) -> str:
 def _numbers(table: Table, column: str, path: Path) -> np.ndarray:
     """One column as floats; raises `LogError` at the first cell that is neither a number nor empty."""
     values = pd.Series(table.frame[column])
-    if values.dtype.kind in "biuf":
+    if values.dtype.kind in "iuf":
         return values.to_numpy(dtype=float, na_value=np.nan)
-    if values.dtype.kind in "mMc":
+    if values.dtype.kind in "bmMc":
         raise LogError(
             f"{path}: column {column!r} holds {values.dtype}, not numbers; convert it to numbers in SI units."
         )
+    if values.dtype == object:  # integers beyond the largest float come as such
+        values = values.map(lambda cell: str(cell) if isinstance(cell, int) else cell)
     parsed = pd.Series(pd.to_numeric(values, errors="coerce"))
     bad = np.flatnonzero(parsed.isna() & values.notna())
     if len(bad):
@@ -138,10 +92,10 @@ def _numbers(table: Table, column: str, path: Path) -> np.ndarray:
     return parsed.to_numpy(dtype=float, na_value=np.nan)
 
 
-def _sources(table: Table, channels: Channels, mapping: dict[str, _Source], path: Path) -> dict[str, _Source]:
+def _sources(table: Table, channels: Channels, mapping: dict[str, Source], path: Path) -> dict[str, Source]:
     """The file's column for each channel it has; raises `LogError` for one that it must have and lacks."""
     columns = list(table.frame.columns)
-    sources = {name: mapping.get(name, _Source(name)) for name in ("t", *channels)}
+    sources = {name: mapping.get(name, Source(name)) for name in ("t", *channels)}
     sources |= {name: mapping[name] for name in POSE if name in mapping}  # unmapped poses simply stay as they are
     there = {name for name, source in sources.items() if source.column in columns or source.interval is not None}
     for name, source in sources.items():
@@ -149,11 +103,22 @@ def _sources(table: Table, channels: Channels, mapping: dict[str, _Source], path
             name not in mapping and (name in channels.optional or channels.substitutes.get(name) in there)
         ):
             continue
-        what = f"column {source.column!r}" + (f" (mapped to {name!r})" if source.column != name else "")
+        what = f"column {source.column[:60]!r}" + (f" (mapped to {name!r})" if source.column != name else "")
         example = f'rename one of them or map it, such as {name} = "its name"'
         remedy = "correct the mapping" if name in mapping else example
-        raise LogError(f"{path} has no {what}{did_you_mean(source.column, columns)}; it has {columns}: {remedy}.")
-    return {name: source for name, source in sources.items() if name in there}
+        listed = ", ".join(map(repr, columns[:12])) + (f" and {len(columns) - 12} more" if len(columns) > 12 else "")
+        near = did_you_mean(source.column, columns)
+        raise LogError(f"{path} has no {what}{near}; it has {listed:.400}: {remedy}.")
+    sources = {name: source for name, source in sources.items() if name in there}
+    users: dict[str, str] = {}
+    for name, column in ((n, source.column) for n, source in sources.items() if source.interval is None):
+        twin = users.setdefault(column, name)
+        # One command may drive two motors; one sensor is one measurement.
+        if twin != name and not {name, twin} <= set(channels.inputs):
+            raise LogError(
+                f"{path}: column {column!r} stands for both {twin!r} and {name!r}; map one of them elsewhere."
+            )
+    return sources
 
 
 def _held(values: np.ndarray, name: str, column: str, table: Table, path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -172,36 +137,55 @@ def _held(values: np.ndarray, name: str, column: str, table: Table, path: Path) 
     return np.where(missing, np.roll(values, 1), values), rows
 
 
-def _without_repeats(table: Table, time_column: str) -> tuple[Table, np.ndarray]:
+def _pose(name: str, values: np.ndarray | None, table: Table, path: Path) -> np.ndarray:
+    """A pose column, whose first value is where the run starts; raises `LogError` where that is no pose."""
+    values = _numbers(table, name, path) if values is None else values
+    if abs(values[0]) > ABSURD:
+        raise LogError(f"{path}: column {name!r} starts at {values[0]:.4g}; leave the cell empty if it is not known.")
+    return values
+
+
+def _overlooked(channels: Channels, there: Iterable[str], columns: list[str]) -> list[tuple[str, str]]:
+    """(name, column) of optional channels and poses that the file lacks and columns that differ only in spelling."""
+
+    def plain(name: str) -> str:
+        return "".join(character for character in name.lower() if character.isalnum())
+
+    wanted = [name for name in (*channels.measured, *POSE) if name not in (*there, *columns)]
+    return [(name, column) for name in wanted for column in columns if plain(name) == plain(column)]
+
+
+def _without_repeats(table: Table, time_column: str, path: Path) -> tuple[Table, np.ndarray]:
     """The table without rows that equal the row before them in every column, and which rows those were."""
     frame = table.frame
     if time_column not in frame.columns:
         return table, np.array([], dtype=int)
-    before = frame.shift()
-    same = (frame.eq(before) | (frame.isna() & before.isna())).to_numpy().all(axis=1) & frame[
-        time_column
-    ].notna().to_numpy()
-    same[0] = False
-    lines = [line for line, out in zip(table.lines, same, strict=True) if not out] if table.lines else []
-    return Table(frame.loc[~same].reset_index(drop=True), lines, table.notes), np.flatnonzero(same)
+    time = _numbers(table, time_column, path)
+    rows = 1 + np.flatnonzero(time[1:] == time[:-1])
+    before, here = (frame.iloc[part].map(repr).to_numpy() for part in (rows - 1, rows))
+    rows = rows[(before == here).all(axis=1)]
+    kept = np.delete(np.arange(len(frame)), rows)
+    lines = [table.lines[k] for k in kept] if table.lines else []
+    return Table(frame.iloc[kept].reset_index(drop=True), lines, table.notes), rows
 
 
-def _read(path: Path, name: str, channels: Channels, mapping: dict[str, _Source]) -> Log:
+def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source]) -> Log:
     """One file as a log called `name`."""
     table = read_table(path)
     findings = [Finding(name, None, row, "warning", check, f"{name}: {text}.") for check, row, text in table.notes]
 
-    def note(column: str, rows: np.ndarray, check: str, text: str) -> None:
+    def note(column: str, rows: np.ndarray, check: str, what: str, remedy: str) -> None:
         if len(rows):
             place = f"at {_where(table, int(rows[0]))}" + (f" and {len(rows) - 1} more" if len(rows) > 1 else "")
-            findings.append(Finding(name, column, int(rows[0]), "warning", check, f"{name}: {text.format(place)}."))
+            message = f"{name}: {what} {place}; {remedy}."
+            findings.append(Finding(name, column, int(rows[0]), "warning", check, message))
 
     sources = _sources(table, channels, mapping, path)
     timed = sources["t"].interval is not None
     if not timed:
-        shorter, rows = _without_repeats(table, sources["t"].column)
-        text = "rows {} repeat the row before in every column, time included, and were left out; check the recorder"
-        note(sources["t"].column, rows, "repeated_row", text)
+        shorter, rows = _without_repeats(table, sources["t"].column, path)
+        what = "a row repeats the one before in every column, time included, and was left out,"
+        note(sources["t"].column, rows, "repeated_row", what, "check the recorder")
         table = shorter
 
     columns: dict[str, np.ndarray] = {}
@@ -209,15 +193,21 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, _Source]
         if source.interval is not None:
             columns[standard] = source.interval * np.arange(len(table.frame))
             continue
-        values = source.scale * _numbers(table, source.column, path) + source.offset
+        with np.errstate(over="ignore"):
+            values = source.scale * _numbers(table, source.column, path) + source.offset
+        if standard != "t":
+            absurd = np.abs(values) > ABSURD
+            values = np.where(absurd, np.nan, values)
         if standard in channels.inputs:
             values, rows = _held(values, standard, source.column, table, path)
-            text = f"input {standard!r} has no value {{}} and was held from the sample before; fill in what was applied"
-            note(standard, rows, "held_input", text)
+            what = f"input {standard!r} has no value and was held from the sample before"
+            note(standard, rows, "held_input", what, "fill in what was applied")
         elif standard in channels.measured:
-            text = f"output {standard!r} is infinite {{}}, which counts as not measured; repair what wrote it"
-            note(standard, np.flatnonzero(np.isinf(values)), "infinite", text)
-            values = np.where(np.isinf(values), np.nan, values)
+            what = f"output {standard!r} is beyond {ABSURD:.0e}, which counts as not measured,"
+            note(standard, np.flatnonzero(absurd), "infinite", what, "repair what wrote it")
+            empty = np.flatnonzero(np.isnan(values)) if np.isnan(values).all() else []
+            what = f"column {source.column!r} is there and holds no usable number,"
+            note(standard, np.array(empty), "empty_column", what, "fill it or take it out")
         columns[standard] = values
 
     taken = {source.column for source in sources.values() if source.interval is None}
@@ -225,7 +215,11 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, _Source]
     # A column that a mapping passed over keeps its numbers under a name that cannot be mistaken for the channel.
     clear = [f"{column} (file)" if column in columns else column for column in rest]
     extra = table.frame.loc[:, rest].set_axis(clear, axis="columns")
-    extra = extra.assign(**{pose: columns[pose] for pose in POSE if pose in columns and pose not in channels.measured})
+    poses = [pose for pose in POSE if pose not in channels.measured and pose in (*columns, *clear)]
+    extra = extra.assign(**{pose: _pose(pose, columns.get(pose), table, path) for pose in poses})
+    for wanted, column in _overlooked(channels, sources, clear):
+        text = f"{name}: column {column!r} is not used, and {wanted!r} is missing; rename or map it if it is the same."
+        findings.append(Finding(name, column, None, "warning", "unused_column", text))
     absent = np.full(len(table.frame), np.nan)
     inputs = np.stack([columns[channel] for channel in channels.inputs], axis=-1)
     outputs = np.stack([columns.get(channel, absent) for channel in channels.measured], axis=-1)
@@ -259,6 +253,6 @@ def read_logs(
     What is merely doubtful becomes a finding (`LogSet.preflight`).
     """
     channels = channels_of(robot)
-    sources = _mapping(mapping, channels)
+    sources = read_mapping(mapping, channels)
     found = _find(paths)
     return LogSet(_read(path, name, channels, sources) for path, name in zip(found, _names(found), strict=True))

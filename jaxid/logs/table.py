@@ -4,6 +4,8 @@ import csv
 import gzip
 import io
 import re
+import zlib
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,11 +31,17 @@ class Table(NamedTuple):
     notes: list[tuple[str, int | None, str]]
 
 
+def _cause(error: Exception) -> str:
+    """A library's message on one line, without what it quotes of a damaged file."""
+    text = "".join(character if character.isprintable() else " " for character in str(error))
+    return " ".join(text.split())[:120]
+
+
 def _text(data: bytes, path: Path) -> str:
     if data[:2] == b"\x1f\x8b":
         try:
             data = gzip.decompress(data)
-        except (OSError, EOFError) as error:
+        except (OSError, EOFError, zlib.error) as error:
             raise LogError(f"{path}: the gzip stream is damaged ({error}); copy or compress the file again.") from None
     encoding = next((name for mark, name in _ENCODINGS if data.startswith(mark)), None)
     if encoding is None and b"\x00" in data:
@@ -43,6 +51,8 @@ def _text(data: bytes, path: Path) -> str:
             text = data.decode(candidate)
         except UnicodeDecodeError:
             continue
+        if "\x00" in text:
+            break  # after a byte-order mark, where the bytes alone did not show it
         if sum(not (character.isprintable() or character in "\t\r\n") for character in text[:4096]) > 4:
             break
         return text
@@ -59,7 +69,7 @@ def _number(cell: str) -> bool:
 
 def _delimiter(header: str) -> str | None:
     """The header decides: names hold no delimiters, cells may hold decimal commas. `None` means white space."""
-    for delimiter in (";", "\t", ","):
+    for delimiter in (";", "\t", "|", ","):
         if delimiter in header:
             return delimiter
     return None
@@ -102,7 +112,7 @@ def _csv(data: bytes, path: Path) -> Table:
         if stripped.startswith(_COMMENT):
             # Some programs (numpy.savetxt) write the header as a comment; remember the last one before the data.
             comment = comment if kept else stripped.lstrip("#%/ \t")
-        elif stripped.strip(",;\t "):
+        elif stripped.strip(",;|\t "):
             kept.append(line)
             numbers.append(number)
     if not kept:
@@ -110,7 +120,7 @@ def _csv(data: bytes, path: Path) -> Table:
     names, delimiter, own_line = _header(kept, numbers, comment, path)
     rows, lines = (kept[1:], numbers[1:]) if own_line else (kept, numbers)
 
-    twice = next((name for name in names if name and names.count(name) > 1), None)
+    twice = next((name for name, count in Counter(names).items() if name and count > 1), None)
     if twice is not None:
         raise LogError(f"{path}: the header names column {twice!r} twice; rename one of them.")
     names = [name or f"(unnamed column {position})" for position, name in enumerate(names, start=1)]
@@ -155,22 +165,25 @@ def _csv(data: bytes, path: Path) -> Table:
             low_memory=False,
         )
     except (ValueError, OverflowError) as error:  # pandas' ParserError is a ValueError
-        cause = " ".join(str(error).split())
+        cause = _cause(error)
         raise LogError(f"{path} cannot be read as CSV ({cause}); export it again with a plain header.") from None
+    if len(frame) != len(rows):
+        odd = next((line for row, line in zip(rows, lines, strict=True) if row.count('"') % 2), lines[0])
+        raise LogError(f"{path}: line {odd} opens a quote that it does not close; take the quote out or close it.")
     empty = [name for name in names if name.startswith("(unnamed") and bool(np.all(frame[name].isna()))]
     return Table(frame.drop(columns=empty), lines, notes)
 
 
 def _parquet(data: bytes, path: Path) -> Table:
     try:
-        table = pq.read_table(io.BytesIO(data))
+        table = pq.read_table(io.BytesIO(data), page_checksum_verification=True)
         frame = table.to_pandas().reset_index(drop=False)
     except (pa.ArrowException, OSError, ValueError, TypeError) as error:
-        cause = " ".join(str(error).split())[:120]
+        cause = _cause(error)
         raise LogError(f"{path} cannot be read as Parquet ({cause}); write the file again.") from None
     frame = frame.drop(columns=[name for name in ("index",) if name not in table.column_names and name in frame])
     names = [str(name) for name in frame.columns]
-    twice = next((name for name in names if names.count(name) > 1), None)
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
         raise LogError(f"{path} has column {twice!r} twice; rename one of them.")
     frame = frame.set_axis(names, axis="columns")
@@ -180,9 +193,9 @@ def _parquet(data: bytes, path: Path) -> Table:
 
 
 def read_table(path: Path) -> Table:
-    """The columns of one file. CSV may be separated by comma, semicolon, tab or white space, use decimal commas (not
-    with comma separation), start with a byte-order mark, hold comment lines (#, %, //), or be gzipped; Parquet is told
-    by its first bytes. Raises `LogError` for anything that is not a table with a header and rows.
+    """The columns of one file. CSV may be separated by comma, semicolon, tab, bar or white space, use decimal commas
+    (not with comma separation), start with a byte-order mark, hold comment lines (#, %, //), or be gzipped; Parquet is
+    told by its first bytes. Raises `LogError` for anything that is not a table with a header and rows.
     """
     try:
         data = path.read_bytes()

@@ -1,0 +1,119 @@
+"""PySINDy on the blind study's logs. `python -m benchmarks.naming_sindy [--set main] [--only axis] [--limit N] [--report]`.
+
+What a user would reach for instead of `jaxid.explain`: the same cases (`benchmarks/naming.py`), files and nominal model,
+the same baseline by output error; then PySINDy regresses the acceleration that the baseline leaves on a library
+(`benchmarks/sindy/library.py`), and the surviving terms are read as effects (`readings.py`). Results are appended to
+`benchmarks/results/naming_sindy_SET.jsonl`, one line a case; cases that stand there are not run again. `--report` writes
+`benchmarks/results/naming_sindy.json` over the cases that both have run, which the page of the study shows.
+
+PySINDy is set by what does best on the cases of `--set fast`; the page says what was changed after a look at `main`. Its
+answers with FROLS (forward regression) are scored, which did better there; those with STLSQ, its default, stand beside them.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from .naming import FIRST_SEED, RESULTS, Plan, plans, results
+
+
+def answer(robot, logs, check, setting) -> dict:
+    """What PySINDy's surviving terms say of the logs, given the fitted `robot` and how PySINDy is set."""
+    from jaxid.effects import catalogue
+
+    from .sindy.model import library
+    from .sindy.readings import read_all
+    from .sindy.regression import identify
+
+    found = identify(robot, logs, check, setting)
+    known = {effect.id for effect in catalogue(robot)}
+    read_as = read_all(library(robot), found.coefficients)
+    terms = [
+        [equation, label, value, [effect for effect in read_as[equation, label] if effect in known]]
+        for (equation, label), value in found.coefficients.items()
+    ]
+    return {
+        "terms": terms,
+        "before": found.before.normalised_rms,
+        "after": found.after.normalised_rms,
+        "adequate_before": found.before.adequate,
+        "adequate_after": found.after.adequate,
+    }
+
+
+def run(plan: Plan) -> dict:
+    """Simulate, write, read, fit the baseline, ask PySINDy; what came of it."""
+    import jaxid
+    from jaxid.model_file import read_model
+
+    from .hidden.cases import MODEL, make
+    from .sindy.regression import Setting
+
+    case = make(plan.robot, plan.effects, plan.seed)
+    with tempfile.TemporaryDirectory() as folder:
+        fit_files, check_files, model = case.write(Path(folder))
+        begin, worked = time.perf_counter(), time.process_time()
+        robot = read_model(model, MODEL[plan.robot]())
+        logs = jaxid.read_logs([str(path) for path in fit_files], robot=plan.robot)
+        check = jaxid.read_logs([str(path) for path in check_files], robot=plan.robot)
+        fit = jaxid.output_error(robot, logs)
+        between = time.perf_counter()
+        found = answer(fit.robot, logs, check, Setting())
+        end, spent = time.perf_counter(), time.process_time() - worked
+        other = answer(fit.robot, logs, check, Setting(optimizer="STLSQ"))
+    return {
+        "case": plan.name,
+        "robot": plan.robot,
+        "kind": plan.kind,
+        "strength": plan.strength,
+        "seed": plan.seed,
+        "hidden": case.effects,
+        **found,
+        "seconds": round(end - begin, 1),
+        "seconds_baseline": round(between - begin, 1),
+        "seconds_processor": round(spent, 1),
+        "stlsq": other,
+    }
+
+
+def main() -> None:
+    """Run or report."""
+    parser = argparse.ArgumentParser(description="PySINDy on the blind study of naming hidden effects.")
+    parser.add_argument("--set", choices=list(FIRST_SEED), default="main")
+    parser.add_argument("--only", default="", help="run cases whose name contains one of these (comma between)")
+    parser.add_argument("--limit", type=int, default=None, help="most cases to run now")
+    parser.add_argument("--report", action="store_true", help="write naming_sindy.json from the results")
+    arguments = parser.parse_args()
+    name = f"sindy_{arguments.set}"
+    if arguments.report:
+        from .sindy.score import write
+
+        write({known: (results(known), results(f"sindy_{known}")) for known in ("main", "aside")})
+        return
+    chosen = [plan for plan in plans(arguments.set) if any(part in plan.name for part in arguments.only.split(","))]
+    done = results(name)
+    left = [plan for plan in chosen if plan.name not in done][: arguments.limit]
+    print(f"{len(chosen)} cases, {len(chosen) - len(left)} there already or left for later", flush=True)
+    for count, plan in enumerate(left, start=1):
+        try:
+            entry = run(plan)
+        except Exception as error:  # one bad case must not end a study of hours
+            traceback.print_exc()
+            entry = {"case": plan.name, "robot": plan.robot, "kind": plan.kind, "strength": plan.strength,
+                     "seed": plan.seed, "error": f"{type(error).__name__}: {error}"}  # fmt: skip
+        with (RESULTS / f"naming_{name}.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps(entry) + "\n")
+        named = sorted({effect for *_, effects in entry.get("terms", []) for effect in effects})
+        told = entry.get("error") or f"{len(entry['terms'])} terms: {', '.join(named)}"
+        rms = f"{entry.get('before', np.nan):.2f} -> {entry.get('after', np.nan):.3f}"
+        print(f"[{count}/{len(left)}] {plan.name}: {told} ({rms}, {entry.get('seconds')} s)", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,73 @@
+"""A user's mapping: standard column name to the file's column, with scale and offset; a dict or a TOML file."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .._toml import read_toml, shown
+from .channels import POSE, Channels
+from .finding import LogError
+from .log import did_you_mean
+
+
+class Source(NamedTuple):
+    """Where a standard column comes from: value = scale * column + offset, or, for time, interval * row."""
+
+    column: str
+    scale: float = 1.0
+    offset: float = 0.0
+    interval: float | None = None
+
+
+def _finite(value: Any) -> bool:
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # an integer beyond the largest float
+        return False
+
+
+def _source(name: str, entry: Any) -> Source:
+    if isinstance(entry, str):
+        return Source(entry)
+    if not isinstance(entry, Mapping):
+        raise LogError(f"The mapping of {name!r} is {shown(entry)}; give a column name or {{column=..., scale=...}}.")
+    known = ("column", "scale", "offset", *(("interval",) if name == "t" else ()))
+    for key, value in entry.items():
+        if key not in known:
+            raise LogError(f"The mapping of {name!r} has an unknown entry {key!r:.60}; use {', '.join(known)}.")
+        if not (isinstance(value, str) if key == "column" else _finite(value)):
+            kind = "name" if key == "column" else "number"
+            raise LogError(f"The mapping of {name!r} has {key} = {value!r:.60}; give a {kind}.")
+    if entry.get("scale", 1) == 0 or entry.get("interval", 1) <= 0:
+        raise LogError(f"The mapping of {name!r} has a scale or interval of zero or less where it cannot; correct it.")
+    if "interval" in entry and len(entry) > 1:
+        raise LogError(f"The mapping of {name!r} has an interval and a column or scale; give one of the two.")
+    return Source(**{"column": name, **entry})
+
+
+def read_mapping(mapping: Mapping[str, Any] | str | Path | None, channels: Channels) -> dict[str, Source]:
+    """The file's column of each standard column that the mapping names.
+
+    Raises `LogError` for a file that cannot be opened or is not TOML, names that are no column of the robot, and entries
+    that say nothing sensible.
+    """
+    if mapping is None:
+        return {}
+    if isinstance(mapping, str | Path):
+        try:
+            mapping = read_toml(Path(mapping))
+        except OSError as error:
+            raise LogError(f"The mapping {mapping} cannot be opened ({error.strerror}); check the path.") from None
+        except ValueError as error:
+            raise LogError(
+                f'The mapping {mapping} is not TOML ({error}); write lines like V2 = "right_volts".'
+            ) from None
+    known = ("t", *channels, *POSE)
+    for name in mapping:
+        if name not in known:
+            raise LogError(
+                f"The mapping names {name!r:.60}, which is no column of this robot{did_you_mean(name, known)}; use "
+                f"{list(known)}."
+            )
+    return {name: _source(name, entry) for name, entry in mapping.items()}
