@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._float64 import in_float64
-from ..logs import LogSet
+from ..logs import LogError, LogSet
 from ..parameters import ParameterError
 from ..robots.robot import Robot
 from ..simulate.rollout import Integrator
@@ -31,6 +31,9 @@ from .setup import InitialStates, build, start_values
 Covariance = Literal["white", "robust"]
 _WEIGHT_ROUNDS = 6
 _WEIGHT_SETTLED = 0.01
+_POOR = 2.0
+"""Root mean square of the residual, in units of the noise, above which another start is tried."""
+_WORTH_A_RESCUE = 0.5
 
 Start = Fit | Mapping[str, float] | Sequence[Mapping[str, float]] | None
 Report = Callable[[str], None]
@@ -46,6 +49,29 @@ def _from_many(structure: Structure, problem: Problem, starts: Unknowns) -> Unkn
     costs = jnp.where(jnp.isfinite(optima.cost), optima.cost, jnp.inf)
     best = jnp.argmin(costs)
     return jax.tree.map(lambda x: x[best], optima.unknowns)
+
+
+def _poor(problem: Problem, optimum: Optimum) -> bool:
+    """Whether the residual is far above the noise that the data shows."""
+    squares, count = np.asarray(optimum.triangle.squares), int(jnp.sum(problem.mask))
+    return not float(np.sum(squares)) < _POOR**2 * count
+
+
+def _rescued(robot, logs, structure, problem, unknowns, optimum, max_steps, report) -> Optimum:
+    """The better of a poor minimum and the one reached from integral least squares, for robots that have it.
+
+    From a start with too much dry friction the simulated robot never moves, and nothing tells the optimiser why.
+    """
+    try:
+        linear = integral_least_squares(robot, logs).robot.parameters.numbers
+    except (ParameterError, LogError):
+        return optimum
+    z = problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))
+    other = minimise_compiled(structure, problem, unknowns._replace(z=z), max_steps=max_steps)
+    if not other.cost < optimum.cost - _WORTH_A_RESCUE:
+        return optimum
+    report("the start led to a poor minimum; went on from the integral least-squares estimate")
+    return other
 
 
 def _reweighted(structure: Structure, problem: Problem, optimum: Optimum, max_steps: int, report: Report):
@@ -154,6 +180,8 @@ def output_error(
     else:
         optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps)
         report("first minimum found")
+        if not isinstance(start, Fit) and not left_out and _poor(problem, optimum):
+            optimum = _rescued(robot, logs, structure, problem, unknowns, optimum, max_steps, report)
     diverged = len(_diverging(optimum)) > len(left_out)
     if diverged and not isinstance(start, Fit):
         raise ParameterError(

@@ -1,0 +1,41 @@
+"""jaxid/estimate/multi_start.py, and the rescue of a fit whose start leads nowhere: starts off by factors of ten."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Integrator, LogSet, multi_start, output_error
+
+TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
+ROBOT = Axis().change("offset", free=False).with_values(**TRUE)
+STEP = Integrator(2)
+
+
+@pytest.fixture(scope="module")
+def logs(axis_log):
+    inputs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 50)
+    return LogSet([axis_log("a", inputs, noise=0.01, seed=4, position=False, **TRUE)])
+
+
+def test_the_best_basin_is_found_and_the_stuck_one_is_told(logs):
+    found = multi_start(ROBOT, logs, starts=32, integrator=STEP, seed=1)
+    plain = output_error(ROBOT, logs, integrator=STEP)
+    for name in TRUE:
+        assert abs(found.fit[name].value - plain[name].value) < 0.05 * plain[name].std_error
+    assert sum(basin.starts for basin in found.basins) + found.lost == 32
+    assert found.basins[0].rise == 0.0 and found.share > 0.6
+    rises = [basin.rise for basin in found.basins]
+    assert rises == sorted(rises) and all(rise > 0.5 for rise in rises[1:])
+    # With more dry friction than the input overcomes, nothing moves and nothing can be learned.
+    assert any(basin.parameters["Fc"] > 4.0 for basin in found.basins[1:])
+    assert f"{found.basins[0].starts} of 32 starts" in repr(found)
+
+
+@pytest.mark.parametrize("wrong", [{"Fc": 5.0}, {"M": 10.0, "Fv": 0.2, "Fc": 0.05}, {"M": 0.1, "Fv": 20.0, "Fc": 5.0}])
+def test_output_error_comes_back_from_a_model_off_by_ten(logs, wrong):
+    said = []
+    fit = output_error(ROBOT.with_values(**wrong), logs, integrator=STEP, report=said.append)
+    plain = output_error(ROBOT, logs, integrator=STEP)
+    for name in TRUE:
+        assert abs(fit[name].value - plain[name].value) < 0.05 * plain[name].std_error
+    if wrong["Fc"] > 4.0:  # the robot never moves there
+        assert any("poor minimum" in sentence for sentence in said)
