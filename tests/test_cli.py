@@ -65,7 +65,8 @@ def check_schema(document, robot, channels, checked):
     assert list(document["methods"]) == ["integral_least_squares", "output_error"]
     for name, method in document["methods"].items():
         keys = {"parameters", "combinations", "check"}
-        assert set(method) == (keys | {"converged", "iterations"} if name == "output_error" else keys)
+        own = {"converged", "iterations", "logs", "clock_offsets", "outliers"} if name == "output_error" else set()
+        assert set(method) == keys | own
         for entry in (*method["parameters"].values(), *method["combinations"].values()):
             assert set(entry) == {"value", "std_error", "ci95", "unit", "status"}
             assert entry["status"] in STATUS and len(entry["ci95"]) == 2
@@ -296,3 +297,23 @@ def test_a_cache_that_cannot_be_written_does_no_harm(jaxid, tmp_path, monkeypatc
 def test_help_names_every_command(jaxid):
     code, said, _ = jaxid("--help")
     assert code == 0 and all(command in said for command in ("fit", "simulate", "demo"))
+
+
+def test_outliers_are_weighed_down_and_listed_and_a_clock_offset_is_told(tmp_path, axis_logs, jaxid):
+    rng = np.random.default_rng(5)
+    for path in axis_logs:
+        table = pd.read_csv(path)
+        table.loc[rng.choice(len(table), 12, replace=False), "v"] += 2.0
+        table.to_csv(path, index=False)
+    out = tmp_path / "out"
+    argv = ["fit", "axis", "--fit", *axis_logs, "--model", known_offset(tmp_path), "--out", out]
+    code, _, remarks = jaxid(*argv, "--loss", "cauchy", "--covariance", "robust", "--clock-offset")
+    assert code == 0, remarks
+    found = json.loads((out / "fit.json").read_text())["methods"]["output_error"]
+    for name, value in AXIS.items():
+        assert within(found["parameters"][name], value)
+    assert sum(outlier["samples"] for outlier in found["outliers"]) == pytest.approx(36, abs=3)
+    assert set(found["logs"].values()) == {"fitted"} and len(found["clock_offsets"]) == 3
+    for offset in found["clock_offsets"].values():
+        assert within(offset, 0.0)
+    assert "had little weight" in remarks and "clock is" in remarks

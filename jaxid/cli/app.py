@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -85,11 +85,23 @@ def fit(
     ] = None,
     model: Model = None,
     mapping: Mapping = None,
+    loss: Annotated[
+        Literal["squares", "huber", "cauchy", "student_t"],
+        typer.Option("--loss", help="Of output error: squares, or one that outliers pull less."),
+    ] = "squares",
+    covariance: Annotated[
+        Literal["white", "robust"],
+        typer.Option("--covariance", help="Of output error: for white residuals, or robust against coloured ones."),
+    ] = "white",
+    clock_offset: Annotated[
+        bool, typer.Option("--clock-offset", help="Inputs and outputs may be on different clocks: estimate the offset.")
+    ] = False,
 ) -> None:
     """Identify a robot's parameters from its logs, by integral least squares and by output error."""
     from .fit import run_fit
 
-    run_fit(robot, fit, check or [], model, mapping, out)
+    options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset}
+    run_fit(robot, fit, check or [], model, mapping, out, options)
 
 
 @app.command()

@@ -4,6 +4,8 @@ import html
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from .._atomic import write_text
 from ..estimate import Fit, integral_least_squares, output_error
@@ -19,6 +21,8 @@ from .cache import keep_compiled_programs
 from .console import say, show, step
 from .findings import warn_of_findings
 
+_SHOWN = 5
+"""Stretches of outliers that are printed."""
 UNCHECKED = "No logs were held out (--check), so nothing says how well these models predict."
 
 
@@ -29,10 +33,22 @@ def prepare_folder(out: Path) -> None:
         pass
 
 
-def estimate(robot: Robot, logs: LogSet) -> list[Fit]:
+def _say_outliers(fit: Fit) -> None:
+    """Warn of the samples that the loss gave little weight, the longest stretches first."""
+    if not fit.outliers:
+        return
+    total = sum(outlier.samples for outlier in fit.outliers)
+    say(f"warning: {total} samples far from the simulation had little weight (all are in fit.json):", style="yellow")
+    for o in sorted(fit.outliers, key=lambda o: -o.samples)[:_SHOWN]:
+        say(
+            f"  {o.log}, {o.channel}, {o.start:g} to {o.stop:g} s: {o.samples} samples, up to {o.deviations:+.3g} deviations"
+        )
+
+
+def estimate(robot: Robot, logs: LogSet, options: Mapping[str, Any] = MappingProxyType({})) -> list[Fit]:
     """Integral least squares where the robot is linear in its free parameters, then output error from there.
 
-    Raises `ParameterError` if the simulation diverges at the start values.
+    `options` are those of `output_error`. Raises `ParameterError` if the simulation diverges at the start values.
     """
     fits: list[Fit] = []
     with step("Integral least squares"):
@@ -41,9 +57,12 @@ def estimate(robot: Robot, logs: LogSet) -> list[Fit]:
         except (ParameterError, LogError) as error:
             say(f"warning: integral least squares is left out: {error}", style="yellow")
     with step("Output error") as report:
-        found = output_error(robot, logs, start=fits[0] if fits else None, report=report)
+        found = output_error(robot, logs, start=fits[0] if fits else None, report=report, **options)
     for note in found.notes:
         say(f"warning: {note}", style="yellow")
+    for name, offset in found.clock_offsets.items():
+        say(f"{name}: the inputs' clock is {with_error(offset.value, offset.std_error)} s ahead of the outputs'")
+    _say_outliers(found)
     return [*fits, found]
 
 
@@ -117,11 +136,19 @@ def read_case(
     return fit_logs, check_logs
 
 
-def run_fit(spec: str, fit: list[str], check: list[str], model: Path | None, mapping: Path | None, out: Path) -> None:
+def run_fit(
+    spec: str,
+    fit: list[str],
+    check: list[str],
+    model: Path | None,
+    mapping: Path | None,
+    out: Path,
+    options: Mapping[str, Any],
+) -> None:
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
     robot = identifiable(spec, model)
     fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
-    fits = estimate(robot, fit_logs)
+    fits = estimate(robot, fit_logs, options)
     write_results(out, fits, check_logs, fit_logs)
     say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if check_logs is not None else ""))

@@ -7,6 +7,7 @@ null. Files are complete or not there.
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,13 @@ def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | Non
             "check": _check((validation or {}).get(fit.method)),
         }
         if fit.method == "output_error":
-            methods[fit.method] |= {"converged": fit.converged, "iterations": fit.iterations}
+            methods[fit.method] |= {
+                "converged": fit.converged,
+                "iterations": fit.iterations,
+                "logs": fit.log_status,
+                "clock_offsets": {name: _estimate(offset) for name, offset in fit.clock_offsets.items()},
+                "outliers": [asdict(outlier) for outlier in fit.outliers],
+            }
     return {"robot": fits[0].robot.name, "methods": methods}
 
 
