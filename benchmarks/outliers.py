@@ -27,7 +27,8 @@ _HEAD = f"""# Gross outliers
 Written by `python -m benchmarks.outliers`. {100 * SHARE:.0f} % of all samples are off by 10 to 200 times the noise, either
 way. Error of the parameters under each loss over that of least squares on the same logs without outliers (root mean square
 over parameters and realisations, in standard errors of the clean fit; target for a robust loss: at most 1.3), share of the
-robust 95 % intervals that hold the truth, and share of the outliers that the fit lists.
+robust 95 % intervals that hold the truth, and share of the outliers that the fit lists. The Pioneer's rows have one and the
+same measurement noise throughout, of which one parameter lies outside its interval without any outlier.
 
 | logs | loss | error over the clean fit's | intervals that hold the truth | outliers listed | sound samples listed |
 | --- | --- | --- | --- | --- | --- |

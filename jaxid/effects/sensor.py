@@ -68,9 +68,22 @@ class SensorScale(_OnOutputs):
         return outputs * (1.0 + self._each(p, "error"))
 
 
+def _bends(y, time):
+    """Second derivative of y [T, ny] within each interval [T - 1, ny]: the smaller of those at its two ends.
+
+    Inputs change at samples and put kinks there; those belong to no interval.
+    """
+    slope = jnp.diff(y, axis=0) / jnp.diff(time)[:, None]
+    inner = jnp.diff(slope, axis=0) / (0.5 * (time[2:] - time[:-2]))[:, None]
+    left = jnp.concatenate([jnp.zeros_like(slope[:1]), inner])
+    right = jnp.concatenate([inner, jnp.zeros_like(slope[:1])])
+    smaller = jnp.where(jnp.abs(left) < jnp.abs(right), left, right)
+    return jnp.where(left * right > 0.0, smaller, 0.0)
+
+
 @dataclass(frozen=True)
 class SensorLag(_OnOutputs):
-    """First-order low-pass on the measured speeds, exact for speeds that are straight lines between samples."""
+    """First-order low-pass on the measured speeds, exact for speeds that are parabolas between samples."""
 
     id: ClassVar[str] = "sensor_lag"
     where: ClassVar[str] = "sensor"
@@ -83,14 +96,18 @@ class SensorLag(_OnOutputs):
         T = p[self.key("time_constant")]
         dt = jnp.diff(time)
         decay = jnp.exp(-dt / jnp.maximum(T, _TINY))
+        bends = _bends(outputs, time)
 
         def advance(lagged, row):
-            before, now, keep, interval = row
-            trail = T * (now - before) / interval  # how far behind a steady ramp the filter runs
-            lagged = now - trail + (lagged - before + trail) * keep
+            before, now, bend, keep, interval = row
+            slope, turn = (now - before) / interval, 0.5 * bend * interval
+            # Where the filter runs behind a parabola, at either end.
+            first = before - T * (slope - turn) + T * T * bend
+            last = now - T * (slope + turn) + T * T * bend
+            lagged = last + (lagged - first) * keep
             return lagged, lagged
 
-        _, filtered = jax.lax.scan(advance, outputs[0], (outputs[:-1], outputs[1:], decay, dt))
+        _, filtered = jax.lax.scan(advance, outputs[0], (outputs[:-1], outputs[1:], bends, decay, dt))
         return self._speeds_only(jnp.concatenate([outputs[:1], filtered]), outputs)
 
 
