@@ -57,16 +57,23 @@ def _poor(problem: Problem, optimum: Optimum) -> bool:
     return not float(np.sum(squares)) < _POOR**2 * count
 
 
+def _linear_start(robot: Robot, logs: LogSet, structure: Structure, problem: Problem):
+    """Coordinates [n] of the integral least-squares estimate, or None where the robot or its logs have none."""
+    try:
+        linear = integral_least_squares(robot, logs).robot.parameters.numbers
+    except (ParameterError, LogError):
+        return None
+    return problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))
+
+
 def _rescued(robot, logs, structure, problem, unknowns, optimum, max_steps, report) -> Optimum:
     """The better of a poor minimum and the one reached from integral least squares, for robots that have it.
 
     From a start with too much dry friction the simulated robot never moves, and nothing tells the optimiser why.
     """
-    try:
-        linear = integral_least_squares(robot, logs).robot.parameters.numbers
-    except (ParameterError, LogError):
+    z = _linear_start(robot, logs, structure, problem)
+    if z is None:
         return optimum
-    z = problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))
     other = minimise_compiled(structure, problem, unknowns._replace(z=z), max_steps=max_steps)
     if not other.cost < optimum.cost - _WORTH_A_RESCUE:
         return optimum
@@ -173,9 +180,10 @@ def output_error(
         report(f"best of {len(many)} starts chosen")
     index = ambiguous_index(structure)
     if index is not None:
-        linear = integral_least_squares(robot, logs).robot.parameters.numbers
-        coordinates = problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))
-        starts = [unknowns, Unknowns(coordinates, unknowns.states)]
+        starts = [unknowns]
+        z = _linear_start(robot, logs, structure, problem)
+        if z is not None:
+            starts.append(unknowns._replace(z=z))
         optimum = globalise(structure, problem, starts, index, report=report)
     else:
         optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps)

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, Log, LogSet, Omni, ParameterError, Pioneer, output_error
+from jaxid import Axis, Integrator, Log, LogSet, Omni, ParameterError, Pioneer, catalogue, output_error
 from jaxid.estimate.levenberg_marquardt import minimise
+from jaxid.estimate.output_error import _linear_start
 from jaxid.estimate.problem import parameters_at
 from jaxid.estimate.setup import build
 
@@ -253,3 +254,12 @@ def test_the_covariance_is_that_of_sixty_repetitions(axis_logs):
     distances = np.einsum("ki,kij,kj->k", errors, np.linalg.inv(covariance), errors).sum()
     degrees = repeats * len(structure.names)  # chi-squared with standard deviation sqrt(2 * degrees)
     assert abs(distances - degrees) < 4 * np.sqrt(2 * degrees)
+
+
+def test_a_robot_that_is_not_linear_in_what_is_free_simply_has_no_linear_start(axis_logs):
+    logs = axis_logs()
+    effect = {type(e).id: e for e in catalogue(Axis())}["asymmetric_viscous_friction"]
+    robot = (Axis() + effect).change("asymmetric_viscous_friction.asymmetry", free=True)
+    for model, there in ((Axis(), True), (robot, False)):
+        structure, problem, _ = build(model, logs, start={}, initial="known", integrator=STEP)
+        assert (_linear_start(model, logs, structure, problem) is not None) == there
