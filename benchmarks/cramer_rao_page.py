@@ -18,8 +18,9 @@ to ±{half:.1f} % and a variance ratio of one parameter to ±{ratio:.0f} %.
 _TAIL = """
 **Which one?** Output error: with white noise its variance is {oe} times the bound, and its intervals hold the truth in
 {oe_cover} % of the fits. Integral least squares needs no start values and no iterations, which makes it the start for output
-error; by itself its variance is {ls} times the bound at every noise level here, since it differentiates what output error
-simulates, its bias up to {ls_bias} standard deviations, and its intervals hold the truth in {ls_cover} %.
+error. By itself it has {ls} times the bound's variance, at low noise too, since stretches of half a second
+forget what the whole record says; its bias is up to {ls_bias} standard deviations and its intervals hold the truth in
+{ls_cover} %.
 
 With coloured noise the bound of the table is that of white noise of the same variance, so that the variance ratio is above
 one by what the colour takes away; the intervals of output error there are those of `covariance="robust"`.
