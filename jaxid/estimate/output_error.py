@@ -158,7 +158,8 @@ def output_error(
     - `report`: called with a sentence whenever a stage of the work is done.
 
     Returns a `Fit`. A log on which alone the simulation diverges is left out and named in `Fit.log_status`. Raises
-    `ParameterError` for unknown or no free parameters, and where the simulation diverges at the start on every log.
+    `ParameterError` for unknown or no free parameters, and where the simulation diverges on every log at the start and at
+    the integral least-squares estimate.
     """
     many = None
     if start is not None and not isinstance(start, Fit | Mapping):
