@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -206,8 +207,19 @@ def main() -> None:
         for plan in plans(arguments.set)[number - 1 :: of]
         if any(part in plan.name for part in arguments.only.split(","))
     ]
-    done = results(arguments.set)
-    left = [plan for plan in chosen if plan.name not in done][: arguments.limit]
+    run_left(chosen, arguments.set, arguments.limit, run, _told)
+
+
+def _told(entry: dict) -> str:
+    return f"{entry['verdict']}: {', '.join(entry['named'])} {entry['equivalent']}"
+
+
+def run_left(
+    chosen: list[Plan], name: str, limit: int | None, run: Callable[[Plan], dict], told: Callable[[dict], str]
+) -> None:
+    """Run the plans that have no result in `naming_NAME.jsonl` yet, and append theirs, one line a case."""
+    done = results(name)
+    left = [plan for plan in chosen if plan.name not in done][:limit]
     print(f"{len(chosen)} cases, {len(chosen) - len(left)} there already or left for later", flush=True)
     for count, plan in enumerate(left, start=1):
         try:
@@ -216,11 +228,11 @@ def main() -> None:
             traceback.print_exc()
             entry = {"case": plan.name, "robot": plan.robot, "kind": plan.kind, "strength": plan.strength,
                      "seed": plan.seed, "error": f"{type(error).__name__}: {error}"}  # fmt: skip
-        with (RESULTS / f"naming_{arguments.set}.jsonl").open("a", encoding="utf-8") as file:
+        with (RESULTS / f"naming_{name}.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps(entry) + "\n")
-        told = entry.get("error") or f"{entry['verdict']}: {', '.join(entry['named'])} {entry['equivalent']}"
         rms = f"{entry.get('before', np.nan):.2f} -> {entry.get('after', np.nan):.3f}"
-        print(f"[{count}/{len(left)}] {plan.name}: {told} ({rms}, {entry.get('seconds')} s)", flush=True)
+        what = entry["error"] if "error" in entry else told(entry)
+        print(f"[{count}/{len(left)}] {plan.name}: {what} ({rms}, {entry.get('seconds')} s)", flush=True)
         if count % _FORGET == 0:
             jax.clear_caches()  # hundreds of cases would fill the memory with programs
 

@@ -11,16 +11,12 @@ answers with FROLS (forward regression) are scored, which did better there; thos
 """
 
 import argparse
-import json
 import sys
 import tempfile
 import time
-import traceback
 from pathlib import Path
 
-import numpy as np
-
-from .naming import FIRST_SEED, RESULTS, Plan, plans, results
+from .naming import FIRST_SEED, Plan, plans, results, run_left
 
 
 def answer(robot, logs, check, setting) -> dict:
@@ -97,22 +93,12 @@ def main() -> None:
         write({known: (results(known), results(f"sindy_{known}")) for known in ("main", "aside")})
         return
     chosen = [plan for plan in plans(arguments.set) if any(part in plan.name for part in arguments.only.split(","))]
-    done = results(name)
-    left = [plan for plan in chosen if plan.name not in done][: arguments.limit]
-    print(f"{len(chosen)} cases, {len(chosen) - len(left)} there already or left for later", flush=True)
-    for count, plan in enumerate(left, start=1):
-        try:
-            entry = run(plan)
-        except Exception as error:  # one bad case must not end a study of hours
-            traceback.print_exc()
-            entry = {"case": plan.name, "robot": plan.robot, "kind": plan.kind, "strength": plan.strength,
-                     "seed": plan.seed, "error": f"{type(error).__name__}: {error}"}  # fmt: skip
-        with (RESULTS / f"naming_{name}.jsonl").open("a", encoding="utf-8") as file:
-            file.write(json.dumps(entry) + "\n")
-        named = sorted({effect for *_, effects in entry.get("terms", []) for effect in effects})
-        told = entry.get("error") or f"{len(entry['terms'])} terms: {', '.join(named)}"
-        rms = f"{entry.get('before', np.nan):.2f} -> {entry.get('after', np.nan):.3f}"
-        print(f"[{count}/{len(left)}] {plan.name}: {told} ({rms}, {entry.get('seconds')} s)", flush=True)
+    run_left(chosen, name, arguments.limit, run, _told)
+
+
+def _told(entry: dict) -> str:
+    named = sorted({effect for *_, effects in entry["terms"] for effect in effects})
+    return f"{len(entry['terms'])} terms: {', '.join(named)}"
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """`jax.jit` for jaxid's large programs: with XLA's older CPU fusion code, which compiles them markedly sooner and to
-programs that run equally fast (other devices take no notice), and with a way to forget them all: a program of a Pioneer
-takes tens of megabytes, and explaining one robot after another makes hundreds."""
+programs that run equally fast (other devices take no notice), and with a way to forget them all: explaining one robot after
+another makes hundreds, and they fill the memory."""
 
 from collections.abc import Callable
 from typing import Any

@@ -34,8 +34,8 @@ _WEIGHT_ROUNDS = 3
 """Minimisations, each with the noise that the one before left."""
 _LANES = 64
 """Members that are fitted at a time: more would not fit into the processor's cache."""
-_OWN = ("dt", "inputs", "outputs", "mask", "sigma", "start", "state_free", "driven", "free", "held")
-"""Fields of a problem in which members differ."""
+_BY_LOG = ("dt", "inputs", "outputs", "start", "mask", "state_free")
+"""Fields of a problem that have one row for every log."""
 
 
 class Fitted(NamedTuple):
@@ -114,10 +114,9 @@ def _members(fleet: Mapping[str, LogSet], problem: Problem) -> dict[str, Any]:
         there[row, : len(logs)] = True
         first += len(logs)
     N = len(fleet)
-    by_log = {name: jax.tree.map(lambda leaf: leaf[index], getattr(problem, name)) for name in _OWN[:4]}
-    by_log["start"] = {name: value[index] for name, value in problem.start.items()}
+    by_log = {name: jax.tree.map(lambda leaf: leaf[index], getattr(problem, name)) for name in _BY_LOG}
     by_log["mask"] = by_log["mask"] & jnp.asarray(there)[..., None, None]
-    by_log["state_free"] = problem.state_free[index] & jnp.asarray(there)[..., None]
+    by_log["state_free"] = by_log["state_free"] & jnp.asarray(there)[..., None]
     by_log["sigma"] = jnp.broadcast_to(problem.sigma, (N, *problem.sigma.shape))
     return by_log
 

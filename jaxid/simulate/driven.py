@@ -19,7 +19,11 @@ from ..robots.robot import Robot
 def _filled(signal: np.ndarray) -> np.ndarray:
     """Missing samples interpolated."""
     there = np.isfinite(signal)
-    return np.interp(np.arange(signal.size), np.flatnonzero(there), signal[there]) if there.any() else np.zeros(signal.size)
+    return (
+        np.interp(np.arange(signal.size), np.flatnonzero(there), signal[there])
+        if there.any()
+        else np.zeros(signal.size)
+    )
 
 
 @in_float64

@@ -78,3 +78,8 @@ def test_a_log_on_which_the_simulation_diverges_is_left_out_and_named(axis_log):
     for name in TRUE:
         assert fit[name].value == pytest.approx(sound[name].value, rel=1e-4)
         assert fit[name].std_error == pytest.approx(sound[name].std_error, rel=0.05)
+    # Alone it has no start that simulates; least squares finds one, and that is told.
+    said = []
+    alone = output_error(ROBOT, LogSet([wild]), integrator=FINE, report=said.append)
+    assert any("poor minimum" in sentence for sentence in said) and alone.log_status == {"wild": "fitted"}
+    assert all(np.isfinite(alone[name].value) for name in TRUE)

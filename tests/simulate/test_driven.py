@@ -42,7 +42,9 @@ def test_wheels_of_a_pioneer_turn_as_rolling_says():
     driven = {name: np.asarray(angle)[:, 100] for name, angle in driven_angles(robot, logs).items()}
     R, L = robot.parameters["R"].value, robot.parameters["L"].value
     assert driven["phi2"][0] == pytest.approx(driven["phi3"][0]) and abs(driven["phi2"][0]) == pytest.approx(1.0 / R)
-    assert driven["phi2"][1] == pytest.approx(-driven["phi3"][1]) and abs(driven["phi2"][1]) == pytest.approx(1.6 * L / R)
+    assert driven["phi2"][1] == pytest.approx(-driven["phi3"][1]) and abs(driven["phi2"][1]) == pytest.approx(
+        1.6 * L / R
+    )
 
 
 def test_nothing_for_a_robot_without_wheel_angles(axis_log):
