@@ -81,7 +81,9 @@ def _rescued(robot, logs, structure, problem, unknowns, optimum, max_steps, repo
     return other
 
 
-def _reweighted(structure: Structure, problem: Problem, optimum: Optimum, max_steps: int, report: Report):
+def reweighted(
+    structure: Structure, problem: Problem, optimum: Optimum, max_steps: int, report: Report = _silent
+) -> tuple[Problem, Optimum, int]:
     """Estimate every channel's noise from the residual and minimise again, until the weights settle."""
     floor = np.asarray(problem.sigma) * 1e-3
     total = int(optimum.iterations)
@@ -205,7 +207,7 @@ def output_error(
         )  # fmt: skip
         note = f"The simulation diverges at the result of {start.method}; the fit started from the model's own values."
         return replace(again, notes=(*again.notes, note))
-    problem, optimum, iterations = _reweighted(structure, problem, optimum, max_steps, report)
+    problem, optimum, iterations = reweighted(structure, problem, optimum, max_steps, report)
     inner, noise, outliers, bread = optimum, None, (), 1.0
     if loss != "squares":
         found = minimise_robustly(structure, problem, optimum, logs, loss, max_steps=max_steps, report=report)

@@ -8,6 +8,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.effect import Effect
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
+from .fit_told import predicted
 from .heldout import held_out
 from .localise import localise
 from .next_experiment import NextExperiment, propose
@@ -105,7 +106,12 @@ def explain(
     """
     report("looking for a gap on the held-out logs")
     found = search(fit, logs, check, effects=effects, most=most, report=report)
-    final = in_full(found.final, logs) if found.steps and found.final else fit
+    final, after, freely = fit, found.before, None
+    if found.steps and found.final:
+        noise = found.before.noise
+        final = in_full(found.final, logs, noise)
+        after = predicted(final.robot, check, noise)
+        freely = held_out(final.robot, check, noise) if after.told_angles else None
     named = _named(found, final)
     verdict = _verdict(found, named, most)
     localisation = None
@@ -118,7 +124,8 @@ def explain(
         baseline=fit,
         final=final,
         before=found.before,
-        after=held_out(final.robot, check, found.before.noise) if found.steps else found.before,
+        after=after,
+        simulated_freely=freely,
         search=found,
         check=check,
         localisation=localisation,

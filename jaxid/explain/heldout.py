@@ -11,6 +11,7 @@ from ..estimate.validation import counted_channels
 from ..logs import LogSet, noise_level
 from ..robots.robot import Robot
 from ..simulate.simulate import simulate
+from .told_angles import Angles
 
 FALSE_ALARM = 0.005
 """How often a residual that is nothing but white noise is taken for a gap."""
@@ -28,6 +29,7 @@ class HeldOut:
 
     `normalised_rms` is 1 at the noise floor; `residuals` per log [T, channels] in units of the noise (NaN where nothing
     was measured); `p_white` the probability of autocorrelations and offsets this large if only noise were left.
+    `told_angles` says whether the model was told its wheels' angles (see `told_angles.py`).
     """
 
     normalised_rms: float
@@ -35,6 +37,7 @@ class HeldOut:
     residuals: tuple[NDArray[np.float64], ...]
     noise: dict[str, float]
     p_white: float
+    told_angles: bool = False
 
     @property
     def squares(self) -> float:
@@ -77,15 +80,21 @@ def whiteness(residuals: tuple[NDArray[np.float64], ...] | list[NDArray[np.float
     return float(stats.chi2.sf(statistic, freedom)) if freedom else 1.0
 
 
-def held_out(robot: Robot, logs: LogSet, noise: Mapping[str, float] | None = None) -> HeldOut:
-    """Simulate `logs` with `robot` and compare. `noise` defaults to what the logs' own data say."""
+def held_out(
+    robot: Robot, logs: LogSet, noise: Mapping[str, float] | None = None, angles: Angles | None = None
+) -> HeldOut:
+    """Simulate `logs` with `robot`, told its wheels' `angles` if given, and compare.
+
+    `noise` defaults to what the logs' own data say.
+    """
+    angles = angles or {}
     noise = dict(noise or noise_level(logs))
     counted = {name for log in logs for name in counted_channels(log)}
     channels = [c for c in logs.channels.measured if c in counted and np.isfinite(noise.get(c, np.nan))]
     columns = [logs.channels.measured.index(c) for c in channels]
     scale = np.array([noise[c] for c in channels])
     residuals = []
-    for log, simulated in zip(logs, simulate(robot, logs), strict=True):
+    for log, simulated in zip(logs, simulate(robot, logs, driven=angles), strict=True):
         error = (simulated[:, columns] - log.outputs[:, columns]) / scale
         error = np.where(np.isfinite(simulated[:, columns]), error, _FARTHEST)
         residuals.append(np.clip(np.where(np.isfinite(log.outputs[:, columns]), error, np.nan), -_FARTHEST, _FARTHEST))
@@ -96,4 +105,5 @@ def held_out(robot: Robot, logs: LogSet, noise: Mapping[str, float] | None = Non
         residuals=tuple(residuals),
         noise={c: noise[c] for c in channels},
         p_white=whiteness(residuals),
+        told_angles=bool(angles),
     )

@@ -8,11 +8,12 @@ likelihood says how strongly each force wanders. No parameter is changed, so a m
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from .._compile import compiled
@@ -219,6 +220,29 @@ def _chosen(setting: Setting, numbers, arrays, scale):
     return np.asarray(used), filtered(setting, numbers, arrays, used)
 
 
+class _Task(NamedTuple):
+    """What the filter needs of a robot and its logs; `scale` [n] as in `ForceHistory`."""
+
+    setting: Setting
+    units: tuple[str, ...]
+    numbers: Mapping[str, Any]
+    arrays: dict[str, Any]
+    scale: NDArray[np.float64]
+
+
+def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
+    pushed, names, units = forced(robot)
+    noise = dict(noise or noise_level(logs))
+    largest = {c: float(np.nanmax(np.abs(log.output(c)))) for log in logs for c in log.measured}
+    noise = {c: max(level, 1e-4 * largest.get(c, 1.0)) for c, level in noise.items() if np.isfinite(level)}
+    numbers = {name: jnp.asarray(float(value)) for name, value in pushed.parameters.numbers.items()}
+    integrator = integrator_for(robot, logs)
+    arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator)
+    start = {name: arrays["start"][0, i] for i, name in enumerate(pushed.states)}
+    setting = Setting(pushed.structure, integrator, names)
+    return _Task(setting, units, numbers, arrays, _force_scale(setting, numbers, start, noise))
+
+
 @in_float64
 def missing_force(
     robot: Robot,
@@ -235,23 +259,33 @@ def missing_force(
 
     Raises `NoVelocities` for a robot that does not say which states its forces accelerate.
     """
-    pushed, names, units = forced(robot)
-    noise = dict(noise or noise_level(logs))
-    largest = {c: float(np.nanmax(np.abs(log.output(c)))) for log in logs for c in log.measured}
-    noise = {c: max(level, 1e-4 * largest.get(c, 1.0)) for c, level in noise.items() if np.isfinite(level)}
-    numbers = {name: jnp.asarray(float(value)) for name, value in pushed.parameters.numbers.items()}
-    integrator = integrator_for(robot, logs)
-    arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator)
-    start = {name: arrays["start"][0, i] for i, name in enumerate(pushed.states)}
-    setting = Setting(pushed.structure, integrator, names)
-    scale = _force_scale(setting, numbers, start, noise)
-    intensity, kept = _chosen(setting, numbers, arrays, scale)
+    task = _task(robot, logs, noise, known_states)
+    intensity, kept = _chosen(task.setting, task.numbers, task.arrays, task.scale)
     mean, std = (np.asarray(x) for x in smoothed(kept))
-    columns = [pushed.states.index(PREFIX + name) for name in names]
+    names = task.setting.velocities
+    columns = [task.setting.robot.states.index(PREFIX + name) for name in names]
     return tuple(
         ForceHistory(
             log.name, log.time, mean[e, : len(log)][:, columns], std[e, : len(log)][:, columns],
-            names, units, scale, intensity,
+            names, task.units, task.scale, intensity,
         )
         for e, log in enumerate(logs)
     )  # fmt: skip
+
+
+@in_float64
+def smoothed_states(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float] | None = None,
+    known_states: Mapping[str, Mapping[str, float]] | None = None,
+    wander: float = 1.0,
+) -> dict[str, Float[Array, "E T"]]:
+    """The robot's states over time by name, padded as in `logs.batch()`: what model and measurements say together.
+
+    `wander` is how far the missing forces may, in units of `ForceHistory.scale` per root of a second: little trusts the
+    model, much the measurements. Other arguments, and errors, as in `missing_force`.
+    """
+    task = _task(robot, logs, noise, known_states)
+    mean, _ = smoothed(filtered(task.setting, task.numbers, task.arrays, jnp.asarray(wander * task.scale)))
+    return {name: mean[..., i] for i, name in enumerate(task.setting.robot.states) if not name.startswith(PREFIX)}

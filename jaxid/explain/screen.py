@@ -25,6 +25,7 @@ from ..simulate.rollout import Integrator, rollout
 from ..simulate.simulate import integrator_for
 from ..simulate.start import initial_states
 from .probes import Group, groups, lanes
+from .told_angles import Angles
 
 _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
@@ -86,8 +87,12 @@ def screen(
     effects: Sequence[Effect],
     noise: Mapping[str, float],
     known_states: Mapping[str, Mapping[str, float]],
+    angles: Angles | None = None,
 ) -> list[Candidate]:
-    """Score `effects` on a fitted `robot` that lacks them, best first. `known_states` are estimated initial states."""
+    """Score `effects` on a fitted `robot` that lacks them, best first.
+
+    `known_states` are estimated initial states, `angles` those of the wheels if the model has to be told them.
+    """
     own = list(robot.parameters.free_names)
     full = robot
     for effect in effects:
@@ -102,7 +107,7 @@ def screen(
         for name, value in known_states.get(log.name, {}).items():
             states[name][e] = value
     states = {name: jnp.asarray(value) for name, value in states.items()}
-    driven = dict(driven_angles(full, logs))
+    driven = dict(angles or driven_angles(full, logs))
     outputs = _simulate(full, integrator_for(robot, logs), logs, [{}, *secants, *changes], states, driven)
     weights, measured = _weights(logs, {name: level for name, level in noise.items() if name not in driven})
     residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()

@@ -94,7 +94,7 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
 
     Those that are told the wheels' angles promise more than the others can; they come on top and displace none.
     """
-    told = [candidate for candidate in likely if "wheel_angles" in candidate.effect.needs]
+    told = [candidate for candidate in likely if candidate.effect.repeats]
     others = [candidate for candidate in likely if candidate not in told]
     chosen: list[Candidate] = []
     for candidate in others:
@@ -110,14 +110,14 @@ def _all_added(
     base: Trial, candidates: Sequence[Candidate], logs: LogSet, check: LogSet, noise: dict[str, float]
 ) -> list[Trial]:
     """A few steps of the refit with each of the candidates; last those that are dear to follow up."""
-    candidates = sorted(candidates, key=lambda candidate: "wheel_angles" in candidate.effect.needs)
+    candidates = sorted(candidates, key=lambda candidate: candidate.effect.repeats)
     robots = [base.robot + candidate.effect for candidate in candidates]
-    compile_refits(robots, logs)
+    compile_refits(robots, logs, base.angles)
     trials: list[Trial] = []
     for robot, candidate in zip(robots, candidates, strict=True):
         rival = min((trial.squares for trial in trials), default=np.inf)
         states = base.initial_states
-        trials.append(refit(robot, candidate.starts, logs, check, noise, states, FEW_STEPS, rival))
+        trials.append(refit(robot, candidate.starts, logs, check, noise, states, FEW_STEPS, rival, base.angles))
     return trials
 
 
@@ -144,7 +144,7 @@ def name_next(
     say: Report,
 ) -> Step | tuple[Candidate, ...]:
     """The best effect to add to `base`; what the first look found if none explains enough."""
-    screened = tuple(screen(base.robot, logs, effects, noise, base.initial_states))
+    screened = tuple(screen(base.robot, logs, effects, noise, base.initial_states, base.angles))
     likely = [c for c in screened if c.gain > 0]
     say("first look: " + (", ".join(f"{c.effect.id} {100 * c.share:.0f} %" for c in likely[:6]) or "no candidate"))
     if not likely:
@@ -180,7 +180,8 @@ def _refitted(robot: Robot, like: Trial, extra: dict[str, float], logs, check, n
     """`robot` refitted from the numbers of the trial `like`, and from `extra` where that has none."""
     known = like.robot.parameters
     start = {name: known[name].value for name in robot.parameters.free_names if name in known}
-    return refit(robot, [{**start, **extra}], logs, check, noise, like.initial_states)
+    angles = like.angles if any(effect.repeats for effect in robot.effects) else None
+    return refit(robot, [{**start, **extra}], logs, check, noise, like.initial_states, angles=angles)
 
 
 def _pruned(current: Trial, base: Trial, logs: LogSet, check: LogSet, noise: dict[str, float], say: Report) -> Trial:

@@ -18,7 +18,6 @@ from ..explain.explanation import Explanation
 from ..explain.heldout import HeldOut
 from ..explain.next_experiment import NextExperiment
 from ..robots.robot import Robot
-from ..simulate.simulate import simulate
 from .figures import COLOURS, _tidy
 
 Array = NDArray[np.float64]
@@ -105,13 +104,13 @@ def _enlarged(
 ) -> None:
     log = found.check[e]
     shown = (log.time >= window[0]) & (log.time <= window[1])
-    # All logs at once, as when they were judged: that program is compiled already.
-    simulated = [(simulate(robot, found.check)[e], colour) for _, robot, colour, _ in states(found)]
     for ax, name in zip(axes, channels, strict=True):
         column = log.channels.measured.index(name)
         ax.plot(log.time[shown], log.output(name)[shown], ".", ms=3, color=_MEASURED)
-        for outputs, colour in simulated:
-            ax.plot(log.time[shown], outputs[shown, column], color=colour, lw=1.8)
+        for state, _, colour, _ in states(found):
+            error = state.noise[name] * state.residuals[e][:, list(state.by_channel).index(name)]
+            there = shown & np.isfinite(error)
+            ax.plot(log.time[there], (log.outputs[:, column] + error)[there], color=colour, lw=1.8)
         unit = log.channels.units.get(name, "")
         ax.set_ylabel(f"{name} [{unit}]" if unit else name)
 

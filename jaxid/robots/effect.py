@@ -40,6 +40,11 @@ class Effect:
     max_step: ClassVar[float] = float("inf")
     """Longest integration step [s] for which the effect's own parameters come out right."""
 
+    @property
+    def repeats(self) -> bool:
+        """Whether it repeats with the driving wheels' angles."""
+        return "wheel_angles" in self.needs
+
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""
         return f"{self.id}.{name}"
