@@ -29,14 +29,34 @@ _FILTER = 0.004  # s, lag through which friction sees the motor's torque
 
 
 @dataclass(frozen=True)
+class JointStribeck(Effect):
+    """Coulomb level higher by `amplitude` at standstill, the excess falling off with speed: the Stribeck friction of M2."""
+
+    id: ClassVar[str] = "joint_stribeck"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "C' = C + amplitude exp(-(w / speed)^2)"
+
+    def parameters(self, robot) -> dict[str, Parameter]:
+        return {
+            self.key("amplitude"): Parameter(0.0, "N m", free=True, lower=0.0, typical=0.01),
+            self.key("speed"): Parameter(2.0, "rad/s", free=True, lower=0.0, typical=2.0),
+        }
+
+    def dry(self, levels, speeds, state, p):
+        rise = p[self.key("amplitude")] * jnp.exp(-((speeds[0] / p[self.key("speed")]) ** 2))
+        return tuple((backward + rise, forward + rise) for backward, forward in levels)
+
+
+@dataclass(frozen=True)
 class LoadFriction(Effect):
     """Coulomb level higher by a share of the torque between motor and load: the load-dependent friction of M3."""
 
     id: ClassVar[str] = "load_friction"
     where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "C' = C + share |motor - load|"
 
     def parameters(self, robot) -> dict[str, Parameter]:
-        return {self.key("share"): Parameter(0.2, "", free=True, lower=0.0, upper=0.9)}
+        return {self.key("share"): Parameter(0.0, "", free=True, lower=0.0, typical=0.2)}
 
     def dry(self, levels, speeds, state, p):
         between = state["motor"] + LOAD * jnp.sin(state["q"] + p["q_offset"])
@@ -46,13 +66,14 @@ class LoadFriction(Effect):
 
 @dataclass(frozen=True)
 class DirectionalFriction(Effect):
-    """Coulomb level higher by shares of the motor's and the load's torque: driving costs more than being driven."""
+    """Coulomb level higher by shares of the motor's and the load's torque: driving costs more than being driven (M5)."""
 
     id: ClassVar[str] = "directional_friction"
     where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "C' = C + |share_motor motor - share_load load|"
 
     def parameters(self, robot) -> dict[str, Parameter]:
-        return {self.key(name): Parameter(0.2, "", free=True, lower=0.0, upper=0.9) for name in ("motor", "load")}
+        return {self.key(n): Parameter(0.0, "", free=True, lower=0.0, typical=0.2) for n in ("motor", "load")}
 
     def dry(self, levels, speeds, state, p):
         motor, load = p[self.key("motor")], p[self.key("load")]
@@ -110,8 +131,10 @@ def ladder() -> dict[str, Custom]:
     plain = robot()
     return {
         "Coulomb and viscous": plain,
-        "load-dependent": plain + LoadFriction(),
-        "directional load-dependent": plain + DirectionalFriction(),
+        "load-dependent": (plain + LoadFriction()).with_values(**{"load_friction.share": 0.2}),
+        "directional load-dependent": (plain + DirectionalFriction()).with_values(
+            **{"directional_friction.motor": 0.2, "directional_friction.load": 0.2}
+        ),
     }
 
 

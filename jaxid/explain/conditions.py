@@ -222,7 +222,12 @@ def _speeds(robot: Robot, log: Log) -> dict[str, Signal]:
     names = robot.velocities or log.channels.outputs
     found = {}
     for name in names:
-        values = log.output(name) if name in log.channels.measured else np.full(len(log), np.nan)
+        if name in log.channels.measured:
+            values = log.output(name)
+        elif name in log.extra.columns:  # measured, but not what the model is fitted to
+            values = log.extra[name].to_numpy(dtype=float)
+        else:
+            values = np.full(len(log), np.nan)
         substitute = log.channels.substitutes.get(name)
         if not np.isfinite(values).any() and substitute is not None:
             values = np.gradient(_averaged(log.output(substitute), _window(log)), log.time)
