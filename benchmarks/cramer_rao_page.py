@@ -4,14 +4,14 @@ from pathlib import Path
 
 _HEAD = """# Are the uncertainties true? Least squares or output error?
 
-Written by `python -m benchmarks.cramer_rao` (`--only NAME --fits N` runs some of the rows, with more or fewer fits). Every row is a right model with many realisations of the noise, all fitted in
-one compiled batch. **Variance / bound**: scatter of the estimates over the Cramér-Rao bound, mean over the parameters (1 is
+Written by `python -m benchmarks.cramer_rao` (`--only NAME --fits N` runs some of the rows, with more or fewer fits). Every
+row is a right model with many realisations of the noise, all fitted in one compiled batch. **Variance / bound**: scatter of the estimates over the Cramér-Rao bound, mean over the parameters (1 is
 the best that any unbiased estimator can do). **Bias**: the worst parameter's, in standard deviations of one fit.
-**Coverage**: share of the reported 95 % intervals that hold the truth, lowest and highest parameter. Judged are parameters
+**Covers**: share of the reported 95 % intervals that hold the truth, lowest and highest parameter. Judged are parameters
 at least four standard errors from their bounds; the others are named. With {fits:,} fits, a coverage of 95 % is itself known
 to ±{half:.1f} % and a variance ratio of one parameter to ±{ratio:.0f} %; rows with more fits know it better.
 
-| setting | fits | judged | **output error**: variance / bound | bias | coverage % | **LS**: variance / bound | bias | coverage % |
+| setting | fits | judged | **output error**: variance / bound | bias | covers % | **LS**: variance / bound | bias | covers % |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
@@ -56,7 +56,8 @@ def write_page(rows: list[dict], path: Path) -> None:
     for row in rows:
         left = [name for name, judged in zip(row["parameters"], row["judged"], strict=True) if not judged]
         judged = f"{len(row['parameters']) - len(left)}" + (f" (not {', '.join(left)})" if left else "")
-        text += f"| {row['setting']} | {row['output_error']['fits']:,} | {judged} {_cells(row['output_error'])}{_cells(row.get('least_squares'))}|\n"
+        text += f"| {row['setting']} | {row['output_error']['fits']:,} | {judged} "
+        text += f"{_cells(row['output_error'])}{_cells(row.get('least_squares'))}|\n"
     oe, oe_cover, _ = _ranges(rows, "output_error")
     ls, ls_cover, ls_bias = _ranges(rows, "least_squares")
     text += _TAIL.format(oe=oe, oe_cover=oe_cover, ls=ls, ls_cover=ls_cover, ls_bias=ls_bias)

@@ -121,6 +121,15 @@ def true_parameters(robot: str, hidden: dict[str, dict[str, float]]) -> dict[str
     return true
 
 
+def _seen_from(hidden: dict[str, float], angle: float, true: dict[str, float]) -> None:
+    """A change of the surface as seen from the other side of its line, if that is the side that was estimated.
+
+    Friction (1 + c) beyond a line is, seen from beyond, friction scaled by 1 / (1 + c) on the near side.
+    """
+    if np.cos(angle - hidden["angle"]) < 0:
+        true |= {name: -c / (1 + c) for name, c in true.items()}
+
+
 def run(plan: Plan) -> dict:
     """Simulate, write, read, fit, explain; what came of it."""
     import jaxid
@@ -142,6 +151,10 @@ def run(plan: Plan) -> dict:
     true = true_parameters(plan.robot, case.effects)
     covered = {}
     for effect in found.effects:
+        if effect.id == "surface_change":
+            hidden = case.effects.get("surface_change")
+            if hidden:
+                _seen_from(hidden, effect.parameters["angle"].value, true["surface_change"])
         for name, value in true.get(effect.id, {}).items():
             estimate = effect.parameters.get(name)
             if estimate is not None and estimate.status == "identified":

@@ -1,6 +1,6 @@
 """Effects between the wheels and the floor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -45,16 +45,25 @@ class TractionLimit(Effect):
 class SurfaceChange(Effect):
     """Friction of the drivetrain scaled beyond a line on the floor, `x cos(angle) + y sin(angle) > offset`.
 
-    The edge is smooth over two centimetres, so that the place where a robot crosses it can be estimated.
+    The edge is smooth over a few millimetres, the way of one integration step. While it is searched for it is wider, so
+    that a line in the wrong place still tells where the right one is.
     """
 
     robot: Robot
+    width: float = 0.005
 
     id: ClassVar[str] = "surface_change"
     where: ClassVar[str] = "ground contact"
     formula: ClassVar[str] = "beyond the line: C' = C (1 + coulomb), B' = B (1 + viscous)"
     needs: ClassVar[tuple[str, ...]] = ("pose",)
-    width: ClassVar[float] = 0.02
+
+    @property
+    def blurred(self) -> "SurfaceChange":
+        return replace(self, width=0.02)
+
+    @property
+    def sharp(self) -> "SurfaceChange":
+        return SurfaceChange(self.robot)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return (

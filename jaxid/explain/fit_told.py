@@ -137,9 +137,8 @@ def fitted_told(
     structure, free, unknowns = build(robot, logs, start=start)
     unknowns = unknowns._replace(states=states_from(initial_states, logs, structure, free))
     angles, best = with_better_angles(robot, logs, noise, structure, free, unknowns)
-    later = over_longer_and_longer(structure, free, best.unknowns)
-    if near(minimise_compiled(structure, free, later, max_steps=max_steps), best):
-        return output_error(robot, logs, start=by_name(structure, free, later), max_steps=max_steps)
+    if near(minimise_compiled(structure, free, best.unknowns, max_steps=max_steps), best):
+        return output_error(robot, logs, start=by_name(structure, free, best.unknowns), max_steps=max_steps)
     problem, optimum, iterations = reweighted(structure, told(free, logs, angles), best, max_steps)
     bounded = on_bounds(structure, problem, optimum, max_steps)
     fit = fit_at(robot, logs, structure, problem, optimum, bounded, iterations=iterations, max_steps=max_steps)

@@ -34,8 +34,6 @@ _STEPS = 25
 _WEAKER = (1.0, 0.1, 0.01)
 """Shares of an effect's first guess that are tried one after another while the simulation diverges."""
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
-_EXCESS = 1.5
-"""Chi-squared per sample above which telling the angles has not settled the effect, and short horizons are tried."""
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
 
@@ -73,6 +71,21 @@ def compile_refits(robots: Sequence[Robot], logs: LogSet, angles: Angles | None 
         tasks += [(structure, told(problem, logs, shown), unknowns)] if shown else []
         tasks += [] if angles else [(structure, problem, unknowns)]
     compile_ahead(tasks)
+
+
+def _followed_up(robot, logs, noise, structure, free, optimum, max_steps, promising) -> tuple[Optimum, Angles]:
+    """From an optimum told rough angles to a free simulation; or, where that cannot be had, to one told better angles.
+
+    The angles are empty for a free simulation. One that is not `promising` is simulated freely from where it is.
+    """
+    if not promising:
+        return minimise_compiled(structure, free, optimum.unknowns, max_steps=max_steps), {}
+    angles, best = with_better_angles(robot, logs, noise, structure, free, optimum.unknowns)
+    freely = minimise_compiled(structure, free, best.unknowns, max_steps=max_steps)
+    if not near(freely, best):
+        later = over_longer_and_longer(structure, free, best.unknowns)
+        freely = minimise_compiled(structure, free, later, max_steps=max_steps)
+    return (freely, {}) if near(freely, best) else (best, angles)
 
 
 @in_float64
@@ -116,17 +129,9 @@ def refit(
     optimum = min(tried, key=lambda optimum: float(jnp.nan_to_num(optimum.cost, nan=jnp.inf)))
     unknowns = optimum.unknowns
     if repeats and angles:
-        best = None
-        if 2 * float(optimum.cost) < rival:
-            angles, best = with_better_angles(robot, logs, noise, structure, free, unknowns)
-            unknowns = best.unknowns
-            if 2 * float(best.cost) > _EXCESS * float(jnp.sum(problem.mask)):
-                unknowns = over_longer_and_longer(structure, free, unknowns)
-        optimum = minimise_compiled(structure, free, unknowns, max_steps=max_steps)
-        if best is not None and not near(optimum, best):
-            optimum = best
-        else:
-            angles = {}
+        optimum, angles = _followed_up(
+            robot, logs, noise, structure, free, optimum, max_steps, 2 * optimum.cost < rival
+        )
     elif len(starts) > 1:
         optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
     found = robot.with_values(**by_name(structure, problem, optimum.unknowns))
@@ -150,7 +155,8 @@ def continued(trial: Trial, logs: LogSet, check: LogSet, noise: Mapping[str, flo
 
 def in_full(trial: Trial, logs: LogSet, noise: Mapping[str, float]) -> Fit:
     """The output-error fit of a trial's model, with its uncertainty."""
-    start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
+    robot = replace(trial.robot, effects=tuple(effect.sharp for effect in trial.robot.effects))
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     if trial.angles:
-        return fitted_told(trial.robot, logs, noise, start, trial.initial_states)
-    return output_error(trial.robot, logs, start=start, max_steps=60)
+        return fitted_told(robot, logs, noise, start, trial.initial_states)
+    return output_error(robot, logs, start=start, max_steps=60)

@@ -252,7 +252,7 @@ def search(
     steps: list[Step] = []
     while not current.check.adequate and len(steps) < most:
         present = {effect.id for effect in current.robot.effects}
-        remaining = [*catalogue(current.robot), *(e for e in effects if e.id not in present)]
+        remaining = [e.blurred for e in (*catalogue(current.robot), *effects) if e.id not in present]
         found = name_next(current, baseline, logs, check, noise, remaining, report)
         first_look = first_look or (found.screened if isinstance(found, Step) else found)
         if not isinstance(found, Step):

@@ -45,6 +45,16 @@ class Effect:
         """Whether it repeats with the driving wheels' angles."""
         return "wheel_angles" in self.needs
 
+    @property
+    def blurred(self) -> "Effect":
+        """The effect while it is searched for: one with an edge may make it wider, so that it is found from farther."""
+        return self
+
+    @property
+    def sharp(self) -> "Effect":
+        """The effect as it is once found."""
+        return self
+
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""
         return f"{self.id}.{name}"
