@@ -5,11 +5,12 @@ from pathlib import Path
 _HEAD = """# Are the uncertainties true? Least squares or output error?
 
 Written by `python -m benchmarks.cramer_rao` (`--only NAME --fits N` runs some of the rows, with more or fewer fits). Every
-row is a right model with many realisations of the noise, all fitted in one compiled batch. **Variance / bound**: scatter of the estimates over the Cramér-Rao bound, mean over the parameters (1 is
-the best that any unbiased estimator can do). **Bias**: the worst parameter's, in standard deviations of one fit.
-**Covers**: share of the reported 95 % intervals that hold the truth, lowest and highest parameter. Judged are parameters
-at least four standard errors from their bounds; the others are named. With {fits:,} fits, a coverage of 95 % is itself known
-to ±{half:.1f} % and a variance ratio of one parameter to ±{ratio:.0f} %; rows with more fits know it better.
+row is a right model with many realisations of the noise, all fitted in one compiled batch. **Variance / bound**: scatter of
+the estimates over the Cramér-Rao bound, mean over the parameters (1 is the best that any unbiased estimator can do).
+**Bias**: the worst parameter's, in standard deviations of one fit. **Covers**: share of the reported 95 % intervals that
+hold the truth, lowest and highest parameter. Judged are parameters at least four standard errors from their bounds; the
+others are named. With {fits:,} fits, a coverage of 95 % is itself known to ±{half:.1f} % and a variance ratio of one
+parameter to ±{ratio:.0f} %; rows with more fits know it better.
 
 | setting | fits | judged | **output error**: variance / bound | bias | covers % | **LS**: variance / bound | bias | covers % |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |

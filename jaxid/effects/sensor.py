@@ -113,7 +113,7 @@ class SensorLag(_OnOutputs):
 
 @dataclass(frozen=True)
 class SensorDelay(_OnOutputs):
-    """Speeds stamped late: `y'(t) = y(t - delay)`."""
+    """Speeds stamped late: `y'(t) = y(t - delay)`, exact for speeds that are parabolas between samples."""
 
     id: ClassVar[str] = "sensor_delay"
     where: ClassVar[str] = "sensor"
@@ -124,4 +124,8 @@ class SensorDelay(_OnOutputs):
 
     def measure(self, outputs, time, p: Numbers):
         interval = time[1] - time[0]
-        return self._speeds_only(delayed(outputs, p[self.key("delay")] / interval), outputs)
+        shift = p[self.key("delay")] / interval
+        whole = jnp.floor(shift)
+        bends = jnp.concatenate([jnp.zeros_like(outputs[:1]), _bends(outputs, time)])  # of the interval before a sample
+        sag = 0.5 * interval**2 * (shift - whole) * (1.0 - shift + whole) * delayed(bends, whole)
+        return self._speeds_only(delayed(outputs, shift) - sag, outputs)

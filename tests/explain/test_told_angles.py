@@ -1,0 +1,91 @@
+"""Wheel angles told to a model with a torque ripple: logs of the independent simulator, whose true angle is known."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+from benchmarks.hidden.cases import make  # noqa: E402
+from jaxid import Axis, Log, LogSet, explain, output_error, read_logs  # noqa: E402
+from jaxid.effects import effect_by_id  # noqa: E402
+from jaxid.explain.fit_told import fitted_told, predicted  # noqa: E402
+from jaxid.explain.heldout import held_out  # noqa: E402
+from jaxid.explain.told_angles import told_angles  # noqa: E402
+from jaxid.model_file import read_model  # noqa: E402
+from jaxid.simulate.driven import driven_angles  # noqa: E402
+from reference import excitation  # noqa: E402
+from reference.axis import AXIS  # noqa: E402
+from reference.logs import simulate  # noqa: E402
+
+AMPLITUDE, PERIODS, NOISE = 12.0, 8.0, {"v": 0.01}
+BARE = Axis().with_values(M=20.0, Fv=30.0, Fc=8.0, gain=10.0)
+RIPPLED = (BARE + effect_by_id(BARE, "cogging_torque")).with_values(
+    **{"cogging_torque.sine_q": AMPLITUDE, "cogging_torque.periods": 2 * np.pi * PERIODS}
+)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Logs of two experiments and the true angles [m] in them."""
+    robot = AXIS.with_parameters(J=20.0, k=10.0, Cv=30.0, Cs=8.0)
+    hidden = {"cogging_torque": {"amplitude": AMPLITUDE, "periods": PERIODS}}
+    logs, angles = [], []
+    for number, kind in enumerate(("prbs_reversing", "crawl")):
+        inputs = excitation.experiment("axis", kind, 1001, 70 + number)
+        run = simulate(robot, inputs, 0.02, hidden, rtol=1e-7, atol=1e-9)
+        v = run.speeds + 0.01 * np.random.default_rng(number).standard_normal(run.speeds.shape)
+        logs.append(Log.from_arrays(kind, run.t, inputs, v, BARE.channels))
+        angles.append(run.states[:, 0])
+    return LogSet(logs), angles
+
+
+def error(found, angles) -> float:
+    return float(
+        np.sqrt(np.mean([np.mean((np.asarray(found["q"])[e, : len(q)] - q) ** 2) for e, q in enumerate(angles)]))
+    )
+
+
+def test_the_model_knows_the_angle_better_than_the_sum_of_the_speeds(runs):
+    logs, angles = runs
+    summed, smoothed = error(driven_angles(RIPPLED, logs), angles), error(told_angles(RIPPLED, logs, NOISE, {}), angles)
+    assert smoothed < 0.5 * summed
+    assert smoothed < 0.05 / PERIODS  # of a period
+
+
+def test_a_free_simulation_that_loses_its_way_is_told_the_angles(runs):
+    """Half a percent of the ripple's period is enough to end in other notches; told its angles the model is right."""
+    logs, _ = runs
+    off = RIPPLED.with_values(**{"cogging_torque.periods": 2 * np.pi * PERIODS * 1.005})
+    free, state = held_out(off, logs, NOISE), predicted(off, logs, NOISE)
+    assert free.normalised_rms > 3 and not free.told_angles
+    assert state.normalised_rms < 1.5 and state.told_angles
+
+
+def test_what_needs_no_angles_is_simulated_freely(runs):
+    assert not predicted(BARE, runs[0], NOISE).told_angles
+
+
+def test_a_fit_that_is_told_the_angles_finds_the_ripple(runs):
+    logs, _ = runs
+    start = {name: RIPPLED.parameters[name].value for name in RIPPLED.parameters.free_names}
+    off = {"M": 1.1, "Fv": 0.9, "cogging_torque.sine_q": 0.8, "cogging_torque.periods": 1.001}
+    fit = fitted_told(RIPPLED, logs, NOISE, {name: off.get(name, 1.0) * value for name, value in start.items()}, {})
+    assert fit["M"].value == pytest.approx(20.0, rel=0.02)
+    assert fit["cogging_torque.sine_q"].value == pytest.approx(AMPLITUDE, rel=0.05)
+    assert fit["cogging_torque.periods"].value == pytest.approx(2 * np.pi * PERIODS, rel=1e-3)
+
+
+def test_a_strong_ripple_is_named_whether_or_not_it_can_be_followed_freely(tmp_path):
+    case = make("axis", {"cogging_torque": 30.5}, 367)
+    fitted, held, nominal = case.write(tmp_path)
+    robot = read_model(nominal, Axis())
+    logs, check = (read_logs([str(path) for path in paths], robot="axis") for paths in (fitted, held))
+    found = explain(output_error(robot, logs), logs, check)
+    assert found.verdict == "named" and [effect.id for effect in found.effects] == ["cogging_torque"]
+    assert found.after.normalised_rms < 1.3
+    told = found.after.told_angles
+    assert (found.simulated_freely is not None) == told == ("told its wheels' angles" in found.sentence)
+    freely = (found.simulated_freely or found.after).normalised_rms
+    gap = found.to_dict()["gap"]
+    assert gap["after_simulated_freely"] == freely >= gap["after"]
+    periods = found.effects[0].parameters["periods"].value / (2 * np.pi)
+    assert periods == pytest.approx(case.effects["cogging_torque"]["periods"], rel=0.01)
