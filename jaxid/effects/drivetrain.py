@@ -39,7 +39,7 @@ class StribeckFriction(_OnDriveAxes):
         rims, changed = self._rims(speeds, p), list(levels)
         for axis in self.robot.drive_axes:
             rise = p[self.key("amplitude")] * jnp.exp(-((rims[axis] / p[self.key("speed")]) ** 2))
-            if self.robot.velocities and self.robot.velocities[axis : axis + 1] == ("W",):
+            if self.robot.name == "omni" and self.robot.velocities[axis] == "W":
                 rise = p["b"] * rise  # the omni's turning axis: the same force at the rim
             backward, forward = levels[axis]
             changed[axis] = (backward + rise, forward + rise)
