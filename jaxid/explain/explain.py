@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.effect import Effect
@@ -13,7 +11,7 @@ from .heldout import held_out
 from .localise import localise
 from .next_experiment import NextExperiment, propose
 from .refit import in_full
-from .search import MOST_EFFECTS, Search, Step, search
+from .search import MOST_EFFECTS, Search, Step, differ, search
 
 _LEFT_OVER = 0.15
 """Share of the gap that may remain under a name."""
@@ -70,9 +68,8 @@ def _next(found: Search, logs: LogSet) -> NextExperiment | None:
         if not open_:
             continue
         other = open_[0]
-        pairs = zip(best.check.residuals, other.check.residuals, strict=True)
-        so_far = float(np.sqrt(np.nanmean(np.concatenate([(a - b).ravel() for a, b in pairs]) ** 2)))
-        proposal = propose((best.id, best.robot), (other.id, other.robot), logs, best.check.noise, so_far)
+        two = (best.id, best.robot), (other.id, other.robot)
+        proposal = propose(*two, logs, best.check.noise, differ(best, other))
         if proposal:
             return proposal
     return None

@@ -27,6 +27,10 @@ _LEAST_OF_FIRST = 0.02
 """Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
 _SEPARATED = 2.0
 """Standard errors of the log-likelihood difference beyond which two names are told apart (Vuong 1989)."""
+_SAME_FROM_REST = {"input_delay", "sensor_delay"}
+"""One model by two names for a robot that starts at rest: the same motion, later."""
+_INTERPOLATED = 0.1
+"""Difference of two predictions (RMS, times the noise) that may be due to how they interpolate between samples."""
 _IN_THE_RUNNING = 0.1
 """Candidates that lack less than this share of the best one's gain after a few steps are refitted to the end."""
 _BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
@@ -77,11 +81,20 @@ def told_apart(one: Trial, other: Trial) -> float:
     return float(values.sum()) / spread if spread > 0 else 0.0
 
 
+def differ(one: Trial, other: Trial) -> float:
+    """RMS difference of two predictions of the held-out logs, times the noise."""
+    pairs = zip(one.check.residuals, other.check.residuals, strict=True)
+    return float(np.sqrt(np.nanmean(np.concatenate([(a - b).ravel() for a, b in pairs]) ** 2)))
+
+
 def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
     """Those that the data cannot tell from the first: about as likely on the fitted logs and on the held-out ones."""
     best = trials[0]
     found = []
     for trial in trials[1:]:
+        if {best.id, trial.id} == _SAME_FROM_REST and differ(best, trial) < _INTERPOLATED:
+            found.append(trial.id)
+            continue
         # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).
         worse = max(trial.score - best.score, 0.0)
         if worse < (2 * _SEPARATED) ** 2 and told_apart(best, trial) < _SEPARATED:
