@@ -65,13 +65,16 @@ def test_what_needs_no_angles_is_simulated_freely(runs):
 
 
 def test_a_fit_that_is_told_the_angles_finds_the_ripple(runs):
+    """On two logs, whose angles are known to a few percent of a period: to a third of the start's error or better."""
     logs, _ = runs
-    start = {name: RIPPLED.parameters[name].value for name in RIPPLED.parameters.free_names}
     off = {"M": 1.1, "Fv": 0.9, "cogging_torque.sine_q": 0.8, "cogging_torque.periods": 1.001}
-    fit = fitted_told(RIPPLED, logs, NOISE, {name: off.get(name, 1.0) * value for name, value in start.items()}, {})
-    assert fit["M"].value == pytest.approx(20.0, rel=0.02)
-    assert fit["cogging_torque.sine_q"].value == pytest.approx(AMPLITUDE, rel=0.05)
-    assert fit["cogging_torque.periods"].value == pytest.approx(2 * np.pi * PERIODS, rel=1e-3)
+    start = {name: off.get(name, 1.0) * RIPPLED.parameters[name].value for name in RIPPLED.parameters.free_names}
+    fit = fitted_told(RIPPLED, logs, NOISE, start, {})
+    amplitude = np.hypot(fit["cogging_torque.sine_q"].value, fit["cogging_torque.cosine_q"].value)
+    assert fit["M"].value == pytest.approx(20.0, rel=0.1 / 3)
+    assert fit["Fv"].value == pytest.approx(30.0, rel=0.1 / 3)
+    assert amplitude == pytest.approx(AMPLITUDE, rel=0.2 / 3)
+    assert fit.noise["v"] == pytest.approx(NOISE["v"], rel=0.15)
 
 
 def test_a_strong_ripple_is_named_whether_or_not_it_can_be_followed_freely(tmp_path):
