@@ -16,6 +16,11 @@ from jaxid.cli import main  # noqa: E402
 DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
 
 
+def pytest_collection_modifyitems(items):
+    """The notebooks take longest: first, so that no process is left with one at the end."""
+    items.sort(key=lambda item: "test_notebooks" not in item.nodeid)
+
+
 @pytest.fixture
 def double_precision():
     """Double precision for one test, as inside jaxid's public functions."""
