@@ -51,7 +51,7 @@ def main() -> None:
             again, _ = seconds(robot, folder, folder / "cache")
         figures[plan.name] = {"first": round(first, 1), "cache filled": round(again, 1), "said": verdict}
         print(f"{plan.name}: {first:.1f} s, with a filled cache {again:.1f} s ({verdict})", flush=True)
-    WRITTEN.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        WRITTEN.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
