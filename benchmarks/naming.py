@@ -121,13 +121,14 @@ def true_parameters(robot: str, hidden: dict[str, dict[str, float]]) -> dict[str
     return true
 
 
-def _seen_from(hidden: dict[str, float], angle: float, true: dict[str, float]) -> None:
-    """A change of the surface as seen from the other side of its line, if that is the side that was estimated.
+def _seen_from(hidden: dict[str, float], angle: float, true: dict[str, float]) -> dict[str, float]:
+    """A change of the surface, from the other side of its line if that is the side that was estimated.
 
     Friction (1 + c) beyond a line is, seen from beyond, friction scaled by 1 / (1 + c) on the near side.
     """
     if np.cos(angle - hidden["angle"]) < 0:
-        true |= {name: -c / (1 + c) for name, c in true.items()}
+        return {name: -c / (1 + c) for name, c in true.items()}
+    return true
 
 
 def run(plan: Plan) -> dict:
@@ -151,11 +152,10 @@ def run(plan: Plan) -> dict:
     true = true_parameters(plan.robot, case.effects)
     covered = {}
     for effect in found.effects:
-        if effect.id == "surface_change":
-            hidden = case.effects.get("surface_change")
-            if hidden:
-                _seen_from(hidden, effect.parameters["angle"].value, true["surface_change"])
-        for name, value in true.get(effect.id, {}).items():
+        constants = true.get(effect.id, {})
+        if constants and effect.id == "surface_change":
+            constants = _seen_from(case.effects[effect.id], effect.parameters["angle"].value, constants)
+        for name, value in constants.items():
             estimate = effect.parameters.get(name)
             if estimate is not None and estimate.status == "identified":
                 low, high = estimate.ci95

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..logs import LogSet
 from ..robots.robot import Robot
 from .levenberg_marquardt import Optimum, minimise_compiled
-from .problem import CLOCK_OFFSET, Problem, Structure, Triangle, parameters_at
+from .problem import CLOCK_OFFSET, Problem, Structure, Triangle, Unknowns, parameters_at
 from .result import Estimate, Fit, Outlier
 from .uncertainty import Spread, combinations, estimates, spread
 
@@ -89,12 +89,14 @@ def own_errors(triangle: Triangle, covariance_z: NDArray[np.float64]) -> NDArray
     return errors
 
 
-def _initial_states(robot, logs, structure, problem, optimum) -> dict[str, dict[str, float]]:
+def initial_states_at(
+    robot: Robot, logs: LogSet, structure: Structure, problem: Problem, unknowns: Unknowns
+) -> dict[str, dict[str, float]]:
     """Every log's initial state by name, estimated where it was free."""
     values = {name: np.array(problem.start[name]) for name in robot.states}
     for i, name in enumerate(structure.state_names):
         if name in values:
-            values[name] = values[name] + np.asarray(problem.state_scale[i] * optimum.unknowns.states[:, i])
+            values[name] = values[name] + np.asarray(problem.state_scale[i] * unknowns.states[:, i])
     return {log.name: {name: float(values[name][e]) for name in robot.states} for e, log in enumerate(logs)}
 
 
@@ -175,7 +177,7 @@ def fit_at(
         converged=bool(optimum.converged),
         reason=_reason(optimum, max_steps),
         iterations=iterations,
-        initial_states=_initial_states(robot, logs, structure, problem, optimum),
+        initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         notes=tuple(f"{name} {what}." for name, what in status.items() if what != "fitted"),
         log_status=status,
         clock_offsets=_clock_offsets(logs, structure, problem, optimum, inner, covariance_z),

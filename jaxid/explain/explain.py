@@ -7,7 +7,6 @@ from ..logs import LogSet
 from ..robots.effect import Effect
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
 from .fit_told import predicted
-from .heldout import held_out
 from .localise import localise
 from .next_experiment import NextExperiment, propose
 from .refit import in_full
@@ -103,12 +102,10 @@ def explain(
     """
     report("looking for a gap on the held-out logs")
     found = search(fit, logs, check, effects=effects, most=most, report=report)
-    final, after, freely = fit, found.before, None
+    final, after = fit, found.before
     if found.steps and found.final:
-        noise = found.before.noise
-        final = in_full(found.final, logs, noise)
-        after = predicted(final.robot, check, noise)
-        freely = held_out(final.robot, check, noise) if after.told_angles else None
+        final = in_full(found.final, logs, after.noise)
+        after = predicted(final.robot, check, after.noise)
     named = _named(found, final)
     verdict = _verdict(found, named, most)
     localisation = None
@@ -122,7 +119,6 @@ def explain(
         final=final,
         before=found.before,
         after=after,
-        simulated_freely=freely,
         search=found,
         check=check,
         localisation=localisation,

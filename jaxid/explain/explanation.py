@@ -103,8 +103,8 @@ class Explanation:
 
     `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
     is; `next_experiment` what to record to settle what this data leaves open. `check` are the held-out logs. Where `after`
-    is that of a model told its wheels' angles (`told_angles.py`), `simulated_freely` is the state without. In a notebook it
-    shows itself.
+    is that of a model told its wheels' angles (`told_angles.py`), `after.simulated_freely` is the state without. In a
+    notebook it shows itself.
     """
 
     verdict: Verdict
@@ -117,7 +117,6 @@ class Explanation:
     check: LogSet = field(repr=False)
     localisation: Any = None
     next_experiment: NextExperiment | None = None
-    simulated_freely: HeldOut | None = None
 
     @property
     def model(self) -> Robot:
@@ -148,9 +147,10 @@ class Explanation:
                 f"{part} fits no known effect."
             )
         closed = f"the held-out error falls from {before:.2f} to {after:.2f} times the noise"
-        if self.simulated_freely is not None:
+        freely = self.after.simulated_freely
+        if freely is not None:
             closed += (
-                f" when the model is told its wheels' angles (simulated freely {self.simulated_freely.normalised_rms:.2f}: "
+                f" when the model is told its wheels' angles (simulated freely {freely.normalised_rms:.2f}: "
                 "which notch a wheel comes to rest in hangs on less than the noise)"
             )
         if self.verdict == "ambiguous":
@@ -184,7 +184,7 @@ class Explanation:
                 "after": self.after.normalised_rms,
                 "noise_floor": 1.0,
                 "closed": _finite(self.gap_closed),
-                "after_simulated_freely": (self.simulated_freely or self.after).normalised_rms,
+                "after_simulated_freely": (self.after.simulated_freely or self.after).normalised_rms,
                 "by_channel": {
                     name: {"before": self.before.by_channel[name], "after": self.after.by_channel[name]}
                     for name in self.before.by_channel

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._float64 import in_float64
-from ..estimate.from_optimum import fit_at, on_bounds
+from ..estimate.from_optimum import fit_at, initial_states_at, on_bounds
 from ..estimate.globalise import shortened
 from ..estimate.levenberg_marquardt import Optimum, minimise_compiled
 from ..estimate.output_error import output_error, reweighted
@@ -26,7 +26,7 @@ _SMOOTHINGS = 5
 _NO_BETTER = 0.99
 """Ratio of a cost to the one before above which smoothing again brings nothing."""
 _NEAR = 1.02
-"""Ratio of a free simulation's cost to that of one told the wheels' angles up to which the first counts."""
+"""Ratio of a free simulation's chi-squared to that of one told the wheels' angles up to which the first counts."""
 _SHORTEST, _LONGER, _LEAST_LONGER = 1.5, 1.35, 1.02
 """First horizon [s], by how much it grows, and by how much at least before growing is given up."""
 _LOST, _HOPELESS = 1.5, 5.0
@@ -81,28 +81,49 @@ def by_name(structure: Structure, problem: Problem, unknowns: Unknowns) -> dict[
     return dict(zip(structure.names, np.asarray(parameters_at(problem, unknowns.z)).tolist(), strict=True))
 
 
-def states_by_log(robot: Robot, logs: LogSet, structure: Structure, problem: Problem, unknowns: Unknowns):
-    """Every log's initial state by name."""
-    states = {name: np.array(problem.start[name]) for name in robot.states}
-    for i, name in enumerate(structure.state_names):
-        states[name] = states[name] + np.asarray(problem.state_scale[i] * unknowns.states[:, i])
-    return {log.name: {n: float(v[e]) for n, v in states.items()} for e, log in enumerate(logs)}
+def chi_squared(problem: Problem, optimum: Optimum, free: Problem) -> float:
+    """Chi-squared at an optimum, counted as if all samples of `free` had been: told an angle, what measures it is left out."""
+    squares = float(jnp.sum(optimum.triangle.squares))
+    return squares * float(jnp.sum(free.mask)) / float(jnp.sum(problem.mask))
 
 
 def with_better_angles(
-    robot: Robot, logs: LogSet, noise: Mapping[str, float], structure: Structure, problem: Problem, unknowns: Unknowns
-) -> tuple[Angles, Optimum]:
-    """Angles smoothed through the model and the model refitted to them, turn by turn; both at the end."""
+    robot: Robot, logs: LogSet, noise: Mapping[str, float], structure: Structure, free: Problem, unknowns: Unknowns
+) -> tuple[Problem, Optimum]:
+    """Angles smoothed through the model and the model refitted to them, turn by turn: the problem told them, its optimum."""
     before = np.inf
     for _ in range(_SMOOTHINGS):
-        model = robot.with_values(**by_name(structure, problem, unknowns))
-        angles = told_angles(model, logs, noise, states_by_log(robot, logs, structure, problem, unknowns))
-        optimum = minimise_compiled(structure, told(problem, logs, angles), unknowns, max_steps=TOLD_STEPS)
+        model = robot.with_values(**by_name(structure, free, unknowns))
+        angles = told_angles(model, logs, noise, initial_states_at(robot, logs, structure, free, unknowns))
+        problem = told(free, logs, angles)
+        optimum = minimise_compiled(structure, problem, unknowns, max_steps=TOLD_STEPS)
         cost, unknowns = float(optimum.cost), optimum.unknowns
         if not cost < _NO_BETTER * before:
             break
         before = cost
-    return angles, optimum
+    return problem, optimum
+
+
+def followed_up(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    structure: Structure,
+    free: Problem,
+    unknowns: Unknowns,
+    max_steps: int,
+    *,
+    horizons: bool = True,
+) -> tuple[Problem, Optimum]:
+    """From `unknowns` of a model told its angles to a free simulation: the problem `free` and its optimum; where that cannot
+    be had, with short `horizons` neither, the problem told better angles and its optimum."""
+    problem, best = with_better_angles(robot, logs, noise, structure, free, unknowns)
+    enough = _NEAR * chi_squared(problem, best, free)
+    freely = minimise_compiled(structure, free, best.unknowns, max_steps=max_steps)
+    if horizons and not chi_squared(free, freely, free) < enough:
+        later = over_longer_and_longer(structure, free, best.unknowns)
+        freely = minimise_compiled(structure, free, later, max_steps=max_steps)
+    return (free, freely) if chi_squared(free, freely, free) < enough else (problem, best)
 
 
 def predicted(robot: Robot, check: LogSet, noise: Mapping[str, float]) -> HeldOut:
@@ -112,12 +133,7 @@ def predicted(robot: Robot, check: LogSet, noise: Mapping[str, float]) -> HeldOu
     if free.adequate or not robot.needs("wheel_angles"):
         return free
     told = held_out(robot, check, noise, told_angles(robot, check, noise, {}))
-    return told if free.squares > _NEAR * told.squares else free
-
-
-def near(free: Optimum, told: Optimum) -> bool:
-    """Whether a free simulation comes near the one told the angles, so that it counts."""
-    return float(free.cost) < _NEAR * float(told.cost)
+    return replace(told, simulated_freely=free) if free.squares > _NEAR * told.squares else free
 
 
 @in_float64
@@ -136,10 +152,10 @@ def fitted_told(
     """
     structure, free, unknowns = build(robot, logs, start=start)
     unknowns = unknowns._replace(states=states_from(initial_states, logs, structure, free))
-    angles, best = with_better_angles(robot, logs, noise, structure, free, unknowns)
-    if near(minimise_compiled(structure, free, best.unknowns, max_steps=max_steps), best):
+    problem, best = followed_up(robot, logs, noise, structure, free, unknowns, max_steps, horizons=False)
+    if problem is free:
         return output_error(robot, logs, start=by_name(structure, free, best.unknowns), max_steps=max_steps)
-    problem, optimum, iterations = reweighted(structure, told(free, logs, angles), best, max_steps)
+    problem, optimum, iterations = reweighted(structure, problem, best, max_steps)
     bounded = on_bounds(structure, problem, optimum, max_steps)
     fit = fit_at(robot, logs, structure, problem, optimum, bounded, iterations=iterations, max_steps=max_steps)
     return replace(fit, notes=(*fit.notes, TOLD))

@@ -29,7 +29,7 @@ class HeldOut:
 
     `normalised_rms` is 1 at the noise floor; `residuals` per log [T, channels] in units of the noise (NaN where nothing
     was measured); `p_white` the probability of autocorrelations and offsets this large if only noise were left.
-    `told_angles` says whether the model was told its wheels' angles (see `told_angles.py`).
+    Of a model that was told its wheels' angles (see `told_angles.py`), `simulated_freely` is the state without.
     """
 
     normalised_rms: float
@@ -37,7 +37,7 @@ class HeldOut:
     residuals: tuple[NDArray[np.float64], ...]
     noise: dict[str, float]
     p_white: float
-    told_angles: bool = False
+    simulated_freely: "HeldOut | None" = None
 
     @property
     def squares(self) -> float:
@@ -105,5 +105,4 @@ def held_out(
         residuals=tuple(residuals),
         noise={c: noise[c] for c in channels},
         p_white=whiteness(residuals),
-        told_angles=bool(angles),
     )

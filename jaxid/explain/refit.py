@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._float64 import in_float64
+from ..estimate.from_optimum import initial_states_at
 from ..estimate.levenberg_marquardt import Optimum, compile_ahead, minimise_compiled
 from ..estimate.output_error import output_error
 from ..estimate.problem import Unknowns
@@ -15,18 +16,7 @@ from ..estimate.setup import build
 from ..logs import LogSet
 from ..robots.robot import Robot
 from ..simulate.driven import driven_angles
-from .fit_told import (
-    TOLD_STEPS,
-    by_name,
-    fitted_told,
-    near,
-    over_longer_and_longer,
-    predicted,
-    states_by_log,
-    states_from,
-    told,
-    with_better_angles,
-)
+from .fit_told import TOLD_STEPS, by_name, chi_squared, fitted_told, followed_up, predicted, states_from, told
 from .heldout import HeldOut
 from .told_angles import Angles
 
@@ -73,21 +63,6 @@ def compile_refits(robots: Sequence[Robot], logs: LogSet, angles: Angles | None 
     compile_ahead(tasks)
 
 
-def _followed_up(robot, logs, noise, structure, free, optimum, max_steps, promising) -> tuple[Optimum, Angles]:
-    """From an optimum told rough angles to a free simulation; or, where that cannot be had, to one told better angles.
-
-    The angles are empty for a free simulation. One that is not `promising` is simulated freely from where it is.
-    """
-    if not promising:
-        return minimise_compiled(structure, free, optimum.unknowns, max_steps=max_steps), {}
-    angles, best = with_better_angles(robot, logs, noise, structure, free, optimum.unknowns)
-    freely = minimise_compiled(structure, free, best.unknowns, max_steps=max_steps)
-    if not near(freely, best):
-        later = over_longer_and_longer(structure, free, best.unknowns)
-        freely = minimise_compiled(structure, free, later, max_steps=max_steps)
-    return (freely, {}) if near(freely, best) else (best, angles)
-
-
 @in_float64
 def refit(
     robot: Robot,
@@ -127,22 +102,20 @@ def refit(
             if np.isfinite(tried[-1].cost) and not bool(tried[-1].diverged):
                 break
     optimum = min(tried, key=lambda optimum: float(jnp.nan_to_num(optimum.cost, nan=jnp.inf)))
-    unknowns = optimum.unknowns
-    if repeats and angles:
-        optimum, angles = _followed_up(
-            robot, logs, noise, structure, free, optimum, max_steps, 2 * optimum.cost < rival
-        )
+    if repeats and angles and chi_squared(problem, optimum, free) < rival:
+        problem, optimum = followed_up(robot, logs, noise, structure, free, optimum.unknowns, max_steps)
     elif len(starts) > 1:
-        optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
+        problem = free if repeats else problem
+        optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
     found = robot.with_values(**by_name(structure, problem, optimum.unknowns))
     return Trial(
         id=robot.effects[-1].id if robot.effects else "",
         robot=found,
-        squares=float(jnp.sum(optimum.triangle.squares)),
+        squares=chi_squared(problem, optimum, free),
         free=len(structure.names),
         check=predicted(found, check, noise),
-        initial_states=states_by_log(robot, logs, structure, problem, optimum.unknowns),
-        angles=angles or None,
+        initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
+        angles=problem.driven or None,
     )
 
 

@@ -193,7 +193,7 @@ def _refitted(robot: Robot, like: Trial, extra: dict[str, float], logs, check, n
     """`robot` refitted from the numbers of the trial `like`, and from `extra` where that has none."""
     known = like.robot.parameters
     start = {name: known[name].value for name in robot.parameters.free_names if name in known}
-    angles = like.angles if any(effect.repeats for effect in robot.effects) else None
+    angles = like.angles if robot.needs("wheel_angles") else None
     return refit(robot, [{**start, **extra}], logs, check, noise, like.initial_states, angles=angles)
 
 

@@ -56,12 +56,12 @@ def test_a_free_simulation_that_loses_its_way_is_told_the_angles(runs):
     logs, _ = runs
     off = RIPPLED.with_values(**{"cogging_torque.periods": 2 * np.pi * PERIODS * 1.005})
     free, state = held_out(off, logs, NOISE), predicted(off, logs, NOISE)
-    assert free.normalised_rms > 3 and not free.told_angles
-    assert state.normalised_rms < 1.5 and state.told_angles
+    assert free.normalised_rms > 3 and free.simulated_freely is None
+    assert state.normalised_rms < 1.5 and state.simulated_freely.normalised_rms == free.normalised_rms
 
 
 def test_what_needs_no_angles_is_simulated_freely(runs):
-    assert not predicted(BARE, runs[0], NOISE).told_angles
+    assert predicted(BARE, runs[0], NOISE).simulated_freely is None
 
 
 def test_a_fit_that_is_told_the_angles_finds_the_ripple(runs):
@@ -85,9 +85,8 @@ def test_a_strong_ripple_is_named_whether_or_not_it_can_be_followed_freely(tmp_p
     found = explain(output_error(robot, logs), logs, check)
     assert found.verdict == "named" and [effect.id for effect in found.effects] == ["cogging_torque"]
     assert found.after.normalised_rms < 1.3
-    told = found.after.told_angles
-    assert (found.simulated_freely is not None) == told == ("told its wheels' angles" in found.sentence)
-    freely = (found.simulated_freely or found.after).normalised_rms
+    assert (found.after.simulated_freely is not None) == ("told its wheels' angles" in found.sentence)
+    freely = (found.after.simulated_freely or found.after).normalised_rms
     gap = found.to_dict()["gap"]
     assert gap["after_simulated_freely"] == freely >= gap["after"]
     periods = found.effects[0].parameters["periods"].value / (2 * np.pi)
