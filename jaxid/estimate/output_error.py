@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._compile import seldom_collected
 from .._float64 import in_float64
 from ..logs import LogError, LogSet
 from ..parameters import ParameterError
@@ -132,6 +133,7 @@ def _first_minimum(structure: Structure, problem: Problem, unknowns: Unknowns, m
 
 
 @in_float64
+@seldom_collected()
 def output_error(
     robot: Robot,
     logs: LogSet,

@@ -208,7 +208,7 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
 def _traced_once(structure: Structure, problem: Problem, unknowns: Unknowns):
     """`linearise` as `(unknowns, problem) -> Triangle`, traced here and not at each of the optimiser's several looks."""
     closed, shapes = jax.make_jaxpr(linearise, static_argnums=0, return_shape=True)(structure, problem, unknowns)
-    run, tree = jaxpr_as_fun(closed), jax.tree.structure(shapes)
+    run, tree = jax.jit(jaxpr_as_fun(closed)), jax.tree.structure(shapes)
     return lambda u, p: jax.tree.unflatten(tree, run(*jax.tree.leaves((p, u))))
 
 

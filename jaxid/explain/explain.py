@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
+from .._compile import seldom_collected
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.effect import Effect
@@ -83,6 +84,7 @@ def _stages(found: Search) -> dict[str, float]:
     return shares
 
 
+@seldom_collected()
 def explain(
     fit: Fit,
     logs: LogSet,

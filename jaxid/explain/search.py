@@ -20,6 +20,9 @@ _ALWAYS = 3
 _PROMISING = 0.2
 """Share of the first candidate's promise below which others are refitted only if they are among the first three."""
 _MOST_ALIKE = 4
+_FIRST_TRIALS = 2
+_RIVAL = 0.5
+"""Share of the promise of a candidate that leaves only noise below which others are not refitted any more."""
 MOST_EFFECTS = 3
 LEAST_GAIN = 0.05
 """Share of the held-out gap below which an effect explains nothing."""
@@ -134,6 +137,12 @@ def _all_added(
     return trials
 
 
+def _best(candidates: Sequence[Candidate], trials: Sequence[Trial]) -> tuple[Candidate, Trial]:
+    """The candidate that did best, and its trial."""
+    best = min(trials, key=lambda trial: trial.score)
+    return next(candidate for candidate in candidates if candidate.effect.id == best.id), best
+
+
 def _least(before: Trial, first: Trial) -> float:
     """The least drop of the held-out RMS that explains something."""
     return max(LEAST_GAIN * before.check.gap, _LEAST_OF_FIRST * first.check.gap)
@@ -163,9 +172,12 @@ def name_next(
     if not likely:
         return screened
     shortlist = _different(likely)
-    trials = _all_added(base, shortlist, logs, check, noise)
-    best = min(trials, key=lambda trial: trial.score).id
-    leader = next(candidate for candidate in shortlist if candidate.effect.id == best)
+    trials = _all_added(base, shortlist[:_FIRST_TRIALS], logs, check, noise)
+    leader, best = _best(shortlist, trials)
+    least = _RIVAL * leader.gain if best.check.adequate else 0.0
+    shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
+    trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, check, noise)
+    leader, _ = _best(shortlist, trials)
     alike = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
     trials += _all_added(base, alike, logs, check, noise)
     best = min(trials, key=lambda t: t.score)

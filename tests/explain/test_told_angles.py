@@ -7,7 +7,7 @@ pytest.importorskip("numba")
 from benchmarks.hidden.cases import make  # noqa: E402
 from jaxid import Axis, Log, LogSet, explain, output_error, read_logs  # noqa: E402
 from jaxid.effects import effect_by_id  # noqa: E402
-from jaxid.explain.fit_told import fitted_told, predicted  # noqa: E402
+from jaxid.explain.fit_told import TOLD, fitted_told, predicted  # noqa: E402
 from jaxid.explain.heldout import held_out  # noqa: E402
 from jaxid.explain.told_angles import told_angles  # noqa: E402
 from jaxid.model_file import read_model  # noqa: E402
@@ -23,11 +23,10 @@ RIPPLED = (BARE + effect_by_id(BARE, "cogging_torque")).with_values(
 )
 
 
-@pytest.fixture(scope="module")
-def runs():
+def driven(amplitude: float):
     """Logs of two experiments and the true angles [m] in them."""
     robot = AXIS.with_parameters(J=20.0, k=10.0, Cv=30.0, Cs=8.0)
-    hidden = {"cogging_torque": {"amplitude": AMPLITUDE, "periods": PERIODS}}
+    hidden = {"cogging_torque": {"amplitude": amplitude, "periods": PERIODS}}
     logs, angles = [], []
     for number, kind in enumerate(("prbs_reversing", "crawl")):
         inputs = excitation.experiment("axis", kind, 1001, 70 + number)
@@ -36,6 +35,12 @@ def runs():
         logs.append(Log.from_arrays(kind, run.t, inputs, v, BARE.channels))
         angles.append(run.states[:, 0])
     return LogSet(logs), angles
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """A ripple stronger than the friction: it decides where the axis comes to rest."""
+    return driven(AMPLITUDE)
 
 
 def error(found, angles) -> float:
@@ -75,6 +80,21 @@ def test_a_fit_that_is_told_the_angles_finds_the_ripple(runs):
     assert fit["Fv"].value == pytest.approx(30.0, rel=0.1 / 3)
     assert amplitude == pytest.approx(AMPLITUDE, rel=0.2 / 3)
     assert fit.noise["v"] == pytest.approx(NOISE["v"], rel=0.15)
+
+
+def test_a_ripple_that_can_be_followed_freely_is_so_where_the_angle_is_measured_too():
+    """Told its angle, a log's position no longer counts; the free simulation, in which it does, must not lose by that."""
+    logs, angles = driven(3.0)
+    rng = np.random.default_rng(9)
+    measured = []
+    for log, q in zip(logs, angles, strict=True):
+        outputs = {"v": log.output("v"), "q": q + 2e-3 * rng.standard_normal(q.size)}
+        measured.append(Log.from_arrays(log.name, log.time, log.inputs, outputs, BARE.channels))
+    start = {name: RIPPLED.parameters[name].value for name in RIPPLED.parameters.free_names}
+    fit = fitted_told(RIPPLED, LogSet(measured), NOISE | {"q": 2e-3}, start | {"cogging_torque.sine_q": 3.3}, {})
+    assert TOLD not in fit.notes
+    assert fit.noise["q"] == pytest.approx(2e-3, rel=0.15)
+    assert fit["cogging_torque.sine_q"].value == pytest.approx(3.0, rel=0.02)
 
 
 def test_a_strong_ripple_is_named_whether_or_not_it_can_be_followed_freely(tmp_path):
