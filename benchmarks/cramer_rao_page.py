@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from scipy import stats
+
 _HEAD = """# Are the uncertainties true? Least squares or output error?
 
 Written by `python -m benchmarks.cramer_rao` (`--only NAME --fits N` runs some of the rows, with more or fewer fits). Every
@@ -16,7 +18,15 @@ parameter to ±{ratio:.0f} %; rows with more fits know it better.
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
+_LOW, _HIGH = 0.94, 0.96
+_CHANCE = 0.025
+"""Probability of a share as far out as found at which chance is no longer blamed."""
+
 _TAIL = """
+**All intervals of output error together** (white noise): mean coverage {mean:.1f} % over {number} parameters in {settings}
+settings. {inside} lie within 94 to 96 %; {chance} outside, but no farther than chance puts them ({probability:.1f} % of
+the time, at 94 or 96 %); {beyond}.
+
 **Which one?** Output error: with white noise its variance is {oe} times the bound, and its intervals hold the truth in
 {oe_cover} % of the fits. Integral least squares needs no start values and no iterations, which makes it the start for output
 error. By itself it has {ls} times the bound's variance, at low noise too, since stretches of half a second
@@ -40,6 +50,35 @@ def _ranges(rows: list[dict], method: str) -> tuple[str, str, str]:
     return _range([f["variance_over_bound"]["mean"] for f in found]), _range(cover, 100, 1), f"{worst:.1f}"
 
 
+def _together(rows: list[dict]) -> dict[str, object]:
+    """How many of output error's intervals hold the truth as often as they say, all settings with white noise."""
+    inside, chance, beyond, all_of_them = 0, 0, [], []
+    white = [row for row in rows if "AR(1)" not in row["setting"]]
+    for row in white:
+        fits, each = row["output_error"]["fits"], row["output_error"]["coverage"]["each"]
+        for name, share, judged in zip(row["parameters"], each, row["judged"], strict=True):
+            if not judged:
+                continue
+            all_of_them.append(share)
+            held = round(share * fits)
+            low, high = stats.binom.cdf(held, fits, _LOW), stats.binom.sf(held - 1, fits, _HIGH)
+            if _LOW <= share <= _HIGH:
+                inside += 1
+            elif min(low, high) > _CHANCE:
+                chance += 1
+            else:
+                beyond.append(f'{name} in "{row["setting"]}" {100 * share:.1f} %')
+    return {
+        "mean": 100 * sum(all_of_them) / len(all_of_them),
+        "number": len(all_of_them),
+        "settings": len(white),
+        "inside": inside,
+        "chance": chance,
+        "probability": 100 * _CHANCE,
+        "beyond": f"farther out: {', '.join(beyond)}" if beyond else "none farther out",
+    }
+
+
 def _cells(figures: dict | None) -> str:
     if figures is None:
         return "| | | "
@@ -61,5 +100,5 @@ def write_page(rows: list[dict], path: Path) -> None:
         text += f"{_cells(row['output_error'])}{_cells(row.get('least_squares'))}|\n"
     oe, oe_cover, _ = _ranges(rows, "output_error")
     ls, ls_cover, ls_bias = _ranges(rows, "least_squares")
-    text += _TAIL.format(oe=oe, oe_cover=oe_cover, ls=ls, ls_cover=ls_cover, ls_bias=ls_bias)
+    text += _TAIL.format(oe=oe, oe_cover=oe_cover, ls=ls, ls_cover=ls_cover, ls_bias=ls_bias, **_together(rows))
     path.write_text(text, encoding="utf-8")

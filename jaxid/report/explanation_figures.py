@@ -17,7 +17,6 @@ from scipy import signal
 from ..explain.explanation import Explanation
 from ..explain.heldout import HeldOut
 from ..explain.next_experiment import NextExperiment
-from ..robots.robot import Robot
 from .figures import COLOURS, _tidy
 
 Array = NDArray[np.float64]
@@ -28,14 +27,11 @@ _LAGS = 50
 _WINDOW = 3.0  # s
 
 
-def states(found: Explanation) -> list[tuple[HeldOut, Robot, str, str]]:
-    """What there is to compare: held-out state, model, colour and label, before and after; one where nothing was added."""
+def states(found: Explanation) -> list[tuple[HeldOut, str, str]]:
+    """What there is to compare: held-out state, colour and label, before and after; one where nothing was added."""
     if found.effects:
-        return [
-            (found.before, found.baseline.robot, BEFORE, "before"),
-            (found.after, found.model, AFTER, "after"),
-        ]
-    return [(found.before, found.baseline.robot, AFTER if found.verdict == "adequate" else BEFORE, "model")]
+        return [(found.before, BEFORE, "before"), (found.after, AFTER, "after")]
+    return [(found.before, AFTER if found.verdict == "adequate" else BEFORE, "model")]
 
 
 def worst_log(found: Explanation) -> int:
@@ -74,7 +70,7 @@ def before_after(found: Explanation) -> Figure:
     for i, name in enumerate(channels):
         ax = grid[i, 0]
         ax.axhspan(-1.96, 1.96, color=_NOISE, lw=0, zorder=0)
-        for state, _, colour, _ in shown:
+        for state, colour, _ in shown:
             error = state.residuals[e][:, i]
             ax.plot(time[e], error, color=colour, lw=0.5, alpha=0.4)
             ax.plot(time[e], _mean_over(error, time[e]), color=colour, lw=1.6, zorder=3)
@@ -107,7 +103,7 @@ def _enlarged(
     for ax, name in zip(axes, channels, strict=True):
         column = log.channels.measured.index(name)
         ax.plot(log.time[shown], log.output(name)[shown], ".", ms=3, color=_MEASURED)
-        for state, _, colour, _ in states(found):
+        for state, colour, _ in states(found):
             error = state.noise[name] * state.residuals[e][:, list(state.by_channel).index(name)]
             there = shown & np.isfinite(error)
             ax.plot(log.time[there], (log.outputs[:, column] + error)[there], color=colour, lw=1.8)
@@ -146,7 +142,7 @@ def whiteness(found: Explanation) -> Figure:
     grid = figure.subplots(len(channels), 2, squeeze=False, sharex="col")
     for i, name in enumerate(channels):
         auto, power = grid[i]
-        for state, _, colour, _ in shown:
+        for state, colour, _ in shown:
             parts = [r[:, i] for r in state.residuals if np.isfinite(r[:, i]).any()]
             if not parts:
                 continue

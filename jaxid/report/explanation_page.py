@@ -60,7 +60,7 @@ def _render(found: Explanation, pictures: dict[str, Figure], whole: bool) -> str
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string(files("jaxid.report").joinpath(_TEMPLATE).read_text(encoding="utf-8"))
     bars = [("error " + label if found.effects else "error", state.normalised_rms, colour)
-            for state, _, colour, label in draw.states(found)]  # fmt: skip
+            for state, colour, label in draw.states(found)]  # fmt: skip
     bars.append(("noise floor", 1.0, "#8c8c8c"))
     top = max(value for _, value, _ in bars)
     return template.render(
