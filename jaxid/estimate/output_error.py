@@ -12,6 +12,7 @@ from typing import Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from .._compile import seldom_collected
 from .._float64 import in_float64
@@ -58,6 +59,16 @@ def _poor(problem: Problem, optimum: Optimum) -> bool:
     return not float(np.sum(squares)) < _POOR**2 * count
 
 
+def _one_astray(problem: Problem, optimum: Optimum) -> bool:
+    """Whether a log's residual is far above the noise and above that of the others.
+
+    A caster that flips to the wrong side in one reversal holds all parameters where it does so.
+    """
+    counted = np.maximum(np.asarray(jnp.sum(problem.mask, axis=1)), 1)
+    worst = np.max(np.sqrt(np.asarray(optimum.triangle.squares) / counted), axis=1)
+    return bool(np.max(worst) > _POOR * max(float(np.median(worst)), 1.0))
+
+
 def _linear_start(robot: Robot, logs: LogSet, structure: Structure, problem: Problem):
     """Coordinates [n] of the integral least-squares estimate, or None where the robot or its logs have none."""
     try:
@@ -67,19 +78,29 @@ def _linear_start(robot: Robot, logs: LogSet, structure: Structure, problem: Pro
     return problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))
 
 
-def _rescued(robot, logs, structure, problem, unknowns, optimum, max_steps, report) -> Optimum:
-    """The better of a poor minimum and the one reached from integral least squares, for robots that have it.
+def _another_start(
+    robot: Robot, logs: LogSet, structure: Structure, problem: Problem, start: Start, optimum: Optimum
+) -> Float[Array, " n"] | None:
+    """Coordinates to try as well, from where `start` has led: the linear estimate's, or, after a fit, the model's own."""
+    astray = _one_astray(problem, optimum)
+    if not isinstance(start, Fit):
+        return _linear_start(robot, logs, structure, problem) if astray or _poor(problem, optimum) else None
+    values = start_values(robot, None)
+    return problem.bounds.coordinates(jnp.array([values[name] for name in structure.names])) if astray else None
+
+
+def _rescued(
+    structure: Structure, problem: Problem, optimum: Optimum, other: Unknowns, max_steps: int, report: Report
+) -> Optimum:
+    """The better of a poor minimum and the one reached from `other`.
 
     From a start with too much dry friction the simulated robot never moves, and nothing tells the optimiser why.
     """
-    z = _linear_start(robot, logs, structure, problem)
-    if z is None:
+    found = minimise_compiled(structure, problem, other, max_steps=max_steps)
+    if not found.cost < optimum.cost - _WORTH_A_RESCUE:
         return optimum
-    other = minimise_compiled(structure, problem, unknowns._replace(z=z), max_steps=max_steps)
-    if not other.cost < optimum.cost - _WORTH_A_RESCUE:
-        return optimum
-    report("the start led to a poor minimum; went on from the integral least-squares estimate")
-    return other
+    report("the start led to a poor minimum; went on from another one")
+    return found
 
 
 def reweighted(
@@ -193,8 +214,10 @@ def output_error(
     else:
         optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps)
         report("first minimum found")
-        if not isinstance(start, Fit) and not left_out and _poor(problem, optimum):
-            optimum = _rescued(robot, logs, structure, problem, unknowns, optimum, max_steps, report)
+        if not left_out:
+            z = _another_start(robot, logs, structure, problem, start, optimum)
+            if z is not None:
+                optimum = _rescued(structure, problem, optimum, unknowns._replace(z=z), max_steps, report)
     diverged = len(_diverging(optimum)) > len(left_out)
     if diverged and not isinstance(start, Fit):
         raise ParameterError(

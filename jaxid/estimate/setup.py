@@ -83,7 +83,7 @@ def build(
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
     batch = logs.batch()
     measured = batch.channels.measured
-    begin = initial_states(robot, logs)
+    begin = initial_states(robot.with_values(**start), logs)
     estimated = robot.estimated_states
     if initial == "known":
         free_logs = np.zeros(len(logs), dtype=bool)

@@ -47,7 +47,7 @@ def states_from(fit_states: Mapping[str, Mapping[str, float]], logs: LogSet, str
             known = fit_states.get(log.name, {}).get(name)
             if known is not None:
                 own[e, i] = (known - float(problem.start[name][e])) / float(problem.state_scale[i])
-    return jnp.asarray(own)
+    return jnp.where(problem.state_free, jnp.asarray(own), 0.0)
 
 
 def told(problem: Problem, logs: LogSet, angles: Angles) -> Problem:

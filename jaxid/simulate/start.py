@@ -2,16 +2,19 @@
 
 Pose columns (x, y, theta, beta) in a log give those states. A log whose first sample already moves (by more than a tenth
 of its largest speed), or shows another position than the origin, starts from what it measured, and that, with the states
-nobody measures, is then uncertain.
+nobody measures, is then uncertain. Where the model knows of a sensor's bias or scale, it is taken off before.
 """
 
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._float64 import in_float64
 from ..logs import LogSet
 from ..logs.noise import noise_level
+from ..robots.effect import Effect
 from ..robots.robot import Robot
 
 _AT_REST = 5.0  # standard deviations of the first measurement
@@ -27,6 +30,29 @@ class Start:
     uncertain: NDArray[np.bool_]
 
 
+@in_float64
+def _sensed(robot: Robot, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What the model's sensors make of a steady motion, by measured channel: offset and gain."""
+    numbers = robot.parameters.numbers
+    present = [
+        effect
+        for effect in robot.effects
+        if type(effect).measure is not Effect.measure and any(numbers[name] for name in effect.parameters(robot))
+    ]
+    if not present:
+        return np.zeros(channels), np.ones(channels)
+
+    def sensed(value: float) -> NDArray[np.float64]:
+        time, outputs = jnp.arange(8.0), jnp.full((8, channels), value)
+        for effect in present:
+            outputs = effect.measure(outputs, time, numbers)
+        return np.asarray(outputs[-1])
+
+    offset = sensed(0.0)
+    gain = sensed(1.0) - offset
+    return np.nan_to_num(offset), np.where(np.isfinite(gain) & (gain != 0), gain, 1.0)
+
+
 def initial_states(robot: Robot, logs: LogSet) -> Start:
     """The initial states that the logs' own columns and first samples suggest."""
     noise = noise_level(logs)
@@ -34,6 +60,7 @@ def initial_states(robot: Robot, logs: LogSet) -> Start:
     states = {name: np.full(len(logs), default[name]) for name in robot.states}
     uncertain = np.zeros(len(logs), dtype=bool)
     measured = logs[0].channels.measured
+    offset, gain = _sensed(robot, len(measured))
     for e, log in enumerate(logs):
         for column in set(log.extra.columns) & set(robot.states) & {"x", "y", "theta", "beta"}:
             value = float(log.extra[column].iloc[0])
@@ -42,7 +69,7 @@ def initial_states(robot: Robot, logs: LogSet) -> Start:
         for index, channel in enumerate(measured):
             if channel not in states:
                 continue
-            value = float(log.outputs[0, index])
+            value = float((log.outputs[0, index] - offset[index]) / gain[index])
             if not np.isfinite(value):
                 continue
             level = noise[channel] if np.isfinite(noise[channel]) else 0.0

