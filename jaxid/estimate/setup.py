@@ -19,7 +19,7 @@ from .result import Fit
 
 InitialStates = Literal["auto", "known", "estimate"]
 _STATE_SCALE = 0.1
-_UNMEASURED_SPREAD = 0.5
+UNMEASURED_SPREAD = 0.5
 """Prior standard deviation (SI units) of an uncertain initial state that no sensor shows, such as the caster's angle."""
 _CLOCK_SPREAD = 0.5
 """Prior standard deviation [s] of the offset between two clocks."""
@@ -94,7 +94,7 @@ def build(
     state_names = estimated if free_logs.any() else ()
     state_free = np.repeat(free_logs[:, None], len(state_names), axis=1)
     shown = {c for i, c in enumerate(measured) if bool(np.any(np.asarray(batch.mask)[..., i]))}
-    precision = np.array([0.0 if name in shown else _UNMEASURED_SPREAD**-2 for name in state_names])
+    precision = np.array([0.0 if name in shown else UNMEASURED_SPREAD**-2 for name in state_names])
 
     scales = [_STATE_SCALE] * len(state_names)
     interval = max(log.sampling_interval for log in logs)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ..estimate.estimated_start import estimated_start
 from ..estimate.validation import counted_channels
 from ..logs import LogSet, noise_level
 from ..robots.robot import Robot
@@ -83,7 +84,8 @@ def whiteness(residuals: tuple[NDArray[np.float64], ...] | list[NDArray[np.float
 def held_out(
     robot: Robot, logs: LogSet, noise: Mapping[str, float] | None = None, angles: Angles | None = None
 ) -> HeldOut:
-    """Simulate `logs` with `robot`, told its wheels' `angles` if given, and compare.
+    """Simulate `logs` with `robot`, told its wheels' `angles` if given, and compare. Nothing measured is fed back; only
+    where a log starts in motion, its initial state is estimated from it.
 
     `noise` defaults to what the logs' own data say.
     """
@@ -94,7 +96,8 @@ def held_out(
     columns = [logs.channels.measured.index(c) for c in channels]
     scale = np.array([noise[c] for c in channels])
     residuals = []
-    for log, simulated in zip(logs, simulate(robot, logs, driven=angles), strict=True):
+    start = estimated_start(robot, logs, noise, angles)
+    for log, simulated in zip(logs, simulate(robot, logs, start=start, driven=angles), strict=True):
         error = (simulated[:, columns] - log.outputs[:, columns]) / scale
         error = np.where(np.isfinite(simulated[:, columns]), error, _FARTHEST)
         residuals.append(np.clip(np.where(np.isfinite(log.outputs[:, columns]), error, np.nan), -_FARTHEST, _FARTHEST))

@@ -30,8 +30,10 @@ _LEAST_OF_FIRST = 0.02
 """Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
 _SEPARATED = 2.0
 """Standard errors of the log-likelihood difference beyond which two names are told apart (Vuong 1989)."""
-_SAME_FROM_REST = {"input_delay", "sensor_delay"}
-"""One model by two names for a robot that starts at rest: the same motion, later."""
+_SAME_BUT_LATER = {"input_delay", "sensor_delay"}
+"""One model by two names: the same motion, later; but for what was commanded before a log began."""
+_UNKNOWN_PAST = 10
+"""First samples of a log, which show what was commanded before it began."""
 _INTERPOLATED = 0.1
 """Difference of two predictions (RMS, times the noise) that may be due to how they interpolate between samples."""
 _IN_THE_RUNNING = 0.1
@@ -84,10 +86,10 @@ def told_apart(one: Trial, other: Trial) -> float:
     return float(values.sum()) / spread if spread > 0 else 0.0
 
 
-def differ(one: Trial, other: Trial) -> float:
-    """RMS difference of two predictions of the held-out logs, times the noise."""
+def differ(one: Trial, other: Trial, skip: int = 0) -> float:
+    """RMS difference of two predictions of the held-out logs, times the noise; the first samples of each log left out."""
     pairs = zip(one.check.residuals, other.check.residuals, strict=True)
-    return float(np.sqrt(np.nanmean(np.concatenate([(a - b).ravel() for a, b in pairs]) ** 2)))
+    return float(np.sqrt(np.nanmean(np.concatenate([(a - b)[skip:].ravel() for a, b in pairs]) ** 2)))
 
 
 def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
@@ -95,7 +97,7 @@ def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
     best = trials[0]
     found = []
     for trial in trials[1:]:
-        if {best.id, trial.id} == _SAME_FROM_REST and differ(best, trial) < _INTERPOLATED:
+        if {best.id, trial.id} == _SAME_BUT_LATER and differ(best, trial, _UNKNOWN_PAST) < _INTERPOLATED:
             found.append(trial.id)
             continue
         # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).

@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from .._float64 import in_float64
+from ..estimate.estimated_start import estimated_start
 from ..estimate.result import Estimate, Fit
 from ..estimate.validation import Validation, counted_channels, validate
 from ..logs import Log, LogError, LogSet, noise_level
@@ -71,7 +72,7 @@ def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[
     robot = next(iter(fits.values())).robot
     for log, moving in zip(check, initial_states(robot, check).uncertain, strict=True):
         if moving:
-            notes.append(f"{log.name} starts in motion: simulations start from its first, noisy, measurement.")
+            notes.append(f"{log.name} starts in motion: every model starts from the initial state that suits it best.")
     for log in check:
         used = [other.name for other in fit or () if _same_data(log, other)]
         if used:
@@ -343,8 +344,9 @@ def compare(
     **Arguments:**
 
     - `fits`: what the estimators returned, of one robot or of variants with the same channels.
-    - `check`: the held-out logs. Every model simulates them from known initial states (at rest, or as the log says),
-      with nothing measured fed back; the noise that residuals are measured in comes from these logs alone.
+    - `check`: the held-out logs. Every model simulates them from known initial states (at rest, or as the log says; those
+      of a log that starts in motion are estimated), with nothing measured fed back; the noise that residuals are
+      measured in comes from these logs alone.
     - `fit`: the logs that were fitted, to show both sides.
     - `truth`: true values by symbol, where they are known; else published values stand beside the estimates.
 
@@ -362,7 +364,10 @@ def compare(
                     f"{list(found.robot.channels)}; compare with logs of that robot."
                 )
     noise = _noise(check)
-    validations = {label: validate(check, simulate(f.robot, check), noise) for label, f in named.items()}
+    validations = {}
+    for label, f in named.items():
+        start = estimated_start(f.robot, check, noise)
+        validations[label] = validate(check, simulate(f.robot, check, start=start), noise)
     fitted = {}
     if fit is not None:
         level = _noise(fit)
