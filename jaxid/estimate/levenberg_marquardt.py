@@ -210,7 +210,7 @@ def minimise(
 
 _jitted = compiled(minimise, static_argnames=("structure",))
 _programs: dict[Any, Any] = {}
-_MOST_PROGRAMS = 64
+_MOST_PROGRAMS = 32
 """Then all are forgotten, the traces they were made from too."""
 
 

@@ -141,7 +141,8 @@ class Explanation:
                 f"structure left (p = {self.before.p_white:.2g})."
             )
         if self.verdict == "unexplained":
-            part = f"{names} explains part of it (to {after:.2f}), the rest" if names else "it"
+            explain = "explain" if len(self.effects) > 1 else "explains"
+            part = f"{names} {explain} part of it (to {after:.2f}), the rest" if names else "it"
             return (
                 f"Something is missing that has no name here: the held-out error is {before:.2f} times the noise; "
                 f"{part} fits no known effect."
