@@ -126,8 +126,8 @@ def _start(log: Log, names: list[str]) -> Iterator[Finding]:
         peak = np.nanmax(np.abs(values))
         if np.min(np.abs(values[there])) > max(0.1 * peak, 6 * noise(values)):
             text = (
-                f"the log starts in motion ({values[there[0]]:.3g} of at most {peak:.3g}), where a run is taken to "
-                "start at rest; estimate the initial state or cut the log to a standstill"
+                f"the log starts in motion ({values[there[0]]:.3g} of at most {peak:.3g}): its initial state is estimated as "
+                "well; cut it to a standstill if it has one, or look for a sensor's offset if the robot stood still"
             )
             yield finding(log, name, int(there[0]), "warning", "moving_start", text)
 
