@@ -313,6 +313,14 @@ By robot and strength:
 | case (robot/kind/hidden/strength/seed) | said | held-out RMS | first look |
 | --- | --- | --- | --- |
 {chr(10).join(failures(everything)) or "| none | | | |"}
+
+Why, as far as it is known. A torque ripple has a valley for every period that it might have, and its wheel's angle is known the
+worse the more of the rest is missing: four of these cases are ripples, alone or beside a lag, a dead zone or another friction,
+whose refits ended in a wrong valley or were not worth their parameters. Two effects that cancel over the speeds driven
+(sublinear and quadratic) leave noise with one name. Delays of input and sensor are one model, so that a pair of them cannot be
+told from either. Friction that nearly doubles beyond a line is named, but what its edge leaves is taken for two effects more,
+and three names are too many to be believed. The weak asymmetry is named, and keeps 12 % more error than noise for a reason
+not found.
 {beside_sindy()}"""
     PAGE.write_text(text, encoding="utf-8")
     print(f"wrote {PAGE.relative_to(ROOT)} and {RESULTS.relative_to(ROOT)}")
