@@ -19,12 +19,12 @@ parameter to ±{ratio:.0f} %; rows with more fits know it better.
 """
 
 _LOW, _HIGH = 0.94, 0.96
-_CHANCE = 0.025
+_CHANCE = 0.05
 """Probability of a share as far out as found at which chance is no longer blamed."""
 
 _TAIL = """
 **All intervals of output error together** (white noise): mean coverage {mean:.1f} % over {number} parameters in {settings}
-settings. {inside} lie within 94 to 96 %; {chance} outside, but no farther than chance puts them ({probability:.1f} % of
+settings. {inside} lie within 94 to 96 %; {chance} outside, but no farther than chance puts them ({probability:.0f} % of
 the time, at 94 or 96 %); {beyond}.
 
 **Which one?** Output error: with white noise its variance is {oe} times the bound, and its intervals hold the truth in

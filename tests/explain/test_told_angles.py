@@ -69,17 +69,29 @@ def test_what_needs_no_angles_is_simulated_freely(runs):
     assert predicted(BARE, runs[0], NOISE).simulated_freely is None
 
 
-def test_a_fit_that_is_told_the_angles_finds_the_ripple(runs):
-    """On two logs, whose angles are known to a few percent of a period: to a third of the start's error or better."""
-    logs, _ = runs
+@pytest.fixture(scope="module")
+def told_fit(runs):
+    """Fitted from a start that is 10 to 20 % off, on two logs."""
     off = {"M": 1.1, "Fv": 0.9, "cogging_torque.sine_q": 0.8, "cogging_torque.periods": 1.001}
     start = {name: off.get(name, 1.0) * RIPPLED.parameters[name].value for name in RIPPLED.parameters.free_names}
-    fit = fitted_told(RIPPLED, logs, NOISE, start, {})
-    amplitude = np.hypot(fit["cogging_torque.sine_q"].value, fit["cogging_torque.cosine_q"].value)
-    assert fit["M"].value == pytest.approx(20.0, rel=0.1 / 3)
-    assert fit["Fv"].value == pytest.approx(30.0, rel=0.1 / 3)
-    assert amplitude == pytest.approx(AMPLITUDE, rel=0.2 / 3)
-    assert fit.noise["v"] == pytest.approx(NOISE["v"], rel=0.15)
+    return fitted_told(RIPPLED, runs[0], NOISE, start, {})
+
+
+def test_a_fit_that_is_told_the_angles_finds_the_ripple(told_fit):
+    amplitude = np.hypot(told_fit["cogging_torque.sine_q"].value, told_fit["cogging_torque.cosine_q"].value)
+    assert told_fit["M"].value == pytest.approx(20.0, rel=0.02)
+    assert told_fit["Fv"].value == pytest.approx(30.0, rel=0.1 / 3)
+    assert amplitude == pytest.approx(AMPLITUDE, rel=0.05)
+    assert told_fit.noise["v"] == pytest.approx(NOISE["v"], rel=0.15)
+
+
+@pytest.mark.xfail(strict=True, reason="two logs tell the angles too roughly: sine 6.6 % low, period 0.19 % high")
+@pytest.mark.parametrize(
+    ("name", "true", "within"),
+    [("cogging_torque.sine_q", AMPLITUDE, 0.05), ("cogging_torque.periods", 2 * np.pi * PERIODS, 1e-3)],
+)
+def test_a_fit_that_is_told_the_angles_finds_the_ripples_phase_and_period(told_fit, name, true, within):
+    assert told_fit[name].value == pytest.approx(true, rel=within)
 
 
 def test_a_ripple_that_can_be_followed_freely_is_so_where_the_angle_is_measured_too():
