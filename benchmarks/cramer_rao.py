@@ -20,10 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxid
-from jaxid.estimate.fleet import Fitted, fit_lanes
-from jaxid.estimate.problem import Problem, Structure, Unknowns, linearise, simulate_all
-from jaxid.estimate.robust_covariance import robust_covariance
-from jaxid.estimate.setup import build
+from jaxid.estimate.output_error.fleet import Fitted, fit_lanes
+from jaxid.estimate.output_error.problem import Problem, Structure, Unknowns, linearise, simulate_all
+from jaxid.estimate.output_error.robust_covariance import robust_covariance
+from jaxid.estimate.output_error.setup import build
 from reference import excitation
 
 RESULTS = Path(__file__).parent / "results" / "cramer_rao.json"

@@ -21,7 +21,7 @@ from benchmarks.design_page import write_page
 from jaxid.design.design import design_experiment
 from jaxid.design.information import Laboratory, std_errors
 from jaxid.design.limits import make_limits, used
-from jaxid.simulate.excitation import binary, shifted
+from jaxid.simulation.excitation import binary, shifted
 from reference.axis import AXIS
 from reference.logs import simulate
 from reference.omni import OMNI

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from jaxid import AXIS, Axis, Log, LogSet, output_error
-from jaxid.explain import Explanation, explain
-from jaxid.explain.missing_force import missing_force
+from jaxid.explanation.explain import explain
+from jaxid.explanation.explanation import Explanation
+from jaxid.explanation.missing_force import missing_force
 from jaxid.robots.effect import Effect
 from jaxid.robots.robot import Robot
 

@@ -134,7 +134,7 @@ def _seen_from(hidden: dict[str, float], angle: float, true: dict[str, float]) -
 def run(plan: Plan) -> dict:
     """Simulate, write, read, fit, explain; what came of it."""
     import jaxid
-    from jaxid.explain import explain
+    from jaxid.explanation.explain import explain
     from jaxid.model_file import read_model
 
     from .hidden.cases import MODEL, make

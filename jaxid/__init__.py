@@ -10,34 +10,28 @@ jaxid.compare(ls, oe, check=check)
 jaxid.explain(oe, fit, check)
 """
 
+from . import checks as checks
 from ._float64 import float64
 from .design import Design, DesignError, design_experiment
 from .effects import catalogue
-from .estimate import (
-    Estimate,
-    Fit,
-    Fleet,
-    Identifiability,
-    MultiStart,
-    Outlier,
-    Posterior,
-    Profiles,
-    Repeatability,
-    fit_fleet,
-    identifiability,
-    integral_least_squares,
-    multi_start,
-    output_error,
-    posterior,
-    profile_likelihood,
-    repeatability,
-)
-from .explain import Explanation, explain
+from .estimate.confidence.identifiability import Identifiability, identifiability
+from .estimate.confidence.posterior import Posterior, posterior
+from .estimate.confidence.profile_likelihood import Profiles, profile_likelihood
+from .estimate.confidence.repeatability import Repeatability, repeatability
+from .estimate.linear.integral_least_squares import integral_least_squares
+from .estimate.output_error.fleet import Fleet, fit_fleet
+from .estimate.output_error.multi_start import MultiStart, multi_start
+from .estimate.output_error.output_error import output_error
+from .estimate.result import Estimate, Fit, Outlier
+from .explanation.explain import explain
+from .explanation.explanation import Explanation
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
 from .robots import Axis, Custom, Effect, Omni, Pioneer, Robot
-from .simulate import Integrator, Smooth, Sticking, simulate
+from .simulation.friction import Smooth, Sticking
+from .simulation.rollout import Integrator
+from .simulation.simulate import simulate
 
 __all__ = [
     "AXIS",

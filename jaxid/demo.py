@@ -13,11 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .estimate import Fit, integral_least_squares, omni_tables
-from .estimate.omni_experiments import method_1, method_2
-from .estimate.omni_hanging import method_3, read_hanging
-from .estimate.paper_table import PaperTable
+from .estimate.linear.integral_least_squares import integral_least_squares
+from .estimate.result import Fit
 from .logs import LogSet, read_logs
+from .papers.omni import tables as omni_tables
+from .papers.omni.experiments import method_1, method_2
+from .papers.omni.hanging import method_3, read_hanging
+from .papers.paper_table import PaperTable
 from .robots import BUILT_IN, Pioneer, Robot
 
 ROBOTS = ("pioneer", "omni")

@@ -10,8 +10,8 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1]
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
-from jaxid import Log, LogSet, float64, read_logs  # noqa: E402
-from jaxid.cli import main  # noqa: E402
+from jaxid import Log, LogSet, float64, read_logs
+from jaxid.cli import main
 
 DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxid import float64
-from jaxid.estimate.problem import linearise
+from jaxid.estimate.output_error.problem import linearise
 
 pytest.importorskip("numba")
 from benchmarks.rivals import jaxid_fit, optimistix_fit, pioneer_numba  # noqa: E402

@@ -7,16 +7,7 @@ import pandas as pd
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from jaxid import (
-    Axis,
-    DesignError,
-    LogSet,
-    design_experiment,
-    identifiability,
-    output_error,
-    read_logs,
-    simulate,
-)
+from jaxid import Axis, DesignError, LogSet, design_experiment, identifiability, output_error, read_logs, simulate
 from jaxid.design.information import Laboratory, criterion, known, std_errors
 from jaxid.design.limits import path
 from jaxid.logs import AXIS, OMNI, PIONEER

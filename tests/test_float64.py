@@ -12,9 +12,9 @@ import pytest
 
 from jaxid import Axis, Integrator, LogSet, float64, simulate
 from jaxid._float64 import in_float64
-from jaxid.robots import pioneer_equations
+from jaxid.papers.pioneer import equations as pioneer_equations
 from jaxid.robots.pioneer import Pioneer
-from jaxid.simulate import rollout
+from jaxid.simulation.rollout import rollout
 
 ROOT = Path(__file__).parents[1]
 

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1] / "jaxid"
-ORDER = ("logs", "robots", "effects", "simulate", "estimate", "design", "explain", "report", "cli")
+ORDER = (
+    "logs", "checks", "robots", "effects", "simulation", "estimate", "design", "explanation", "report", "papers", "cli"
+)  # fmt: skip
 
 
 def packages_imported(path: Path) -> set[str]:

@@ -11,7 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from jaxid import Custom, Fit, Integrator, Log, LogSet, Parameter, output_error
-from jaxid.logs import Finding, preflight
+from jaxid.checks.preflight import preflight
+from jaxid.logs import Finding
 
 from . import PICTURE_WIDTH, Row, Section, save, table, values
 from .robojackets_log import (

@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from jaxid import AXIS, Axis, Fit, Log, LogSet, output_error, simulate
+from jaxid.checks.preflight import preflight
 from jaxid.effects import effect_by_id
-from jaxid.logs import preflight
 from jaxid.logs.prepare import prepare
 
 from . import PICTURE_WIDTH, Row, Section, fit_percent, save, table, values

@@ -14,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxid import PIONEER, Integrator, Log, LogSet, Pioneer, float64, output_error
-from jaxid.estimate.levenberg_marquardt import minimise, minimise_compiled
-from jaxid.estimate.problem import Problem, Structure, Unknowns, parameters_at
-from jaxid.estimate.setup import build
+from jaxid.estimate.output_error.levenberg_marquardt import minimise, minimise_compiled
+from jaxid.estimate.output_error.problem import Problem, Structure, Unknowns, parameters_at
+from jaxid.estimate.output_error.setup import build
 
 from .pioneer_problem import FREE, SAMPLING, SIGMA, STATE_SCALE, SUBSTEPS, FitProblem
 from .reached import Clock, Reached

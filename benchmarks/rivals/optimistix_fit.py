@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 
 from jaxid import Integrator, Pioneer, float64
-from jaxid.simulate import rollout
+from jaxid.simulation.rollout import rollout
 
 from .pioneer_problem import BETA_SPREAD, FREE, SAMPLING, SIGMA, STATE_SCALE, STATES, SUBSTEPS, FitProblem
 from .reached import Clock, Reached

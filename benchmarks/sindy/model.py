@@ -15,7 +15,7 @@ from jaxid.logs import LogSet
 from jaxid.parameters import Parameter
 from jaxid.robots.effect import Effect, Levels, Numbers, Path, State
 from jaxid.robots.robot import Robot
-from jaxid.simulate.rollout import Integrator, step
+from jaxid.simulation.rollout import Integrator, step
 
 from .library import TERMS, Term
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import typer
 
-from ..estimate import Fit
-from ..explain import explain
-from ..explain.missing_force import NoVelocities
+from ..estimate.result import Fit
+from ..explanation.explain import explain
+from ..explanation.missing_force import NoVelocities
 from ..logs import LogSet
 from ..report import compare
 from ..report.files import write_fit

@@ -8,7 +8,9 @@ from types import MappingProxyType
 from typing import Any
 
 from .._atomic import write_text
-from ..estimate import Fit, integral_least_squares, output_error
+from ..estimate.linear.integral_least_squares import integral_least_squares
+from ..estimate.output_error.output_error import output_error
+from ..estimate.result import Fit
 from ..logs import LogError, LogSet, read_logs
 from ..model_file import read_model
 from ..parameters import ParameterError

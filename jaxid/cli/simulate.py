@@ -8,7 +8,7 @@ import pandas as pd
 from .._atomic import replacing
 from ..logs import read_logs
 from ..model_file import read_model
-from ..simulate.simulate import simulate as simulate_logs
+from ..simulation.simulate import simulate as simulate_logs
 from .arguments import UnusableInput, load_robot
 from .cache import keep_compiled_programs
 from .console import say

@@ -20,7 +20,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_level
 from ..parameters import ParameterError
 from ..robots.robot import Robot
-from ..simulate.excitation import Drive, binary, combined_modes, plain_shapes, shifted, single_modes, tuned_shapes
+from ..simulation.excitation import Drive, binary, combined_modes, plain_shapes, shifted, single_modes, tuned_shapes
 from .candidates import Candidates, Judge
 from .designed import Design, PlannedRun
 from .exchange import changed

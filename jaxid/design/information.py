@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from .._compile import compiled
 from .._float64 import in_float64
-from ..estimate.problem import linearise
+from ..estimate.output_error.problem import linearise
+from ..estimate.output_error.setup import build, typical_values
 from ..estimate.result import Fit
-from ..estimate.setup import build, typical_values
 from ..logs import LogSet
 from ..robots.robot import Robot
-from ..simulate.rollout import Integrator, rollout
+from ..simulation.rollout import Integrator, rollout
 
 _VAGUE = 1e-4
 """Information that everyone has: a parameter is known to within a hundred times its magnitude."""

@@ -23,7 +23,7 @@ from ..robots.pioneer_closed_form import (
     turning_coefficients,
     wheel_friction,
 )
-from .linear_steps import METHOD, estimates_of, identify, notes_on
+from .linear.linear_steps import METHOD, estimates_of, identify, notes_on
 from .result import Estimate, Fit
 
 

@@ -6,7 +6,6 @@ from .channels import AXIS, OMNI, PIONEER, Channels
 from .finding import Finding, LogError
 from .log import Log, LogSet, channels_of
 from .noise import noise_level
-from .preflight import preflight
 from .prepare import Removed, prepare
 from .read import read_logs
 
@@ -23,7 +22,6 @@ __all__ = [
     "Removed",
     "channels_of",
     "noise_level",
-    "preflight",
     "prepare",
     "read_logs",
     "signals",

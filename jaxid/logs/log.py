@@ -5,7 +5,7 @@ Row k holds what was measured at t_k and the input applied from t_k to t_(k+1) (
 
 import difflib
 import html
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -268,6 +268,14 @@ def channels_of(robot: Any) -> Channels:
     return channels
 
 
+_looks: list[Callable[[Log], list[Finding]]] = []
+
+
+def look_with(look: Callable[[Log], list[Finding]]) -> None:
+    """Look at logs before fitting with `look`. The package `checks` calls this, so that logs do not depend on it."""
+    _looks[:] = [look]
+
+
 class LogSet(Sequence[Log]):
     """An immutable sequence of logs of one robot, each with its own name.
 
@@ -345,12 +353,10 @@ class LogSet(Sequence[Log]):
 
     @cached_property
     def _findings(self) -> tuple[Finding, ...]:
-        from .preflight import preflight
-
-        return tuple(finding for log in self._logs for finding in preflight(log))
+        return tuple(finding for log in self._logs for look in _looks for finding in look(log))
 
     def preflight(self) -> list[Finding]:
-        """What to know about these logs before fitting, log by log; see `jaxid.logs.preflight`."""
+        """What to know about these logs before fitting, log by log; see `jaxid.checks.preflight`."""
         return list(self._findings)
 
     def _table(self) -> list[tuple[str, ...]]:

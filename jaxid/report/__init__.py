@@ -1,6 +1,6 @@
 """Comparisons, explanations, tables and figures."""
 
-from ..explain.explanation import show_with
+from ..explanation.explanation import show_with
 from .comparison import Comparison, compare
 from .explanation_page import Page
 

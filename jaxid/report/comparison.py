@@ -12,11 +12,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from .._float64 import in_float64
-from ..estimate.estimated_start import estimated_start
+from ..estimate.confidence.validation import Validation, counted_channels, validate
+from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Estimate, Fit
-from ..estimate.validation import Validation, counted_channels, validate
 from ..logs import Log, LogError, LogSet, noise_level
-from ..simulate import initial_states, simulate
+from ..simulation.simulate import simulate
+from ..simulation.start import initial_states
 from . import figures as draw
 from . import tables as tab
 from .tables import Table

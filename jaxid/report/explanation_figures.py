@@ -14,9 +14,9 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from scipy import signal
 
-from ..explain.explanation import Explanation
-from ..explain.heldout import HeldOut
-from ..explain.next_experiment import NextExperiment
+from ..explanation.explanation import Explanation
+from ..explanation.heldout import HeldOut
+from ..explanation.next_experiment import NextExperiment
 from .figures import COLOURS, _tidy
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from .._atomic import replacing, write_text
-from ..explain.explanation import Explanation
-from ..explain.heldout import FALSE_ALARM
+from ..explanation.explanation import Explanation
+from ..explanation.heldout import FALSE_ALARM
 from . import explanation_figures as draw
 from . import explanation_tables as tab
 from .figures import as_html, as_png

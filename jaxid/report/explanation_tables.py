@@ -3,8 +3,8 @@
 import math
 
 from ..estimate.result import Estimate
-from ..explain.explanation import Explanation
-from ..explain.localise import channel_name
+from ..explanation.explanation import Explanation
+from ..explanation.localise import channel_name
 from .tables import WIDTH, Cell, Table, number, percent, to_text, with_error
 
 _MOVED = 2.0

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from .._atomic import write_text
-from ..estimate import Estimate, Fit
-from ..estimate.validation import Validation
+from ..estimate.confidence.validation import Validation
+from ..estimate.result import Estimate, Fit
 from ..model_file import write_model
 
 

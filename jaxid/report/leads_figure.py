@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..explain.conditions import motions
-from ..explain.explanation import Explanation
+from ..explanation.conditions import motions
+from ..explanation.explanation import Explanation
 from .figures import COLOURS, _tidy
 
 Array = NDArray[np.float64]

@@ -4,10 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..explain.condition_shares import ConditionShare, power
-from ..explain.localise import Localisation
-from ..explain.missing_force import ForceHistory
-from ..explain.patterns import Pattern
+from ..explanation.condition_shares import ConditionShare, power
+from ..explanation.localise import Localisation
+from ..explanation.missing_force import ForceHistory
+from ..explanation.patterns import Pattern
 from ..logs import Log, LogSet
 from .figures import COLOURS, _tidy
 

@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from ..explain.explanation import Explanation
-from ..explain.search import Step
+from ..explanation.explanation import Explanation
+from ..explanation.search import Step
 from .explanation_figures import AFTER, BEFORE
 from .figures import _tidy
 

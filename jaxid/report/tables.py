@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from ..estimate.confidence.validation import FALSE_ALARM, ResidualTest, Validation
 from ..estimate.result import Estimate
-from ..estimate.validation import FALSE_ALARM, ResidualTest, Validation
 
 WIDTH = 100
 """Columns of a terminal that a text table fits into."""

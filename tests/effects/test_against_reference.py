@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("numba")
 from benchmarks.hidden.cases import LARGEST_INPUT, MODEL, NOISE, REFERENCE, effect  # noqa: E402
 from benchmarks.naming import true_parameters  # noqa: E402
-from jaxid import Integrator, float64  # noqa: E402
-from jaxid.effects import catalogue  # noqa: E402
-from jaxid.explain.screen import _lanes  # noqa: E402
+from jaxid import Integrator, float64
+from jaxid.effects import catalogue
+from jaxid.explanation.screen import _lanes
 from reference import excitation  # noqa: E402
 from reference.effects import EFFECTS, NOT_FOR  # noqa: E402
 from reference.logs import simulate_log  # noqa: E402

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxid.logs import Channels, Log, LogError, preflight, read_logs
+from jaxid.checks.preflight import preflight
+from jaxid.logs import Channels, Log, LogError, read_logs
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the measured logs are not beside this checkout")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from markupsafe import escape
 
-from jaxid.explain import NextExperiment
+from jaxid.explanation.next_experiment import NextExperiment
 from jaxid.report import explanation_figures as draw
 from jaxid.report import explanation_tables as tab
 from jaxid.report.explanation_page import ALT, figures

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from jaxid import AXIS, Log, LogSet
-from jaxid.explain.condition_shares import condition_shares
-from jaxid.explain.localise import Localisation
-from jaxid.explain.missing_force import ForceHistory
-from jaxid.explain.patterns import Pattern
+from jaxid.explanation.condition_shares import condition_shares
+from jaxid.explanation.localise import Localisation
+from jaxid.explanation.missing_force import ForceHistory
+from jaxid.explanation.patterns import Pattern
 from jaxid.report import figures
 from jaxid.report.localisation_figures import localisation, worst_log
 

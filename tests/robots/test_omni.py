@@ -13,8 +13,8 @@ from jaxid._float64 import float64
 from jaxid.parameters import Parameter
 from jaxid.robots import Effect, Omni
 from jaxid.robots.omni import body_forces, wheel_speeds
-from jaxid.simulate import Integrator, rollout, step
-from jaxid.simulate.friction import Sticking
+from jaxid.simulation.friction import Sticking
+from jaxid.simulation.rollout import Integrator, rollout, step
 
 SPEEDS = ("V", "Vn", "W")
 FRICTIONLESS = dict(Bv=0.0, Bvn=0.0, Bw=0.0, Cv=0.0, Cvn=0.0, Cw=0.0)

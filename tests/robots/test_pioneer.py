@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Omni, Pioneer, Robot, Sticking
-from jaxid.robots import pioneer_equations as equations
-from jaxid.simulate import step
+from jaxid.papers.pioneer import equations as equations
+from jaxid.simulation.rollout import step
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 FRICTIONLESS = dict(Cs=0.0, Cv=0.0, Cs1=0.0, Cv1=0.0, tau_fr=0.0)

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxid._float64 import float64
+from jaxid.papers.pioneer import equations as eq
 from jaxid.robots import pioneer_closed_form as closed
-from jaxid.robots import pioneer_equations as eq
 
 # The paper's tables 2 and 5 and its table of characteristics, with L = 0.1689 m.
 PAPER = dict(

@@ -1,0 +1,269 @@
+"""Pre-flight checks of the clock and of each column by itself: gaps, frozen and dead stretches, spikes, steps."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..logs.finding import Finding, Severity
+from ..logs.log import Log
+
+Array = NDArray[np.float64]
+
+_FEW = 60
+"""Samples below which most checks have nothing to go by."""
+_BRIEF = 1.0  # s
+
+
+def finding(log: Log, column: str | None, sample: int | None, severity: Severity, check: str, text: str) -> Finding:
+    """A `Finding` whose sentence starts with file, column, sample and time; `text` says what and gives the remedy."""
+    place = [log.name]
+    if column is not None:
+        place.append(f"column {column!r}")
+    if sample is not None:
+        place.append(f"sample {sample} (t = {log.time[sample]:.6g} s)")
+    return Finding(log.name, column, sample, severity, check, f"{', '.join(place)}: {text}.")
+
+
+def noise(values: Array) -> float:
+    """Standard deviation of white measurement noise, from second differences (median, so that jumps do not count)."""
+    values = values[np.isfinite(values)]
+    if len(values) < 3:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(np.diff(values, 2))) / np.sqrt(6))
+
+
+def quantum(values: Array) -> float:
+    """The step between neighbouring levels of a quantised signal; 0 where the values are not quantised."""
+    levels = np.unique(values)
+    if len(levels) < 3:
+        return float(np.ptp(levels))
+    # Rounding (of scales, of text) leaves copies of a level that differ in late digits: merge them first.
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-6 * np.ptp(levels)]
+    step = float(np.min(steps))
+    multiple = steps / step
+    return step if np.all(np.abs(multiple - np.round(multiple)) < 0.05) and np.ptp(levels) / step < 2000 else 0.0
+
+
+def runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Starts and lengths of the stretches over which `same` is True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]])))
+    return edges[::2], edges[1::2] - edges[::2]
+
+
+def _clock(log: Log) -> Iterator[Finding]:
+    steps = np.diff(log.time)
+    usual = log.sampling_interval
+    gaps = np.flatnonzero(steps > 2.5 * usual)
+    if len(gaps):
+        longest = int(gaps[np.argmax(steps[gaps])])
+        text = (
+            f"the clock jumps by {steps[longest]:.4g} s where {usual:.4g} s is usual ({len(gaps)} gap(s) in all), and "
+            "the input there is unknown; cut the log at the gap unless the input was held through it"
+        )
+        yield finding(log, "t", longest, "warning", "time_gap", text)
+    skipped = np.flatnonzero((steps > 1.5 * usual) & (steps <= 2.5 * usual))
+    if len(skipped) and np.median(np.abs(steps - usual)) < 0.02 * usual:
+        text = (
+            f"an otherwise even clock skips a sample ({len(skipped)} time(s)), so a row is missing; look at what lost it, "
+            "and cut the log there if the input changed"
+        )
+        yield finding(log, "t", int(skipped[0]), "note", "skipped_row", text)
+    uneven = np.abs(steps - usual) > 0.1 * usual
+    uneven[gaps] = False
+    if uneven.mean() > 0.05:
+        text = (
+            f"{uneven.mean():.0%} of the sampling intervals differ by more than 10 % from {usual:.4g} s; make sure "
+            "that the times are those of the measurement and not of its arrival"
+        )
+        yield finding(log, "t", int(np.argmax(uneven)), "warning", "clock_jitter", text)
+    if usual >= 0.5 or usual < 2e-5:
+        text = f"a sampling interval of {usual:.4g} s is unlikely for a robot; map t with the scale that gives seconds"
+        yield finding(log, "t", None, "warning", "time_unit", text)
+
+
+def _missing(log: Log, name: str, values: Array) -> Iterator[Finding]:
+    missing = np.isnan(values)
+    if not missing.any():
+        return
+    first = int(np.argmax(missing))
+    spacing = np.diff(np.flatnonzero(~missing))
+    if len(spacing) > 3 and spacing.min() > 1 and np.ptp(spacing) <= 1:
+        text = (
+            f"measured at one row in {np.median(spacing):.0f}, the others do not count; nothing to do if it is slower"
+        )
+        yield finding(log, name, first, "note", "slow_sensor", text)
+        return
+    text = (
+        f"{missing.sum()} of {len(missing)} samples are not measured and do not count; look for the cause if they come "
+        "in stretches"
+    )
+    yield finding(log, name, first, "warning", "missing_samples", text)
+
+
+def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
+    """Isolated samples that jump away from both neighbours and back, far beyond every change nearby."""
+    if len(values) < 16:
+        return
+    steps = np.diff(values)
+    away = np.where(steps[:-1] * steps[1:] < 0, np.minimum(np.abs(steps[:-1]), np.abs(steps[1:])), 0.0)
+    # The largest change among four steps before and four after, those that touch the sample itself left out.
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(np.abs(steps), 4), 10)[: len(away)]
+    nearby = np.delete(around, (4, 5), axis=1).max(axis=1)
+    spread = 1.4826 * np.median(np.abs(steps - np.median(steps)))
+    low, high = np.quantile(values, [0.01, 0.99])
+    least = max(7 * spread, 4.5 * quantum(values), 0.05 * (high - low))
+    spikes = 1 + np.flatnonzero((away > 3 * nearby) & (away > least))
+    # The first and last sample have one neighbour; a start or stop changes on over the next samples.
+    sizes = np.abs(steps)
+    if sizes[0] > max(6 * sizes[1:5].max(), 2 * least):
+        spikes = np.append(0, spikes)
+    if sizes[-1] > max(6 * sizes[-5:-1].max(), 2 * least):
+        spikes = np.append(spikes, len(values) - 1)
+    if len(spikes):
+        first = int(spikes[0])
+        off = np.abs(values[first] - values[first - 1 if first else 1])
+        text = (
+            f"{values[first]:.4g} lies {off:.3g} off its neighbours ({len(spikes)} such spike(s)); leave the cell empty, "
+            "or run prepare(outliers=True)"
+        )
+        yield finding(log, name, first, "warning", "spike", text)
+
+
+def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Iterator[Finding]:
+    """Stretches without any change while the rest of the log changes (`still[k]`: nothing else changed after k)."""
+    equal = np.diff(values) == 0
+    starts, lengths = runs(equal)
+    changes = np.flatnonzero(~equal)
+    if not len(starts) or not len(changes):
+        return
+    held = np.diff(changes)
+    if len(held) > 8 and np.median(held) >= 2 and np.mean(np.abs(held - np.median(held)) <= 1) > 0.9:
+        text = (
+            f"changes only every {np.median(held):.0f} samples; leave the repeated cells empty, so that each "
+            "measurement counts once and at its own time"
+        )
+        yield finding(log, name, int(changes[0]) + 1, "warning", "slow_sensor", text)
+        return
+    typical = np.quantile(held, 0.95) if len(held) else 1.0
+    enough = max(10.0, 8 * typical, 0.1 / log.sampling_interval)
+    step = np.median(np.abs(np.diff(values)[changes]))
+    found = []
+    for start, length in zip(starts, lengths, strict=True):
+        if length < enough or still[start : start + length].mean() > 0.5:
+            continue
+        if start and abs(values[start] - values[start - 1]) < 1e-4 * np.nanmax(np.abs(values)):
+            continue  # settled there smoothly, as only a simulation without noise can
+        # A robot that stands still reads a true zero; a sensor that drops out gets there in one jump.
+        jump = abs(values[start] - values[start - 1]) if start else 0.0
+        if values[start] != 0 or jump > 8 * step:
+            found.append((int(start), int(length)))
+    if found:
+        start, length = max(found, key=lambda stretch: stretch[1])
+        text = (
+            f"stays at exactly {values[start]:.4g} for {length + 1} samples while other channels change ({len(found)} "
+            "such stretch(es)), so the sensor was frozen; leave those cells empty or cut the log"
+        )
+        yield finding(log, name, start, "warning", "frozen_sensor", text)
+
+
+def _saturated(log: Log, name: str, values: Array) -> Iterator[Finding]:
+    """A signal of many levels that keeps returning to exactly its extreme: clipped, unlike a two-level sequence."""
+    extreme = np.max(np.abs(values))
+    at = np.abs(values) >= extreme * (1 - 1e-9)
+    rest = values[~at]
+    if extreme == 0 or len(rest) < 20 or len(np.unique(rest)) < 0.2 * len(rest):
+        return
+    starts, lengths = runs(at)
+    visits = np.count_nonzero(lengths >= 2)
+    if at.mean() > 0.05 and visits >= 3:
+        text = (
+            f"{at.mean():.0%} of the samples lie at exactly ±{extreme:.4g}; if that is a limit of the supply or "
+            "sensor, log what was really applied or measured, or drive less hard"
+        )
+        yield finding(log, name, int(starts[0]), "warning", "saturated", text)
+
+
+def _resolution(log: Log, name: str, values: Array) -> Iterator[Finding]:
+    step = quantum(values)
+    low, high = np.quantile(values, [0.05, 0.95])
+    if len(np.unique(values)) > 2 and step > 0.02 * (high - low) > 0:
+        text = (
+            f"steps of {step:.3g} are coarse against a range of {high - low:.3g}; take this column's noise as at least "
+            f"{step / np.sqrt(12):.2g}"
+        )
+        yield finding(log, name, None, "note", "quantisation", text)
+
+
+def _idle(log: Log) -> Iterator[Finding]:
+    """Rows that repeat the row before. A simulation without noise also does so once it has settled: not counted."""
+    outputs = np.nan_to_num(log.outputs)
+    change = np.diff(outputs, axis=0)
+    same = np.all(change == 0, axis=1) & np.all(np.diff(log.inputs, axis=0) == 0, axis=1)
+    settled = 1e-4 * np.maximum(np.ptp(outputs, axis=0), 1e-300)
+    for start, length in zip(*runs(same), strict=True):
+        if start and change[start - 1].any() and np.all(np.abs(change[start - 1]) < settled):
+            same[start : start + length] = False
+    share = same.mean()
+    if share > 0.25:
+        starts, lengths = runs(same)
+        longest = int(starts[np.argmax(lengths)])
+        text = (
+            f"{share:.0%} of the rows repeat the row before ({len(starts)} stretch(es), the longest "
+            f"{lengths.max() + 1} rows from here), so the robot idled or the recorder repeated itself; cut these "
+            "stretches, and check the clock where they occur in motion"
+        )
+        yield finding(log, None, longest, "warning" if share > 0.4 else "note", "idle", text)
+
+
+def _pulses(log: Log, name: str, values: Array) -> Iterator[Finding]:
+    """One or two samples of an input far beyond all that it ever holds: hardly a command."""
+    usual = np.quantile(np.abs(values), 0.99)
+    starts, lengths = runs(np.abs(values) > 3 * usual)
+    short = starts[lengths <= 2]
+    if usual > 0 and len(short):
+        first = int(short[0])
+        text = (
+            f"{values[first]:.4g} lies far beyond the {usual:.4g} that the input else stays below ({len(short)} such "
+            "place(s)); put in what was really applied"
+        )
+        yield finding(log, name, first, "warning", "spike", text)
+
+
+def _inputs(log: Log) -> Iterator[Finding]:
+    for name in log.channels.inputs:
+        values = log.input(name)
+        if np.ptp(values) == 0:
+            text = f"is {values[0]:.4g} throughout; take care that other logs vary it"
+            yield finding(log, name, None, "note", "constant_input", text)
+        yield from _pulses(log, name, values)
+        yield from _saturated(log, name, values)
+
+
+def check_samples(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:
+    """Findings about the clock, the inputs, and each measured column (and each of `also`, extra columns)."""
+    if len(log) < _FEW or log.duration < _BRIEF:
+        text = (
+            f"{len(log)} samples over {log.duration:.3g} s are too few to look for faults, and to identify much from; "
+            "record a longer run, or correct the clock's unit"
+        )
+        yield finding(log, None, None, "warning", "short_log", text)
+    yield from _clock(log)
+    yield from _inputs(log)
+    yield from _idle(log)
+    columns = {name: log.output(name) for name in log.measured}
+    columns |= {name: np.asarray(log.extra[name], dtype=float) for name in also}
+    everything = np.concatenate([log.inputs, np.nan_to_num(np.stack(list(columns.values()), axis=-1))], axis=1)
+    changed = np.diff(everything, axis=0) != 0
+    for position, (name, values) in enumerate(columns.items()):
+        yield from _missing(log, name, values)
+        there = np.isfinite(values)
+        if not there.any() or np.ptp(values[there]) == 0:
+            continue
+        values = np.interp(log.time, log.time[there], values[there])
+        others = np.delete(changed, log.inputs.shape[1] + position, axis=1)
+        yield from _frozen(log, name, np.where(there, values, np.nan), ~others.any(axis=1))
+        yield from _spikes(log, name, values)
+        yield from _saturated(log, name, values)
+        yield from _resolution(log, name, values)

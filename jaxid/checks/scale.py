@@ -1,0 +1,82 @@
+"""Pre-flight checks of size: numbers that no robot reaches in SI units, and two columns that contradict each other.
+
+A wrong unit that leaves a column plausible (a speed in knots, a current in decimals of its range) cannot be seen in a log.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..logs.finding import Finding
+from ..logs.log import Log
+from .response import excited, speed_windows
+from .samples import finding, noise
+
+Array = NDArray[np.float64]
+
+_RANGE = {
+    "m/s": (2e-3, 30.0),
+    "rad/s": (2e-3, 40.0),
+    "m": (1e-6, 1e5),
+    "V": (0.02, 500.0),
+    "A": (1e-6, 1000.0),
+    "N": (1e-4, 1e5),
+    "V or N": (1e-4, 5000.0),
+}
+"""What a signal that is not noise usually lies in, by unit: a yaw rate of 40 rad/s is six turns a second."""
+_ANY = (1e-9, 1e9)
+_WINDOW = 0.5  # s
+
+
+def _usual_peak(values: Array) -> float:
+    """The size that a tenth of the samples that are not zero exceed, so that a spike does not count; 0 without any."""
+    size = np.abs(values[np.isfinite(values)])
+    size = size[size > 0]
+    return float(np.quantile(size, 0.9)) if len(size) else 0.0
+
+
+def _units(log: Log) -> Iterator[Finding]:
+    driven = {windows.name for windows in speed_windows(log) if excited(windows)}
+    for name in (*log.channels.inputs, *log.measured):
+        values = log.input(name) if name in log.channels.inputs else log.output(name)
+        unit = log.channels.units.get(name, "")
+        least, largest = _RANGE.get(unit, _ANY)
+        peak = _usual_peak(values)
+        # A speed that was not driven holds nothing but noise, or a simulation's rounding.
+        rests = name in log.channels.mixing and name not in driven
+        if peak > largest or (0 < peak < least and not rests):
+            text = (
+                f"{peak:.3g} is usual here, which is {'much' if peak > largest else 'little'} for {unit or 'any unit'}; "
+                "map the column with the scale that gives SI units"
+            )
+            yield finding(log, name, None, "warning", "unit", text)
+
+
+def _contradictions(log: Log) -> Iterator[Finding]:
+    """A position whose changes are not the integral of the speed that stands beside it."""
+    for name, substitute in log.channels.substitutes.items():
+        if not {name, substitute} <= set(log.measured):
+            continue
+        speed, position = log.output(name), log.output(substitute)
+        width = max(1, round(_WINDOW / log.sampling_interval))
+        travelled = np.concatenate([[0.0], np.cumsum((speed[:-1] + speed[1:]) / 2 * np.diff(log.time))])
+        path = travelled[width::width] - travelled[:-width:width]
+        moved = position[width::width] - position[:-width:width]
+        both = np.isfinite(path) & np.isfinite(moved)
+        path, moved = path[both], moved[both]
+        size = max(np.sqrt(np.mean(path**2)), np.sqrt(np.mean(moved**2))) if len(path) > 4 else 0.0
+        apart = np.sqrt(np.mean((moved - path) ** 2)) if len(path) > 4 else 0.0
+        if apart > 0.3 * size + 5 * noise(position):
+            slope = float(path @ moved / (path @ path)) if path @ path > 0 else np.inf
+            text = (
+                f"does not change as the integral of {name!r} does (it changes by {slope:.3g} of it); check the units, "
+                "signs and clocks of both"
+            )
+            yield finding(log, substitute, None, "warning", "contradiction", text)
+
+
+def check_scale(log: Log) -> Iterator[Finding]:
+    """Findings about the sizes of the channels, each by itself and those that measure the same motion."""
+    yield from _units(log)
+    yield from _contradictions(log)

@@ -1,0 +1,140 @@
+"""Pre-flight checks of the sensors against the experiment: did the robot move, does each sensor know about it, and was
+it at rest when the log began?
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from ..logs.finding import Finding
+from ..logs.log import Log
+from .response import WINDOW, Windows, excited, speed_windows
+from .samples import finding, noise
+
+Array = NDArray[np.float64]
+
+
+def _smooth(values: Array, width: int) -> Array:
+    """Block means over `width` samples, NaN left out; `[N]` or `[N, columns]`."""
+    rows = len(values) // width * width
+    blocks = values[:rows].reshape(-1, width, *values.shape[1:])
+    there = np.isfinite(blocks)
+    return np.where(there, blocks, 0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+
+
+def _lagged(log: Log, signals: Array) -> Array:
+    """`signals [T, n]` and two first-order lags of each (0.1 and 0.4 s), side by side."""
+    columns = [signals]
+    for constant in (0.1, 0.4):
+        decay = np.exp(-log.sampling_interval / constant)
+        columns.append(np.asarray(lfilter([1 - decay], [1, -decay], signals, axis=0)))
+    return np.concatenate(columns, axis=1)
+
+
+def _predicted(target: Array, regressors: Array) -> float:
+    """Share of the variance of `target [N]` that a linear regression predicts on the quarters it was not fitted to."""
+    spread = regressors.std(axis=0)
+    if np.var(target) == 0:
+        return 0.0
+    regressors = ((regressors - regressors.mean(axis=0)) / np.maximum(spread, 1e-300))[:, spread > 0]
+    regressors = np.concatenate([regressors, np.ones((len(target), 1))], axis=1)
+    left = np.empty_like(target)
+    for quarter in range(4):
+        part = np.arange(len(target)) * 4 // len(target) == quarter
+        rest = ~part
+        # A ridge keeps columns that say the same (two inputs always equal) from cancelling each other.
+        gram = regressors[rest].T @ regressors[rest] + 1e-3 * rest.sum() * np.eye(regressors.shape[1])
+        left[part] = target[part] - regressors[part] @ np.linalg.solve(gram, regressors[rest].T @ target[rest])
+    return float(1 - np.var(left) / np.var(target))
+
+
+def _answer(target: Array, regressors: Array) -> float:
+    """Largest t statistic of `target [N]` against a single column: finds the answer to one step, which has no "
+    "repeat."""
+    regressors = regressors[:, np.ptp(regressors, axis=0) > 0]
+    centred = regressors - regressors.mean(axis=0)
+    target = target - target.mean()
+    size = np.linalg.norm(centred, axis=0) * np.linalg.norm(target)
+    correlation = np.max(np.abs(target @ centred) / np.maximum(size, 1e-300), initial=0.0)
+    return float(correlation * np.sqrt((len(target) - 2) / max(1 - correlation**2, 1e-12)))
+
+
+def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[Finding]:
+    """Sensors that answer neither to the inputs nor to any other sensor although the robot was driven."""
+    driven = {windows.name for windows in outputs if excited(windows)}
+    columns = {name: log.output(name) for name in log.measured}
+    columns |= {name: np.asarray(log.extra[name], dtype=float) for name in also}
+    # Rows that repeat the row before say nothing about an answer, and their mean differs for many a broken sensor.
+    rows = np.concatenate([log.inputs, np.nan_to_num(log.outputs)], axis=1)
+    active = np.concatenate([[True], np.any(np.diff(rows, axis=0) != 0, axis=1)])
+    width = max(1, min(round(0.25 / log.sampling_interval), active.sum() // 48))
+    if active.sum() < 60 or not np.ptp(log.inputs, axis=0).any():
+        return
+    for name, values in columns.items():
+        if name in log.channels.mixing and name not in driven:
+            continue
+        there = np.isfinite(values)
+        if np.ptp(values[there]) == 0:
+            text = (
+                "never changes although the robot was driven, so the sensor is dead; repair it or leave the column out"
+            )
+            yield finding(log, name, None, "warning", "dead_sensor", text)
+            continue
+        others = np.stack([*log.inputs.T, *(other for key, other in columns.items() if key != name)], axis=-1)
+        others = np.where(np.isfinite(others), others, 0)
+        if np.ptp(values[there]) <= 2 * np.pi < 2 * np.max(np.abs(np.diff(values[there]))):
+            values = np.unwrap(np.where(there, values, 0))  # a heading that wraps
+        middle, spread = np.median(values[there]), 1.4826 * np.median(np.abs(values[there] - np.median(values[there])))
+        calm = np.clip(values, middle - 4 * spread, middle + 4 * spread) if spread > 0 else values
+        smooth = _smooth(calm[active], width)
+        regressors = _smooth(_lagged(log, others)[active], width)
+        # A position or heading follows the inputs by its change.
+        share = max(_predicted(smooth, regressors), _predicted(np.diff(smooth), regressors[1:]))
+        if share < 0.1 and _answer(smooth, regressors) < 4.5:
+            text = (
+                f"is unrelated to every input and every other sensor ({max(share, 0):.0%} predicted), so the sensor "
+                "looks dead or the column is another one; repair it or leave the column out"
+            )
+            yield finding(log, name, None, "warning", "dead_sensor", text)
+
+
+def _moved(log: Log, names: list[str]) -> Iterator[Finding]:
+    """Whether any speed rose above its noise."""
+    width = max(1, round(WINDOW / log.sampling_interval))
+    if not names or len(log) < 3 * width:
+        return
+    for name in names:
+        values = log.output(name)
+        smooth = _smooth(values, width)
+        loud = np.sqrt(np.mean(smooth**2)) > 3 * noise(values) / np.sqrt(width)
+        # Whatever its spectrum within a window, noise does not carry from one window to the next; motion does.
+        carried = abs(smooth[:-1] @ smooth[1:]) > 4 / np.sqrt(len(smooth)) * (smooth @ smooth)
+        if np.ptp(values[np.isfinite(values)]) > 0 and (loud or carried):
+            return
+    listed = ", ".join(map(repr, names))
+    text = f"{listed} never rise above their noise, so the robot did not move; drive it harder or leave this log out"
+    yield finding(log, names[0], None, "error", "never_moved", text)
+
+
+def _start(log: Log, names: list[str]) -> Iterator[Finding]:
+    """Whether the log begins in motion, where a run is taken to begin at rest."""
+    for name in names:
+        values = log.output(name)
+        there = np.flatnonzero(np.isfinite(values))[:3]
+        peak = np.nanmax(np.abs(values))
+        if np.min(np.abs(values[there])) > max(0.1 * peak, 6 * noise(values)):
+            text = (
+                f"the log starts in motion ({values[there[0]]:.3g} of at most {peak:.3g}): its initial state is estimated as "
+                "well; cut it to a standstill if it has one, or look for a sensor's offset if the robot stood still"
+            )
+            yield finding(log, name, int(there[0]), "warning", "moving_start", text)
+
+
+def check_sensors(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:
+    """Findings about the outputs (and `also`, extra columns) as sensors of the robot's motion."""
+    names = [name for name in log.channels.mixing if name in log.measured]
+    yield from _moved(log, names)
+    yield from _dead(log, speed_windows(log), also)
+    yield from _start(log, names)

@@ -1,0 +1,146 @@
+"""The posterior of an output-error fit by NUTS (Hoffman & Gelman, JMLR 15, 2014), through blackjax.
+
+The likelihood is the one that `output_error` maximises (its noise taken as known); the prior is flat in every physical
+parameter within its bounds, times the table's own priors. Chains run as lanes in coordinates in which the posterior around
+the optimum is a unit ball, so that hardly anything needs to be tuned.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from numpy.typing import NDArray
+
+from ..._compile import compiled
+from ..._float64 import in_float64
+from ...logs import LogSet
+from ...simulation.rollout import Integrator
+from ..output_error.levenberg_marquardt import minimise_compiled
+from ..output_error.problem import Problem, Structure, Triangle, Unknowns, parameters_at, reduced_residual
+from ..output_error.setup import InitialStates, at_fit
+from ..result import Fit
+
+_STEP = 0.5
+"""First step of the integrator, in standard deviations."""
+_PULL = 1e-6
+"""Precision, relative to the largest, that directions get which the data leaves free: chains need a scale there."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws of the parameters: `samples[name]` [chains, draws].
+
+    `r_hat` compares the chains (near 1 when they agree) and `effective` is the number of independent draws that they are
+    worth, both by parameter; `divergences` counts steps at which the integrator failed.
+    """
+
+    samples: dict[str, NDArray[np.float64]]
+    r_hat: dict[str, float]
+    effective: dict[str, float]
+    divergences: int
+
+    def ci95(self, name: str) -> tuple[float, float]:
+        """Central 95 % interval of a parameter."""
+        low, high = np.quantile(self.samples[name], (0.025, 0.975))
+        return float(low), float(high)
+
+    def __repr__(self) -> str:
+        rows = [f"{'':<12}{'mean':>14}{'2.5 %':>14}{'97.5 %':>14}{'r_hat':>8}{'effective':>11}"]
+        for name, draws in self.samples.items():
+            low, high = self.ci95(name)
+            row = f"{name:<12}{draws.mean():>14.5g}{low:>14.5g}{high:>14.5g}{self.r_hat[name]:>8.3f}"
+            rows.append(f"{row}{self.effective[name]:>11.0f}")
+        return "\n".join([*rows, f"{self.divergences} divergent steps"])
+
+
+def _dense(triangle: Triangle) -> np.ndarray:
+    """The arrow-shaped triangle as a matrix over (z, states)."""
+    E, s = triangle.residual_local.shape
+    n = triangle.shared.shape[0]
+    R = np.zeros((n + E * s, n + E * s))
+    R[:n, :n] = triangle.shared
+    for e in range(E):
+        rows = slice(n + e * s, n + (e + 1) * s)
+        R[rows, :n], R[rows, rows] = triangle.crossed[e], triangle.local[e]
+    return R
+
+
+def _whitener(triangle: Triangle) -> np.ndarray:
+    """Matrix W with W Wᵀ the covariance at the optimum."""
+    R = _dense(triangle)
+    values, vectors = np.linalg.eigh(R.T @ R)
+    return vectors / np.sqrt(np.maximum(values, _PULL * values.max()))
+
+
+@partial(compiled, static_argnames=("structure", "warmup", "draws"))
+def _chains(structure: Structure, problem: Problem, centre: Unknowns, W, keys, *, warmup: int, draws: int):
+    import blackjax
+
+    residual = reduced_residual(structure, problem, centre)
+    flat, as_tree = ravel_pytree(centre)
+
+    def at(position) -> Unknowns:
+        return as_tree(flat + W @ position)
+
+    def log_density(position):
+        unknowns = at(position)
+        parts, _ = residual(unknowns, problem)
+        slope = jnp.where(problem.free, problem.bounds.slope(unknowns.z), 1.0)
+        return -0.5 * sum(jnp.sum(part**2) for part in parts) + jnp.sum(jnp.log(jnp.abs(slope)))
+
+    def chain(key):
+        first, second, third = jax.random.split(key, 3)
+        start = jax.random.normal(first, flat.shape)
+        adapt: Any = blackjax.window_adaptation(blackjax.nuts, log_density, initial_step_size=_STEP)
+        (state, settings), _ = adapt.run(second, start, warmup)
+        kernel: Any = blackjax.nuts(log_density, **settings)
+
+        def draw(state, key):
+            state, info = kernel.step(key, state)
+            return state, (parameters_at(problem, at(state.position).z), info.is_divergent)
+
+        return jax.lax.scan(draw, state, jax.random.split(third, draws))[1]
+
+    return jax.vmap(chain)(keys)
+
+
+@in_float64
+def posterior(
+    fit: Fit,
+    logs: LogSet,
+    *,
+    draws: int = 500,
+    chains: int = 4,
+    warmup: int = 200,
+    seed: int = 0,
+    initial_states: InitialStates = "auto",
+    integrator: Integrator | None = None,
+    report: Callable[[str], None] = lambda message: None,
+) -> Posterior:
+    """Draw from the posterior of an output-error fit's free parameters and initial states.
+
+    `logs`, `initial_states` and `integrator` are those of the fit. Needs blackjax (`pip install jaxid[posterior]`);
+    raises `ImportError` without it.
+    """
+    try:
+        from blackjax.diagnostics import effective_sample_size, potential_scale_reduction
+    except ImportError:
+        raise ImportError("posterior() needs blackjax; install it with: pip install jaxid[posterior]") from None
+    structure, problem, unknowns = at_fit(fit, logs, initial=initial_states, integrator=integrator)
+    optimum = minimise_compiled(structure, problem, unknowns)
+    W = jnp.asarray(_whitener(jax.tree.map(np.asarray, optimum.triangle)))
+    keys = jax.random.split(jax.random.key(seed), chains)
+    report(f"{chains} chains of {warmup} + {draws} draws")
+    theta, divergent = _chains(structure, problem, optimum.unknowns, W, keys, warmup=warmup, draws=draws)
+    samples = {name: np.asarray(theta[..., i]) for i, name in enumerate(structure.names)}
+    return Posterior(
+        samples=samples,
+        r_hat={name: float(potential_scale_reduction(x)) for name, x in samples.items()},
+        effective={name: float(effective_sample_size(x)) for name, x in samples.items()},
+        divergences=int(np.sum(divergent)),
+    )

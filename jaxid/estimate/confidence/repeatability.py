@@ -1,0 +1,125 @@
+"""Do several recordings of one robot give the same parameters? Each alone, all together, and all but each.
+
+A recording is compared with the fit of all the others, which shares no data with it: the difference is judged by both
+covariances. A recording that cannot be fitted is named and the others stand.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ...logs import LogError, LogSet
+from ...robots.robot import Robot
+from ...simulation.rollout import Integrator
+from ..output_error.fleet import fit_fleet
+from ..output_error.output_error import Covariance
+from ..result import Fit
+
+_ALL = ""
+"""Name of the fit of all recordings among those of all but one."""
+SIGNIFICANT = 0.01
+"""Share of sets of perfectly repeatable recordings in which one is said to disagree."""
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """Fits of a set of recordings and how they agree.
+
+    - `together`: the fit of all recordings that could be fitted; `alone` and `without`: the fit of each and of all but
+      each, by log name; `failed`: why a recording could not be fitted, by log name.
+    - `p_values`: how likely a difference as large as that between `alone` and `without` is by noise alone (Wald's test over
+      all parameters that both identify), by log name. `furthest`: the parameter that differs most, with the difference
+      in standard errors.
+    """
+
+    together: Fit
+    alone: dict[str, Fit]
+    without: dict[str, Fit]
+    p_values: dict[str, float]
+    furthest: dict[str, tuple[str, float]]
+    failed: dict[str, str]
+
+    @property
+    def disagreeing(self) -> tuple[str, ...]:
+        """Recordings that disagree with the others, worst first; the number of recordings is accounted for (Holm)."""
+        ordered = sorted(self.p_values, key=lambda name: self.p_values[name])
+        found = []
+        for k, name in enumerate(ordered):
+            if self.p_values[name] > SIGNIFICANT / (len(ordered) - k):
+                break
+            found.append(name)
+        return tuple(found)
+
+    @property
+    def sentence(self) -> str:
+        """The answer in words."""
+        failed = "".join(f" {name} could not be fitted: {why}." for name, why in self.failed.items())
+        if not self.disagreeing:
+            return f"All {len(self.p_values)} recordings agree within their uncertainty.{failed}"
+        parts = []
+        for name in self.disagreeing:
+            parameter, errors = self.furthest[name]
+            parts.append(f"{name} (most in {parameter}: {errors:+.1f} standard errors, p {self.p_values[name]:.1g})")
+        return f"Not all recordings agree: {'; '.join(parts)} against the others.{failed}"
+
+    def __repr__(self) -> str:
+        names = self.together.free_names
+        header = f"{'':<24}" + "".join(f"{name:>24}" for name in names) + f"{'p':>10}"
+        rows = [header]
+        for label, fit in [("together", self.together), *self.alone.items()]:
+            cells = [f"{fit[n].value:.5g} ± {fit[n].std_error:.2g}" for n in names]
+            p = f"{self.p_values[label]:.2g}" if label in self.p_values else ""
+            rows.append(f"{label:<24}" + "".join(f"{cell:>24}" for cell in cells) + f"{p:>10}")
+        return "\n".join([*rows, self.sentence])
+
+
+def _difference(one: Fit, other: Fit) -> tuple[float, tuple[str, float]]:
+    """p value of Wald's test that two independent fits are of the same parameters, and the one that differs most."""
+    shared = [
+        n for n in one.free_names if one[n].status == "identified" and n in other.parameters
+        and other[n].status == "identified"
+    ]  # fmt: skip
+    if not shared:
+        return 1.0, ("", 0.0)
+    at = [one.free_names.index(n) for n in shared]
+    elsewhere = [other.free_names.index(n) for n in shared]
+    difference = np.array([one[n].value - other[n].value for n in shared])
+    covariance = one.covariance[np.ix_(at, at)] + other.covariance[np.ix_(elsewhere, elsewhere)]
+    errors = difference / np.sqrt(np.diag(covariance))
+    worst = int(np.argmax(np.abs(errors)))
+    statistic = float(difference @ np.linalg.pinv(covariance, rcond=1e-12, hermitian=True) @ difference)
+    return float(stats.chi2.sf(statistic, len(shared))), (shared[worst], float(errors[worst]))
+
+
+def repeatability(
+    robot: Robot,
+    logs: LogSet,
+    *,
+    start: Fit | Mapping[str, float] | None = None,
+    integrator: Integrator | None = None,
+    covariance: Covariance = "robust",
+    report: Callable[[str], None] = lambda message: None,
+) -> Repeatability:
+    """Fit every recording alone, all together and all but each, and say which disagrees.
+
+    `start`, `integrator` and `covariance` are those of `output_error`; the robust covariance is the default here, since
+    what the model lacks would otherwise pass for disagreement. Raises `LogError` for fewer than two logs that can be fitted.
+    """
+    options = {"start": start, "integrator": integrator, "covariance": covariance, "report": report}
+    alone = fit_fleet(robot, {log.name: LogSet([log]) for log in logs}, **options)
+    sound = [log for log in logs if log.name in alone.fits]
+    if len(sound) < 2:
+        raise LogError(f"repeatability needs two recordings that can be fitted; there are {len(sound)} of {len(logs)}")
+    groups = {log.name: LogSet([other for other in sound if other is not log]) for log in sound}
+    found = fit_fleet(robot, {_ALL: LogSet(sound), **groups}, **options)
+    differences = {name: _difference(alone.fits[name], found.fits[name]) for name in groups if name in found.fits}
+    return Repeatability(
+        together=found.fits[_ALL],
+        alone=alone.fits,
+        without={name: found.fits[name] for name in differences},
+        p_values={name: p for name, (p, _) in differences.items()},
+        furthest={name: worst for name, (_, worst) in differences.items()},
+        failed={**alone.failed, **found.failed},
+    )

@@ -1,0 +1,1 @@
+"""The linear methods: integral least squares and what stands beside it."""

@@ -1,0 +1,93 @@
+"""From logs to a solution of the linear equations: momentum balances first, then equation 33 about the estimate."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...logs import Log, LogError
+from ...robots.effect import Effect
+from ...robots.robot import Robot
+from ..result import Estimate, Status
+from .regressors import WindowEquations, window_equations
+from .weighted_least_squares import Solution, solve
+
+Array = NDArray[np.float64]
+METHOD = "integral_least_squares"
+STEPS = 8
+
+
+def with_estimate(robot: Robot, names: tuple[str, ...], theta: Array) -> Robot:
+    return robot.with_values(**dict(zip(names, theta.tolist(), strict=True)))
+
+
+def identify(robot: Robot, logs: list[Log], window: int) -> tuple[Solution, WindowEquations, int, bool]:
+    """Momentum balances first, then equation 33 about the estimate until it stands."""
+    names = robot.parameters.free_names
+    nothing = np.zeros(len(names), bool)
+    equations = window_equations(robot, logs, "momentum", window)
+    if not len(equations):
+        raise LogError(
+            f"the logs {', '.join(log.name for log in logs)} hold no two samples in a row in which the robot moves; "
+            "give logs in which it does."
+        )
+    solution, theta = None, np.array([robot.parameters[name].value for name in names])
+    # Without a known force the balances only say how parameters compare, and theta = 0 solves them.
+    driven = np.linalg.norm(equations.targets) > 1e-6 * np.linalg.norm(equations.regressors * theta)
+    if driven:
+        solution = solve(equations, robot, nothing, judge=False)
+    start = theta if solution is None else solution.theta
+    best, held, previous = solution, nothing, start
+    moved, error, size = np.full(len(names), np.inf), np.zeros(len(names)), np.zeros(len(names))
+    for step in range(1, STEPS + 1):
+        trial = window_equations(with_estimate(robot, names, previous), logs, "speed", window)
+        if not (len(trial) and np.isfinite(trial.regressors).all() and np.isfinite(trial.targets).all()):
+            if step == 1 and solution is not None:
+                previous = theta
+                continue
+            break
+        best, equations = solve(trial, robot, held, judge=True), trial
+        held = held | best.undetermined
+        error = np.nan_to_num(np.sqrt(np.diag(best.covariance)))
+        moved, size = np.abs(best.theta - previous), np.abs(best.theta)
+        previous = best.theta
+        if np.all(moved <= np.maximum(0.02 * error, 1e-7 * size)):
+            return best, equations, step + 1, True
+    if best is None:
+        raise LogError(
+            f"no input acts in the logs {', '.join(log.name for log in logs)} and {robot.name!r} cannot be linearised "
+            "at its start values; give logs in which the robot is driven."
+        )
+    # Without noise, interpolation between samples keeps the last digits moving.
+    return best, equations, STEPS + 1, bool(np.all(moved <= np.maximum(error, 1e-3 * size)))
+
+
+def estimates_of(robot: Robot, found: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    return {
+        name: found[name] if name in found else Estimate.of(p.value, float("nan"), p.unit, "fixed")
+        for name, p in robot.parameters.items()
+    }
+
+
+def notes_on(robot: Robot, equations: WindowEquations, window: int, status: Mapping[str, Status]) -> tuple[str, ...]:
+    notes = [
+        "Noise on the measured speeds also enters the regressors (errors in variables), which biases integral least "
+        "squares; the standard errors do not include that. Output error has no such bias.",
+        f"Balances over stretches of {window} samples; {100 * equations.dropped:.1f} % of the intervals were left out "
+        "because something stood still, turned round, or was not measured.",
+    ]
+    for kind, text in (
+        ("not_identifiable", "not determined by these logs and kept at the table's value"),
+        ("at_bound", "at a bound of the table: the unbounded estimate lies outside"),
+    ):
+        some = [name for name, s in status.items() if s == kind]
+        if some:
+            notes.append(f"{', '.join(some)}: {text}.")
+    unseen = [
+        effect.id
+        for effect in robot.effects
+        if type(effect).command is not Effect.command or type(effect).measure is not Effect.measure
+    ]
+    if unseen:
+        notes.append(f"{', '.join(unseen)}: acts on the command or the sensor, which the balances do not contain.")
+    return tuple(notes)

@@ -1,0 +1,349 @@
+r"""Which linear equations a robot's logs give: momentum balances, integrated between samples.
+
+Integrating the equation of motion over time needs no acceleration (Innocenti et al., eqs. 29-31). With measured speeds
+v, positions rebuilt from them and inputs that are held between samples,
+
+    P(t_k) - P(t_0) = integral of Q dt           "momentum":  P = M(q) v, Q = dP/dt along the robot's own rates
+    v(t_k) - v(t_0) = integral of dv/dt dt       "speed":     equation 33, and 30 as printed
+
+Both come from `Robot.rates` alone. The mass matrix is read off the way dry friction accelerates the robot; where that
+does not tell it (no friction on some axis), P = v. In the momentum form the parameters that the papers identify enter
+linearly, so it needs no start values, but measured speeds multiply the inertias; in the speed form they do not (no
+errors in variables there), but the inertias enter inverted and the equations are linearised about given numbers.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._compile import compiled
+from ..._float64 import in_float64
+from ...logs import Log
+from ...parameters import ParameterError
+from ...robots.robot import Robot
+from .log_rows import Rows, gather, measured_speeds, positions_of
+
+Array = NDArray[np.float64]
+Form = Literal["momentum", "speed"]
+
+_SUBSTEPS = 4  # of one sample; the caster turns with time constants down to d / eta1, about one sample
+_SMOOTH = np.ones(5) / 5  # moving average through which standstill is judged
+_PAD = 512  # rows; so that logs of similar length share a compiled program
+
+
+def _solved(A, b):
+    """A⁻¹ b for a small symmetric positive definite A [n, n], by elimination written out.
+
+    LAPACK's batched solver shares XLA's worker threads: several such calls in one program, as here for every tangent,
+    can wait for one another for ever on a machine with two cores.
+    """
+    n = b.shape[0]
+    rows = [[*A[i], b[i]] for i in range(n)]
+    for k in range(n):
+        for i in range(k + 1, n):
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
+    x: list = [None] * n
+    for k in reversed(range(n)):
+        x[k] = (rows[k][n] - sum(rows[k][j] * x[j] for j in range(k + 1, n))) / rows[k][k]
+    return jnp.stack(x)
+
+
+def _mass_times(robot: Robot, names: tuple[str, ...], state, inputs, p):
+    """M(q) v from rates and rubbing speeds alone, or v where friction does not reach every speed.
+
+    dry -> dv/dt is -K with K = M^-1 B^T and B = d(rubbing speeds)/d(v), so M K = B^T.
+    """
+    v = jnp.stack([jnp.asarray(state[name], float) for name in names])
+
+    def with_speeds(x):
+        return {**state, **dict(zip(names, x, strict=True))}
+
+    def rubbing(x):
+        return jnp.stack([jnp.asarray(s, float) for s in robot.rubbing(with_speeds(x), p)])
+
+    def accelerations(dry):
+        rates = robot.rates(state, inputs, tuple(dry), p)
+        return jnp.stack([jnp.asarray(rates[name], float) for name in names])
+
+    B = jax.jacfwd(rubbing)(v)
+    K = -jax.jacfwd(accelerations)(jnp.zeros(B.shape[0]))
+    return B.T @ K.T @ _solved(K @ K.T, v)
+
+
+@partial(compiled, static_argnames=("robot", "names", "positions", "free", "form", "mass", "substeps"))
+def _integrals(robot, names, positions, free, form, mass, substeps, numbers, theta, rows):
+    """Per sample: P, dP/dtheta; per interval: impulse, d(impulse)/dtheta; rubbing speeds; the friction axes' shares."""
+    dt, inputs, speeds, ahead, first, start, moved = rows
+    p0 = {**numbers, **dict(zip(free, theta, strict=True))}
+    h = dt / substeps
+    zero_dry = (0.0,) * len(robot.rubbing({**dict.fromkeys(robot.states, 0.0)}, p0))
+
+    def state_of(place, v):
+        own = dict(zip(positions, place, strict=True)) | dict(zip(names, v, strict=True))
+        return {name: own[name] for name in robot.states}
+
+    def between(v, w, bend, share):
+        """Speeds at a share of the interval: a parabola through both samples."""
+        return v + share * (w - v) + bend * (share * (share - 1.0))
+
+    def walk(place, row):
+        """Positions at the 2 substeps + 1 nodes of one interval, by Runge-Kutta with interpolated speeds."""
+        step, u, v, w, bend, is_first, own_start = row
+        place = jnp.where(is_first, own_start, place)
+
+        def moving(at, share):
+            rates = robot.rates(state_of(at, between(v, w, bend, share)), tuple(u), zero_dry, p0)
+            return jnp.stack([jnp.asarray(rates[name], float) for name in positions])
+
+        def half(at, i):
+            a, d = i / (2 * substeps), 1.0 / (2 * substeps)
+            k1 = moving(at, a)
+            k2 = moving(at + 0.25 * step * k1, a + 0.5 * d)
+            k3 = moving(at + 0.25 * step * k2, a + 0.5 * d)
+            k4 = moving(at + 0.5 * step * k3, a + d)
+            return at + 0.5 * step * (k1 + 2 * k2 + 2 * k3 + k4) / 6, at
+
+        end, nodes = jax.lax.scan(half, place, jnp.arange(2.0 * substeps))
+        return end, jnp.concatenate([nodes, end[None]])
+
+    def places(bends):
+        if not positions:
+            return jnp.zeros((len(dt), 2 * substeps + 1, 0))
+        return jax.lax.scan(walk, start[0], (h, inputs, speeds, ahead, bends, first, start))[1]
+
+    def accelerations(place, v, u):
+        rates = robot.rates(state_of(place, v), tuple(u), zero_dry, p0)
+        return jnp.stack([jnp.asarray(rates[name], float) for name in names])
+
+    bends = jnp.zeros_like(speeds)
+    nodes = places(bends)
+    if form == "speed":
+        # The input is held, so the speeds bend by what the model's acceleration changes over the interval.
+        both = jax.vmap(accelerations)
+        bends = 0.5 * dt[:, None] * (both(nodes[:, -1], ahead, inputs) - both(nodes[:, 0], speeds, inputs))
+        bends = jnp.where(moved, bends, 0.0)
+        nodes = places(bends)
+
+    def momentum(state, u, p):
+        if form == "speed" or not mass:
+            return jnp.stack([state[name] for name in names])
+        return _mass_times(robot, names, state, u, p)
+
+    def force(state, u, dry, p):
+        rates = robot.rates(state, u, dry, p)
+        if form == "speed" or not mass:
+            return jnp.stack([jnp.asarray(rates[name], float) for name in names])
+        rates = {name: jnp.asarray(rates[name], float) for name in state}
+        return jax.jvp(lambda s: momentum(s, u, p), (state,), (rates,))[1]
+
+    def numbers_with(x):
+        return {**numbers, **dict(zip(free, x, strict=True))}
+
+    def sliding(state, signs, p):
+        levels = robot.coulomb(state, p)
+        return tuple(jnp.where(s > 0, f, b) * s for s, (b, f) in zip(signs, levels, strict=True))
+
+    def interval(places, u, v, w, bend, step):
+        u = tuple(u)
+
+        def rub(j):
+            state = state_of(places[2 * j], between(v, w, bend, j / substeps))
+            return jnp.stack([jnp.zeros(()), *robot.rubbing(state, p0)])[1:]
+
+        edges = jax.vmap(rub)(jnp.arange(substeps + 1))
+        # Mean of sgn over a speed that runs linearly from one edge to the next, through zero or not.
+        a, b = edges[:-1], edges[1:]
+        signs = (a + b) / jnp.maximum(jnp.abs(a) + jnp.abs(b), 1e-300)
+        shares = (2 * jnp.arange(substeps) + 1) / (2 * substeps)
+
+        def impulse(x):
+            p = numbers_with(x)
+
+            def middle(place, share, sign):
+                state = state_of(place, between(v, w, bend, share))
+                return force(state, u, sliding(state, tuple(sign), p), p)
+
+            return step * jnp.sum(jax.vmap(middle)(places[1::2], shares, signs), axis=0)
+
+        here = state_of(places[0], v)
+        both = jax.jacfwd(lambda d: force(here, u, tuple(d), p0))(jnp.zeros(len(zero_dry)))
+        levels = jnp.array([0.0, *(0.5 * (b + f) for b, f in robot.coulomb(here, p0))])[1:]
+        return (
+            momentum(here, u, p0),
+            jax.jacfwd(lambda x: momentum(here, u, numbers_with(x)))(theta),
+            impulse(theta),
+            jax.jacfwd(impulse)(theta),
+            edges[0],
+            jnp.abs(both) * levels,
+        )
+
+    return jax.vmap(interval)(nodes, inputs, speeds, ahead, bends, h)
+
+
+def _has_mass_matrix(robot: Robot, names: tuple[str, ...]) -> bool:
+    """Whether dry friction acts on every measured speed, so that the mass matrix can be read off."""
+    p = robot.parameters.numbers
+    state = robot.initial_state() | dict.fromkeys(names, 0.1)
+    speeds = robot.rubbing(state, p)
+    if len(speeds) < len(names):
+        return False
+    B = jax.jacfwd(
+        lambda x: jnp.stack([jnp.asarray(s, float) for s in robot.rubbing(state | dict(zip(names, x, strict=True)), p)])
+    )(jnp.full(len(names), 0.1))
+    return bool(np.linalg.matrix_rank(np.asarray(B)) == len(names))
+
+
+# -- equations ---------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class WindowEquations:
+    """Linear equations `regressors @ theta = targets` of all logs, K rows.
+
+    `equation` [K] says which speed's balance a row is (index into `speeds`), `stretch` [K] which stretch of a log it
+    belongs to (its noise is independent of other stretches'), `log` [K] and `time` [K] where it was measured.
+    `dropped` is the share of intervals left out because something stood still or was not measured.
+    """
+
+    regressors: Array
+    targets: Array
+    equation: NDArray[np.int64]
+    stretch: NDArray[np.int64]
+    log: NDArray[np.int64]
+    time: Array
+    names: tuple[str, ...]
+    speeds: tuple[str, ...]
+    form: Form
+    dropped: float
+
+    def __len__(self) -> int:
+        return len(self.targets)
+
+
+def _noise_of(values: Array) -> float:
+    """Standard deviation of the white noise on a smooth sampled signal [n], from its third differences (robust)."""
+    third = np.diff(values, n=3)
+    if not len(third):
+        return 0.0
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
+
+
+def _still(speeds: Array, log: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """[N, axes]: the rubbing speed here is not told from zero."""
+    still = np.zeros(speeds.shape, bool)
+    for number in np.unique(log):
+        rows = log == number
+        for axis in range(speeds.shape[1]):
+            own = speeds[rows, axis]
+            padded = np.pad(own, len(_SMOOTH) // 2, mode="edge")
+            smooth = np.convolve(padded, _SMOOTH, mode="valid")
+            limit = 3.0 * _noise_of(own) / np.sqrt(len(_SMOOTH)) + 1e-3 * np.quantile(np.abs(own), 0.95)
+            # Either view may show the standstill: the smoothed one misses a stop of one sample, the raw one is noisy.
+            still[rows, axis] = (np.abs(smooth) <= limit) | (np.abs(own) <= 1e-3 * np.quantile(np.abs(own), 0.95))
+    return still
+
+
+def _stretches(whole: NDArray[np.bool_], log: NDArray[np.int64], window: int) -> NDArray[np.int64]:
+    """[N] stretch numbers: a new one at every log, after every unusable interval and after `window` samples."""
+    N = len(whole)
+    broken = np.ones(N, bool)
+    broken[1:] = ~whole[:-1] | (log[1:] != log[:-1])
+    begin = np.maximum.accumulate(np.where(broken, np.arange(N), 0))
+    cut = broken | ((np.arange(N) - begin) % window == 0)
+    return np.cumsum(cut) - 1
+
+
+def _evaluate(robot: Robot, rows: Rows, names: tuple[str, ...], form: Form, theta: Array) -> list[Array]:
+    """`_integrals` of the rows, which are padded so that logs of similar length share a compiled program."""
+    N = len(rows.dt)
+    arrays = (rows.dt, rows.inputs, rows.speeds, rows.ahead, rows.first, rows.start, rows.moved)
+    arrays = tuple(np.concatenate([x, np.repeat(x[-1:], -N % _PAD, axis=0)]) for x in arrays)
+    free, numbers = robot.parameters.free_names, robot.parameters.numbers
+    positions, mass = positions_of(robot, names), _has_mass_matrix(robot, names)
+    results = _integrals(robot.structure, names, positions, free, form, mass, _SUBSTEPS, numbers, theta, arrays)
+    return [np.asarray(x)[:N] for x in results]
+
+
+@in_float64
+def check_linear(robot: Robot, logs: Iterable[Log]) -> None:
+    """Raise `ParameterError` naming free parameters in which, together, the robot's balances are not linear."""
+    names = measured_speeds(robot)
+    rows = gather(robot, logs, names)
+    numbers, free = robot.parameters.numbers, robot.parameters.free_names
+    theta = np.array([numbers[name] for name in free], dtype=float)
+    elsewhere = np.where(theta == 0, 0.1, theta * (1.1 + 0.05 * np.arange(len(theta))))
+    here, there = (_evaluate(robot, rows, names, "momentum", at) for at in (theta, elsewhere))
+    slopes = (1, 3)  # of momentum and of impulse, in `_integrals`
+    size = np.max([np.max(np.abs(here[j]), axis=(0, 1)) for j in slopes], axis=0)
+    change = np.max([np.max(np.abs(there[j] - here[j]), axis=(0, 1)) for j in slopes], axis=0)
+    # A column far below the others' effect is rounding and says nothing about linearity.
+    effect = size * np.abs(elsewhere)
+    change = change / np.maximum(size, 1e-6 * max(effect.max(initial=0.0), 1e-300) / np.abs(elsewhere))
+    bent = [name for name, moved in zip(free, change, strict=True) if not moved < 1e-6]
+    if bent:
+        raise ParameterError(
+            f"the equations of motion of {robot.name!r} are not linear in {', '.join(bent)}, freed together; fix what "
+            "makes them so (free=False: lengths, gains, one factor of a product) or use output error."
+        )
+
+
+@in_float64
+def window_equations(robot: Robot, logs: Iterable[Log], form: Form = "momentum", window: int = 25) -> WindowEquations:
+    """The equations that `logs` give for the free parameters of `robot`.
+
+    Logs are cut into stretches of `window` samples. Within one, `P(t_k) = P_0 + integral of Q` holds at every sample
+    with one unknown P_0, which is eliminated by taking the stretch's mean off. That is generalised least squares on
+    the differences of eq. 30, whose noise in neighbouring intervals has correlation -1/2; two samples a stretch are
+    the paper's eq. 31.
+
+    Left out are intervals in which a rubbing axis that matters to the equation stands still or turns round (friction
+    is below its Coulomb level then), speeds that stay below three times their noise throughout a log (taken as zero),
+    and gaps of more than five samples; shorter gaps are bridged by interpolation.
+
+    The equations are exact where they are linear in the parameters and else linearised about the robot's numbers.
+    Raises `LogError` for logs without the robot's speeds.
+    """
+    if window < 2:
+        raise ValueError(f"A window of {window} sample(s) has no interval; use two or more.")
+    names = measured_speeds(robot)
+    free, numbers = robot.parameters.free_names, robot.parameters.numbers
+    rows = gather(robot, logs, names)
+    theta = np.array([numbers[name] for name in free], dtype=float)
+    P, dP, impulse, dimpulse, rubbing, shares = _evaluate(robot, rows, names, form, theta)
+
+    balance = P - np.concatenate([np.zeros_like(impulse[:1]), np.cumsum(impulse, axis=0)[:-1]])
+    slope = dP - np.concatenate([np.zeros_like(dimpulse[:1]), np.cumsum(dimpulse, axis=0)[:-1]])
+    still = _still(rubbing, rows.log)
+    share = np.median(shares, axis=0)  # [equations, axes]
+    most = np.max(share, axis=1, initial=0.0)
+    matters = np.asarray(share >= 0.1 * np.maximum(most, 1e-300)[:, None])
+    complete = rows.seen.all(axis=1)
+
+    parts, count, dropped = [], 0, []
+    for i in range(len(names)):
+        stuck = np.any(still[:, matters[i]], axis=1)
+        # Between two samples of opposite sign the axis may have stood still for a while, too.
+        crossing = np.append(rubbing[:-1] * rubbing[1:] < 0, np.zeros((1, rubbing.shape[1]), bool), axis=0)
+        stuck = stuck | np.append(stuck[1:], False) | np.any(crossing[:, matters[i]], axis=1)
+        whole = rows.whole & ~stuck
+        dropped.append(1.0 - whole.sum() / max(np.sum(rows.dt > 0), 1))
+        stretch = _stretches(whole, rows.log, window)
+        sizes = np.bincount(stretch, weights=complete)
+        used = complete & rows.moved[:, i] & (sizes[stretch] >= 2)
+        stretch = np.unique(stretch[used], return_inverse=True)[1]
+        sizes = np.maximum(np.bincount(stretch), 1)
+        both = np.concatenate([slope[used, i], balance[used, i, None]], axis=1)
+        for column in both.T:
+            column -= (np.bincount(stretch, weights=column) / sizes)[stretch]
+        own = np.full(len(stretch), i)
+        parts.append(
+            (both[:, :-1], both[:, :-1] @ theta - both[:, -1], own, stretch + count, rows.log[used], rows.time[used])
+        )
+        count += len(sizes)
+    F, y, equation, stretch, log, time = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return WindowEquations(F, y, equation, stretch, log, time, free, names, form, float(np.mean(dropped)))

@@ -1,0 +1,165 @@
+r"""Weighted, bounded linear least squares of window equations, by QR, with honest standard errors.
+
+Equations of different units are weighted by their own residual's standard deviation, estimated on the way. Parameters
+that the data does not determine are held at the table's value, the others being estimated with them there.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Float
+from numpy.typing import NDArray
+from scipy.linalg import qr as pivoted_qr
+from scipy.optimize import lsq_linear
+
+from ..._float64 import in_float64
+from ...robots.robot import Robot
+from ..result import Status
+from .regressors import WindowEquations
+
+Array = NDArray[np.float64]
+_RANK = 1e-7
+_NOTHING = 1e-10  # share of the largest effect: rounding
+USELESS = 1.0
+"""A standard error above this multiple of the parameter: the data says nothing about it."""
+_FEW = 5  # stretches for each parameter, below which their scatter is no measure of the uncertainty
+
+
+@in_float64
+def solve_by_qr(
+    regressors: ArrayLike, targets: ArrayLike
+) -> tuple[Float[jax.Array, " n"], Float[jax.Array, "n n"], Float[jax.Array, " K"]]:
+    """Least squares `F theta = y` (eq. 31) by QR of column-scaled F [K, n]; runs under `jit` and `vmap`.
+
+    Returns theta [n], its covariance for white noise [n, n] (variance from the residuals), and the residuals
+    y - F theta [K]. The normal equations, which square the condition number, are never formed. F needs full rank.
+    """
+    F, y = jnp.asarray(regressors, float), jnp.asarray(targets, float)
+    scale = jnp.linalg.norm(F, axis=0)
+    scale = jnp.where(scale > 0, scale, 1.0)
+    Q, R = jnp.linalg.qr(F / scale)
+    theta = jax.scipy.linalg.solve_triangular(R, Q.T @ y) / scale
+    residuals = y - F @ theta
+    inverse = jax.scipy.linalg.solve_triangular(R, jnp.eye(F.shape[1])) / scale[:, None]
+    variance = residuals @ residuals / max(F.shape[0] - F.shape[1], 1)
+    return theta, variance * inverse @ inverse.T, residuals
+
+
+@dataclass(frozen=True)
+class Solution:
+    theta: Array  # [n]
+    covariance: Array  # [n, n], NaN where there is none
+    full: Array  # [n, n], nothing held: infinite variance in directions that the data does not see
+    status: tuple[Status, ...]
+    noise: Array  # [equations]
+
+    @property
+    def undetermined(self) -> NDArray[np.bool_]:
+        return np.array([status == "not_identifiable" for status in self.status], bool)
+
+
+def _covariance(F: Array, residuals: Array, stretch: NDArray[np.int64], prior: Array) -> Array:
+    """Covariance [n, n] from weighted rows: by the scatter of the stretches' scores where there are many of them.
+
+    Within a stretch the noise of the integrals accumulates, so residuals are correlated; between stretches they are
+    independent (the cluster-robust sandwich). With few stretches: white residuals.
+    """
+    n = F.shape[1]
+    if n == 0:
+        return np.zeros((0, 0))
+    scale = np.sqrt(np.sum(F * F, axis=0) + prior)
+    R = np.linalg.qr(np.concatenate([F, np.diag(np.sqrt(prior))]) / scale, mode="r")
+    inverse = np.linalg.inv(R) / scale[:, None]
+    bread = inverse @ inverse.T
+    _, group = np.unique(stretch, return_inverse=True)
+    groups = int(group.max()) + 1
+    if groups < _FEW * n:
+        return bread
+    scores = np.stack([np.bincount(group, weights=column * residuals) for column in F.T], axis=1)
+    middle = scores.T @ scores * groups / (groups - n) + np.diag(prior)
+    return bread @ middle @ bread
+
+
+def _full_covariance(F: Array, prior: Array) -> Array:
+    """White-noise covariance with 1e16 (in columns of length one) for what the data does not see: much, but with rounding
+    of 1e-16 of it still nothing to combinations that have no part in it."""
+    scale = np.linalg.norm(F, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    rows = np.concatenate([F, np.diag(np.sqrt(prior))]) / scale
+    _, singular, Vt = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    inverse = np.where(singular > _RANK * singular.max(initial=1e-300), 1.0 / np.maximum(singular, 1e-150) ** 2, 1e16)
+    return (Vt.T * inverse) @ Vt / np.outer(scale, scale)
+
+
+def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_], judge: bool) -> Solution:
+    """Weigh, bound and solve; parameters that the data does not determine stay at the robot's table."""
+    table = [robot.parameters[name] for name in equations.names]
+    default = np.array([p.value for p in table])
+    lower, upper = np.array([p.lower for p in table]), np.array([p.upper for p in table])
+    mean = np.array([p.prior[0] if p.prior else 0.0 for p in table])
+    prior = np.array([p.prior[1] ** -2.0 if p.prior else 0.0 for p in table])
+    magnitude = np.array([abs(p.value) or p.typical or 0.0 for p in table])
+    n, kinds = len(table), len(equations.speeds)
+    F, y, kind = equations.regressors, equations.targets, equations.equation
+    counts = np.array([np.sum(kind == i) for i in range(kinds)], dtype=float)
+    stretches = np.array([len(np.unique(equations.stretch[kind == i])) for i in range(kinds)])
+    # Start with weights that put the equations on a common scale, whatever their units.
+    size = [np.std([*y[kind == i], *(F[kind == i] @ default), 0.0]) for i in range(kinds)]
+    noise = np.array([s if s > 0 else 1.0 for s in size])
+    held, theta = held.copy(), default.copy()
+    bound = np.zeros(n, bool)
+    covariance, full = np.full((n, n), np.nan), np.full((n, n), np.inf)
+    for _ in range(3 * n + 6):
+        weighted, target = F / noise[kind, None], y / noise[kind]
+        lengths = np.sqrt(np.sum(weighted**2, axis=0) + prior)
+        held |= lengths == 0
+        # The columns that say most at the table's values come first; those that follow from them, or say nothing beside
+        # them, are held.
+        typical = np.where(magnitude > 0, magnitude, 1.0 / np.where(lengths > 0, lengths, 1.0))
+        held |= typical * lengths < _NOTHING * np.max(typical * lengths)
+        index = np.flatnonzero(~held)
+        if not len(index):
+            break
+        stacked = np.concatenate([weighted, np.diag(np.sqrt(prior))])[:, index]
+        order = np.asarray(pivoted_qr(stacked * typical[index], mode="economic", pivoting=True)[-1], dtype=int)
+        unit = stacked[:, order] / lengths[index[order]]
+        diagonal = np.abs(np.diag(np.linalg.qr(unit, mode="r")))
+        follows = index[order[: len(diagonal)][diagonal < _RANK]]
+        if len(follows):
+            held[follows] = True
+            continue
+        rhs = np.append(target - weighted[:, held] @ default[held], np.sqrt(prior) * mean)
+        scale = lengths[index]
+        Q, R = np.linalg.qr(stacked / scale)
+        sides = (lower[index] * scale, upper[index] * scale)
+        solved = lsq_linear(R, Q.T @ rhs, bounds=sides, method="bvls", tol=1e-14)
+        theta = default.copy()
+        theta[index] = np.clip(solved.x / scale, lower[index], upper[index])
+        bound = np.zeros(n, bool)
+        bound[index] = solved.active_mask != 0
+        residuals = y - F @ theta
+        squares = np.array([np.sum(residuals[kind == i] ** 2) for i in range(kinds)])
+        freedom = np.maximum(counts - stretches - np.sum(~held) * counts / max(counts.sum(), 1.0), 1.0)
+        before, noise = noise, np.sqrt(squares / freedom)
+        # An exact fit leaves rounding; its weights mean nothing but must not be infinite.
+        noise = np.maximum(noise, 1e-13 * np.array([max(s, 1e-300) for s in size]))
+        if np.max(np.abs(noise / before - 1.0)) > 0.02 and np.max(noise / np.maximum(size, 1e-300)) > 1e-9:
+            continue
+        weighted, moving = F / noise[kind, None], np.flatnonzero(~held & ~bound)
+        covariance = np.full((n, n), np.nan)
+        own = _covariance(weighted[:, moving], residuals / noise[kind], equations.stretch, prior[moving])
+        covariance[np.ix_(moving, moving)] = own
+        full = _full_covariance(weighted, prior)
+        share = (
+            np.sqrt(np.diag(own)) / np.where(default != 0, np.maximum(np.abs(theta), np.abs(default)), np.inf)[moving]
+        )
+        if not judge or not len(share) or share.max() <= USELESS:
+            break
+        held[moving[np.argmax(share)]] = True
+    status: list[Status] = [
+        "not_identifiable" if h else "at_bound" if b else "identified" for h, b in zip(held, bound, strict=True)
+    ]
+    return Solution(theta, covariance, full, tuple(status), noise)

@@ -1,0 +1,1 @@
+"""Output error: the parameters whose simulation comes closest to the measurement."""

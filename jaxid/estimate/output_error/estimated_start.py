@@ -1,0 +1,91 @@
+"""Where logs start that a model was not fitted to.
+
+A held-out log that begins in motion shows its first speed only through the noise, and a caster's angle not at all. A
+simulation from there would be judged by the first sample's error for as long as that takes to die away. So a few numbers
+per log, its initial states, are estimated from the log itself, with all parameters held.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from ...logs import LogSet
+from ...robots.robot import Robot
+from ...simulation.simulate import simulate
+from ...simulation.start import initial_states
+from .setup import UNMEASURED_SPREAD
+
+_STEPS = 5
+_SECANT = 1e-3
+_SHRINK = (1.0, 0.3, 0.05)
+"""Shares of a Gauss-Newton step that are tried."""
+_NOTICEABLE = 0.01
+_TRIED = {"beta": np.linspace(-np.pi, np.pi, 24, endpoint=False)}
+"""Initial states whose cost has many minima, with the values to try [rad]."""
+_DIVERGED = 1e6
+
+
+def estimated_start(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    driven: Mapping[str, Float[Array, "E T"]] = MappingProxyType({}),
+) -> dict[str, NDArray[np.float64]]:
+    """Initial states [E] by name: of logs that start in motion the likeliest ones (Gauss-Newton), of the others as
+    `initial_states` has them. `noise` is each channel's standard deviation."""
+    begin = initial_states(robot, logs)
+    states, moving = begin.states, begin.uncertain
+    if not moving.any():
+        return states
+    measured = logs.channels.measured
+    names = robot.estimated_states
+    counted = [c for c in measured if np.isfinite(noise.get(c, np.nan)) and (c in logs.channels.outputs or c in names)]
+    columns, sigma = [measured.index(c) for c in counted], np.array([noise[c] for c in counted])
+    prior = np.array([0.0 if name in counted else 1.0 / UNMEASURED_SPREAD for name in names])
+    origin = np.stack([states[name] for name in names], axis=1)
+
+    def residuals(x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        start = {**states, **dict(zip(names, x.T, strict=True))}
+        found = []
+        for e, (log, simulated) in enumerate(zip(logs, simulate(robot, logs, start=start, driven=driven), strict=True)):
+            error = (simulated[:, columns] - log.outputs[:, columns]) / sigma
+            error = np.where(np.isfinite(log.outputs[:, columns]), np.nan_to_num(error, nan=_DIVERGED), 0.0)
+            found.append(np.concatenate([np.clip(error, -_DIVERGED, _DIVERGED).ravel(), prior * (x[e] - origin[e])]))
+        return found
+
+    def costs(found: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        return np.array([float(r @ r) for r in found])
+
+    x = origin.copy()
+    now = residuals(x)
+    best = costs(now)
+
+    def tried(there: NDArray[np.float64]) -> None:
+        """Go there with every log that fits better there."""
+        nonlocal x, now, best
+        there = np.where(moving[:, None], there, x)
+        then = residuals(there)
+        better = costs(then) < best
+        x = np.where(better[:, None], there, x)
+        now = [b if ok else a for a, b, ok in zip(now, then, better, strict=True)]
+        best = costs(now)
+
+    for j, name in enumerate(names):
+        for value in _TRIED.get(name, ()):
+            tried(np.where(np.arange(len(names)) == j, value, x))
+    for _ in range(_STEPS):
+        before = best
+        moved = [residuals(x + _SECANT * unit) for unit in np.eye(len(names))]
+        step = np.zeros_like(x)
+        for e in np.flatnonzero(moving):
+            jacobian = np.stack([(m[e] - now[e]) / _SECANT for m in moved], axis=1)
+            step[e] = -np.linalg.lstsq(jacobian, now[e], rcond=1e-10)[0]
+        start = x
+        for share in _SHRINK:
+            tried(np.where((best < before)[:, None], x, start + share * step))
+        if not np.any(best < before - _NOTICEABLE):
+            break
+    return {**states, **dict(zip(names, x.T, strict=True))}

@@ -1,0 +1,185 @@
+"""From where an output-error optimisation stopped to a `Fit`: noise, bounds, uncertainty, initial states."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from ...logs import LogSet
+from ...robots.robot import Robot
+from ..result import Estimate, Fit, Outlier
+from ..uncertainty import Spread, combinations, estimates, spread
+from .levenberg_marquardt import Optimum, minimise_compiled
+from .problem import CLOCK_OFFSET, Problem, Structure, Triangle, Unknowns, parameters_at
+
+_NEAR_BOUND = 0.02
+_BOUND_COST = 2.0
+"""Half chi-squared a parameter may cost when it is moved from near its bound onto it."""
+_STANDS_OUT = 10.0
+"""Ratio of a log's residual to the other logs' (root mean square, in units of the noise) that is worth a word."""
+
+
+def channel_noise(problem: Problem, squares: ArrayLike, unknown_count: ArrayLike) -> Array:
+    """Standard deviation of each channel's residual at the optimum, degrees of freedom accounted for [ny], from the sums of
+    squares [E, ny]. Traceable."""
+    counts = jnp.sum(problem.mask, axis=(0, 1))
+    # The unknowns are shared among channels by their share of the samples.
+    freedom = jnp.maximum(counts * (1.0 - unknown_count / jnp.maximum(jnp.sum(counts), 1)), 1.0)
+    return jnp.where(
+        counts > 0, problem.sigma * jnp.sqrt(jnp.sum(jnp.asarray(squares), axis=0) / freedom), problem.sigma
+    )
+
+
+def unknown_count(structure: Structure, problem: Problem) -> Array:
+    """Number of free parameters and initial states."""
+    return len(structure.names) + jnp.sum(problem.state_free)
+
+
+class AtBounds(NamedTuple):
+    """The problem and optimum with the parameters `at_bound` [n] held exactly on their bounds."""
+
+    problem: Problem
+    optimum: Optimum
+    at_bound: NDArray[np.bool_]
+
+
+def near_bounds(problem: Problem, z: Float[NDArray, "*lanes n"]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Which parameters crept towards a bound, and the parameters with these on it [*lanes, n]."""
+    lower, upper = np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper)
+    scale, theta = np.asarray(problem.bounds.scale), np.asarray(parameters_at(problem, jnp.asarray(z)))
+    low = np.isfinite(lower) & (theta - lower < _NEAR_BOUND * scale) & np.asarray(problem.free)
+    high = np.isfinite(upper) & (upper - theta < _NEAR_BOUND * scale) & np.asarray(problem.free)
+    return low | high, np.where(low, lower, np.where(high, upper, theta))
+
+
+def on_bounds(structure: Structure, problem: Problem, optimum: Optimum, max_steps: int) -> AtBounds:
+    """Put parameters that crept towards a bound exactly on it where that costs nothing."""
+    near, at = near_bounds(problem, np.asarray(optimum.unknowns.z))
+    if not near.any():
+        return AtBounds(problem, optimum, near)
+    trial = replace(
+        problem,
+        free=problem.free & ~jnp.asarray(near),
+        held=jnp.where(jnp.asarray(near), jnp.asarray(at), problem.held),
+    )
+    held = minimise_compiled(structure, trial, optimum.unknowns, max_steps=max_steps)
+    if held.cost < optimum.cost + _BOUND_COST:
+        return AtBounds(trial, held, near)
+    return AtBounds(problem, optimum, np.zeros_like(near))
+
+
+def _reason(optimum: Optimum, max_steps: int) -> str:
+    if bool(optimum.converged):
+        return "converged: no step changes the fit noticeably any more"
+    return f"not converged in {max_steps} steps; start closer, free fewer parameters, or allow more steps"
+
+
+def own_errors(triangle: Triangle, covariance_z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard errors [E, s] of the experiments' own unknowns, in units of their scale, the parameters' included."""
+    errors = np.zeros(triangle.residual_local.shape)
+    for e, (local, crossed) in enumerate(zip(np.asarray(triangle.local), np.asarray(triangle.crossed), strict=True)):
+        inverse = np.linalg.pinv(local)
+        onto = inverse @ crossed
+        errors[e] = np.sqrt(np.diag(inverse @ inverse.T + onto @ covariance_z @ onto.T))
+    return errors
+
+
+def initial_states_at(
+    robot: Robot, logs: LogSet, structure: Structure, problem: Problem, unknowns: Unknowns
+) -> dict[str, dict[str, float]]:
+    """Every log's initial state by name, estimated where it was free."""
+    values = {name: np.array(problem.start[name]) for name in robot.states}
+    for i, name in enumerate(structure.state_names):
+        if name in values:
+            values[name] = values[name] + np.asarray(problem.state_scale[i] * unknowns.states[:, i])
+    return {log.name: {name: float(values[name][e]) for name in robot.states} for e, log in enumerate(logs)}
+
+
+def _clock_offsets(logs, structure, problem, optimum, inner, covariance_z) -> dict[str, Estimate]:
+    """By how much each log's input clock is ahead, where that was estimated."""
+    if CLOCK_OFFSET not in structure.state_names:
+        return {}
+    i = structure.state_names.index(CLOCK_OFFSET)
+    scale = float(problem.state_scale[i])
+    errors = own_errors(inner.triangle, covariance_z)[:, i]
+    values = np.asarray(optimum.unknowns.states[:, i])
+    return {
+        log.name: Estimate.of(scale * values[e], scale * errors[e], "s") for e, log in enumerate(logs)
+    }  # fmt: skip
+
+
+def _status(logs: LogSet, problem: Problem, squares: NDArray[np.float64], left_out: Sequence[str]) -> dict[str, str]:
+    """What became of every log, by name."""
+    counts = np.maximum(np.asarray(problem.mask).sum(axis=(1, 2)), 1)
+    rms = np.sqrt(np.sum(squares, axis=1) / counts)
+    found = {}
+    for e, log in enumerate(logs):
+        others = [rms[k] for k, other in enumerate(logs) if k != e and other.name not in left_out]
+        usual = float(np.median(others)) if others else 0.0
+        if log.name in left_out:
+            found[log.name] = "left out: the simulation diverges on it; check its units, signs and gaps"
+        elif len(others) > 1 and rms[e] > _STANDS_OUT * usual > 0:
+            found[log.name] = f"stands out: its residual is {rms[e] / usual:.3g} times the other logs'"
+        else:
+            found[log.name] = "fitted"
+    return found
+
+
+def fit_at(
+    robot: Robot,
+    logs: LogSet,
+    structure: Structure,
+    problem: Problem,
+    inner: Optimum,
+    bounded: AtBounds,
+    *,
+    iterations: int,
+    max_steps: int,
+    covariance: NDArray[np.float64] | None = None,
+    noise: NDArray[np.float64] | None = None,
+    left_out: Sequence[str] = (),
+    outliers: tuple[Outlier, ...] = (),
+) -> Fit:
+    """The `Fit` at an optimum: `inner` with every parameter free and `bounded` with those that lie on a bound held.
+
+    `covariance` [n, n] and `noise` [ny] replace those of white residuals; `left_out` are names of logs without weight.
+    """
+    optimum, names = bounded.optimum, structure.names
+    theta = np.asarray(parameters_at(bounded.problem, optimum.unknowns.z))
+    # Uncertainty with every parameter free: one that lies on its bound still widens the others' intervals.
+    slope = np.asarray(problem.bounds.slope(inner.unknowns.z))
+    magnitude = np.maximum(np.abs(theta), np.asarray(problem.bounds.scale))
+    found: Spread = spread(np.asarray(inner.triangle.shared) / slope, np.ones(len(names), dtype=bool), magnitude)
+    covariance_z = found.covariance / np.outer(slope, slope)
+    if covariance is not None:
+        found = found._replace(covariance=covariance)
+    values = dict(zip(names, theta.tolist(), strict=True))
+    identified = robot.with_values(**values)
+    squares = np.asarray(optimum.triangle.squares)
+    if noise is None:
+        noise = np.asarray(channel_noise(bounded.problem, squares, unknown_count(structure, problem)))
+    counted = np.asarray(jnp.any(problem.mask, axis=(0, 1)))
+    measured = logs[0].channels.measured
+    status = _status(logs, problem, np.asarray(inner.triangle.squares), left_out)
+    return Fit(
+        method="output_error",
+        robot=identified,
+        parameters=estimates(robot, values, names, found, bounded.at_bound),
+        combinations=combinations(robot, identified.parameters.numbers, names, found.covariance),
+        free_names=names,
+        covariance=found.covariance,
+        noise={c: float(noise[i]) for i, c in enumerate(measured) if counted[i]},
+        converged=bool(optimum.converged),
+        reason=_reason(optimum, max_steps),
+        iterations=iterations,
+        initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
+        notes=tuple(f"{name} {what}." for name, what in status.items() if what != "fitted"),
+        log_status=status,
+        clock_offsets=_clock_offsets(logs, structure, problem, optimum, inner, covariance_z),
+        outliers=outliers,
+    )

@@ -1,0 +1,106 @@
+"""A start in the right basin, for initial states that make several.
+
+On a reversal near beta = 0 a tiny yaw rate decides to which side the Pioneer's caster flips, so that the cost as a
+function of an unknown beta(0) has many minima. Given the parameters, though, each log's beta(0) is a search over one
+number, which a grid of rollouts settles without derivatives. So: short horizon first, where nothing has flipped yet,
+then longer ones; on each, search beta(0) of every log over the grid, then improve everything by Levenberg-Marquardt;
+repeat on the full horizon until the cost stops falling.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._compile import compiled
+from .levenberg_marquardt import Optimum, minimise_compiled
+from .problem import Problem, Structure, Unknowns, simulate_all
+
+AMBIGUOUS = {"beta": np.linspace(-0.6, 0.6, 49)}
+"""Initial states whose cost has many minima, with the values to try [rad]."""
+_NUDGES = np.array([0.0, 0.02, -0.02, 0.1, -0.1, 0.3, -0.3])
+_HORIZONS = (1.0, 2.5, 6.0)
+"""Seconds of the record that count, before the whole."""
+_STEPS = 15
+"""Levenberg-Marquardt steps between two searches."""
+
+
+def ambiguous_index(structure: Structure) -> int | None:
+    """Position of the ambiguous state among the estimated ones, if there is one."""
+    for index, name in enumerate(structure.state_names):
+        if name in AMBIGUOUS:
+            return index
+    return None
+
+
+@partial(compiled, static_argnames=("structure", "index"))
+def search_state(structure: Structure, problem: Problem, unknowns: Unknowns, candidates, index: int):
+    """The best of `candidates` [C, E] (in units of the state's scale) for every log, and the cost of each log there."""
+
+    def cost(own):
+        trial = Unknowns(unknowns.z, unknowns.states.at[:, index].set(own))
+        outputs = simulate_all(structure, problem, trial)
+        residual = jnp.where(problem.mask, (outputs - problem.outputs) / problem.sigma, 0.0)
+        prior = problem.state_precision[index] * (own * problem.state_scale[index]) ** 2
+        total = 0.5 * jnp.sum(residual**2, axis=(1, 2)) + 0.5 * prior
+        return jnp.where(jnp.isfinite(total), total, jnp.inf)
+
+    costs = jax.lax.map(cost, candidates, batch_size=32)
+    best = jnp.argmin(costs, axis=0)
+    chosen = jnp.take_along_axis(candidates, best[None], axis=0)[0]
+    chosen = jnp.where(problem.state_free[:, index], chosen, unknowns.states[:, index])
+    return Unknowns(unknowns.z, unknowns.states.at[:, index].set(chosen)), jnp.min(costs, axis=0)
+
+
+def shortened(problem: Problem, seconds: float) -> Problem:
+    """The problem with only the first `seconds` of every log counting."""
+    time = jnp.cumsum(problem.dt, axis=1) - problem.dt
+    return replace(problem, mask=problem.mask & (time < seconds)[..., None])
+
+
+def globalise(
+    structure: Structure,
+    problem: Problem,
+    starts: Sequence[Unknowns],
+    index: int,
+    *,
+    rounds: int = 8,
+    report: Callable[[str], None] = lambda message: None,
+) -> Optimum:
+    """Minimise over parameters and initial states, the ambiguous state number `index` globally.
+
+    Every start goes through the short horizons; the best of them goes on.
+    """
+    scale = float(problem.state_scale[index])
+    grid = jnp.asarray(AMBIGUOUS[structure.state_names[index]]) / scale
+    E = starts[0].states.shape[0]
+
+    def search(current: Problem, at: Unknowns) -> Unknowns:
+        everywhere = jnp.broadcast_to(grid[:, None], (grid.shape[0], E))
+        nearby = at.states[:, index] + jnp.asarray(_NUDGES)[:, None] / scale
+        return search_state(structure, current, at, jnp.concatenate([everywhere, nearby]), index)[0]
+
+    longest = float(jnp.max(jnp.sum(problem.dt, axis=1)))
+    horizons = [seconds for seconds in _HORIZONS if seconds < 0.6 * longest]
+    warmed: list[tuple[float, Unknowns]] = []
+    for number, unknowns in enumerate(starts):
+        cost = 0.0
+        for seconds in horizons:
+            current = shortened(problem, seconds)
+            optimum = minimise_compiled(structure, current, search(current, unknowns), max_steps=_STEPS)
+            unknowns, cost = optimum.unknowns, float(optimum.cost)
+        warmed.append((cost, unknowns))
+        report(f"start {number + 1} of {len(starts)} on short horizons: cost {cost:.1f}")
+    unknowns = min(warmed, key=lambda pair: pair[0])[1]
+    best: Optimum | None = None
+    for round_number in range(rounds):
+        optimum = minimise_compiled(structure, problem, search(problem, unknowns), max_steps=_STEPS)
+        report(f"full horizon, round {round_number + 1}: cost {float(optimum.cost):.1f}")
+        if best is not None and optimum.cost > best.cost - 0.1:
+            return best if best.cost <= optimum.cost else optimum
+        best, unknowns = optimum, optimum.unknowns
+    assert best is not None
+    return best

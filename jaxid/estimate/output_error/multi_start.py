@@ -1,0 +1,126 @@
+"""Many starts in one batch, and the basins in which they end.
+
+Output error can have several minima. Starts that are each parameter's value times or divided by up to a factor are
+minimised as lanes of one compiled program; those that end at the same cost are one basin.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._float64 import in_float64
+from ...logs import LogError, LogSet
+from ...parameters import ParameterError
+from ...robots.robot import Robot
+from ...simulation.rollout import Integrator
+from ..linear.integral_least_squares import integral_least_squares
+from ..result import Fit
+from .fleet import fit_lanes
+from .output_error import output_error
+from .problem import Unknowns
+from .setup import InitialStates, build, start_values
+
+_SAME = 0.5
+"""Difference of costs (half chi-squared) within which two starts ended in the same basin."""
+_STEPS = 200
+
+
+@dataclass(frozen=True)
+class Basin:
+    """Starts that ended at one cost: how many, the cost's rise over the best (half chi-squared), and the parameters there."""
+
+    starts: int
+    rise: float
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True)
+class MultiStart:
+    """`fit` from the best of all starts; `basins`, best first; `lost`: starts from which nothing finite was reached."""
+
+    fit: Fit
+    basins: tuple[Basin, ...]
+    lost: int
+
+    @property
+    def share(self) -> float:
+        """Share of the starts that reached the best basin."""
+        total = sum(basin.starts for basin in self.basins) + self.lost
+        return self.basins[0].starts / total
+
+    def __repr__(self) -> str:
+        total = sum(basin.starts for basin in self.basins) + self.lost
+        names = list(self.basins[0].parameters)
+        rows = [
+            f"{self.basins[0].starts} of {total} starts reached the best optimum; {self.lost} reached nothing finite."
+        ]
+        rows.append(f"{'starts':>8}{'rise of cost':>14}" + "".join(f"{name:>13}" for name in names))
+        for basin in self.basins:
+            row = f"{basin.starts:>8}{basin.rise:>14.4g}"
+            rows.append(row + "".join(f"{basin.parameters[name]:>13.4g}" for name in names))
+        return "\n".join(rows)
+
+
+@in_float64
+def multi_start(
+    robot: Robot,
+    logs: LogSet,
+    *,
+    starts: int = 32,
+    factor: float = 10.0,
+    seed: int = 0,
+    initial_states: InitialStates = "auto",
+    integrator: Integrator | None = None,
+    report: Callable[[str], None] = lambda message: None,
+) -> MultiStart:
+    """Output error from `starts` starts, whose parameters are the robot's times or divided by up to `factor`.
+
+    The first start is the integral least-squares estimate where there is one. Parameters whose value is 0 start within
+    `factor` of their typical value, either sign. Raises `ParameterError` if no parameter is free or no start leads anywhere.
+    """
+    values = start_values(robot, None)
+    structure, problem, unknowns = build(robot, logs, start=values, initial=initial_states, integrator=integrator)
+    rng = np.random.default_rng(seed)
+    names = structure.names
+    centre = np.array([values[name] for name in names])
+    scale = np.asarray(problem.bounds.scale)
+    factors = np.exp(rng.uniform(-1, 1, (starts, len(names))) * np.log(factor))
+    theta = np.where(centre != 0, centre * factors, scale * factors * rng.choice([-1.0, 1.0], factors.shape))
+    try:
+        linear = integral_least_squares(robot, logs).robot.parameters.numbers
+        theta[0] = [linear[name] for name in names]
+    except (ParameterError, LogError):
+        pass
+    theta = np.clip(theta, np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper))
+    z = jax.vmap(problem.bounds.coordinates)(jnp.asarray(theta))
+    lanes = Unknowns(z, jnp.broadcast_to(unknowns.states, (starts, *unknowns.states.shape)))
+    report(f"{starts} starts as lanes of one program")
+    own = {"held": jnp.broadcast_to(problem.held, (starts, len(names)))}
+    found = fit_lanes(structure, problem, own, lanes, max_steps=_STEPS, rounds=1, lanes=min(starts, 32)).optimum
+    costs = np.asarray(found.cost)
+    sound = np.isfinite(np.asarray(found.triangle.squares)).all(axis=(1, 2)) & np.isfinite(costs)
+    if not sound.any():
+        raise ParameterError(
+            f"the simulation of {robot.name!r} diverges at every start; check the logs' units and signs"
+        )
+    ends = np.asarray(jax.vmap(problem.bounds.physical)(found.unknowns.z))
+    order = [int(k) for k in np.argsort(np.where(sound, costs, np.inf)) if sound[k]]
+    groups: list[list[int]] = []
+    for k in order:
+        if groups and costs[k] - costs[groups[-1][0]] < _SAME:
+            groups[-1].append(k)
+        else:
+            groups.append([k])
+    best = costs[order[0]]
+    basins = tuple(
+        Basin(len(group), float(costs[group[0]] - best), dict(zip(names, ends[group[0]].tolist(), strict=True)))
+        for group in groups
+    )
+    report(f"{len(groups)} basins; going on from the best")
+    fit = output_error(
+        robot, logs, start=basins[0].parameters, initial_states=initial_states, integrator=integrator, report=report
+    )
+    return MultiStart(fit, basins, int(starts - sound.sum()))

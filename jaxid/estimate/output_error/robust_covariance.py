@@ -1,0 +1,139 @@
+"""Covariance that stays right when neighbouring residuals are correlated.
+
+(JᵀJ)⁻¹ holds for white residuals. Filtered sensors and whatever the model lacks make them coloured, and then it is too
+small. Two sandwiches S⁻¹ B S⁻¹ put that right, and every parameter gets the larger of its two standard errors:
+
+- B from the scores of blocks of time longer than the residual remembers: no model of the colour, also right where the
+  residual depends on what the robot does, but few blocks know it roughly (Newey & West, Econometrica 55, 1987; blocks as in
+  Liang & Zeger, Biometrika 73, 1986).
+- B = Jᵀ Gamma J with the residual's autocovariance Gamma by lag: sharp, for noise that goes its own way. The parameters
+  have taken up some of the noise, most of it slow; what they took is added back, to first order in J S⁻¹ Jᵀ.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.typing import NDArray
+
+from ..._compile import compiled
+from .problem import Problem, Structure, Unknowns, sensitivities
+
+_MEMORIES = 10.0
+"""Block length in units of the residual's correlation time: what correlates across borders is then a tenth."""
+_SHORTEST, _FEWEST = 10, 30
+"""Samples of the shortest block, and blocks that there must be at least."""
+_ROUNDS = 3
+"""Times that the noise taken up by the parameters is added back."""
+_REMEMBERED = 0.05
+"""Correlation below which the residual has forgotten."""
+_SINGULAR = 1e-13
+
+_sensitivities = compiled(sensitivities, static_argnums=0)
+
+
+def memory(residual: Float[NDArray, "E T ny"], mask: Bool[NDArray, "E T ny"]) -> float:
+    """Correlation time of the slowest channel [samples]: one for white residuals."""
+    longest = 1.0
+    for y in range(residual.shape[-1]):
+        r = np.where(mask[..., y], residual[..., y], 0.0)
+        power = float(np.sum(r * r))
+        if power == 0.0:
+            continue
+        total = 1.0
+        for lag in range(1, r.shape[1] // 4):
+            rho = float(np.sum(r[:, lag:] * r[:, :-lag])) / power
+            if rho < _REMEMBERED:
+                break
+            total += 2.0 * rho
+        longest = max(longest, total)
+    return longest
+
+
+def _lags(residual: Float[NDArray, "E T ny"]) -> int:
+    """Lags after which the residual of every channel has forgotten, twice over."""
+    last = 1
+    for y in range(residual.shape[-1]):
+        r = residual[..., y]
+        power = float(np.sum(r * r))
+        for lag in range(1, r.shape[1] // 8):
+            if power == 0.0 or float(np.sum(r[:, lag:] * r[:, :-lag])) < _REMEMBERED * power:
+                last = max(last, lag)
+                break
+    return 2 * last
+
+
+def _by_lag(a: Float[NDArray, "E T *a"], b: Float[NDArray, "E T *b"], lag: int, subscripts: str) -> NDArray[np.float64]:
+    """Sum over experiments and samples of products `lag` samples apart, both ways."""
+    if lag == 0:
+        return np.einsum(subscripts, a, b)
+    return np.einsum(subscripts, a[:, lag:], b[:, :-lag]) + np.einsum(subscripts, a[:, :-lag], b[:, lag:])
+
+
+def _stationary(residual, jacobian, mask, inverse) -> NDArray[np.float64]:
+    """B [n, n] of a residual whose autocovariance depends on the lag alone, channel by channel."""
+    n, total = jacobian.shape[-1], np.zeros((jacobian.shape[-1],) * 2)
+    lags = _lags(residual)
+    # 1 up to half of the lags, then down to 0: what is forgotten is only noise.
+    taper = np.clip(2.0 * (1.0 - np.arange(lags) / lags), 0.0, 1.0)
+    channels = range(residual.shape[-1])
+    pairs = [[float(_by_lag(m := mask[..., y].astype(float), m, k, "et,et->")) for k in range(lags)] for y in channels]
+    raw = [[float(_by_lag(r := residual[..., y], r, k, "et,et->")) for k in range(lags)] for y in channels]
+    gamma = np.array(raw) / np.maximum(np.array(pairs), 1.0)
+    taken = np.zeros_like(gamma)
+    for _ in range(_ROUNDS):
+        weights = (gamma + taken) * taper
+        spread = [np.zeros_like(jacobian[..., 0, :]) for _ in channels]
+        for y in channels:
+            J = jacobian[..., y, :]
+            for k in range(lags):
+                spread[y][:, k:] += weights[y, k] * J[:, : J.shape[1] - k]
+                if k:
+                    spread[y][:, :-k] += weights[y, k] * J[:, k:]
+        total = sum((np.einsum("eti,etj->ij", jacobian[..., y, :], spread[y]) for y in channels), np.zeros((n, n)))
+        for y in channels:
+            J = jacobian[..., y, :]
+            onto = J @ inverse
+            kept = onto @ total
+            for k in range(lags):
+                # H Gamma + Gamma H - H Gamma H along its k-th diagonals, H = J S^-1 J^T
+                lost = 2.0 * _by_lag(onto, spread[y], k, "eti,eti->") - _by_lag(kept, onto, k, "eti,eti->")
+                taken[y, k] = float(lost) / max(pairs[y][k], 1.0)
+    return total
+
+
+def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns) -> NDArray[np.float64]:
+    """Covariance [n, n] of the physical parameters at the optimum `unknowns`, for coloured residuals. Call under float64."""
+    residual, jacobian = (np.asarray(x) for x in _sensitivities(structure, problem, unknowns))
+    mask = np.asarray(problem.mask)
+    n, s = len(structure.names), len(structure.state_names)
+    E, T = residual.shape[:2]
+    samples = int(np.any(mask, axis=-1).sum())
+    length = int(np.clip(np.ceil(_MEMORIES * memory(residual, mask)), _SHORTEST, max(samples // _FEWEST, _SHORTEST)))
+    state_prior = np.asarray(problem.state_precision) * np.asarray(problem.state_scale) ** 2
+    information = np.diag(np.asarray(problem.prior_precision))
+    scores, own = [], np.zeros((*residual.shape, n))
+    for e in range(E):
+        J, r = jacobian[e], residual[e]
+        H = np.einsum("tyi,tyj->ij", J, J)
+        own_free = np.asarray(problem.state_free[e])
+        local = H[n:, n:] + np.diag(np.where(own_free, state_prior, 1.0))
+        onto = np.linalg.solve(local, H[n:, :n]).T if s else np.zeros((n, 0))
+        information = information + H[:n, :n] - onto @ H[n:, :n]
+        own[e] = J[..., :n] - J[..., n:] @ onto.T
+        scores.append(np.add.reduceat(np.einsum("tyi,ty->ti", own[e], r), np.arange(0, T, length), axis=0))
+    u = np.concatenate(scores)
+    u = u[np.any(u != 0.0, axis=1)]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    kept = values > _SINGULAR * values.max()
+    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T * np.outer(scale, scale)
+    few = len(u) / max(len(u) - n, 1)  # the residuals have been fitted by n parameters
+    by_blocks = inverse @ (u.T @ u) @ inverse * few
+    if problem.weight is not None:  # scores are psi(u) J: all of a robust loss's weight belongs to the residual
+        weight = np.asarray(problem.weight)
+        residual, own = residual * weight, own / weight[..., None]
+    by_lags = inverse @ _stationary(residual, own, mask, inverse) @ inverse
+    one, other = np.diag(by_blocks), np.diag(by_lags)
+    if not np.all(other > 0.0):
+        return by_blocks
+    widen = np.sqrt(np.maximum(one / other, 1.0))
+    return by_lags * np.outer(widen, widen)

@@ -1,0 +1,161 @@
+"""From a robot and its logs to an output-error problem in arrays."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...logs import LogSet
+from ...logs.noise import noise_level
+from ...parameters import ParameterError
+from ...robots.robot import Robot
+from ...simulation.rollout import Integrator
+from ...simulation.start import initial_states
+from ..result import Fit
+from .bounds import Bounds
+from .problem import CLOCK_OFFSET, Problem, Structure, Unknowns
+
+InitialStates = Literal["auto", "known", "estimate"]
+_STATE_SCALE = 0.1
+UNMEASURED_SPREAD = 0.5
+"""Prior standard deviation (SI units) of an uncertain initial state that no sensor shows, such as the caster's angle."""
+_CLOCK_SPREAD = 0.5
+"""Prior standard deviation [s] of the offset between two clocks."""
+
+
+def start_values(robot: Robot, start: Fit | Mapping[str, float] | None) -> dict[str, float]:
+    """Start values of the free parameters."""
+    if start is None:
+        return {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    if isinstance(start, Fit):
+        values = start.robot.parameters.numbers
+        return {name: values.get(name, robot.parameters[name].value) for name in robot.parameters.free_names}
+    for name in start:
+        robot.parameters[name]  # an unknown name is an error, not a silently ignored start
+    return {**start_values(robot, None), **{k: float(v) for k, v in start.items() if k in robot.parameters.free_names}}
+
+
+def typical_values(robot: Robot, start: Mapping[str, float], names: tuple[str, ...]) -> np.ndarray:
+    """Orders of magnitude of the parameters, in which the optimiser moves."""
+    scales = []
+    for name in names:
+        parameter = robot.parameters[name]
+        candidates = (abs(start.get(name, 0.0)), abs(parameter.value), parameter.typical or 0.0)
+        from_start, from_table, typical = candidates
+        scale = from_table if from_table > 0 else typical
+        # A start far above the table's value (an axis whose table says 1 kg) tells the magnitude better.
+        scale = max(scale, from_start) if from_start > 0 else scale
+        scales.append(scale if scale > 0 else 1.0)
+    return np.array(scales)
+
+
+def _initial_sigma(logs: LogSet, outputs: tuple[str, ...]) -> np.ndarray:
+    """Noise of each channel from the data, never below a millionth of the signal (noise-free simulations)."""
+    levels = noise_level(logs)
+    sigma = []
+    for index, channel in enumerate(outputs):
+        signal = np.concatenate([log.outputs[:, index] for log in logs])
+        rms = float(np.sqrt(np.nanmean(signal**2))) if np.any(np.isfinite(signal)) else 1.0
+        level = levels[channel]
+        sigma.append(max(level if np.isfinite(level) else 0.0, 1e-6 * rms, 1e-12))
+    return np.array(sigma)
+
+
+def build(
+    robot: Robot,
+    logs: LogSet,
+    *,
+    start: Mapping[str, float],
+    initial: InitialStates = "auto",
+    integrator: Integrator | None = None,
+    clock_offset: bool = False,
+) -> tuple[Structure, Problem, Unknowns]:
+    """The problem in which all free parameters of `robot` are estimated from `logs`, starting at `start`; with `clock_offset`,
+    every log's offset between the inputs' and the outputs' clock as well.
+
+    Optional channels weigh in only where they are states of the robot (a measured position) and their output stands in
+    the log. Raises `ParameterError` if no parameter is free.
+    """
+    names = robot.parameters.free_names
+    if not names:
+        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
+    batch = logs.batch()
+    measured = batch.channels.measured
+    begin = initial_states(robot.with_values(**start), logs)
+    estimated = robot.estimated_states
+    if initial == "known":
+        free_logs = np.zeros(len(logs), dtype=bool)
+    elif initial == "estimate":
+        free_logs = np.ones(len(logs), dtype=bool)
+    else:
+        free_logs = begin.uncertain
+    state_names = estimated if free_logs.any() else ()
+    state_free = np.repeat(free_logs[:, None], len(state_names), axis=1)
+    shown = {c for i, c in enumerate(measured) if bool(np.any(np.asarray(batch.mask)[..., i]))}
+    precision = np.array([0.0 if name in shown else UNMEASURED_SPREAD**-2 for name in state_names])
+
+    scales = [_STATE_SCALE] * len(state_names)
+    interval = max(log.sampling_interval for log in logs)
+    if clock_offset:
+        state_names = (*state_names, CLOCK_OFFSET)
+        state_free = np.concatenate([state_free, np.ones((len(logs), 1), dtype=bool)], axis=1)
+        precision, scales = np.append(precision, _CLOCK_SPREAD**-2), [*scales, interval]
+        begin.states[CLOCK_OFFSET] = np.zeros(len(logs))
+
+    values = np.array([start.get(name, robot.parameters[name].value) for name in names])
+    table = [robot.parameters[name] for name in names]
+    scale = typical_values(robot, start, names)
+    bounds = Bounds(
+        lower=jnp.array([p.lower for p in table]), upper=jnp.array([p.upper for p in table]), scale=jnp.array(scale)
+    )
+    priors = [p.prior or (0.0, np.inf) for p in table]
+    mask = batch.mask & _modelled(robot, measured)
+    problem = Problem(
+        dt=batch.dt,
+        inputs=batch.inputs,
+        outputs=batch.outputs,
+        mask=mask,
+        sigma=jnp.array(_initial_sigma(logs, measured)),
+        numbers={name: jnp.asarray(float(p.value)) for name, p in robot.parameters.items()},
+        bounds=bounds,
+        free=jnp.ones(len(names), dtype=bool),
+        held=jnp.array(values),
+        prior_mean=jnp.array([p[0] for p in priors]),
+        prior_precision=jnp.array([p[1] ** -2.0 for p in priors]),
+        start={name: jnp.asarray(value) for name, value in begin.states.items()},
+        state_free=jnp.array(state_free),
+        state_scale=jnp.array(scales),
+        state_precision=jnp.array(precision),
+    )
+    structure = Structure(robot.structure, names, tuple(state_names), integrator or Integrator.suited(robot, interval))
+    unknowns = Unknowns(bounds.coordinates(jnp.array(values)), jnp.zeros((len(logs), len(state_names))))
+    return structure, problem, unknowns
+
+
+def at_fit(
+    fit: Fit, logs: LogSet, *, initial: InitialStates = "auto", integrator: Integrator | None = None
+) -> tuple[Structure, Problem, Unknowns]:
+    """The problem that `fit` solved, at its solution and with its noise. Arguments are those of the fit."""
+    start = start_values(fit.robot, fit)
+    structure, problem, unknowns = build(
+        fit.robot, logs, start=start, initial=initial, integrator=integrator, clock_offset=bool(fit.clock_offsets)
+    )
+    sigma = [fit.noise.get(c, float(problem.sigma[i])) for i, c in enumerate(logs[0].channels.measured)]
+    states = np.zeros(unknowns.states.shape)
+    for i, name in enumerate(structure.state_names):
+        for e, log in enumerate(logs):
+            if name == CLOCK_OFFSET:
+                value = fit.clock_offsets[log.name].value
+            else:
+                value = fit.initial_states[log.name][name]
+            states[e, i] = (value - float(problem.start[name][e])) / float(problem.state_scale[i])
+    problem = replace(problem, sigma=jnp.array(sigma))
+    return structure, problem, Unknowns(unknowns.z, jnp.where(problem.state_free, jnp.array(states), 0.0))
+
+
+def _modelled(robot: Robot, measured: tuple[str, ...]):
+    """Which measured channels enter the fit: outputs always, optional ones where they are states of the robot."""
+    outputs = robot.channels.outputs
+    return jnp.array([name in outputs or name in robot.states for name in measured])

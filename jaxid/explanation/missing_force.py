@@ -1,0 +1,291 @@
+"""The force that a model misses, over time: what would have to push the robot for the model to follow the log.
+
+Every equation of motion gets an unknown generalised force that wanders like a random walk. A Kalman filter and a
+Rauch-Tung-Striebel smoother estimate it together with the robot's state from the measured outputs; the filter's
+likelihood says how strongly each force wanders. No parameter is changed, so a model that lacks nothing needs no force.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from .._compile import compiled
+from .._float64 import in_float64
+from ..logs import LogSet, noise_level
+from ..robots.custom import Custom
+from ..robots.effect import Effect, Numbers, Path, State
+from ..robots.robot import Robot
+from ..simulation.rollout import Integrator, rollout
+from ..simulation.simulate import integrator_for
+from ..simulation.start import initial_states
+from .force_filter import PREFIX, Setting, filtered, likelihoods, smoothed
+
+_INTENSITIES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+"""Random-walk intensities that are tried, in units of `ForceHistory.scale` per root of a second."""
+_FIRST = 7
+"""Place in `_INTENSITIES` of the first filter: strong, so that its points reach beyond break-away."""
+_ROUNDS = 2
+_RESPONSE = 0.1
+"""Time [s] in which a force of `scale` changes its speed by one standard deviation of the noise."""
+_MODEL_ERROR = 0.02
+"""Error of one sample's integration in units of the noise; it also keeps covariances regular at standstill."""
+_UNSEEN_SPREAD = 0.5
+"""Standard deviation (SI units) of an initial state that no sensor shows, where a log starts in motion."""
+
+
+class NoVelocities(ValueError):
+    """The robot does not say which states its forces accelerate; the message says how to tell."""
+
+
+@dataclass(frozen=True)
+class MissingForce(Effect):
+    """One unknown generalised force for each of `velocities`, a state that keeps its value between samples."""
+
+    velocities: tuple[str, ...] = ()
+
+    id: ClassVar[str] = "missing_force"
+    where: ClassVar[str] = "body"
+    formula: ClassVar[str] = "Q' = Q + missing force"
+
+    @property
+    def states(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(PREFIX + name for name in self.velocities)
+
+    def force(self, forces: Path, state: State, p: Numbers) -> Path:
+        return tuple(f + state[name] for f, name in zip(forces, self.states, strict=True))
+
+    def rates(self, state: State, currents: Path, p: Numbers) -> State:
+        return {name: 0.0 * state[name] for name in self.states}
+
+
+@dataclass(frozen=True)
+class _Accelerated:
+    """A user's dynamics with a missing acceleration added to the rates of `velocities`."""
+
+    dynamics: Callable[..., Mapping[str, Any]]
+    velocities: tuple[str, ...]
+
+    def __call__(self, state: State, *others: Any) -> State:
+        rates = dict(self.dynamics({k: v for k, v in state.items() if not k.startswith(PREFIX)}, *others))
+        missing = {PREFIX + name: state[PREFIX + name] for name in self.velocities}
+        rates |= {name: rates[name] + missing[PREFIX + name] for name in self.velocities}
+        return rates | {name: 0.0 * value for name, value in missing.items()}
+
+
+@dataclass(frozen=True)
+class ForceHistory:
+    """The missing force of one log.
+
+    - `log`: the log's name; `time` [T] s.
+    - `force`, `std` [T, n]: estimate and standard deviation, one column for each of `names` (the velocities that the
+      forces accelerate) in `units`.
+    - `scale` [n]: the force that changes its speed by one standard deviation of the noise within 0.1 s, in which forces
+      of different units compare.
+    - `intensity` [n]: how far each force wanders in one second, chosen by likelihood.
+    """
+
+    log: str
+    time: NDArray[np.float64]
+    force: NDArray[np.float64]
+    std: NDArray[np.float64]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    scale: NDArray[np.float64]
+    intensity: NDArray[np.float64]
+
+
+def forced(robot: Robot) -> tuple[Robot, tuple[str, ...], tuple[str, ...]]:
+    """The robot with its missing forces as states; the velocities they belong to, and the forces' units.
+
+    A `Custom` robot, whose equations are not split into forces, gets missing accelerations of its `velocities`, or,
+    where it names none, of the speeds at which it rubs, or else of those outputs that are states. Raises `NoVelocities`
+    where there are none.
+    """
+    units = robot.channels.units
+    if isinstance(robot, Custom):
+        rubbing = tuple(dict.fromkeys(speed for _, speed, _ in robot.dry_friction))
+        names = robot.velocities or rubbing or tuple(n for n in robot.channels.outputs if n in robot.state_names)
+        _needed(robot, names)
+        states = (*robot.state_names, *(PREFIX + name for name in names))
+        changed = replace(robot, dynamics=_Accelerated(robot.dynamics, names), state_names=states)
+        return changed, names, tuple(f"{units[name]}/s" if units.get(name) else "1/s" for name in names)
+    names = robot.velocities
+    _needed(robot, names)
+    angular = [units.get(name, "").startswith("rad") for name in names]
+    return robot + MissingForce(names), names, tuple("N m" if turns else "N" for turns in angular)
+
+
+def _needed(robot: Robot, names: tuple[str, ...]) -> None:
+    if not names:
+        raise NoVelocities(
+            f"the robot {robot.name!r} does not say which of its states forces accelerate; give its class "
+            "`velocities = (state names)`"
+        )
+
+
+# -- the filter over all logs -------------------------------------------------------------------------------------
+@partial(compiled, static_argnames="setting")
+def _mobility(setting: Setting, numbers, start: State):
+    """Acceleration of each velocity per unit of its own force [n], all else apart."""
+    robot = setting.robot
+    idle = tuple(0.0 for _ in robot.channels.inputs)
+    loose = tuple(0.0 for _ in robot.rubbing(start, numbers))
+    found = []
+    for name in setting.velocities:
+        push = {key: jnp.full((), float(key == PREFIX + name)) for key in start}
+        found.append(jax.jvp(lambda s: robot.rates(s, idle, loose, numbers), (start,), (push,))[1][name])
+    return jnp.stack(found)
+
+
+def _force_scale(setting: Setting, numbers, start: State, noise: Mapping[str, float]) -> NDArray[np.float64]:
+    """Forces that change their own speed by one standard deviation of the noise within `_RESPONSE`."""
+    mobility = np.maximum(np.abs(np.asarray(_mobility(setting, numbers, start))), 1e-12)
+    # A speed that only its position shows is about as uncertain as the position moves within that time.
+    other = float(np.mean(list(noise.values()))) / _RESPONSE
+    return np.array([noise.get(name, other) for name in setting.velocities]) / _RESPONSE / mobility
+
+
+@partial(compiled, static_argnames=("robot", "integrator"))
+def _sensed(robot: Robot, integrator: Integrator, numbers, start, inputs, dt):
+    """What the measurement stages of the model's own effects add to its simulated outputs."""
+    plain = replace(robot, effects=tuple(e for e in robot.effects if type(e).measure is Effect.measure))
+
+    def one(s, u, d):
+        bare = {name: s[name] for name in plain.states}
+        return rollout(robot, numbers, s, u, d, integrator) - rollout(plain, numbers, bare, u, d, integrator)
+
+    return jax.vmap(one)(start, inputs, dt)
+
+
+def _arrays(robot: Robot, logs: LogSet, noise: Mapping[str, float], known, numbers, integrator: Integrator):
+    """Everything the filter reads of each log, [E, ...]."""
+    batch, begin = logs.batch(), initial_states(robot, logs)
+    channels = logs.channels
+    used = [c for c in channels.measured if c in channels.outputs or c in robot.states]
+    levels = np.array([noise.get(c, np.nan) for c in used])
+    columns = [channels.measured.index(c) for c in used]
+    states = {name: np.array(value) for name, value in begin.states.items()}
+    for e, log in enumerate(logs):
+        for name, value in known.get(log.name, {}).items():
+            if name in states:
+                states[name][e] = value
+    by_state = np.array([noise.get(name, np.nan) for name in robot.states])
+    seen = np.isfinite(by_state)
+    spread = np.where(seen, by_state, 1e-3)[None, :] * np.ones((len(logs), 1))
+    estimated = np.array([name in robot.estimated_states for name in robot.states])
+    spread = np.where(begin.uncertain[:, None] & estimated & ~seen, _UNSEEN_SPREAD, spread)
+    outputs = batch.outputs
+    if any(type(effect).measure is not Effect.measure for effect in robot.effects):
+        start = {name: jnp.asarray(value) for name, value in states.items()}
+        outputs = outputs - _sensed(robot.structure, integrator, numbers, start, batch.inputs, batch.dt)
+    lanes = np.ones((len(logs), 1))
+    return {
+        "inputs": batch.inputs,
+        "dt": batch.dt,
+        "outputs": outputs[..., : max(columns) + 1],
+        "there": (batch.mask & jnp.array([c in used for c in channels.measured]))[..., : max(columns) + 1],
+        "start": jnp.stack([jnp.asarray(states[name]) for name in robot.states], axis=-1),
+        "spread": jnp.asarray(spread),
+        "noise": jnp.asarray(lanes * np.interp(range(max(columns) + 1), columns, np.nan_to_num(levels, nan=1.0))),
+        "jitter": jnp.asarray(lanes * np.where(seen, (_MODEL_ERROR * by_state) ** 2, 1e-12)),
+    }
+
+
+def _chosen(setting: Setting, numbers, arrays, scale):
+    """Random-walk intensities of highest likelihood, and the filter's moments there.
+
+    A filter at strong intensities is linearised where it went; in that linear model many intensities are tried at
+    once, one force at a time, twice round. A second filter at the best of them repeats this.
+    """
+    n, levels = len(scale), np.array(_INTENSITIES)
+    choice = np.full(n, _FIRST)
+    for _ in range(_ROUNDS):
+        used = jnp.asarray(levels[choice] * scale)
+        kept, linearised = filtered(setting, numbers, arrays, used), choice
+        for _ in range(2 if n > 1 else 1):
+            lanes = np.array([np.where(np.arange(n) == j, level, levels[choice]) for j in range(n) for level in levels])
+            found = np.asarray(likelihoods(setting, arrays, kept, used, jnp.asarray(lanes * scale)))
+            found = np.where(np.isfinite(found), found, -np.inf).reshape(n, len(levels))
+            choice = np.argmax(found, axis=1)
+        if np.array_equal(choice, linearised):
+            return np.asarray(used), kept
+    used = jnp.asarray(levels[choice] * scale)
+    return np.asarray(used), filtered(setting, numbers, arrays, used)
+
+
+class _Task(NamedTuple):
+    """What the filter needs of a robot and its logs; `scale` [n] as in `ForceHistory`."""
+
+    setting: Setting
+    units: tuple[str, ...]
+    numbers: Mapping[str, Any]
+    arrays: dict[str, Any]
+    scale: NDArray[np.float64]
+
+
+def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
+    pushed, names, units = forced(robot)
+    noise = dict(noise or noise_level(logs))
+    largest = {c: float(np.nanmax(np.abs(log.output(c)))) for log in logs for c in log.measured}
+    noise = {c: max(level, 1e-4 * largest.get(c, 1.0)) for c, level in noise.items() if np.isfinite(level)}
+    numbers = {name: jnp.asarray(float(value)) for name, value in pushed.parameters.numbers.items()}
+    integrator = integrator_for(robot, logs)
+    arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator)
+    start = {name: arrays["start"][0, i] for i, name in enumerate(pushed.states)}
+    setting = Setting(pushed.structure, integrator, names)
+    return _Task(setting, units, numbers, arrays, _force_scale(setting, numbers, start, noise))
+
+
+@in_float64
+def missing_force(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float] | None = None,
+    known_states: Mapping[str, Mapping[str, float]] | None = None,
+) -> tuple[ForceHistory, ...]:
+    """The missing generalised forces of `robot` (fitted, with its effects) over time, one `ForceHistory` for each log.
+
+    `noise` is the measurement noise by channel (default: what the data say), `known_states` estimated initial states by
+    log name. Effects on commands act as in a rollout, states of effects are part of the state. Effects on measurements
+    are accounted for by what they change in the model's own simulation: exactly for an offset, to first order otherwise.
+    While model and robot stand still a force below break-away shows nowhere, and its standard deviation grows.
+
+    Raises `NoVelocities` for a robot that does not say which states its forces accelerate.
+    """
+    task = _task(robot, logs, noise, known_states)
+    intensity, kept = _chosen(task.setting, task.numbers, task.arrays, task.scale)
+    mean, std = (np.asarray(x) for x in smoothed(kept))
+    names = task.setting.velocities
+    columns = [task.setting.robot.states.index(PREFIX + name) for name in names]
+    return tuple(
+        ForceHistory(
+            log.name, log.time, mean[e, : len(log)][:, columns], std[e, : len(log)][:, columns],
+            names, task.units, task.scale, intensity,
+        )
+        for e, log in enumerate(logs)
+    )  # fmt: skip
+
+
+@in_float64
+def smoothed_states(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float] | None = None,
+    known_states: Mapping[str, Mapping[str, float]] | None = None,
+    wander: float = 1.0,
+) -> dict[str, Float[Array, "E T"]]:
+    """The robot's states over time by name, padded as in `logs.batch()`: what model and measurements say together.
+
+    `wander` is how far the missing forces may, in units of `ForceHistory.scale` per root of a second: little trusts the
+    model, much the measurements. Other arguments, and errors, as in `missing_force`.
+    """
+    task = _task(robot, logs, noise, known_states)
+    mean, _ = smoothed(filtered(task.setting, task.numbers, task.arrays, jnp.asarray(wander * task.scale)))
+    return {name: mean[..., i] for i, name in enumerate(task.setting.robot.states) if not name.startswith(PREFIX)}

@@ -1,0 +1,115 @@
+"""Which experiment would separate two names that the data so far leaves open."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .._atomic import replacing
+from ..logs import Log, LogSet
+from ..robots.robot import Robot
+from ..simulation.excitation import Drive, plain_shapes, single_modes
+from ..simulation.simulate import simulate
+
+_DURATION = 20.0  # s
+_LEVELS = (0.15, 0.4, 1.0)
+"""Of the largest input seen in the logs."""
+_FASTEST = 1.05
+"""Of the fastest motion seen in the logs, which the simulated experiment must not exceed."""
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """Inputs [T, nu] to drive, `separation`: RMS difference of the two models' outputs in units of noise."""
+
+    between: tuple[str, str]
+    description: str
+    separation: float
+    so_far: float
+    time: NDArray[np.float64]
+    inputs: NDArray[np.float64]
+    input_names: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """What to do and what it would show."""
+        one, other = (name.replace("_", " ") for name in self.between)
+        return (
+            f"Drive {self.description}: there the models with {one} and with {other} differ by {self.separation:.1f} "
+            f"times the noise (RMS), against {self.so_far:.2f} on the held-out logs."
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the inputs as a log with time and input columns. Raises `OSError`."""
+        table = pd.DataFrame({"t": self.time, **dict(zip(self.input_names, self.inputs.T, strict=True))})
+        with replacing(path) as temporary:
+            table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
+
+    def to_dict(self) -> dict[str, Any]:
+        """For explanation.json."""
+        return {
+            "between": list(self.between),
+            "description": self.description,
+            "separation": self.separation,
+            "so_far": self.so_far,
+            "file": "next_experiment.csv",
+            "sentence": self.sentence,
+        }
+
+
+def _family(robot: Robot, logs: LogSet) -> list[Drive]:
+    """Drivable experiments with the inputs seen so far."""
+    interval = float(np.median([log.sampling_interval for log in logs]))
+    largest = max(float(np.max(np.abs(log.inputs))) for log in logs)
+    sizes = [level * largest for level in _LEVELS]
+    return single_modes(robot.name, logs.channels, plain_shapes(_DURATION, interval), sizes)
+
+
+def propose(
+    one: tuple[str, Robot], other: tuple[str, Robot], logs: LogSet, noise: dict[str, float], so_far: float
+) -> NextExperiment | None:
+    """The experiment of the family in which the two fitted models differ most, within the speeds seen so far.
+
+    `so_far` is their RMS difference on the held-out logs in units of the noise. None if no drivable input tells more.
+    """
+    channels = logs.channels
+    outputs = [c for c in channels.outputs if c in noise]
+    columns = [channels.measured.index(c) for c in outputs]
+    scale = np.array([noise[c] for c in outputs])
+    family = _family(one[1], logs)
+    interval = float(np.median([log.sampling_interval for log in logs]))
+    time = np.asarray(np.arange(len(family[0].inputs)) * interval, np.float64)
+    nothing = np.zeros((len(time), len(channels.measured)))
+    runs = LogSet(
+        [Log.from_arrays(f"run {i}", time, drive.inputs, nothing, channels) for i, drive in enumerate(family)]
+    )
+    first, second = simulate(one[1], runs), simulate(other[1], runs)
+    fastest = [max(float(np.nanmax(np.abs(log.outputs[:, c]))) for log in logs) for c in columns]
+    differences = _differences(first, second, columns, scale, np.array(fastest))
+    best = int(np.argmax(differences))
+    if differences[best] <= so_far:
+        return None
+    drive = family[best]
+    return NextExperiment(
+        (one[0], other[0]), drive.description, float(differences[best]), so_far, time, drive.inputs, channels.inputs
+    )
+
+
+def _differences(
+    first: Sequence[NDArray], second: Sequence[NDArray], columns: list[int], scale: NDArray, fastest: NDArray
+) -> NDArray[np.float64]:
+    """RMS difference of every run in units of noise; zero for runs that are too fast or diverge."""
+    found = np.zeros(len(first))
+    for i, (a, b) in enumerate(zip(first, second, strict=True)):
+        y = a[:, columns]
+        if (
+            np.all(np.isfinite(a))
+            and np.all(np.isfinite(b))
+            and np.all(np.max(np.abs(y), axis=0) <= _FASTEST * fastest)
+        ):
+            found[i] = float(np.sqrt(np.mean(((y - b[:, columns]) / scale) ** 2)))
+    return found

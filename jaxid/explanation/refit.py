@@ -1,0 +1,135 @@
+"""Refit of a model with one more effect: all free parameters and the effect's own, weighed by the noise of the data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+
+from .._float64 import in_float64
+from ..estimate.output_error.from_optimum import initial_states_at
+from ..estimate.output_error.levenberg_marquardt import Optimum, compile_ahead, minimise_compiled
+from ..estimate.output_error.output_error import output_error
+from ..estimate.output_error.problem import Unknowns
+from ..estimate.output_error.setup import build
+from ..estimate.result import Fit
+from ..logs import LogSet
+from ..robots.robot import Robot
+from ..simulation.driven import driven_angles
+from .fit_told import TOLD_STEPS, by_name, chi_squared, fitted_told, followed_up, predicted, states_from, told
+from .heldout import HeldOut
+from .told_angles import Angles
+
+_STEPS = 25
+_WEAKER = (1.0, 0.1, 0.01)
+"""Shares of an effect's first guess that are tried one after another while the simulation diverges."""
+_FIRST_STEPS = 2  # from each of several starts, of which the best goes on
+FEW_STEPS = 8
+"""Enough to see whether a candidate is in the running."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A model refitted with its effects. `id` is the effect that the trial is about, `squares` chi-squared on the logs
+    it was fitted to. `angles` are those of the wheels in these logs, if the model has to be told them."""
+
+    id: str
+    robot: Robot
+    squares: float
+    free: int
+    check: HeldOut
+    initial_states: dict[str, dict[str, float]]
+    angles: Angles | None = None
+
+    @property
+    def score(self) -> float:
+        """What candidates are ranked by (smaller is better).
+
+        The Bayesian information criterion on the logs fitted, plus chi-squared on those held out.
+        """
+        total = self.squares + self.free * float(np.log(self.check.samples)) + self.check.squares
+        return total if np.isfinite(total) else np.inf
+
+
+@in_float64
+def compile_refits(robots: Sequence[Robot], logs: LogSet, angles: Angles | None = None) -> None:
+    """Compile the refits of several robots at once; `refit` finds them compiled."""
+    tasks = []
+    for robot in robots:
+        structure, problem, unknowns = build(robot, logs, start={})
+        shown = angles or (driven_angles(robot, logs) if robot.effects[-1].repeats else {})
+        tasks += [(structure, told(problem, logs, shown), unknowns)] if shown else []
+        tasks += [] if angles else [(structure, problem, unknowns)]
+    compile_ahead(tasks)
+
+
+@in_float64
+def refit(
+    robot: Robot,
+    starts: Sequence[Mapping[str, float]],
+    logs: LogSet,
+    check: LogSet,
+    noise: Mapping[str, float],
+    initial_states: Mapping[str, Mapping[str, float]],
+    max_steps: int = _STEPS,
+    rival: float = np.inf,
+    angles: Angles | None = None,
+) -> Trial:
+    """Fit `robot` (with its effects) to `logs` from each of `starts`, and predict `check` with the best.
+
+    `initial_states` are those of the model without the effect, where they had to be estimated. `angles` are the wheels'
+    angles of a model that has to be told them. Where only the effect added last repeats with the wheels, it is first fitted
+    told the angles, then simulated freely; if that does not come near, it stays told. `rival` is the lowest chi-squared of
+    other candidates: such an effect that does not come below it even when told is not followed up.
+    """
+    sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
+    known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    structure, free, _ = build(robot, logs, start={**known, **starts[0]})
+    free = replace(free, sigma=jnp.where(jnp.isfinite(sigma), sigma, free.sigma))
+    repeats = len(starts) > 1 and robot.effects[-1].repeats
+    angles = dict(driven_angles(robot, logs)) if repeats else dict(angles or {})
+    problem = told(free, logs, angles) if angles else free
+    states = states_from(initial_states, logs, structure, problem)
+    own = [name for name in structure.names if robot.effects and name.startswith(f"{robot.effects[-1].id}.")]
+    first_steps = max_steps if len(starts) == 1 else TOLD_STEPS if repeats and angles else _FIRST_STEPS
+    tried: list[Optimum] = []
+    for start in starts:
+        for weaker in _WEAKER if len(starts) > 1 else (1.0,):
+            values = {**known, **start}
+            values |= {name: weaker * values[name] for name in own}
+            z = problem.bounds.coordinates(jnp.array([values[name] for name in structure.names]))
+            tried.append(minimise_compiled(structure, problem, Unknowns(z, states), max_steps=first_steps))
+            if np.isfinite(tried[-1].cost) and not bool(tried[-1].diverged):
+                break
+    optimum = min(tried, key=lambda optimum: float(jnp.nan_to_num(optimum.cost, nan=jnp.inf)))
+    if repeats and angles and chi_squared(problem, optimum, free) < rival:
+        problem, optimum = followed_up(robot, logs, noise, structure, free, optimum.unknowns, max_steps)
+    elif len(starts) > 1:
+        problem = free if repeats else problem
+        optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
+    found = robot.with_values(**by_name(structure, problem, optimum.unknowns))
+    return Trial(
+        id=robot.effects[-1].id if robot.effects else "",
+        robot=found,
+        squares=chi_squared(problem, optimum, free),
+        free=len(structure.names),
+        check=predicted(found, check, noise),
+        initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
+        angles=problem.driven or None,
+    )
+
+
+def continued(trial: Trial, logs: LogSet, check: LogSet, noise: Mapping[str, float]) -> Trial:
+    """The same refit carried on from where it stopped."""
+    start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
+    again = refit(trial.robot, [start], logs, check, noise, trial.initial_states, angles=trial.angles)
+    return again if again.score < trial.score else trial
+
+
+def in_full(trial: Trial, logs: LogSet, noise: Mapping[str, float]) -> Fit:
+    """The output-error fit of a trial's model, with its uncertainty."""
+    robot = replace(trial.robot, effects=tuple(effect.sharp for effect in trial.robot.effects))
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    if trial.angles:
+        return fitted_told(robot, logs, noise, start, trial.initial_states)
+    return output_error(robot, logs, start=start, max_steps=60)

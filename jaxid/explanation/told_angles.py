@@ -1,0 +1,41 @@
+"""Wheel angles as the logs show them, for models with an effect that repeats with them.
+
+A torque ripple makes a wheel come to rest in one notch or the next. Which one hangs on less than the noise, and from there
+on a free simulation runs beside the robot however right its model. So such a model is also judged told its wheels' angles:
+smoothed from the measured speeds through the model itself, with missing forces that wander only weakly, so that what is
+told is the angle and not the motion, which is simulated as ever.
+"""
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..logs import LogSet
+from ..robots.robot import Robot
+from ..simulation.driven import driven_angles
+from .missing_force import NoVelocities, smoothed_states
+
+_WANDER = 0.5
+"""Random-walk intensity of the missing forces, in units of `ForceHistory.scale` per root of a second."""
+
+Angles = Mapping[str, Float[Array, "E T"]]
+
+
+def told_angles(
+    robot: Robot, logs: LogSet, noise: Mapping[str, float], known_states: Mapping[str, Mapping[str, float]]
+) -> Angles:
+    """The wheels' angles smoothed through `robot`; from the speeds alone where that cannot be done.
+
+    Empty where no effect of the robot repeats with the wheels or a velocity was not measured. `known_states` are
+    estimated initial states by log name.
+    """
+    rough = driven_angles(robot, logs)
+    if not rough:
+        return {}
+    try:
+        smooth = smoothed_states(robot, logs, noise, known_states, _WANDER)
+    except NoVelocities:
+        return rough
+    found = {name: smooth[name] for name in rough}
+    return found if all(bool(jnp.all(jnp.isfinite(angle))) for angle in found.values()) else rough

@@ -1,0 +1,1 @@
+"""The omni paper (Conceição, Moreira, Costa 2006)."""

@@ -1,0 +1,146 @@
+"""The omni paper's figures 2-7 and 9-12 from logs and simulations. Every function returns a matplotlib `Figure`."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...logs import Log
+from ...robots.omni import Omni
+from .closed_loop import ClosedLoop
+from .experiments import CoastDown, SteadyState
+from .methods import Friction, Inertia
+from .printed import AXES, TABLE_1, TABLE_2, Axis
+from .stretches import currents
+
+_SPEED = {"V": "V [m/s]", "Vn": "Vn [m/s]", "W": "W [rad/s]"}
+_FORCE = {"V": "Fv [N]", "Vn": "Fvn [N]", "W": "Gamma [N m]"}
+_ACCELERATION = {"V": "dV/dt [m/s²]", "Vn": "dVn/dt [m/s²]", "W": "dW/dt [rad/s²]"}
+_MOTORS = {"V": (2, 4), "Vn": (1, 3), "W": (1, 2, 3, 4)}
+_COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red")
+_TIME = "time [s]"
+
+
+def _panels(rows: int, columns: int, width: float, height: float) -> tuple[Figure, np.ndarray]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def _label(ax: Axes, x: str, y: str, legend: bool = False) -> None:
+    ax.set_xlabel(x)
+    ax.set_ylabel(y)
+    ax.grid(alpha=0.3)
+    if legend:
+        ax.legend(fontsize="small")
+
+
+def steady_run(log: Log, first: SteadyState, robot: Omni | None = None) -> Figure:
+    """Figures 2-4: speed and motor currents of one steady run, the stretch that method 1 used shaded."""
+    own = [point for point in first.points if point.log == log.name]
+    axis = own[0].axis if own else AXES[int(np.argmax(np.nanmean(np.abs(log.outputs[:, :3]), axis=0)))]
+    figure, panels = _panels(1, 2, 9, 3)
+    speed, current = panels[0]
+    speed.plot(log.time, log.output(axis), lw=1)
+    values, measured = currents(log, robot)
+    for motor in _MOTORS[axis]:
+        current.plot(log.time, values[:, motor - 1], lw=1, color=_COLOURS[motor - 1], label=f"i{motor}")
+    for ax in (speed, current):
+        for point in own:
+            ax.axvspan(point.start, point.stop, color="0.5", alpha=0.15, lw=0)
+    _label(speed, _TIME, _SPEED[axis])
+    _label(current, _TIME, "current [A]" if measured else "current by the motor model [A]", legend=True)
+    figure.suptitle(f"{log.name}: the shaded part counts as steady")
+    return figure
+
+
+def friction_lines(friction: Mapping[Axis, Friction] | None = None) -> Figure:
+    """Figure 5: the paper's Table 1 with its printed lines and, where given, method 1's points and lines from logs."""
+    figure, panels = _panels(1, 3, 11, 3.4)
+    for ax, axis in zip(panels[0], AXES, strict=True):
+        speeds, forces = TABLE_1[axis]
+        reach = np.array([0.5, 1.3])
+        viscous, coulomb = TABLE_2[axis]
+        ax.plot(speeds, forces, "o", color="0.4", label="paper, Table 1")
+        ax.plot(reach, viscous * reach + coulomb, "--", color="0.4", label=f"paper: {viscous:.2f} x + {coulomb:.2f}")
+        found = (friction or {}).get(axis)
+        if found is not None:
+            B, C = found.viscous.value, found.coulomb.value
+            ax.plot(np.abs(found.x), np.abs(found.y), "s", color="tab:blue", label="logs")
+            ax.plot(reach, B * reach + C, color="tab:blue", label=f"logs: {B:.2f} x + {C:.2f}")
+        _label(ax, _SPEED[axis], _FORCE[axis], legend=True)
+    return figure
+
+
+def coast_down(log: Log, second: CoastDown) -> Figure:
+    """Figures 6 and 7: speed while coasting down, the force-free stretch shaded, and its Euler differences."""
+    axis, start, stop = second.stretches[log.name]
+    figure, panels = _panels(1, 2, 9, 3)
+    whole, part = panels[0]
+    whole.plot(log.time, log.output(axis), lw=1)
+    whole.axvspan(start, stop, color="0.5", alpha=0.15, lw=0)
+    _label(whole, _TIME, _SPEED[axis])
+    inside = (log.time >= start) & (log.time <= stop)
+    t, v = log.time[inside], log.output(axis)[inside]
+    part.plot(t, v, label=_SPEED[axis])
+    part.plot(t[:-1], np.diff(v) / np.diff(t), lw=0.8, color="tab:orange", label=f"{_ACCELERATION[axis]} (Euler)")
+    _label(part, _TIME, f"{_SPEED[axis]}, {_ACCELERATION[axis]}", legend=True)
+    figure.suptitle(f"{log.name}: without traction from {start:.2f} s to {stop:.2f} s")
+    return figure
+
+
+def hanging(log: Log, found: Inertia) -> Figure:
+    """Figure 9: angle and angular velocity (Euler) of the hanging robot with the fitted motion."""
+    theta, t = log.output("theta"), log.time
+    alpha = found.acceleration.value if found.acceleration else np.nan
+    alpha = alpha if theta[-1] >= theta[0] else -alpha
+    since = t - t[0]
+    # The remaining two coefficients of the parabola, for the drawing.
+    line = np.polyfit(since, theta - 0.5 * alpha * since**2, 1)
+    figure, panels = _panels(1, 2, 9, 3)
+    angle, rate = panels[0]
+    angle.plot(t, theta, ".", ms=3, label="measured")
+    angle.plot(t, 0.5 * alpha * since**2 + np.polyval(line, since), label="fit")
+    _label(angle, _TIME, "theta [rad]", legend=True)
+    rate.plot(0.5 * (t[1:] + t[:-1]), np.diff(theta) / np.diff(t), ".", ms=3, label="Euler differences")
+    rate.plot(t, alpha * since + line[0], label=f"slope {alpha:.4f} rad/s²")
+    _label(rate, _TIME, "W [rad/s]", legend=True)
+    figure.suptitle(f"{log.name}: J = {found.J.value:.4f} ± {found.J.std_error:.4f} kg m²")
+    return figure
+
+
+def closed_loop(run: ClosedLoop, axis: Axis) -> Figure:
+    """Figures 10-12: speed, motor currents and PWM duties of the velocity-controlled robot."""
+    figure, panels = _panels(1, 3, 11, 3.2)
+    speed, current, duty = panels[0]
+    j = AXES.index(axis)
+    speed.plot(run.time, run.reference[:, j], "--", color="0.5", label="reference")
+    speed.plot(run.time, run.speeds[:, j], label="simulated")
+    for motor in _MOTORS[axis]:
+        # Where all four motors do the same, thinner lines on top keep all of them visible.
+        width = 3.5 - 0.75 * motor if axis == "W" else 1.5
+        for ax, values in ((current, run.currents), (duty, run.duty)):
+            ax.step(
+                run.time,
+                values[:, motor - 1],
+                where="post",
+                lw=width,
+                color=_COLOURS[motor - 1],
+                label=f"motor {motor}",
+            )
+    _label(speed, _TIME, _SPEED[axis], legend=True)
+    _label(current, _TIME, "current [A]", legend=True)
+    _label(duty, _TIME, "PWM duty [-255 to 255]", legend=True)
+    duty.set_ylim(*((-285, 285) if axis != "W" else (0, 285)))
+    return figure
+
+
+def measured_and_simulated(log: Log, simulated: Mapping[str, np.ndarray]) -> Figure:
+    """V, Vn and W of one log with simulated outputs `{label: [T, 3 or more]}` on top."""
+    figure, panels = _panels(3, 1, 9, 5.5)
+    for j, (ax, axis) in enumerate(zip(panels[:, 0], AXES, strict=True)):
+        ax.plot(log.time, log.output(axis), color="0.75", lw=3.5, label="measured")
+        for label, outputs in simulated.items():
+            ax.plot(log.time, outputs[:, j], lw=1, label=label)
+        _label(ax, _TIME, _SPEED[axis], legend=j == 0)
+    return figure

@@ -1,0 +1,1 @@
+"""The Pioneer paper (Innocenti et al.)."""

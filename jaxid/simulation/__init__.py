@@ -1,0 +1,1 @@
+"""Rollouts of robots: integration with true dry friction, initial states, whole logs."""

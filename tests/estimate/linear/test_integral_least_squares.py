@@ -1,0 +1,312 @@
+"""Integral least squares against analytic truths and an independent, event-accurate simulator."""
+
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from jaxid import Axis, Channels, Custom, Log, LogError, LogSet, Omni, Parameter, ParameterError, Pioneer, float64
+from jaxid.estimate.linear.integral_least_squares import integral_least_squares
+from jaxid.estimate.linear.regressors import window_equations
+from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
+from reference.axis import AXIS
+from reference.excitation import experiment, prbs, steps, wheels
+from reference.logs import simulate_log
+from reference.omni import OMNI
+from reference.pioneer import PIONEER
+
+SAMPLING = 0.02
+TRUTH = Pioneer().parameters.numbers
+WRONG = {"I0": 0.5, "Ir1": 1e-4, "Ir": 0.003, "Ip1": 2e-4, "Cs1": 0.01, "Cv1": 0.001, "Cs": 0.2, "Cv": 0.1}
+"""Table values far from the truth: an estimate that agrees with the truth cannot come from them."""
+
+
+def as_log(name, frame, robot):
+    channels = robot.channels
+    return Log.from_arrays(
+        name, frame["t"], frame[list(channels.inputs)].to_numpy(), frame[list(channels.outputs)].to_numpy(), robot
+    )
+
+
+def noisy(logs, sigma, seed):
+    rng = np.random.default_rng(seed)
+    return [
+        Log.from_arrays(
+            log.name, log.time, log.inputs, log.outputs + rng.standard_normal(log.outputs.shape) * sigma, log.channels
+        )
+        for log in logs
+    ]
+
+
+@pytest.fixture(scope="module")
+def coupled_logs():
+    kinds = ["prbs_forward", "prbs_reversing", "multilevel", "steps", "turning", "arcs"]
+    inputs = [experiment("pioneer", kind, 1000, seed) for seed, kind in enumerate(kinds)]
+    return LogSet(
+        as_log(kind, simulate_log(PIONEER, u, SAMPLING), Pioneer()) for kind, u in zip(kinds, inputs, strict=True)
+    )
+
+
+@pytest.fixture(scope="module")
+def uncoupled_logs():
+    """Straight and on the spot, the centre of mass on the axle so that turning on the spot is uncoupled."""
+    rng, still = np.random.default_rng(5), np.zeros(1000)
+    signals = {
+        "straight_prbs": (prbs(1000, 15, 4, 9, rng), still),
+        "straight_steps": (steps(1000, [0, 5, 8, 3, 0, -6]), still),
+        "spot_prbs": (still, prbs(1000, 20, 3, 7, rng)),
+        "spot_steps": (still, steps(1000, [0, 4, 6, 2.5, 0, -5])),
+    }
+    robot = PIONEER.with_parameters(ym=0.0)
+    return LogSet(as_log(name, simulate_log(robot, wheels(*u), SAMPLING), Pioneer()) for name, u in signals.items())
+
+
+AXIS_TRUTH = {"M": 20.0, "Fv": 30.0, "Fc": 6.0, "offset": 1.0}
+
+
+@pytest.fixture(scope="module")
+def axis_logs():
+    """True sticking: reversals and crawling."""
+    robot = AXIS.with_parameters(J=20.0, Cv=30.0, Cs=6.0, offset=-1.0, k=1.0)
+    kinds = ["prbs_reversing", "multilevel", "crawl"]
+    return LogSet(
+        as_log(kind, simulate_log(robot, 20 * experiment("axis", kind, 1000, seed), SAMPLING), Axis())
+        for seed, kind in enumerate(kinds)
+    )
+
+
+# -- the core ----------------------------------------------------------------------------------------------------------
+def test_qr_solution_is_that_of_numpy():
+    rng = np.random.default_rng(0)
+    F = rng.standard_normal((50, 3)) * [1.0, 1e5, 1e-4]
+    y = rng.standard_normal(50)
+    theta, covariance, residuals = (np.asarray(x) for x in solve_by_qr(F, y))
+    expected, squares, _, _ = np.linalg.lstsq(F / [1, 1e5, 1e-4], y, rcond=None)
+    np.testing.assert_allclose(np.asarray(theta), expected / [1, 1e5, 1e-4], rtol=1e-11)
+    np.testing.assert_allclose(float(residuals @ residuals), squares[0], rtol=1e-12)
+    np.testing.assert_allclose(np.asarray(covariance), squares[0] / 47 * np.linalg.inv(F.T @ F), rtol=1e-7)
+
+
+def test_qr_solution_in_lanes():
+    rng = np.random.default_rng(1)
+    F, y = rng.standard_normal((4, 20, 3)), rng.standard_normal((4, 20))
+    with float64():
+        thetas = jax.jit(jax.vmap(lambda a, b: solve_by_qr(a, b)[0]))(F, y)
+    for k in range(4):
+        np.testing.assert_allclose(np.asarray(thetas[k]), np.linalg.lstsq(F[k], y[k], rcond=None)[0], rtol=1e-10)
+
+
+def linear_custom():
+    return Custom(
+        dynamics=lambda s, u, p: {"w": -p["a"] * s["w"] + p["b"] * u["u"] + p["c"]},
+        state_names=("w",),
+        own_channels=Channels(inputs=("u",), outputs=("w",)),
+        table={name: Parameter(1.0, free=True) for name in "abc"},
+    )
+
+
+def test_linear_system_without_noise():
+    """dw/dt = -a w + b u + c, exact at the samples: the midpoint rule on four substeps leaves (a h / 4)^2 / 24 of a."""
+    rng = np.random.default_rng(2)
+    a, b, c, h = 3.0, 2.0, -0.7, 0.01
+    u = np.repeat(rng.uniform(-1, 1, 20), 25)
+    w = np.zeros(500)
+    decay = np.exp(-a * h)
+    for k in range(499):
+        w[k + 1] = decay * w[k] + (1 - decay) * (b * u[k] + c) / a
+    fit = integral_least_squares(linear_custom(), [Log.from_arrays("w", h * np.arange(500), u, w, linear_custom())])
+    for name, truth in (("a", a), ("b", b), ("c", c)):
+        assert fit[name].value == pytest.approx(truth, rel=1.1 * (a * h / 4) ** 2 / 24)
+
+
+def test_two_samples_a_stretch_are_equation_31():
+    """Window 2: differences of neighbouring samples against integrals over that interval, by hand."""
+    rng = np.random.default_rng(4)
+    u, w, h = rng.uniform(-1, 1, 41), rng.uniform(1, 2, 41), 0.05
+    log = Log.from_arrays("w", h * np.arange(41), u, w, linear_custom())
+    equations = window_equations(linear_custom(), [log], window=2)
+    F = np.stack([-h * (w[1::2] + w[:-1:2]) / 2, h * u[:-1:2], np.full(20, h)], axis=1)
+    expected = np.linalg.lstsq(F, np.diff(w)[::2], rcond=None)[0]
+    theta, _, _ = solve_by_qr(equations.regressors, equations.targets)
+    np.testing.assert_allclose(np.asarray(theta), expected, rtol=1e-9)
+
+
+# -- robots, without noise ---------------------------------------------------------------------------------------------
+def test_axis_that_sticks(axis_logs):
+    fit = integral_least_squares(Axis(), axis_logs)
+    assert fit.converged and fit.method == "integral_least_squares"
+    for name, truth in AXIS_TRUTH.items():
+        assert fit[name].value == pytest.approx(truth, rel=1e-4)
+        assert fit[name].status == "identified"
+    assert fit["gain"].status == "fixed"
+    assert fit.robot.parameters["M"].value == fit["M"].value
+
+
+def test_axis_with_sensor_gaps(axis_logs):
+    rng = np.random.default_rng(8)
+    gappy = []
+    for log in axis_logs:
+        outputs = log.outputs.copy()
+        outputs[rng.random(len(log)) < 0.05] = np.nan
+        outputs[300:400] = np.nan
+        gappy.append(Log.from_arrays(log.name, log.time, log.inputs, outputs, log.channels))
+    fit = integral_least_squares(Axis(), gappy)
+    for name, truth in AXIS_TRUTH.items():
+        assert fit[name].value == pytest.approx(truth, rel=5e-3)
+
+
+def test_omni_moving_in_all_directions():
+    kinds = ["prbs_reversing", "multilevel", "turning"]
+    logs = [
+        as_log(kind, simulate_log(OMNI, experiment("omni", kind, 1000, seed), SAMPLING), Omni())
+        for seed, kind in enumerate(kinds)
+    ]
+    wrong = Omni().with_values(J=2.0, Bv=1.0, Bvn=1.0, Bw=2.0, Cv=10.0, Cvn=10.0, Cw=1.0)
+    fit = integral_least_squares(wrong, logs)
+    for name in fit.free_names:
+        assert fit[name].value == pytest.approx(OMNI.parameters[name], rel=1e-3)
+    printed = integral_least_squares(wrong, logs, equations="uncoupled")  # eqs. 1-3 lack the turning frame's terms
+    assert printed.robot.parameters["coriolis"].value == 0.0
+    assert printed.noise["V"] > 10 * fit.noise["V"]
+
+
+def test_coupled_pioneer(coupled_logs):
+    fit = integral_least_squares(Pioneer().with_values(**WRONG), coupled_logs)
+    tolerance = {"Ip1": 0.01, "Cv1": 0.02, "Ir1": 4e-3, "Cs1": 4e-3}  # the caster turns within one sample
+    for name in fit.free_names:
+        assert fit[name].value == pytest.approx(TRUTH[name], rel=tolerance.get(name, 1e-3)), name
+        assert fit[name].status == "identified"
+    assert fit["1/a11"].value == pytest.approx(17.078, abs=2e-3)
+    assert fit["1/a22"].value == pytest.approx(0.42418, abs=1e-4)
+
+
+def test_uncoupled_pioneer(uncoupled_logs):
+    fit = integral_least_squares(Pioneer().with_values(**WRONG), uncoupled_logs, equations="uncoupled")
+    assert fit["1/a11"].value == pytest.approx(17.078, rel=1e-3)
+    assert fit["Cs"].value == pytest.approx(TRUTH["Cs"], rel=1e-4)
+    assert fit["Cv"].value == pytest.approx(TRUTH["Cv"], rel=1e-4)
+    # ym = 0 takes M ym^2 off 1/a22. Turning, the caster stands still in the body, so its friction is not seen.
+    assert fit["1/a22"].value == pytest.approx(0.42418 - 15.5 * 0.07**2, rel=0.02)
+    assert fit["Ir"].status == fit["I0"].status == fit["Ir1"].status == "not_identifiable"
+    for name, (function, _, _) in Pioneer.combinations.items():  # the returned robot has the identified inertias
+        assert function(fit.robot.parameters.numbers) == pytest.approx(fit[name].value, rel=1e-12)
+    assert any("I0 to match 1/a22" in note for note in fit.notes)
+
+
+def test_uncoupled_on_coupled_data_is_biased(coupled_logs, uncoupled_logs):
+    """With the centre of mass behind the axle (ym), turning on the spot drifts and equation 35 puts that into Cv1."""
+    still = np.zeros(1000)
+    drive = wheels(still, steps(1000, [0, 4, 6, 2.5]))
+    spot = as_log("spot", simulate_log(PIONEER, drive, SAMPLING), Pioneer())
+    fit = integral_least_squares(Pioneer(), [uncoupled_logs["straight_prbs"], spot], equations="uncoupled")
+    assert fit["Cv1"].value > 50 * TRUTH["Cv1"]
+    assert fit["1/a11"].value == pytest.approx(17.078, rel=1e-3)
+    with pytest.raises(LogError, match="none of multilevel, turning drives straight"):
+        integral_least_squares(Pioneer(), [coupled_logs["multilevel"], coupled_logs["turning"]], equations="uncoupled")
+
+
+def test_one_kind_of_log_gives_what_it_can(uncoupled_logs):
+    fit = integral_least_squares(Pioneer(), uncoupled_logs[:2], equations="uncoupled")
+    assert fit["Cs"].status == "identified" and fit["1/a11"].status == "identified"
+    assert fit["Cs1"].status == "not_identifiable" and fit["1/a22"].status == "not_identifiable"
+    assert any("No log for equation 35" in note for note in fit.notes)
+
+
+# -- what the data does not say ----------------------------------------------------------------------------------------
+@pytest.mark.parametrize("sigma", [0.0, 1.0])
+def test_straight_logs_say_nothing_about_turning(uncoupled_logs, sigma):
+    logs = noisy(uncoupled_logs[:2], sigma * np.array([0.005, 0.01]), seed=1)
+    fit = integral_least_squares(Pioneer(), logs)
+    for name in ("I0", "Ip1", "Cs1", "Cv1"):
+        assert fit[name].status == "not_identifiable"
+        assert fit[name].value == TRUTH[name]
+        assert np.isnan(fit[name].std_error)
+    assert fit["1/a11"].status == "identified"
+    assert fit["1/a22"].status == "not_identifiable"
+    assert fit["1/a11"].value == pytest.approx(17.078, rel=5e-3)
+    # Ir and Ir1 enter 1/a11 only: one of them has to be taken as known.
+    assert sorted([fit["Ir"].status, fit["Ir1"].status]) == ["identified", "not_identifiable"]
+    rows = [fit.free_names.index("I0"), fit.free_names.index("Cs1")]
+    assert np.isnan(fit.covariance[rows]).all()
+
+
+def test_estimates_stay_within_bounds(axis_logs):
+    fit = integral_least_squares(Axis().change("Fv", lower=35.0, value=40.0), axis_logs)
+    assert fit["Fv"].status == "at_bound" and fit["Fv"].value == 35.0
+    assert fit["M"].value > AXIS_TRUTH["M"]
+
+
+def test_prior_weighs_in(axis_logs):
+    fit = integral_least_squares(Axis().change("Fv", prior=(31.0, 1e-9)), noisy(axis_logs, 0.01, seed=2))
+    assert fit["Fv"].value == pytest.approx(31.0, abs=1e-3)
+
+
+# -- noise -------------------------------------------------------------------------------------------------------------
+def test_standard_errors_against_monte_carlo(axis_logs):
+    """100 noisy repeats: the estimates scatter as their standard errors say, and the bias is small beside that."""
+    names = list(AXIS_TRUTH)
+    fits = [integral_least_squares(Axis(), noisy(axis_logs, 0.01, seed)) for seed in range(100)]
+    values = np.array([[fit[name].value for name in names] for fit in fits])
+    errors = np.array([[fit[name].std_error for name in names] for fit in fits])
+    scatter = values.std(axis=0, ddof=1)
+    np.testing.assert_allclose(np.sqrt(np.mean(errors**2, axis=0)), scatter, rtol=0.3)
+    bias = values.mean(axis=0) - np.array(list(AXIS_TRUTH.values()))
+    assert np.all(np.abs(bias) < 1.5 * scatter), bias / scatter
+    noise = np.mean([fit.noise["v"] for fit in fits])
+    assert noise == pytest.approx(0.01, rel=0.05)
+
+
+def test_coupled_pioneer_in_noise(coupled_logs):
+    fit = integral_least_squares(Pioneer().with_values(**WRONG), noisy(coupled_logs, [0.005, 0.01], seed=0))
+    limits = {"Cs": 0.01, "Cv": 0.01, "I0": 0.01, "Ir": 0.2, "Ir1": 0.2, "Ip1": 0.4, "Cs1": 0.2}
+    for name, limit in limits.items():
+        assert fit[name].value == pytest.approx(TRUTH[name], rel=limit), name
+    assert fit["1/a11"].value == pytest.approx(17.078, rel=3e-3)
+    assert fit["1/a22"].value == pytest.approx(0.42418, rel=3e-3)
+    assert fit.noise["eta1"] == pytest.approx(0.005, rel=0.1)
+    assert any("errors in variables" in note for note in fit.notes)
+
+
+# -- measured data -----------------------------------------------------------------------------------------------------
+def test_published_parameters_of_a_measured_axis():
+    """EMPS (Janot, Gautier & Brunot 2019): position alone, closed loop; published by inverse dynamics least squares."""
+    from scipy.io import loadmat
+
+    path = Path(__file__).parents[3] / "../shared/data/emps/DATA_EMPS.mat"
+    if not path.exists():
+        pytest.skip("the measured EMPS log is not beside this checkout")
+    data = loadmat(path)
+    time, position, volts = (data[name].ravel() for name in ("t", "qm", "vir"))
+    log = Log.from_arrays("emps", time, float(data["gtau"].item()) * volts, {"q": position}, Axis())
+    fit = integral_least_squares(Axis(), [log])
+    for name, published in {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}.items():
+        assert abs(fit[name].value - published) < 2.5 * fit[name].std_error
+        assert fit[name].std_error < 0.07 * abs(published)
+
+
+# -- bad input ---------------------------------------------------------------------------------------------------------
+def test_bad_input(axis_logs, coupled_logs):
+    with pytest.raises(ParameterError, match="not linear in .*d.*fix"):
+        integral_least_squares(Pioneer().change("d", free=True), coupled_logs[:1])
+    with pytest.raises(ParameterError, match="not linear in KT, KE"):
+        robot = Pioneer().with_parameters(Pioneer().parameters.with_free("KT", "KE"))
+        integral_least_squares(robot, coupled_logs[:1])
+    with pytest.raises(ParameterError, match="no parameter is free"):
+        integral_least_squares(Axis().with_parameters(Axis().parameters.with_free()), axis_logs)
+    with pytest.raises(ValueError, match="equations"):
+        integral_least_squares(Axis(), axis_logs, equations="both")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="two or more"):
+        integral_least_squares(Axis(), axis_logs, window=1)
+    standing = Log.from_arrays("standing", 0.02 * np.arange(50), np.zeros(50), np.zeros(50), Axis())
+    with pytest.raises(LogError, match="standing hold no two samples"):
+        integral_least_squares(Axis(), [standing])
+    hidden = Custom(
+        dynamics=lambda s, u, p: {"w": p["a"] * u["u"]},
+        state_names=("w",),
+        own_channels=Channels(inputs=("u",), outputs=("y",)),
+        table={"a": Parameter(1.0, free=True)},
+        output=lambda s, u, p: {"y": 2 * s["w"]},
+    )
+    with pytest.raises(LogError, match="none of the outputs"):
+        integral_least_squares(hidden, [Log.from_arrays("y", 0.02 * np.arange(50), np.ones(50), np.ones(50), hidden)])

@@ -1,0 +1,152 @@
+"""The optimiser against SciPy, linear least squares, and itself under jit and vmap."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
+from jaxid.estimate.output_error.levenberg_marquardt import minimise, minimise_compiled, minimise_lanes
+from jaxid.estimate.output_error.problem import Unknowns, linearise, parameters_at, simulate_all
+from jaxid.estimate.output_error.setup import build
+
+pytestmark = pytest.mark.usefixtures("double_precision")
+
+
+@pytest.fixture(scope="module")
+def axis(axis_log):
+    inputs = [np.repeat(np.random.default_rng(k).uniform(-2, 2, 20), 10) for k in range(3)]
+    logs = LogSet([axis_log(f"{k}", u, noise=0.02, seed=k, offset=0.05) for k, u in enumerate(inputs)])
+    with float64():
+        return build(Axis(), logs, start=dict(M=1.4, Fv=1.3, Fc=0.3, offset=0.0), integrator=Integrator(2))
+
+
+def test_the_optimum_is_scipys(axis):
+    structure, problem, start = axis
+
+    @jax.jit
+    def residual(z):
+        y = simulate_all(structure, problem, Unknowns(z, start.states))
+        return jnp.where(problem.mask, (y - problem.outputs) / problem.sigma, 0.0).ravel()
+
+    found = least_squares(residual, start.z, jac=jax.jit(jax.jacfwd(residual)), method="trf", xtol=1e-12, ftol=1e-14)
+    optimum = minimise_compiled(structure, problem, start)
+    assert bool(optimum.converged)
+    assert float(optimum.cost) == pytest.approx(found.cost, rel=1e-9)
+    theirs, ours = (np.asarray(parameters_at(problem, jnp.asarray(z))) for z in (found.x, optimum.unknowns.z))
+    error = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac))) * np.asarray(problem.bounds.slope(found.x))
+    assert np.all(np.abs(theirs - ours) < 0.01 * error)  # a hundredth of a standard error
+    np.testing.assert_allclose(ours, [1.0, 2.0, 0.5, 0.05], atol=5 * error.max())
+
+
+def test_the_returned_triangle_is_the_linearisation_at_the_optimum(axis):
+    structure, problem, start = axis
+    optimum = minimise_compiled(structure, problem, start)
+    there = jax.jit(linearise, static_argnums=0)(structure, problem, optimum.unknowns)
+    np.testing.assert_allclose(optimum.triangle.shared, there.shared, rtol=1e-8, atol=1e-6)
+    np.testing.assert_allclose(optimum.triangle.squares, there.squares, rtol=1e-10)
+    assert float(optimum.cost) == pytest.approx(float(there.cost), rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def linear():
+    """y = a u1 + b u2 + c u1 u2: no dynamics, so that least squares has a closed form."""
+    channels = Channels(inputs=("u1", "u2"), outputs=("y",))
+    robot = Custom(
+        dynamics=lambda state, u, p: {"nothing": 0.0 * state["nothing"]},
+        state_names=("nothing",),
+        own_channels=channels,
+        table={name: Parameter(1.0, free=True) for name in "abc"},
+        output=lambda state, u, p: {"y": p["a"] * u["u1"] + p["b"] * u["u2"] + p["c"] * u["u1"] * u["u2"]},
+    )
+    rng = np.random.default_rng(8)
+    inputs = rng.normal(size=(120, 2))
+    matrix = np.column_stack([inputs, inputs[:, 0] * inputs[:, 1]])
+    y = matrix @ [0.7, -2.0, 0.1] + 0.1 * rng.normal(size=120)
+    log = Log.from_arrays("linear", 0.1 * np.arange(120), inputs, y[:, None], channels)
+    with float64():
+        structure, problem, start = build(robot, LogSet([log]), start={}, initial="known", integrator=Integrator(1))
+        problem = replace(problem, sigma=jnp.array([0.1]))
+    return structure, problem, start, matrix, y
+
+
+def test_on_a_linear_problem_one_gauss_newton_step_is_linear_least_squares(linear):
+    structure, problem, start, matrix, y = linear
+    triangle = linearise(structure, problem, start)
+    step = np.linalg.solve(np.asarray(triangle.shared), -np.asarray(triangle.residual_shared))
+    expected, squares, *_ = np.linalg.lstsq(matrix, y)
+    np.testing.assert_allclose(parameters_at(problem, start.z + step), expected, rtol=1e-10)
+    optimum = minimise_compiled(structure, problem, start)
+    np.testing.assert_allclose(parameters_at(problem, optimum.unknowns.z), expected, rtol=1e-6)
+    assert float(optimum.cost) == pytest.approx(0.5 * squares[0] / 0.1**2, rel=1e-10)
+    assert int(optimum.iterations) <= 8
+
+
+def test_priors_pull_as_the_closed_form_says(linear):
+    structure, problem, start, matrix, y = linear
+    mean, deviation = np.array([1.0, 0.0, 0.5]), np.array([0.01, np.inf, 0.02])
+    pulled = replace(problem, prior_mean=jnp.asarray(mean), prior_precision=jnp.asarray(deviation**-2.0))
+    optimum = minimise_compiled(structure, pulled, start)
+    precision = np.diag(deviation**-2.0)
+    normal = matrix.T @ matrix / 0.1**2 + precision
+    expected = np.linalg.solve(normal, matrix.T @ y / 0.1**2 + precision @ mean)
+    np.testing.assert_allclose(parameters_at(pulled, optimum.unknowns.z), expected, rtol=1e-6)
+    shared = np.asarray(optimum.triangle.shared)
+    np.testing.assert_allclose(shared.T @ shared, normal, rtol=1e-9, atol=1e-9 * normal.max())
+
+
+def test_many_starts_in_one_batch_are_the_single_fits_and_a_diverging_one_harms_nobody(axis):
+    structure, problem, start = axis
+    shifts = jnp.array([[0.0, 0.0, 0.0, 0.0], [0.5, -0.4, 0.3, 0.1], [-40.0, 3.0, 0.0, 0.0]])
+    starts = Unknowns(start.z + shifts, jnp.broadcast_to(start.states, (3, *start.states.shape)))
+    outputs = simulate_all(structure, problem, Unknowns(starts.z[2], start.states))
+    assert not bool(jnp.all(jnp.isfinite(outputs)))  # a mass of 2.5e-6 kg explodes
+    lanes = minimise_lanes(structure, problem, starts)
+    for k in range(2):
+        single = minimise_compiled(structure, problem, Unknowns(starts.z[k], start.states))
+        np.testing.assert_allclose(lanes.unknowns.z[k], single.unknowns.z, atol=1e-6)
+        assert float(lanes.cost[k]) == pytest.approx(float(single.cost), rel=1e-10)
+        assert bool(lanes.converged[k])
+    assert bool(jnp.all(jnp.isfinite(lanes.cost))) and bool(jnp.all(jnp.isfinite(lanes.unknowns.z)))
+    assert float(lanes.cost[2]) > 1e6 * float(lanes.cost[0])
+    assert bool(lanes.diverged[2]) and not bool(lanes.converged[2])
+    assert not bool(lanes.diverged[0])
+
+
+def test_a_step_into_divergence_is_rejected():
+    """The whole Gauss-Newton step leads to where nothing is finite: the optimiser must turn back."""
+    channels = Channels(inputs=("u",), outputs=("y",))
+    robot = Custom(
+        dynamics=lambda state, u, p: {"nothing": 0.0 * state["nothing"]},
+        state_names=("nothing",),
+        own_channels=channels,
+        table={"a": Parameter(0.01, free=True)},
+        output=lambda state, u, p: {"y": u["u"] * jnp.log(p["a"])},  # not a number for a < 0
+    )
+    u = np.random.default_rng(9).normal(size=(60, 1))
+    log = Log.from_arrays("pole", 0.1 * np.arange(60), u, u * np.log(0.002), channels)
+    options = dict(start=dict(a=0.02), initial="known", integrator=Integrator(1))
+    structure, problem, start = build(robot, LogSet([log]), **options)
+    problem = replace(problem, sigma=jnp.array([0.1]))
+    triangle = linearise(structure, problem, start)
+    full = start.z - triangle.residual_shared / triangle.shared[0]
+    assert float(parameters_at(problem, full)[0]) < 0  # where Gauss-Newton would go
+    optimum = minimise_compiled(structure, problem, start)
+    assert bool(optimum.converged)
+    assert float(parameters_at(problem, optimum.unknowns.z)[0]) == pytest.approx(0.002, rel=1e-4)
+
+
+def test_a_batch_of_data_sets_is_fitted_as_each_alone(axis):
+    structure, problem, start = axis
+    noise = jnp.asarray(np.random.default_rng(5).normal(size=(2, *problem.outputs.shape))) * problem.sigma
+
+    def fit(outputs):
+        return minimise(structure, replace(problem, outputs=outputs), start).unknowns.z
+
+    together = jax.jit(jax.vmap(fit))(problem.outputs + noise)
+    for k in range(2):
+        alone = minimise_compiled(structure, replace(problem, outputs=problem.outputs + noise[k]), start)
+        np.testing.assert_allclose(together[k], alone.unknowns.z, atol=1e-6)

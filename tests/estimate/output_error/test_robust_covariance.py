@@ -1,0 +1,61 @@
+"""jaxid/estimate/robust_covariance.py: intervals against the scatter of many fits, for white and for coloured residuals."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Log, LogSet, output_error
+from jaxid.estimate.output_error.robust_covariance import memory
+
+TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
+ROBOT = Axis().change("offset", free=False).with_values(**TRUE)
+RUNS = 60
+
+
+def coloured(rng, shape, rho):
+    """AR(1) noise of unit variance along the last axis."""
+    noise = rng.normal(size=shape)
+    for t in range(1, shape[-1]):
+        noise[..., t] = rho * noise[..., t - 1] + np.sqrt(1 - rho**2) * noise[..., t]
+    return noise
+
+
+def fits(axis_log, rho, covariance):
+    inputs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 100)
+    clean = [axis_log(f"run {k}", np.roll(inputs, 100 * k), position=False, **TRUE) for k in range(2)]
+    rng = np.random.default_rng(8)
+    found = []
+    for _ in range(RUNS):
+        logs = []
+        for log in clean:
+            v = log.output("v") + 0.01 * coloured(rng, (len(log),), rho)
+            logs.append(Log.from_arrays(log.name, log.time, log.inputs, {"v": v}, log.channels))
+        found.append(output_error(ROBOT, LogSet(logs), covariance=covariance))
+    return found
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_errors_are_the_scatter_of_the_estimates(axis_log, rho):
+    found = fits(axis_log, rho, "robust")
+    for name, true in TRUE.items():
+        values = np.array([fit[name].value for fit in found])
+        errors = np.array([fit[name].std_error for fit in found])
+        # The scatter of 60 fits is itself known to a tenth.
+        assert np.sqrt(np.mean(errors**2)) == pytest.approx(np.std(values, ddof=1), rel=0.3)
+        inside = np.mean(np.abs(values - true) < 1.96 * errors)
+        assert inside >= 0.85
+
+
+def test_the_white_errors_are_too_small_by_what_the_residual_remembers(axis_log):
+    white, robust = fits(axis_log, 0.8, "white")[0], fits(axis_log, 0.8, "robust")[0]
+    for name in TRUE:
+        assert white[name].value == pytest.approx(robust[name].value, rel=1e-9)
+        assert 1.5 < robust[name].std_error / white[name].std_error < 4.5  # sqrt((1 + 0.8) / (1 - 0.8)) = 3
+
+
+def test_memory_of_known_processes():
+    rng = np.random.default_rng(3)
+    mask = np.ones((4, 20000, 1), dtype=bool)
+    assert memory(rng.normal(size=mask.shape), mask) == pytest.approx(1.0, abs=0.1)
+    slow = coloured(rng, (4, 20000), 0.8)[..., None]
+    assert memory(slow, mask) == pytest.approx(1.8 / 0.2, rel=0.1)
+    assert memory(0.0 * slow, mask) == 1.0

@@ -1,0 +1,80 @@
+"""What an explanation says, keeps and writes, on an axis with a known drag hidden in its logs."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jaxid import Axis, output_error, read_logs, simulate
+from jaxid.explanation.heldout import held_out
+from jaxid.explanation.next_experiment import NextExperiment
+from jaxid.model_file import read_model
+
+TRUTH = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
+
+
+@pytest.fixture(scope="module")
+def proposed():
+    """A proposed experiment, written by hand."""
+    time = np.arange(100) * 0.02
+    inputs = 2.0 * np.sign(np.sin(3 * time + 0.1))[:, None]
+    return NextExperiment(("quadratic_drag", "sensor_lag"), "with a wave at 2 N", 5.0, 0.4, time, inputs, ("u",))
+
+
+def test_the_drag_is_named_with_its_size_and_the_bias_it_caused_is_gone(explained):
+    assert explained.verdict == "named" and [e.id for e in explained.effects] == ["quadratic_drag"]
+    drag = explained.effects[0].parameters["coefficient"]
+    assert abs(drag.value - 1.5) < 4 * drag.std_error and drag.unit == "N s^2/m^2"
+    assert explained.before.normalised_rms > 2 and explained.after.adequate and explained.gap_closed > 0.95
+    assert set(explained.moved) == {"M", "Fv", "Fc", "offset"}
+    for name, value in TRUTH.items():
+        before, after = explained.moved[name]
+        assert abs(after.value - value) < 4 * after.std_error < abs(before.value - value), name
+    assert "quadratic drag" in explained.sentence and repr(explained).startswith("Missing was quadratic drag")
+
+
+def test_the_json_file_is_as_agreed(explained, tmp_path):
+    explained.save(tmp_path)
+    found = json.loads((tmp_path / "explanation.json").read_text())
+    assert (found["robot"], found["verdict"]) == ("axis", "named")
+    assert {"effects", "gap", "localisation", "next_experiment"} <= set(found)
+    (effect,) = found["effects"]
+    assert effect["id"] == "quadratic_drag" and effect["where"] == "body" and effect["equivalent_to"] == []
+    entry = effect["parameters"]["coefficient"]
+    assert entry["unit"] == "N s^2/m^2" and entry["ci95"][0] < entry["value"] < entry["ci95"][1]
+    gap = found["gap"]
+    assert gap["before"] == explained.before.normalised_rms and gap["after"] == explained.after.normalised_rms
+    assert gap["noise_floor"] == 1.0
+    assert found["localisation"]["sentence"] == explained.localisation.sentence
+
+
+def test_what_was_added_is_an_ordinary_model(explained, hidden_drag, tmp_path):
+    explained.save(tmp_path)
+    model, check = read_model(tmp_path / "model.toml", Axis()), explained.check
+    assert model == explained.model
+    for one, other in zip(simulate(model, check), simulate(explained.model, check), strict=True):
+        assert np.array_equal(one, other)
+    assert held_out(model, check, explained.before.noise).normalised_rms == explained.after.normalised_rms
+    again = output_error(model, read_logs(hidden_drag / "fit_*.csv", "axis"))
+    for name, estimate in again.parameters.items():
+        if estimate.status == "identified":
+            assert abs(estimate.value - explained.final[name].value) < 0.05 * estimate.std_error, name
+
+
+def test_a_proposed_experiment_is_a_log_ready_file_and_goes_with_its_explanation(explained, proposed, tmp_path):
+    paths = replace(explained, next_experiment=proposed).save(tmp_path)
+    table = pd.read_csv(tmp_path / "next_experiment.csv")
+    assert list(table) == ["t", "u"]
+    np.testing.assert_allclose(table.to_numpy(), np.column_stack((proposed.time, proposed.inputs)), rtol=1e-5)
+    assert all(path.exists() for path in paths)
+    # The next explanation in this folder proposes nothing and leaves no file that says otherwise.
+    explained.save(tmp_path)
+    assert not (tmp_path / "next_experiment.csv").exists() and not (tmp_path / "next_experiment.png").exists()
+
+
+def test_where_there_was_no_gap_none_is_closed(explained):
+    closed = replace(explained, before=replace(explained.before, normalised_rms=0.99))
+    assert math.isnan(closed.gap_closed) and json.loads(json.dumps(closed.to_dict()))["gap"]["closed"] is None

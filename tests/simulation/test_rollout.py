@@ -1,0 +1,125 @@
+"""Integration without friction against an adaptive solver, and what a sample's row means."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxid import Axis, Integrator, Pioneer, Sticking
+from jaxid.simulation.rollout import rollout
+from reference.logs import simulate as exact_run
+from reference.pioneer import PIONEER
+
+pytestmark = pytest.mark.usefixtures("double_precision")
+T = 64
+ONE_STEP = Integrator(1)
+NO_DRY = dict(Cs=0.0, Cs1=0.0, tau_fr=0.0)
+
+
+@partial(jax.jit, static_argnames=("robot", "integrator"))
+def run(robot, p, inputs, dt, integrator, start=None):
+    return rollout(robot, p, robot.initial_state() if start is None else start, inputs, dt, integrator)
+
+
+def simulated(robot, inputs, dt, integrator=ONE_STEP, start=None, **changes):
+    p = {k: jnp.asarray(v) for k, v in (robot.parameters.numbers | changes).items()}
+    return np.asarray(run(robot.structure, p, jnp.asarray(inputs, float), jnp.asarray(dt), integrator, start))
+
+
+def held_inputs(seed, columns=2):
+    return np.repeat(np.random.default_rng(seed).uniform(-8, 8, (T // 8, columns)), 8, axis=0)
+
+
+def adaptive(inputs, dt):
+    """The Pioneer without dry friction by DOP853, restarted wherever the input changes."""
+    robot = Pioneer()
+    p = robot.parameters.numbers | NO_DRY
+
+    @jax.jit
+    def rates(y, u):
+        state = dict(zip(robot.states, y, strict=True))
+        found = robot.rates(state, (u[0], u[1]), (0.0, 0.0, 0.0), p)
+        return jnp.stack([found[name] for name in robot.states])
+
+    y, rows = np.zeros(3), []
+    for u, interval in zip(inputs, dt, strict=True):
+        rows.append(y[1:])
+        y = solve_ivp(lambda t, y, u=u: np.asarray(rates(y, u)), (0, interval), y, "DOP853", rtol=1e-11, atol=1e-13).y[
+            :, -1
+        ]
+    return np.array(rows)
+
+
+def test_without_dry_friction_the_error_is_of_fourth_order_also_with_irregular_samples():
+    inputs = held_inputs(1)
+    dt = np.random.default_rng(2).uniform(0.01, 0.03, T)
+    truth = adaptive(inputs, dt)
+    errors = [np.abs(simulated(Pioneer(), inputs, dt, Integrator(n), **NO_DRY) - truth).max() for n in (1, 2, 4)]
+    orders = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
+    assert np.all(orders > 3.5), orders
+    assert errors[2] < 1e-6
+
+
+def test_row_k_of_the_input_acts_from_sample_k_to_the_next():
+    inputs = np.zeros((T, 1))
+    inputs[5] = 1.0
+    robot = Axis().with_values(Fv=0.0, Fc=0.0)
+    speed = simulated(robot, inputs, np.full(T, 0.02))[:, 0]
+    np.testing.assert_array_equal(speed[:6], 0.0)  # sample 5 is taken before its input has acted
+    np.testing.assert_allclose(speed[6:], 0.02, rtol=1e-12)  # 1 N on 1 kg for 0.02 s
+
+
+def test_irregular_intervals_are_each_steps_own():
+    robot = Axis().with_values(Fv=0.0, Fc=0.0)
+    dt = np.random.default_rng(3).uniform(0.001, 0.1, T)
+    outputs = simulated(robot, np.ones((T, 1)), dt)
+    time = np.concatenate([[0], np.cumsum(dt)[:-1]])
+    np.testing.assert_allclose(outputs, np.stack([time, 0.5 * time**2], axis=1), atol=1e-12)
+
+
+def test_the_last_input_is_never_felt():
+    inputs = held_inputs(4)
+    other = inputs.copy()
+    other[-1] = 99.0
+    dt = np.full(T, 0.02)
+    np.testing.assert_array_equal(simulated(Pioneer(), inputs, dt), simulated(Pioneer(), other, dt))
+
+
+def test_substeps_shorten_the_step_alone():
+    inputs, dt = held_inputs(5), np.full(T, 0.02)
+    split = simulated(Pioneer(), np.repeat(inputs, 2, axis=0)[:T], np.full(T, 0.01))
+    np.testing.assert_allclose(simulated(Pioneer(), inputs, dt, Integrator(2))[: T // 2], split[::2], atol=1e-13)
+
+
+def test_lanes_of_a_batch_are_the_single_rollouts():
+    inputs = jnp.asarray(np.stack([held_inputs(6), held_inputs(7), held_inputs(8)]))
+    dt = jnp.full(T, 0.02)
+    p = {k: jnp.asarray(v) for k, v in Pioneer().parameters.numbers.items()}
+    lanes = jax.jit(jax.vmap(lambda u: rollout(Pioneer(), p, Pioneer().initial_state(), u, dt, Integrator(1))))(inputs)
+    for lane, u in zip(lanes, inputs, strict=True):
+        np.testing.assert_allclose(lane, simulated(Pioneer(), u, dt), atol=1e-12)
+
+
+def test_a_start_in_motion_with_the_caster_across_matches_the_event_accurate_simulator():
+    inputs = held_inputs(9)
+    start = {"beta": 1.2, "eta1": 0.3, "eta2": -0.8}
+    exact = exact_run(PIONEER, inputs, 0.02, start={3: 1.2, 4: 0.3, 5: -0.8})
+    outputs = simulated(
+        Pioneer(), inputs, np.full(T, 0.02), Integrator(4), {k: jnp.asarray(v) for k, v in start.items()}
+    )
+    np.testing.assert_allclose(outputs[0], [0.3, -0.8])
+    np.testing.assert_allclose(outputs, exact.speeds, atol=2e-4)
+
+
+def test_pose_and_wheel_angles_ride_along_without_changing_the_speeds():
+    robot = Pioneer(pose=True, wheel_angles=True)
+    inputs, dt = held_inputs(10), np.full(T, 0.02)
+    np.testing.assert_allclose(simulated(robot, inputs, dt), simulated(Pioneer(), inputs, dt), atol=1e-13)
+
+
+def test_the_suited_integrator_steps_no_longer_than_the_robot_allows():
+    for interval, substeps in ((0.02, 2), (0.021, 3), (0.005, 1), (0.001, 1), (0.1, 10)):
+        assert Integrator.suited(Pioneer(), interval) == Integrator(substeps, Sticking())

@@ -1,0 +1,78 @@
+"""Where runs start: at rest, as pose columns say, or in motion."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Log, LogSet, Pioneer
+from jaxid.effects import effect_by_id
+from jaxid.simulation.start import initial_states
+
+
+def pioneer(name, first=(0.0, 0.0), extra=None, noise=0.01, seed=0):
+    rng = np.random.default_rng(seed)
+    outputs = np.tile(first, (200, 1)) + noise * rng.normal(size=(200, 2))
+    outputs[0] = first
+    inputs = np.repeat(rng.uniform(-3, 3, (20, 2)), 10, axis=0)
+    return Log.from_arrays(name, 0.02 * np.arange(200), inputs, outputs, "pioneer", extra)
+
+
+def test_a_log_without_a_word_starts_at_rest_at_the_origin():
+    start = initial_states(Pioneer(pose=True), LogSet([pioneer("a", (0.02, -0.02)), pioneer("b", seed=1)]))
+    assert set(start.states) == {"x", "y", "theta", "beta", "eta1", "eta2"}
+    assert all(np.all(values == 0.0) for values in start.states.values())  # two standard deviations are noise
+    assert not start.uncertain.any()
+
+
+def test_pose_columns_set_the_states_of_their_own_log():
+    columns = {name: np.full(200, value) for name, value in dict(x=1.0, y=-2.0, theta=0.5, beta=-1.7).items()}
+    logs = LogSet([pioneer("posed", extra=columns), pioneer("plain", seed=1)])
+    start = initial_states(Pioneer(pose=True), logs)
+    assert [start.states[name][0] for name in ("x", "y", "theta", "beta")] == [1.0, -2.0, 0.5, -1.7]
+    assert [start.states[name][1] for name in ("x", "y", "theta", "beta")] == [0.0, 0.0, 0.0, 0.0]
+    assert not start.uncertain.any()
+    without_pose = initial_states(Pioneer(), logs)
+    assert set(without_pose.states) == {"beta", "eta1", "eta2"} and without_pose.states["beta"][0] == -1.7
+
+
+def test_a_pose_that_was_not_measured_is_no_start():
+    start = initial_states(Pioneer(), LogSet([pioneer("a", extra={"beta": np.full(200, np.nan)})]))
+    assert start.states["beta"][0] == 0.0
+
+
+def test_a_log_that_already_moves_starts_from_its_measured_speed_and_is_uncertain():
+    start = initial_states(Pioneer(), LogSet([pioneer("rest"), pioneer("moving", (0.5, 0.0), seed=1)]))
+    np.testing.assert_array_equal(start.uncertain, [False, True])
+    np.testing.assert_array_equal(start.states["eta1"], [0.0, 0.5])
+    np.testing.assert_array_equal(start.states["eta2"], [0.0, 0.0])
+
+
+@pytest.mark.parametrize(("speed", "starts_at"), [(0.0, 0.0), (0.5, 0.5)], ids=["rest", "motion"])
+def test_what_the_model_knows_of_its_sensors_is_taken_off(speed, starts_at):
+    """A robot at rest whose gyro has a bias does not turn."""
+    biased = Pioneer() + effect_by_id(Pioneer(), "sensor_bias") + effect_by_id(Pioneer(), "sensor_scale")
+    known = biased.with_values(**{"sensor_bias.bias_eta2": 0.3, "sensor_scale.error_eta1": 0.1})
+    logs = LogSet([pioneer("a", (1.1 * speed, 0.3))])
+    assert initial_states(biased, logs).uncertain.all()
+    assert initial_states(biased, logs).states["eta2"][0] == 0.3
+    start = initial_states(known, logs)
+    assert start.uncertain.item() == (speed > 0)
+    assert start.states["eta1"].item() == pytest.approx(starts_at, abs=1e-12)
+    assert start.states["eta2"].item() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_first_sample_that_is_missing_says_nothing(axis_log):
+    log = axis_log("axis", np.full(100, 2.0), v=0.9, noise=0.001)
+    outputs = log.outputs.copy()
+    outputs[0, 0] = np.nan
+    start = initial_states(Axis(), LogSet([Log.from_arrays("gap", log.time, log.inputs, outputs, "axis")]))
+    assert start.states["v"][0] == 0.0
+
+
+def test_a_position_that_starts_elsewhere_is_taken_from_the_noisy_first_sample_and_uncertain(axis_log):
+    logs = LogSet(
+        [axis_log("away", np.full(100, 2.0), q=1.5, noise=0.001), axis_log("home", np.full(100, 2.0), noise=0.001)]
+    )
+    start = initial_states(Axis(), logs)
+    assert start.states["q"][0] == pytest.approx(1.5, abs=0.01) and start.states["q"][1] == 0.0
+    np.testing.assert_array_equal(start.states["v"], [0.0, 0.0])
+    np.testing.assert_array_equal(start.uncertain, [True, False])
