@@ -5,16 +5,69 @@ another makes hundreds, and they fill the memory."""
 import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache, cached_property, update_wrapper
 from typing import Any
 
 import jax
+import jax.numpy as jnp
+from jax.core import Tracer
 
-_programs: list[Any] = []
+_FASTER_TO_COMPILE = {"xla_cpu_use_fusion_emitters": False}
+"""Known to JAX up to 0.11. XLA has no such option, and no older code, from JAX 0.12 on."""
 
 
-def compiled(function: Callable[..., Any], **options: Any) -> Any:
+def known_options(options: dict[str, Any]) -> dict[str, Any]:
+    """`options` if the installed XLA takes them all, else none: it refuses to compile with an option that it does not know."""
+    try:
+        jax.jit(lambda: 0, compiler_options=options).lower().compile()
+    except jax.errors.JaxRuntimeError:
+        return {}
+    return options
+
+
+@cache
+def _compiler_options() -> dict[str, Any]:
+    return known_options(_FASTER_TO_COMPILE)
+
+
+class Program:
+    """`jax.jit(function, **options)` with the compiler's options asked for at the first use, not on import.
+
+    Inside another program that JAX is tracing it is part of that one, which has compiler options of its own.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]):
+        update_wrapper(self, function)
+        self._function = function
+        self._options = options
+        self._inner: Any = jax.jit(function, **options)
+
+    @cached_property
+    def _outer(self) -> Any:
+        return jax.jit(self._function, compiler_options=_compiler_options(), **self._options)
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        # While JAX traces a program, a new array is a part of it, whatever the arguments are.
+        leaves = [jnp.zeros(()), *jax.tree.leaves((arguments, named))]
+        traced = any(isinstance(leaf, Tracer) for leaf in leaves)
+        return (self._inner if traced else self._outer)(*arguments, **named)
+
+    def lower(self, *arguments: Any, **named: Any) -> Any:
+        """As of a function made by `jax.jit`."""
+        return self._outer.lower(*arguments, **named)
+
+    def clear_cache(self) -> None:
+        """As of a function made by `jax.jit`."""
+        self._inner.clear_cache()
+        self._outer.clear_cache()
+
+
+_programs: list[Program] = []
+
+
+def compiled(function: Callable[..., Any], **options: Any) -> Program:
     """`jax.jit(function, **options)`."""
-    program = jax.jit(function, compiler_options={"xla_cpu_use_fusion_emitters": False}, **options)
+    program = Program(function, options)
     _programs.append(program)
     return program
 

@@ -62,7 +62,7 @@ class QuadraticDrag(Effect):
 class LateralCentreOfMass(Effect):
     """Frees the robot's own lateral centre of mass: xm of the Pioneer, yc (and xc) of the omni."""
 
-    frees: tuple[str, ...] = ("xm",)
+    frees: tuple[str, ...] = ("xm",)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     id: ClassVar[str] = "lateral_com_offset"
     where: ClassVar[str] = "body"
@@ -73,7 +73,7 @@ class LateralCentreOfMass(Effect):
 class CoriolisCoupling(Effect):
     """Frees the share of the turning frame's own terms, which the omni paper's equations lack (0) and nature has (1)."""
 
-    frees: tuple[str, ...] = ("coriolis",)
+    frees: tuple[str, ...] = ("coriolis",)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     id: ClassVar[str] = "coriolis_coupling"
     where: ClassVar[str] = "body"

@@ -92,16 +92,16 @@ def with_better_angles(
 ) -> tuple[Problem, Optimum]:
     """Angles smoothed through the model and the model refitted to them, turn by turn: the problem told them, its optimum."""
     before = np.inf
-    for _ in range(_SMOOTHINGS):
+    for remaining in reversed(range(_SMOOTHINGS)):
         model = robot.with_values(**by_name(structure, free, unknowns))
         angles = told_angles(model, logs, noise, initial_states_at(robot, logs, structure, free, unknowns))
         problem = told(free, logs, angles)
         optimum = minimise_compiled(structure, problem, unknowns, max_steps=TOLD_STEPS)
         cost, unknowns = float(optimum.cost), optimum.unknowns
-        if not cost < _NO_BETTER * before:
-            break
+        if not remaining or not cost < _NO_BETTER * before:
+            return problem, optimum
         before = cost
-    return problem, optimum
+    raise AssertionError("_SMOOTHINGS is at least one")
 
 
 def followed_up(

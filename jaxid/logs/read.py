@@ -195,9 +195,8 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
             continue
         with np.errstate(over="ignore"):
             values = source.scale * _numbers(table, source.column, path) + source.offset
-        if standard != "t":
-            absurd = np.abs(values) > ABSURD
-            values = np.where(absurd, np.nan, values)
+        absurd = (np.abs(values) > ABSURD) & (standard != "t")
+        values = np.where(absurd, np.nan, values)
         if standard in channels.inputs:
             values, rows = _held(values, standard, source.column, table, path)
             what = f"input {standard!r} has no value and was held from the sample before"

@@ -136,11 +136,11 @@ class _Solver(optx.LevenbergMarquardt):
         self.search: Any = _AnyLower()
         self.limit = limit
 
-    def init(self, *arguments) -> Any:
-        inner = super().init(*arguments)
+    def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> Any:
+        inner = super().init(fn, y, args, options, f_struct, aux_struct, tags)
         return _Progress(inner, jnp.array(jnp.inf), jnp.array(0))
 
-    def step(self, fn, y, args, options, state: Any, tags):
+    def step(self, fn, y, args, options, state: Any, tags) -> Any:
         y, inner, aux = super().step(fn, y, args, options, state.inner, tags)
         cost = 0.5 * sum(jnp.sum(part**2) for part in inner.f_info.residual)
         better = cost < state.cost - _NOTICEABLE
