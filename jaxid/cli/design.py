@@ -1,10 +1,10 @@
 """`jaxid design`: the experiment to drive next, as a file with time and inputs, and what it is worth."""
 
 import html
-import json
 from pathlib import Path
 
 from .._atomic import write_text
+from .._json import as_json
 from ..design import Design, DesignError, design_experiment
 from ..logs import LogSet, read_logs
 from ..robots import Robot
@@ -49,7 +49,7 @@ def _document(design: Design, files: list[Path]) -> str:
             for name, value in design.values.items()
         },
     }
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return as_json(content)
 
 
 def run_design(

@@ -5,7 +5,7 @@ from pathlib import Path
 import typer
 
 from ..estimate.result import Fit
-from ..explanation.explain import explain
+from ..explanation.explain import apart, explain
 from ..explanation.missing_force import NoVelocities
 from ..logs import LogSet
 from ..report import compare
@@ -67,6 +67,7 @@ def run_explain(
         robot = without_coupling(robot)
     fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
     assert check_logs is not None  # --check is required
+    apart(fit_logs, check_logs)
     fits = estimate(robot, fit_logs)
     _write_fits(out, fits, fit_logs, check_logs)
     with step("Explanation") as report:

@@ -5,7 +5,7 @@ and started from one another.
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,16 @@ class Estimate:
             std_error = float("nan")
         half = NORMAL_95 * std_error
         return Estimate(float(value), float(std_error), (float(value - half), float(value + half)), unit, status)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As result files have it."""
+        return {
+            "value": self.value,
+            "std_error": self.std_error,
+            "ci95": list(self.ci95),
+            "unit": self.unit,
+            "status": self.status,
+        }
 
 
 @dataclass(frozen=True)

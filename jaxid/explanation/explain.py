@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from .._compile import seldom_collected
 from ..estimate.result import Fit
-from ..logs import LogSet
+from ..logs import LogError, LogSet
 from ..robots.effect import Effect
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
 from .fit_told import predicted
@@ -84,6 +84,16 @@ def _stages(found: Search) -> dict[str, float]:
     return shares
 
 
+def apart(logs: LogSet, check: LogSet) -> None:
+    """Raise `LogError` where a fitted and a held-out log have one name: what a fit knows of logs, it knows by name."""
+    shared = [name for name in check.names if name in logs.names]
+    if shared:
+        raise LogError(
+            f"A fitted and a held-out log are both called {shared[0]!r}; give each its own name (a log is called like its "
+            "file), and hold out logs that were not fitted."
+        )
+
+
 @seldom_collected()
 def explain(
     fit: Fit,
@@ -99,9 +109,11 @@ def explain(
     `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `report` is
     called with a sentence whenever something is done.
 
-    The false-alarm rate of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong
-    estimate of the noise adds. Raises `LogError` for logs of another robot.
+    Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. The false-alarm rate
+    of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong estimate of the noise adds.
+    Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share.
     """
+    apart(logs, check)
     report("looking for a gap on the held-out logs")
     found = search(fit, logs, check, effects=effects, most=most, report=report)
     final, after = fit, found.before

@@ -1,13 +1,12 @@
 """What `explain` found, as one object: verdict, names with their evidence, and the gap before and after."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from .._atomic import write_text
+from .._json import write_json
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
 from ..model_file import write_model
@@ -181,11 +180,11 @@ class Explanation:
             "sentence": self.sentence,
             "effects": [_effect(effect) for effect in self.effects],
             "gap": {
-                "before": self.before.normalised_rms,
-                "after": self.after.normalised_rms,
+                "before": _number(self.before),
+                "after": _number(self.after),
                 "noise_floor": 1.0,
-                "closed": _finite(self.gap_closed),
-                "after_simulated_freely": (self.after.simulated_freely or self.after).normalised_rms,
+                "closed": self.gap_closed,
+                "after_simulated_freely": _number(self.after.simulated_freely or self.after),
                 "by_channel": {
                     name: {"before": self.before.by_channel[name], "after": self.after.by_channel[name]}
                     for name in self.before.by_channel
@@ -206,7 +205,7 @@ class Explanation:
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / "explanation.json", folder / "model.toml"]
-        write_text(written[0], json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n")
+        write_json(written[0], self.to_dict())
         errors = {name: estimate.std_error for name, estimate in self.final.parameters.items()}
         write_model(written[1], self.model, errors, self.final.method)
         if self.next_experiment:
@@ -226,8 +225,9 @@ class Explanation:
         return _displays[0].body(self) if _displays else None
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+def _number(state: HeldOut) -> float | None:
+    """The normalised RMS, as fit.json has it: none where the simulation diverges on a log."""
+    return None if state.diverged else state.normalised_rms
 
 
 def _effect(effect: NamedEffect) -> dict[str, Any]:
@@ -237,16 +237,7 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "where": effect.where,
         "formula": effect.formula,
         "equivalent_to": list(effect.equivalent_to),
-        "parameters": {
-            name: {
-                "value": _finite(e.value),
-                "std_error": _finite(e.std_error),
-                "ci95": [_finite(bound) for bound in e.ci95],
-                "unit": e.unit,
-                "status": e.status,
-            }
-            for name, e in effect.parameters.items()
-        },
+        "parameters": {name: estimate.to_dict() for name, estimate in effect.parameters.items()},
         "evidence": {
             "held_out_before": evidence.before,
             "held_out_after": evidence.after,

@@ -1,15 +1,16 @@
 """How far a model is from logs it was not fitted to, in units of the noise, and whether anything is left to find."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ..estimate.confidence.validation import counted_channels
+from ..estimate.confidence.validation import counted_channels, diverging, errors_of, rms
 from ..estimate.output_error.estimated_start import estimated_start
-from ..logs import LogSet, noise_level
+from ..estimate.residual_tests import ljung_box
+from ..logs import LogSet, noise_scale
 from ..robots.robot import Robot
 from ..simulation.simulate import simulate
 from .told_angles import Angles
@@ -31,6 +32,7 @@ class HeldOut:
     `normalised_rms` is 1 at the noise floor; `residuals` per log [T, channels] in units of the noise (NaN where nothing
     was measured); `p_white` the probability of autocorrelations and offsets this large if only noise were left.
     Of a model that was told its wheels' angles (see `told_angles.py`), `simulated_freely` is the state without.
+    `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
     """
 
     normalised_rms: float
@@ -39,6 +41,7 @@ class HeldOut:
     noise: dict[str, float]
     p_white: float
     simulated_freely: "HeldOut | None" = None
+    diverged: tuple[str, ...] = ()
 
     @property
     def squares(self) -> float:
@@ -62,22 +65,18 @@ class HeldOut:
         return max(self.normalised_rms - 1.0, 0.0)
 
 
-def whiteness(residuals: tuple[NDArray[np.float64], ...] | list[NDArray[np.float64]]) -> float:
+def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
     """p value of one Ljung-Box test over all channels and logs.
 
     The residual's mean is not taken off, since simulated and measured have none in common: an offset counts.
     """
     statistic, freedom = 0.0, 0
     for channel in range(residuals[0].shape[1]):
-        parts = [np.nan_to_num(r[:, channel]) for r in residuals if np.any(np.isfinite(r[:, channel]))]
-        n = sum(np.count_nonzero(part) for part in parts)
-        power = sum(float(part @ part) for part in parts)
-        if n < 4 * _LAGS or power == 0:
+        parts = [r[:, channel] for r in residuals if np.any(np.isfinite(r[:, channel]))]
+        if sum(np.count_nonzero(np.isfinite(part)) for part in parts) < 4 * _LAGS:
             continue
-        for lag in range(1, _LAGS + 1):
-            rho = sum(float(part[lag:] @ part[:-lag]) for part in parts if len(part) > lag) / power
-            statistic += n * (n + 2) * rho**2 / (n - lag)
-            freedom += 1
+        own, degrees = ljung_box(parts, _LAGS, mean=0.0)
+        statistic, freedom = statistic + own, freedom + degrees
     return float(stats.chi2.sf(statistic, freedom)) if freedom else 1.0
 
 
@@ -90,22 +89,23 @@ def held_out(
     `noise` defaults to what the logs' own data say.
     """
     angles = angles or {}
-    noise = dict(noise or noise_level(logs))
-    counted = {name for log in logs for name in counted_channels(log)}
-    channels = [c for c in logs.channels.measured if c in counted and np.isfinite(noise.get(c, np.nan))]
-    columns = [logs.channels.measured.index(c) for c in channels]
-    scale = np.array([noise[c] for c in channels])
+    noise = dict(noise or noise_scale(logs))
+    channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
     residuals = []
     start = estimated_start(robot, logs, noise, angles)
-    for log, simulated in zip(logs, simulate(robot, logs, start=start, driven=angles), strict=True):
-        error = (simulated[:, columns] - log.outputs[:, columns]) / scale
-        error = np.where(np.isfinite(simulated[:, columns]), error, _FARTHEST)
-        residuals.append(np.clip(np.where(np.isfinite(log.outputs[:, columns]), error, np.nan), -_FARTHEST, _FARTHEST))
+    every = simulate(robot, logs, start=start, driven=angles)
+    for log, simulated in zip(logs, every, strict=True):
+        errors = errors_of(log, np.nan_to_num(simulated, nan=np.inf, posinf=np.inf, neginf=-np.inf))
+        scaled = np.full((len(log), len(channels)), np.nan)
+        for name, error in errors.items():
+            scaled[:, channels.index(name)] = np.clip(error / noise[name], -_FARTHEST, _FARTHEST)
+        residuals.append(scaled)
     pooled = np.concatenate(residuals)
     return HeldOut(
-        normalised_rms=float(np.sqrt(np.nanmean(pooled**2))),
-        by_channel={c: float(np.sqrt(np.nanmean(pooled[:, i] ** 2))) for i, c in enumerate(channels)},
+        normalised_rms=rms(pooled),
+        by_channel={c: rms(pooled[:, i]) for i, c in enumerate(channels)},
         residuals=tuple(residuals),
         noise={c: noise[c] for c in channels},
         p_white=whiteness(residuals),
+        diverged=diverging(logs, every, noise),
     )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from .._compile import compiled
 from .._float64 import in_float64
-from ..logs import LogSet, noise_level
+from ..logs import LogSet, noise_scale
 from ..robots.custom import Custom
 from ..robots.effect import Effect, Numbers, Path, State
 from ..robots.robot import Robot
@@ -232,7 +232,7 @@ class _Task(NamedTuple):
 
 def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
     pushed, names, units = forced(robot)
-    noise = dict(noise or noise_level(logs))
+    noise = dict(noise or noise_scale(logs))
     largest = {c: float(np.nanmax(np.abs(log.output(c)))) for log in logs for c in log.measured}
     noise = {c: max(level, 1e-4 * largest.get(c, 1.0)) for c, level in noise.items() if np.isfinite(level)}
     numbers = {name: jnp.asarray(float(value)) for name, value in pushed.parameters.numbers.items()}

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..effects import catalogue
 from ..estimate.result import Fit
-from ..logs import LogSet, noise_level
+from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from .heldout import HeldOut, held_out
@@ -268,7 +268,7 @@ def search(
     report: Report = lambda message: None,
 ) -> Search:
     """Add effects to a fitted model as long as they explain something. `effects` are further candidates."""
-    noise = noise_level(LogSet([*logs, *check]))
+    noise = noise_scale(check, otherwise=logs)
     state = held_out(fit.robot, check, noise)
     if state.adequate:
         return Search(state, state, None, (), ())

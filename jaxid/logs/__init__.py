@@ -5,7 +5,7 @@ from .batch import Batch
 from .channels import AXIS, OMNI, PIONEER, Channels
 from .finding import Finding, LogError
 from .log import Log, LogSet, channels_of
-from .noise import noise_level
+from .noise import noise_level, noise_scale
 from .prepare import Removed, prepare
 from .read import read_logs
 
@@ -22,6 +22,7 @@ __all__ = [
     "Removed",
     "channels_of",
     "noise_level",
+    "noise_scale",
     "prepare",
     "read_logs",
     "signals",

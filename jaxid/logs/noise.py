@@ -2,7 +2,9 @@
 
 Third differences remove what is smooth over four samples and leave white noise amplified by sqrt(20). Samples around a
 change of the input are left out where enough remain, since a motion has a kink there. The estimate needs no model, so a
-model's residual can be judged by it; noise that is correlated over several samples is underestimated.
+model's residual can be judged by it. What a slower sensor repeats is counted once, a signal that does not move says
+nothing, and no noise is finer than the sensor's step (its standard deviation over sqrt(12), Widrow and Kollar 2008).
+Noise that is correlated over several samples is underestimated: from one log it cannot be told from motion.
 """
 
 import numpy as np
@@ -14,31 +16,76 @@ _GAIN = np.sqrt(20.0)  # sum of squares of the stencil 1, -3, 3, -1
 
 _SPIKE = 3.5
 _KEPT = 0.99693  # root of 1 - 2 z phi(z) / (2 Phi(z) - 1) at z = 3.5
+_REPEATED = 0.3
+"""Share of samples equal to the one before from which a signal may be that of a slower sensor, or a coarse one."""
+_REGULAR = 0.8
+"""Share of a slower sensor's values that come at its own interval, give or take one sample."""
+_FINE = 3.0
+"""Typical change of a value, in the finest steps, above which repeats show the sensor's rate and not its step."""
+_NOTHING = 1e-12  # noise of a channel that is zero throughout, of which nothing is known
+_LEAST = 1e-6
+"""Noise in units of the signal's root mean square below which a channel counts as free of noise (a simulation)."""
+
+
+def sensor_step(y: NDArray[np.float64]) -> float:
+    """The step [y's unit] of which all of a channel's values are multiples; zero where there is none."""
+    y = y[np.isfinite(y)]
+    values, counts = np.unique(y, return_counts=True)
+    if len(values) < 3 or np.mean(counts) < 2:
+        return 0.0
+    steps = np.diff(values)
+    steps = steps[steps > 1e-9 * np.max(np.abs(values))]
+    if not len(steps):
+        return 0.0
+    step = float(np.median(steps[steps < 1.5 * np.min(steps)]))
+    multiples = (values - values[0]) / step
+    return step if np.max(np.abs(multiples - np.round(multiples))) < 0.1 else 0.0
+
+
+def _updates(y: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    """The samples at which a slower sensor gave its values, None where every sample is its own."""
+    finite = np.flatnonzero(np.isfinite(y))
+    changed = finite[1:][np.diff(y[finite]) != 0]
+    if len(changed) < 20 or len(changed) > (1 - _REPEATED) * len(finite):
+        return None
+    gaps = np.diff(changed)
+    usual = float(np.median(gaps))
+    steps = np.abs(np.diff(y[changed]))
+    if usual < 2 or np.mean(np.abs(gaps - usual) <= 1) < _REGULAR:
+        return None
+    return changed if np.median(steps) > _FINE * sensor_step(y) else None
 
 
 def _differences(y: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Third differences of one channel, those across an input change dropped where that leaves at least 60."""
+    switched = np.cumsum(np.append(0, np.any(np.diff(inputs, axis=0) != 0, axis=1)))
+    updates = _updates(y)
+    if updates is not None:
+        y, switched = y[updates], switched[updates]
     third = y[:-3] - 3 * y[1:-2] + 3 * y[2:-1] - y[3:]
-    finite = np.isfinite(third)
-    change = np.any(np.diff(inputs, axis=0) != 0, axis=1)
+    still = (y[:-3] == y[1:-2]) & (y[1:-2] == y[2:-1]) & (y[2:-1] == y[3:])
+    telling = np.isfinite(third) & ~still
+    change = np.diff(switched) != 0
     calm = ~(change[:-2] | change[1:-1])  # a kink at one of the two inner samples
-    kept = third[finite & calm]
-    return kept if kept.size >= 60 else third[finite]
+    kept = third[telling & calm]
+    return kept if kept.size >= 60 else third[telling]
 
 
 def noise_level(logs: LogSet | Log) -> dict[str, float]:
     """Standard deviation of the measurement noise of each measured channel, NaN for a channel no log holds.
 
     The root mean square over the logs of differences within 3.5 robust standard deviations (median absolute deviation),
-    so that a spike does not count. A channel whose differences are mostly zero (quantised, or at rest) falls back to
-    their plain root mean square.
+    so that a spike does not count. A channel whose differences are mostly zero (quantised) falls back to their plain
+    root mean square.
     """
     each = [logs] if isinstance(logs, Log) else list(logs)
     levels: dict[str, float] = {}
     for index, channel in enumerate(each[0].channels.measured):
-        squares, counts = 0.0, 0
+        squares, counts, still = 0.0, 0, False
         for log in each:
-            differences = _differences(log.outputs[:, index], log.inputs)
+            y = log.outputs[:, index]
+            differences = _differences(y, log.inputs)
+            still |= bool(np.isfinite(y).sum() >= 11)
             if differences.size < 8:
                 continue
             robust = 1.4826 * float(np.median(np.abs(differences)))
@@ -47,7 +94,24 @@ def noise_level(logs: LogSet | Log) -> dict[str, float]:
             usual = differences[np.abs(differences) < _SPIKE * robust] if robust > 0 else differences
             # Among normal numbers the mean square of those within the limit is a little below the variance.
             level = float(np.sqrt(np.mean(usual**2))) / _GAIN / (_KEPT if robust > 0 else 1.0)
+            level = max(level, sensor_step(y) / np.sqrt(12.0))
             squares += differences.size * level**2
             counts += differences.size
-        levels[channel] = float(np.sqrt(squares / counts)) if counts else float("nan")
+        levels[channel] = float(np.sqrt(squares / counts)) if counts else 0.0 if still else float("nan")
     return levels
+
+
+def noise_scale(logs: LogSet | Log, otherwise: LogSet | Log | None = None) -> dict[str, float]:
+    """`noise_level` as something to divide by: never below a millionth of the signal, and never zero or NaN.
+
+    The one yardstick of fits, comparisons and explanations. Noise-free simulations have the millionth; a channel that was
+    never measured has the scale that the logs `otherwise` show, or one.
+    """
+    each = [logs] if isinstance(logs, Log) else list(logs)
+    scale = dict.fromkeys(each[0].channels.measured, 1.0) if otherwise is None else noise_scale(otherwise)
+    for name, level in noise_level(logs).items():
+        y = np.concatenate([log.output(name) for log in each])
+        if np.isfinite(y).any():
+            rms = float(np.sqrt(np.nanmean(y**2)))
+            scale[name] = max(level if np.isfinite(level) else 0.0, _LEAST * rms) or _NOTHING
+    return scale

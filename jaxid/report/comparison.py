@@ -15,7 +15,7 @@ from .._float64 import in_float64
 from ..estimate.confidence.validation import Validation, counted_channels, validate
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Estimate, Fit
-from ..logs import Log, LogError, LogSet, noise_level
+from ..logs import Log, LogError, LogSet, noise_scale
 from ..simulation.simulate import simulate
 from ..simulation.start import initial_states
 from . import figures as draw
@@ -35,16 +35,6 @@ def _labels(fits: Sequence[Fit]) -> tuple[str, ...]:
         seen[method] = seen.get(method, 0) + 1
         labels.append(f"{method} {seen[method]}" if methods.count(method) > 1 else method)
     return tuple(labels)
-
-
-def _noise(logs: LogSet) -> dict[str, float]:
-    """Noise of every channel from the data, never below a millionth of the signal (noise-free simulations)."""
-    found = {}
-    for name, level in noise_level(logs).items():
-        y = np.concatenate([log.output(name) for log in logs])
-        rms = float(np.sqrt(np.nanmean(y**2))) if np.isfinite(y).any() else 0.0
-        found[name] = max(level if np.isfinite(level) else 0.0, 1e-6 * rms, 1e-12)
-    return found
 
 
 def _fitted_start(fit: Fit, logs: LogSet) -> dict[str, np.ndarray] | None:
@@ -364,14 +354,14 @@ def compare(
                     f"{logs[0].name} has the channels {list(logs.channels)} and the robot of {label} has "
                     f"{list(found.robot.channels)}; compare with logs of that robot."
                 )
-    noise = _noise(check)
+    noise = noise_scale(check)
     validations = {}
     for label, f in named.items():
         start = estimated_start(f.robot, check, noise)
         validations[label] = validate(check, simulate(f.robot, check, start=start), noise)
     fitted = {}
     if fit is not None:
-        level = _noise(fit)
+        level = noise_scale(fit)
         for label, f in named.items():
             fitted[label] = validate(fit, simulate(f.robot, fit, start=_fitted_start(f, fit)), level)
     references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)

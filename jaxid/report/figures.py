@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import stats
 
-from ..estimate.confidence.validation import ChannelTests
+from ..estimate.residual_tests import ChannelTests
 from ..logs import Log
 from .tables import number, title_of
 

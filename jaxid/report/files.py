@@ -4,39 +4,25 @@ Numbers are SI and written to the last digit; what is not a finite number (the s
 null. Files are complete or not there.
 """
 
-import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .._atomic import write_text
+from .._json import write_json
 from ..estimate.confidence.validation import Validation
-from ..estimate.result import Estimate, Fit
+from ..estimate.result import Fit
 from ..model_file import write_model
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _estimate(estimate: Estimate) -> dict[str, Any]:
-    return {
-        "value": _finite(estimate.value),
-        "std_error": _finite(estimate.std_error),
-        "ci95": [_finite(limit) for limit in estimate.ci95],
-        "unit": estimate.unit,
-        "status": estimate.status,
-    }
 
 
 def _check(validation: Validation | None) -> dict[str, Any] | None:
     if validation is None:
         return None
     return {
-        "normalised_rms": _finite(validation.normalised_rms),
-        "fit_percent": {channel: _finite(percent) for channel, percent in validation.fit_percent.items()},
+        # A number that leaves logs out must not pass for one that does not.
+        "normalised_rms": None if validation.diverged else validation.normalised_rms,
+        "diverged": list(validation.diverged),
+        "fit_percent": dict(validation.fit_percent),
     }
 
 
@@ -51,8 +37,8 @@ def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | Non
     methods: dict[str, Any] = {}
     for fit in fits:
         methods[fit.method] = {
-            "parameters": {name: _estimate(estimate) for name, estimate in fit.parameters.items()},
-            "combinations": {name: _estimate(estimate) for name, estimate in fit.combinations.items()},
+            "parameters": {name: estimate.to_dict() for name, estimate in fit.parameters.items()},
+            "combinations": {name: estimate.to_dict() for name, estimate in fit.combinations.items()},
             "check": _check((validation or {}).get(fit.method)),
         }
         if fit.method == "output_error":
@@ -60,7 +46,7 @@ def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | Non
                 "converged": fit.converged,
                 "iterations": fit.iterations,
                 "logs": fit.log_status,
-                "clock_offsets": {name: _estimate(offset) for name, offset in fit.clock_offsets.items()},
+                "clock_offsets": {name: offset.to_dict() for name, offset in fit.clock_offsets.items()},
                 "outliers": [asdict(outlier) for outlier in fit.outliers],
             }
     return {"robot": fits[0].robot.name, "methods": methods}
@@ -72,8 +58,7 @@ def write_fit(folder: str | Path, fits: Sequence[Fit], validation: Mapping[str, 
     Raises `OSError` if the folder cannot be written and `ValueError` for no fits.
     """
     folder = Path(folder)
-    text = json.dumps(fit_document(fits, validation), indent=2, ensure_ascii=False, allow_nan=False)
-    write_text(folder / "fit.json", text + "\n")
+    write_json(folder / "fit.json", fit_document(fits, validation))
     last = fits[-1]
     errors = {name: estimate.std_error for name, estimate in last.parameters.items()}
     write_model(folder / "model.toml", last.robot, errors, last.method)

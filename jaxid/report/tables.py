@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from ..estimate.confidence.validation import FALSE_ALARM, ResidualTest, Validation
+from ..estimate.confidence.validation import Validation
+from ..estimate.residual_tests import FALSE_ALARM, ResidualTest
 from ..estimate.result import Estimate
 
 WIDTH = 100

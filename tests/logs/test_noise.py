@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxid import LogSet, noise_level
+from jaxid import AXIS, Log, LogSet, noise_level
+from jaxid.logs import noise_scale
 
 
 def levels(n, seed, hold=25):
@@ -60,3 +61,53 @@ def test_a_coarsely_quantised_signal_still_has_a_level():
     outputs = np.round(0.01 * np.arange(400) / step) * step  # a staircase: most differences are zero
     found = noise_level(Log.from_arrays("steps", time, np.zeros((400, 1)), outputs[:, None], "axis"))["v"]
     assert 0.1 * step < found < step
+
+
+def motion(n, seed=0):
+    """A speed that follows its input within 0.3 s, sampled at 200 Hz, and the input."""
+    inputs = levels(n, seed, hold=100)
+    decay = np.exp(-0.005 / 0.3)
+    speed = np.zeros(n)
+    for k in range(1, n):
+        speed[k] = inputs[k - 1] + (speed[k - 1] - inputs[k - 1]) * decay
+    return inputs, speed
+
+
+def measured(inputs, speed):
+    return Log.from_arrays("m", 0.005 * np.arange(len(speed)), inputs[:, None], speed[:, None], AXIS)
+
+
+@pytest.mark.parametrize("every", [2, 5, 10])
+def test_samples_that_a_slower_sensor_repeats_count_once(every):
+    inputs, speed = motion(4000)
+    values = speed + 0.01 * np.random.default_rng(1).normal(size=4000)
+    held = values[np.arange(4000) // every * every]
+    # 400 values at least, of whose differences two in three count: the standard error is below 8 %
+    assert noise_level(measured(inputs, held))["v"] == pytest.approx(0.01, rel=0.25)
+
+
+@pytest.mark.parametrize("step", [0.003, 0.03, 0.3])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_an_encoder_is_no_finer_than_its_step(step, noise):
+    inputs, speed = motion(4000)
+    read = np.round((speed + noise * np.random.default_rng(2).normal(size=4000)) / step) * step
+    truth = np.std(read - speed)
+    assert 0.8 * truth < noise_level(measured(inputs, read))["v"] < 1.5 * truth
+
+
+def test_a_robot_at_rest_does_not_lower_the_noise():
+    inputs, speed = motion(4000)
+    read = speed + 0.01 * np.random.default_rng(3).normal(size=4000)
+    read[1000:] = 0.0  # an encoder of a wheel that stands
+    assert noise_level(measured(inputs, read))["v"] == pytest.approx(0.01, rel=0.15)
+
+
+def test_the_scale_is_that_of_the_noise_in_any_unit_and_never_zero(axis_log):
+    log = axis_log("a", levels(600, 9), noise=0.01, seed=9, position=False)
+    for unit in (1e-3, 1.0, 1e3):
+        other = Log.from_arrays("a", log.time, log.inputs, log.outputs[:, :1] * unit, AXIS)
+        assert noise_scale(other)["v"] == pytest.approx(unit * noise_scale(log)["v"], rel=1e-9)
+    still = Log.from_arrays("a", log.time, log.inputs, np.zeros((600, 1)), AXIS)
+    assert noise_scale(still)["v"] > 0
+    both = axis_log("b", levels(600, 9), noise=0.02, seed=9)
+    assert noise_scale(log, otherwise=both)["q"] == noise_scale(both)["q"]  # never measured here

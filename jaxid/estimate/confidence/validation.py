@@ -2,8 +2,7 @@
 
 The residual is simulated minus measured. What noise alone would leave behind is known from the data
 (`jaxid.noise_level`), so the numbers have a floor: a normalised RMS of 1, and a residual that is white, unrelated to
-the inputs and Gaussian. Every test has the false-alarm rate `FALSE_ALARM`: that often it rejects a residual that is
-fine.
+the inputs and Gaussian (`residual_tests`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,66 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, signal, stats
 
 from ...logs import Log, LogSet
+from ..residual_tests import ChannelTests, residual_tests
 
 Array = NDArray[np.float64]
 
-FALSE_ALARM = 0.01
-"""How often each test rejects a residual that is nothing but white Gaussian noise."""
-LAGS = 25
-"""Samples over which autocorrelation and cross-correlation are looked at."""
-_ORDER = 10  # of the autoregression that whitens a residual before it is compared with the inputs
 _DIVERGED = 1e3  # times the largest measured value: no prediction any more
-_FEWEST = 30  # samples below which no test is made
-
-
-@dataclass(frozen=True)
-class ResidualTest:
-    """One test: its `statistic`, `p_value` (NaN where it could not be made), `rejected` and the outcome in words."""
-
-    name: str
-    statistic: float
-    p_value: float
-    rejected: bool
-    sentence: str
-
-
-@dataclass(frozen=True)
-class ChannelTests:
-    """The tests of one channel's residual, all logs together.
-
-    `autocorrelation` [lags + 1] from lag 0, and for each input the correlation [lags + 1] of the whitened residual with
-    the input that many samples earlier. Noise stays inside ± `band95` and ± `band99` in 95 % and 99 % of the lags.
-    """
-
-    whiteness: ResidualTest
-    cross_correlation: dict[str, ResidualTest]
-    normality: ResidualTest
-    autocorrelation: Array
-    input_correlation: dict[str, Array]
-    band95: float
-    band99: float
-
-    @property
-    def all(self) -> tuple[ResidualTest, ...]:
-        """Whiteness, cross-correlation with every input, normality."""
-        return (self.whiteness, *self.cross_correlation.values(), self.normality)
-
-    @property
-    def summary(self) -> str:
-        """What was rejected, such as "is not white and follows V2, V3"; empty if nothing was."""
-        lag = int(np.argmax(np.abs(self.autocorrelation[1:]))) + 1
-        follows = [name for name, test in self.cross_correlation.items() if test.rejected]
-        found = []
-        if self.whiteness.rejected:
-            found.append(f"is not white (correlation {self.autocorrelation[lag]:.2f} at lag {lag})")
-        if follows:
-            found.append(f"follows {', '.join(follows)}")
-        if self.normality.rejected:
-            found.append("is not Gaussian")
-        return ", ".join(found[:-1]) + (" and " if len(found) > 1 else "") + found[-1] if found else ""
 
 
 @dataclass(frozen=True)
@@ -106,165 +52,6 @@ class Validation:
     residuals: dict[str, dict[str, Array]] = field(default_factory=dict, repr=False)
 
 
-def _chance(p: float) -> str:
-    return f"p = {p:.2g}" if p >= 1e-4 else "p < 0.0001"
-
-
-def _constant(values: Array) -> bool:
-    """Whether there is nothing but one value, up to rounding."""
-    return float(np.nanmax(values) - np.nanmin(values)) <= 1e-9 * float(np.nanmax(np.abs(values)))
-
-
-def _centred(parts: Sequence[Array]) -> list[Array]:
-    """Without their common mean, zero where not measured, so that products with missing samples vanish."""
-    mean = np.nanmean(np.concatenate(parts))
-    return [np.nan_to_num(part - mean, nan=0.0) for part in parts]
-
-
-def autocorrelation(parts: Sequence[Array], lags: int = LAGS) -> tuple[Array, Array]:
-    """Autocorrelation [lags + 1] of one signal in several parts, never across two, and the pairs in each lag."""
-    centred = _centred(parts)
-    there = [np.isfinite(part).astype(float) for part in parts]
-    reach = range(lags + 1)
-    products = [sum(float(e[: len(e) - k] @ e[k:]) for e in centred if len(e) > k) for k in reach]
-    pairs = [sum(float(m[: len(m) - k] @ m[k:]) for m in there if len(m) > k) for k in reach]
-    return np.array(products) / max(products[0], np.finfo(float).tiny), np.array(pairs)
-
-
-def _untested(name: str, why: str) -> ResidualTest:
-    return ResidualTest(name, float("nan"), float("nan"), False, why)
-
-
-def whiteness(parts: Sequence[Array], channel: str = "the channel", lags: int = LAGS) -> ResidualTest:
-    """Ljung-Box test (Ljung & Box 1978) of the residual `parts` (one array a log), chi-squared with `lags` degrees.
-
-    No degree of freedom is taken off: nothing was fitted to held-out logs.
-    """
-    name = "whiteness"
-    samples = int(sum(np.isfinite(part).sum() for part in parts))
-    if samples < _FEWEST or _constant(np.concatenate(parts)):
-        return _untested(name, f"{channel}: whiteness not tested, the residual has {samples} samples or is constant.")
-    lags = min(lags, samples // 4, max(map(len, parts)) - 1)
-    rho, pairs = autocorrelation(parts, lags)
-    used = np.flatnonzero(pairs[1:] > 0) + 1
-    statistic = float(samples * (samples + 2) * np.sum(rho[used] ** 2 / pairs[used]))
-    p = float(stats.chi2.sf(statistic, len(used)))
-    worst = int(used[np.argmax(np.abs(rho[used]))])
-    if p >= FALSE_ALARM:
-        return ResidualTest(
-            name, statistic, p, False, f"{channel}: the residual is white over {lags} lags ({_chance(p)})."
-        )
-    return ResidualTest(
-        name,
-        statistic,
-        p,
-        True,
-        f"{channel}: the residual is not white ({_chance(p)}; correlation {rho[worst]:.2f} at lag {worst}): the model "
-        "misses dynamics, or the sensor's noise is coloured.",
-    )
-
-
-def _whitening(rho: Array) -> Array:
-    """Coefficients of the filter that whitens a signal of autocorrelation `rho` (Yule-Walker, so that it is stable)."""
-    order = min(_ORDER, len(rho) - 1)
-    column = rho[:order].copy()
-    column[0] += 1e-9
-    return np.concatenate([[1.0], -linalg.solve_toeplitz(column, rho[1 : order + 1])])
-
-
-def cross_correlation(
-    parts: Sequence[Array], inputs: Sequence[Array], channel: str = "the channel", name: str = "u", lags: int = LAGS
-) -> tuple[ResidualTest, Array]:
-    """Test of the residual against one input up to `lags` samples earlier, and their correlation [lags + 1].
-
-    Both are first whitened by the residual's own autoregression (Box & Jenkins), which keeps coloured sensor noise from
-    passing as a missing effect. The statistic is the F ratio of the residual's regression on the delayed inputs: the
-    input may have any spectrum (Soderstrom & Stoica 1989, section 11.2, for finite samples).
-    """
-    title = f"correlation with {name}"
-    samples = int(sum(np.isfinite(part).sum() for part in parts))
-    lags = min(lags, samples // 8)
-    nothing = np.full(lags + 1, np.nan)
-    if samples < _FEWEST or _constant(np.concatenate(parts)):
-        return _untested(
-            title, f"{channel}: not compared with {name}, too few samples or a constant residual."
-        ), nothing
-    centred = _centred(parts)
-    taps = _whitening(autocorrelation(parts, lags)[0])
-    rows, targets = [], []
-    for e, part, u in zip(centred, parts, inputs, strict=True):
-        if len(u) <= lags + len(taps):
-            continue
-        e, u = signal.lfilter(taps, 1.0, e), signal.lfilter(taps, 1.0, u)
-        first = lags + len(taps) - 1
-        delayed = np.stack([u[first - k : len(u) - k] for k in range(lags + 1)], axis=1)
-        measured = np.isfinite(part[first:])
-        rows.append(delayed[measured])
-        targets.append(e[first:][measured])
-    if not rows:
-        return _untested(title, f"{channel}: not compared with {name}, the logs are too short."), nothing
-    matrix, target = np.concatenate(rows), np.concatenate(targets)
-    level = np.max(np.abs(matrix), initial=0.0)
-    matrix, target = matrix - matrix.mean(axis=0), target - target.mean()
-    spread = matrix.std(axis=0)
-    if len(target) < 2 * (lags + 2) or spread.max() <= 1e-9 * level or target.std() == 0:
-        return _untested(title, f"{channel}: not compared with {name}, which never changes."), nothing
-    rho = matrix.T @ target / len(target) / np.where(spread > 0, spread, np.inf) / target.std()
-    coefficients, _, rank, _ = np.linalg.lstsq(matrix, target, rcond=1e-8)
-    left = float(np.sum((target - matrix @ coefficients) ** 2))
-    total = float(target @ target)
-    freedom = len(target) - 1 - int(rank)
-    statistic = (total - left) / rank / max(left / freedom, np.finfo(float).tiny)
-    p = float(stats.f.sf(statistic, rank, freedom))
-    if p >= FALSE_ALARM:
-        return ResidualTest(
-            title, statistic, p, False, f"{channel}: the residual is unrelated to {name} ({_chance(p)})."
-        ), rho
-    worst = int(np.argmax(np.abs(rho)))
-    return ResidualTest(
-        title,
-        statistic,
-        p,
-        True,
-        f"{channel}: the residual still follows {name} ({_chance(p)}; correlation {rho[worst]:.2f} at lag {worst}): "
-        f"part of what {name} does is not in the model.",
-    ), rho
-
-
-def normality(values: Array, channel: str = "the channel") -> ResidualTest:
-    """D'Agostino and Pearson's test of skewness and kurtosis (`scipy.stats.normaltest`) of `values` [N] but NaN."""
-    values = values[np.isfinite(values)]
-    if len(values) < _FEWEST or _constant(values):
-        return _untested("normality", f"{channel}: normality not tested, {len(values)} samples or a constant residual.")
-    statistic, p = (float(x) for x in stats.normaltest(values))
-    if p >= FALSE_ALARM:
-        return ResidualTest("normality", statistic, p, False, f"{channel}: the residual is Gaussian ({_chance(p)}).")
-    skewness, kurtosis = float(stats.skew(values)), float(stats.kurtosis(values))
-    return ResidualTest(
-        "normality",
-        statistic,
-        p,
-        True,
-        f"{channel}: the residual is not Gaussian ({_chance(p)}; skewness {skewness:.2f}, excess kurtosis "
-        f"{kurtosis:.2f}): look for outliers, or for errors that depend on the motion.",
-    )
-
-
-def residual_tests(parts: Sequence[Array], inputs: Mapping[str, Sequence[Array]], channel: str) -> ChannelTests:
-    """All tests of one channel: residual `parts` [samples] of each log, and each input's [samples] of the same logs."""
-    samples = int(sum(np.isfinite(part).sum() for part in parts))
-    crossed = {name: cross_correlation(parts, values, channel, name) for name, values in inputs.items()}
-    return ChannelTests(
-        whiteness=whiteness(parts, channel),
-        cross_correlation={name: test for name, (test, _) in crossed.items()},
-        normality=normality(np.concatenate(parts), channel),
-        autocorrelation=autocorrelation(parts)[0],
-        input_correlation={name: rho for name, (_, rho) in crossed.items()},
-        band95=float(stats.norm.ppf(0.975) / np.sqrt(max(samples, 1))),
-        band99=float(stats.norm.ppf(0.995) / np.sqrt(max(samples, 1))),
-    )
-
-
 def fit_percent(parts: Sequence[Array], measured: Sequence[Array]) -> float:
     """100 (1 - |y - yhat| / |y - mean y|) over all logs: residual `parts`, `measured` [samples]; NaN if y rests."""
     residual, y = np.concatenate(parts), np.concatenate(measured)
@@ -283,7 +70,32 @@ def counted_channels(log: Log) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _rms(values: Array) -> float:
+def errors_of(log: Log, simulated: Array) -> dict[str, Array]:
+    """Simulated minus measured [T] of every channel by which the log judges a model, NaN where nothing was measured.
+
+    `simulated` is [T, channels.measured].
+    """
+    order = log.channels.measured
+    return {name: np.asarray(simulated)[:, order.index(name)] - log.output(name) for name in counted_channels(log)}
+
+
+def diverging(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float]) -> tuple[str, ...]:
+    """Names of the logs on which a simulated value is not finite, or a thousand times what was measured anywhere."""
+    order, found = logs.channels.measured, []
+    largest = {
+        name: max(float(np.nanmax(np.abs(log.output(name)))) for log in logs if name in counted_channels(log))
+        for name in {name for log in logs for name in counted_channels(log)}
+    }
+    for log, outputs in zip(logs, simulated, strict=True):
+        own = {name: np.abs(np.asarray(outputs)[:, order.index(name)]).max() for name in counted_channels(log)}
+        if not all(top <= _DIVERGED * max(largest[name], noise[name]) for name, top in own.items()):
+            found.append(log.name)
+    return tuple(found)
+
+
+def rms(values: Array) -> float:
+    """Root mean square of the values that are not NaN; NaN if there is none."""
+    values = values[~np.isnan(values)]
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
@@ -293,26 +105,20 @@ def validate(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float
     A log on which a simulated value is not finite, or a thousand times what was measured anywhere, is named in
     `diverged` and left out of the pooled numbers, which are NaN if no log remains.
     """
-    order = logs.channels.measured
     counted = {log.name: counted_channels(log) for log in logs}
-    channels = tuple(name for name in order if any(name in names for names in counted.values()))
-    largest = {name: max(float(np.nanmax(np.abs(log.output(name)))) for log in logs if name in counted[log.name])
-               for name in channels}  # fmt: skip
+    channels = tuple(name for name in logs.channels.measured if any(name in names for names in counted.values()))
+    diverged = diverging(logs, simulated, noise)
     by_log: dict[str, LogValidation] = {}
     residuals: dict[str, dict[str, Array]] = {name: {} for name in channels}
     for log, outputs in zip(logs, simulated, strict=True):
-        own = {name: np.asarray(outputs)[:, order.index(name)] for name in counted[log.name]}
-        if not all(
-            np.isfinite(y).all() and np.abs(y).max() <= _DIVERGED * max(largest[name], noise[name])
-            for name, y in own.items()
-        ):
-            nothing = dict.fromkeys(own, float("nan"))
+        if log.name in diverged:
+            nothing = dict.fromkeys(counted[log.name], float("nan"))
             by_log[log.name] = LogValidation(float("nan"), nothing, True)
             continue
-        error = {name: y - log.output(name) for name, y in own.items()}
-        scaled = np.concatenate([e[np.isfinite(e)] / noise[name] for name, e in error.items()])
+        error = errors_of(log, outputs)
+        scaled = np.concatenate([e / noise[name] for name, e in error.items()])
         fits = {name: fit_percent([e], [log.output(name)]) for name, e in error.items()}
-        by_log[log.name] = LogValidation(_rms(scaled), fits)
+        by_log[log.name] = LogValidation(rms(scaled), fits)
         for name, e in error.items():
             residuals[name][log.name] = e
     kept = {name: {n: np.asarray(e[np.isfinite(e)]) for n, e in own.items()} for name, own in residuals.items()}
@@ -320,14 +126,14 @@ def validate(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float
     usable = [name for name in channels if pooled[name].size]
     nan = float("nan")
     return Validation(
-        normalised_rms=_rms(np.concatenate([pooled[name] / noise[name] for name in channels])),
+        normalised_rms=rms(np.concatenate([pooled[name] / noise[name] for name in channels])),
         fit_percent={
             name: fit_percent(list(residuals[name].values()), [logs[n].output(name) for n in residuals[name]])
             if name in usable
             else nan
             for name in channels
         },
-        rms={name: _rms(pooled[name]) for name in channels},
+        rms={name: rms(pooled[name]) for name in channels},
         mean={name: float(pooled[name].mean()) if name in usable else nan for name in channels},
         std={name: float(pooled[name].std()) if name in usable else nan for name in channels},
         tests={
@@ -339,7 +145,7 @@ def validate(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float
             for name in usable
         },
         by_log=by_log,
-        diverged=tuple(name for name, found in by_log.items() if found.diverged),
+        diverged=diverged,
         simulated={log.name: np.asarray(y) for log, y in zip(logs, simulated, strict=True)},
         residuals=residuals,
     )

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...logs import LogSet
-from ...logs.noise import noise_level
+from ...logs.noise import noise_scale
 from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
@@ -49,18 +49,6 @@ def typical_values(robot: Robot, start: Mapping[str, float], names: tuple[str, .
         scale = max(scale, from_start) if from_start > 0 else scale
         scales.append(scale if scale > 0 else 1.0)
     return np.array(scales)
-
-
-def _initial_sigma(logs: LogSet, outputs: tuple[str, ...]) -> np.ndarray:
-    """Noise of each channel from the data, never below a millionth of the signal (noise-free simulations)."""
-    levels = noise_level(logs)
-    sigma = []
-    for index, channel in enumerate(outputs):
-        signal = np.concatenate([log.outputs[:, index] for log in logs])
-        rms = float(np.sqrt(np.nanmean(signal**2))) if np.any(np.isfinite(signal)) else 1.0
-        level = levels[channel]
-        sigma.append(max(level if np.isfinite(level) else 0.0, 1e-6 * rms, 1e-12))
-    return np.array(sigma)
 
 
 def build(
@@ -117,7 +105,7 @@ def build(
         inputs=batch.inputs,
         outputs=batch.outputs,
         mask=mask,
-        sigma=jnp.array(_initial_sigma(logs, measured)),
+        sigma=jnp.array(list(noise_scale(logs).values())),
         numbers={name: jnp.asarray(float(p.value)) for name, p in robot.parameters.items()},
         bounds=bounds,
         free=jnp.ones(len(names), dtype=bool),

@@ -4,16 +4,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from jaxid.estimate.confidence.validation import (
-    FALSE_ALARM,
-    autocorrelation,
-    counted_channels,
-    cross_correlation,
-    fit_percent,
-    normality,
-    validate,
-    whiteness,
-)
+from jaxid.estimate.confidence.validation import counted_channels, fit_percent, validate
+from jaxid.estimate.residual_tests import FALSE_ALARM, autocorrelation, cross_correlation, normality, whiteness
 from jaxid.logs import AXIS, PIONEER, Log, LogSet
 
 SERIES = 200
