@@ -21,10 +21,10 @@ import jax.numpy as jnp
 import lineax as lx
 import numpy as np
 import optimistix as optx
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from ..._compile import compiled, forget_programs
+from .arrow import Arrow, damped_step, promise
 from .problem import Problem, Structure, Triangle, Unknowns, cost, reduced_residual
 
 _DAMPINGS = (1e-3, 0.1, 1.0, 10.0, 100.0, 1000.0)
@@ -50,21 +50,11 @@ class _Cost(eqx.Module):
 
 
 class _Linearised(eqx.Module):
-    """Where the next steps start, and the singular values and vectors of the Jacobian there.
-
-    `left` is the residual along the left singular vectors.
-    """
+    """Where the next steps start, the linearisation there, and what the least damped step promises."""
 
     y: Any
-    left: Float[Array, " n"]
-    values: Float[Array, " n"]
-    right: Float[Array, "n n"]
-
-    @property
-    def promise(self) -> Float[Array, ""]:
-        """Drop of the cost (half chi-squared) that a step promises whose damping is the least tried."""
-        kept = self.values**2 / (self.values**2 + _DAMPINGS[0])
-        return 0.5 * jnp.sum(kept * self.left**2)
+    arrow: Arrow
+    promise: Float[Array, ""]
 
 
 class _BestDamping(optx.AbstractDescent):
@@ -74,31 +64,36 @@ class _BestDamping(optx.AbstractDescent):
 
     def init(self, y, f_info_struct) -> _Linearised:
         del f_info_struct
-        flat, _ = ravel_pytree(y)
-        return _Linearised(y, jnp.zeros_like(flat), jnp.ones_like(flat), jnp.eye(flat.size))
+        E, s = y.states.shape
+        n = y.z.shape[0]
+        nothing = Arrow(
+            jnp.zeros((E, s, s)), jnp.zeros((E, s, n)), jnp.zeros((n, n)), jnp.zeros((E, s)), jnp.zeros(n)
+        )  # fmt: skip
+        return _Linearised(y, nothing, jnp.zeros(()))
 
     def query(self, y, f_info, state) -> _Linearised:
         del state
-        U, values, right = jnp.linalg.svd(f_info.jac.as_matrix(), full_matrices=False)
-        residual, _ = ravel_pytree(f_info.residual)
-        return _Linearised(y, U.T @ residual, values, right)
+        shared, crossed, local = _materialise(f_info.jac, y)
+        residual_local, residual_shared, _ = f_info.residual
+        arrow = Arrow(local, crossed, shared, residual_local, residual_shared)
+        return _Linearised(y, arrow, promise(arrow, damped_step(arrow, jnp.array(_DAMPINGS[0]))))
 
     def step(self, step_size, state):
-        flat, as_tree = ravel_pytree(state.y)
+        def tried(damping) -> Unknowns:
+            step = damped_step(state.arrow, damping)
+            z = self.cost.problem.bounds.reachable(state.y.z + step.z)
+            return Unknowns(z, state.y.states + step.states)
 
-        def reachable(unknowns: Unknowns) -> Unknowns:
-            return unknowns._replace(z=self.cost.problem.bounds.reachable(unknowns.z))
-
-        def best():
-            dampings = jnp.array(_DAMPINGS)[:, None] / step_size
-            steps = -(state.values * state.left / (state.values**2 + dampings)) @ state.right
-            there = jax.vmap(lambda step: reachable(as_tree(flat + step)))(steps)
+        def best() -> Unknowns:
+            there = jax.vmap(tried)(jnp.array(_DAMPINGS) / step_size)
             costs = jax.vmap(self.cost)(there)
             best = jnp.argmin(jnp.where(jnp.isfinite(costs), costs, jnp.inf))
-            return ravel_pytree(jax.tree.map(lambda leaf: leaf[best], there))[0] - flat
+            return jax.tree.map(lambda leaf, here: leaf[best] - here, there, state.y)
 
-        step = jax.lax.cond(state.promise > _PROMISE, best, lambda: jnp.zeros_like(flat))
-        return as_tree(step), optx.RESULTS.successful
+        def nothing() -> Unknowns:
+            return jax.tree.map(jnp.zeros_like, state.y)
+
+        return jax.lax.cond(state.promise > _PROMISE, best, nothing), optx.RESULTS.successful
 
 
 class _AnyLower(optx.AbstractSearch):
