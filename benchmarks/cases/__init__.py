@@ -1,0 +1,1 @@
+"""Random cases for `benchmarks.silent`: robots, logs, and how a result is judged."""

@@ -1,0 +1,189 @@
+"""One random case: a robot with its truth, logs as somebody might record them, and numbers to start from.
+
+The case of a number is always the same. Logs are simulated in handy units and then written in the user's: lengths, masses
+and inputs from 1e-3 to 1e3, times from 1/20 to 5.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import jaxid
+from benchmarks.cases.family import Family, Numbers, Rng, Units
+from benchmarks.cases.robots import families
+
+SAMPLES, FEW, SAMPLING, FIT_LOGS = 300, 80, 0.02, 2
+
+GOOD = ("good", "good, moving", "good, known start", "good, irregular")
+"""Conditions in which the data is adequate and the noise white: intervals must hold the truth as often as they say."""
+_SENSOR = ("short", "weak", "one way", "step", "coarse", "missing", "dropped rows", "odd first interval", "coloured", "outliers",
+           "heavy tails", "noisy", "no noise", "moving", "one log in other units", "swapped sign")  # fmt: skip
+_MODEL = ("process noise", "dead zone", "delay")
+_SHARES = {"good": 6.0, "good, moving": 1.5, "good, known start": 2.0, "good, irregular": 1.5, "process noise": 2.0}
+
+
+@dataclass(frozen=True)
+class Case:
+    """What the estimator gets, and the truth. `truth`: free parameters; `clean`: outputs of the truth without any noise of
+    the sensors or the process, by log (fit logs, then the held-out one); `adequate`: whether intervals must hold."""
+
+    number: int
+    family: str
+    condition: str
+    units: Units
+    robot: jaxid.Robot
+    truth: Numbers
+    start: Numbers
+    fit: jaxid.LogSet
+    check: jaxid.LogSet
+    clean: tuple[np.ndarray, ...]
+    adequate: bool
+    facts: dict = field(default_factory=dict)
+
+
+def _units(rng: Rng, family: Family) -> Units:
+    time = 5.0 if rng.random() < 0.1 else float(np.exp(rng.uniform(np.log(0.05), np.log(0.5))))
+    length = 10 ** rng.uniform(-3, 3) if family.has_length else 1.0
+    return Units(time, length, 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-3, 3))
+
+
+def _times(rng: Rng, n: int, condition: str) -> np.ndarray:
+    steps = np.full(n - 1, SAMPLING)
+    if condition in ("good, irregular", "odd first interval"):
+        steps *= rng.uniform(0.6, 1.4, n - 1)
+    if condition == "odd first interval":
+        steps[0] = SAMPLING * rng.uniform(3, 6)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _coloured(rng: Rng, shape: tuple[int, int], pole: float) -> np.ndarray:
+    """AR(1) noise of standard deviation 1 [n, ny]."""
+    white = rng.standard_normal(shape)
+    out = np.empty(shape)
+    out[0] = white[0]
+    for k in range(1, shape[0]):
+        out[k] = pole * out[k - 1] + np.sqrt(1 - pole**2) * white[k]
+    return out
+
+
+def _noise(rng: Rng, condition: str, shape: tuple[int, int], pole: float) -> np.ndarray:
+    """Sensor noise in units of its standard deviation, gross errors included."""
+    if condition == "coloured":
+        return _coloured(rng, shape, pole)
+    if condition == "heavy tails":
+        return rng.standard_t(3, shape) / np.sqrt(3.0)
+    noise = rng.standard_normal(shape)
+    if condition == "outliers":
+        hit = rng.random(shape) < 0.05
+        noise = np.where(hit, noise + rng.choice([-1, 1], shape) * rng.uniform(8, 40, shape), noise)
+    return noise
+
+
+def _applied(inputs: np.ndarray, condition: str, amount: float) -> np.ndarray:
+    """What acts of the commanded inputs."""
+    if condition == "dead zone":
+        threshold = amount * np.max(np.abs(inputs), axis=0)
+        return np.sign(inputs) * np.maximum(np.abs(inputs) - threshold, 0.0)
+    if condition == "delay":
+        late = int(amount)
+        return np.concatenate([np.zeros((late, inputs.shape[1])), inputs[:-late]])
+    return inputs
+
+
+def _condition(rng: Rng, family: Family) -> str:
+    names = [*GOOD, *_SENSOR, *_MODEL, *(f"unmodelled {name}" for name in family.effects)]
+    shares = np.array([_SHARES.get(name, 0.9) for name in names])
+    return str(rng.choice(names, p=shares / shares.sum()))
+
+
+def _excitation(condition: str) -> str:
+    return condition if condition in ("weak", "one way", "step") else "good"
+
+
+def _start(rng: Rng, truth: Numbers, condition: str) -> Numbers:
+    """Values that a user might have: near, off by two, or off by up to ten."""
+    spread = 0.0 if condition == "good, known start" else float(rng.choice([0.1, 0.3, 1.0, 1.0]))
+    return {name: value * 10 ** rng.uniform(-spread, spread) if value else 0.0 for name, value in truth.items()}
+
+
+def draw(number: int, seed: int, only: Callable[[str, str], bool] = lambda family, condition: True) -> Case | None:
+    """The case of a number, or None if `only` does not want its family and condition."""
+    rng = np.random.default_rng([seed, number])
+    known = families()
+    shares = np.array([family.share for family in known.values()])
+    family = known[str(rng.choice(list(known), p=shares / shares.sum()))]
+    condition = _condition(rng, family)
+    if not only(family.name, condition):
+        return None
+    units, p = _units(rng, family), family.draw(rng)
+    robot = family.model(p, units)
+    truth = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    effects = {}
+    if condition.startswith("unmodelled "):
+        effects = family.effects[condition.removeprefix("unmodelled ")](rng, p)
+    n = FEW if condition == "short" else SAMPLES
+    level = {"noisy": 10 ** rng.uniform(-0.9, -0.3), "no noise": 0.0}.get(condition, 10 ** rng.uniform(-3, -1.5))
+    if condition in GOOD:
+        level = 10 ** rng.uniform(-2.7, -1.5)
+    pole, amount = rng.uniform(0.6, 0.97), rng.uniform(0.05, 0.3)
+    if condition == "delay":
+        amount = float(rng.integers(2, 8))
+    lost = rng.uniform(0.05, 0.3)
+    push = 10 ** rng.uniform(-1.5, 0) if condition == "process noise" else 0.0
+    moving = "moving" in condition
+
+    runs = []
+    for which in range(FIT_LOGS + 1):
+        rows = int(n / (1 - lost)) + 1 if condition == "dropped rows" else n
+        time = _times(rng, rows, condition)
+        inputs = family.excite(rng, rows, _excitation(condition) if which < FIT_LOGS else "good", p)
+        start = family.move(rng, p) if moving and which < FIT_LOGS else family.rest(p)
+        acting = _applied(inputs, condition, amount)
+        size = np.array(family.forces(p))
+        calm = family.states(p, effects, start, time, acting, np.zeros((rows, len(size))))
+        seen = clean = family.see(calm, p)
+        if push:
+            pushed = _coloured(rng, (rows, len(size)), 0.8) * push * size
+            seen = family.see(family.states(p, effects, start, time, acting, pushed), p)
+        keep = np.arange(rows)
+        if condition == "dropped rows":
+            keep = np.sort(np.concatenate([[0], 1 + rng.choice(rows - 1, n - 1, replace=False)]))
+        runs.append((time[keep] - time[keep][0], inputs[keep], seen[keep], clean[keep]))
+
+    rms = np.sqrt(np.mean(np.concatenate([seen for _, _, seen, _ in runs]) ** 2, axis=0))
+    steps = rms * 10 ** rng.uniform(-1.7, -0.5)  # of a coarse encoder
+    scale_out, scale_in = np.array(family.output_units(units)), np.array(family.input_units(units))
+    logs, cleans = [], []
+    for which, (time, inputs, seen, clean) in enumerate(runs):
+        outputs = seen + level * rms * _noise(rng, condition, seen.shape, pole)
+        if condition == "coarse":
+            outputs = np.round(seen / steps) * steps
+        if condition == "missing":
+            outputs[rng.random(len(outputs)) < lost] = np.nan
+        other = 1.0
+        if condition == "one log in other units" and which == 1:
+            other = float(rng.choice([1000.0, 180 / np.pi, 0.001]))
+        if condition == "swapped sign" and which == 1:
+            other = -1.0
+        name = f"fit {which + 1}" if which < FIT_LOGS else "held out"
+        logs.append(
+            jaxid.Log.from_arrays(
+                name, time * units.time, inputs * scale_in, outputs * scale_out * other, robot.channels
+            )
+        )
+        cleans.append(clean * scale_out)
+    return Case(
+        number=number,
+        family=family.name,
+        condition=condition,
+        units=units,
+        robot=robot,
+        truth=truth,
+        start=_start(rng, truth, condition),
+        fit=jaxid.LogSet(logs[:FIT_LOGS]),
+        check=jaxid.LogSet(logs[FIT_LOGS:]),
+        clean=tuple(cleans),
+        adequate=condition in GOOD,
+        facts={"noise": float(level), "push": float(push), "effects": effects},
+    )

@@ -1,0 +1,95 @@
+"""Whether a result is wrong, and whether it says so.
+
+Wrong: the free simulation of the fitted model misses the fit logs or the held-out log by more than twice the truth's own
+simulation, or a parameter that is called identified is off by more than five of its standard errors. The truth's own
+simulation is the independent simulator's, hidden effects included, without noise of sensors or process.
+
+A result says so where it has not converged, where the parameter in question is not called identified, or where any of its
+notes warns.
+"""
+
+import time
+import traceback
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+import jaxid
+from benchmarks.cases.draw import Case
+
+TOO_FAR, TOO_WRONG = 2.0, 5.0
+
+
+def errors(case: Case, outputs: Sequence[np.ndarray], logs: jaxid.LogSet, first: int) -> float:
+    """Error of simulated outputs over that of the truth's own simulation: root mean square over the channels, worst log."""
+    worst = 0.0
+    for k, (simulated, log) in enumerate(zip(outputs, logs, strict=True)):
+        clean = case.clean[first + k]
+        measured = log.outputs[:, : clean.shape[1]]
+        floor = np.sqrt(np.nanmean((measured - clean) ** 2, axis=0))
+        # Without noise a ten-thousandth of the signal is as good as none.
+        floor = np.maximum(floor, 1e-4 * np.sqrt(np.nanmean(measured**2, axis=0)))
+        missed = np.sqrt(np.nanmean((measured - simulated[:, : clean.shape[1]]) ** 2, axis=0))
+        worst = max(worst, float(np.sqrt(np.mean((missed / floor) ** 2))))
+    return worst
+
+
+def words(fit: jaxid.Fit) -> list[str]:
+    """What a result says against itself."""
+    said = [] if fit.converged else [f"not converged: {fit.reason}"]
+    return [*said, *fit.notes]
+
+
+def _truth_in_interval(case: Case, fit: jaxid.Fit) -> dict[str, list]:
+    rows = {}
+    for name, true in case.truth.items():
+        e = fit[name]
+        off = (e.value - true) / e.std_error if e.std_error > 0 else float("nan")
+        rows[name] = [true, e.value, e.std_error, e.status, off]
+    return rows
+
+
+def run(case: Case, estimate) -> dict:
+    """The row of one case. `estimate(robot, logs)` gives a `Fit`; errors of jaxid's own count as having said so."""
+    row = {
+        "number": case.number,
+        "family": case.family,
+        "condition": case.condition,
+        "adequate": case.adequate,
+        "units": [case.units.time, case.units.length, case.units.mass, case.units.input],
+        "facts": case.facts,
+        "start": {name: case.start[name] / true if true else 1.0 for name, true in case.truth.items()},
+    }
+    begin = time.perf_counter()
+    try:
+        fit = estimate(case.robot.with_values(**case.start), case.fit)
+        row["seconds"] = round(time.perf_counter() - begin, 3)
+        states = {n: np.array([fit.initial_states[log.name][n] for log in case.fit]) for n in fit.robot.states}
+        free = errors(case, jaxid.simulate(fit.robot, case.fit, start=states), case.fit, 0)
+        held_out = errors(case, jaxid.simulate(fit.robot, case.check), case.check, len(case.fit))
+    except (jaxid.ParameterError, jaxid.LogError) as error:
+        return row | {"outcome": "refused", "words": [str(error)]}
+    except Exception:
+        return row | {"outcome": "traceback", "words": [traceback.format_exc()[-1500:]]}
+    parameters = _truth_in_interval(case, fit)
+    numbers = [number for values in parameters.values() for number in values[:2]]
+    row |= {"fit_error": free, "held_out_error": held_out, "parameters": parameters, "words": words(fit)}
+    return row | verdict(row, finite=bool(np.isfinite(numbers).all()))
+
+
+def verdict(row: Mapping, finite: bool = True) -> dict:
+    """`outcome`: "right", "wrong, said" or "wrong, silent", and why it is wrong."""
+    why = [] if finite else ["not finite"]
+    if not row["fit_error"] <= TOO_FAR:
+        why.append("fit error")
+    if not row["held_out_error"] <= TOO_FAR:
+        why.append("held-out error")
+    off = [
+        name
+        for name, (_, _, deviation, status, z) in row["parameters"].items()
+        if status == "identified" and not (abs(z) <= TOO_WRONG and deviation > 0)
+    ]
+    why += [f"{name} off" for name in off]
+    if not why:
+        return {"outcome": "right", "why": []}
+    return {"outcome": "wrong, said" if row["words"] else "wrong, silent", "why": why}
