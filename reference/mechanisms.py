@@ -45,11 +45,11 @@ Crane = IntEnum("Crane", "M m l g b Fc c", start=0)
 def crane(t, x, u, p, e, xdot, G, B, bias, level):
     """A cart that carries a hanging load on a rod of length l; x = (q, phi, v, w), u = (force, force)."""
     phi, v, w = x[1], x[2], x[3]
-    m, l = p[Crane.m], p[Crane.l]
+    m, rod = p[Crane.m], p[Crane.l]
     sin, cos = np.sin(phi), np.cos(phi)
-    force = u[0] + u[1] - p[Crane.b] * v + m * l * w * w * sin + e[E.slope] - e[E.drag] * v * abs(v)
-    moment = -m * p[Crane.g] * l * sin - p[Crane.c] * w
-    a, c, d = p[Crane.M] + m, m * l * cos, m * l * l
+    force = u[0] + u[1] - p[Crane.b] * v + m * rod * w * w * sin + e[E.slope] - e[E.drag] * v * abs(v)
+    moment = -m * p[Crane.g] * rod * sin - p[Crane.c] * w
+    a, c, d = p[Crane.M] + m, m * rod * cos, m * rod * rod
     det = a * d - c * c
     xdot[0], xdot[1] = v, w
     xdot[2], xdot[3] = (d * force - c * moment) / det, (a * moment - c * force) / det

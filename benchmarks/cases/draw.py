@@ -17,8 +17,24 @@ SAMPLES, FEW, SAMPLING, FIT_LOGS = 300, 80, 0.02, 2
 
 GOOD = ("good", "good, moving", "good, known start", "good, irregular")
 """Conditions in which the data is adequate and the noise white: intervals must hold the truth as often as they say."""
-_SENSOR = ("short", "weak", "one way", "step", "coarse", "missing", "dropped rows", "odd first interval", "coloured", "outliers",
-           "heavy tails", "noisy", "no noise", "moving", "one log in other units", "swapped sign")  # fmt: skip
+_SENSOR = (
+    "short",
+    "weak",
+    "one way",
+    "step",
+    "coarse",
+    "missing",
+    "dropped rows",
+    "odd first interval",
+    "coloured",
+    "outliers",
+    "heavy tails",
+    "noisy",
+    "no noise",
+    "moving",
+    "one log in other units",
+    "swapped sign",
+)
 _MODEL = ("process noise", "dead zone", "delay")
 _SHARES = {"good": 6.0, "good, moving": 1.5, "good, known start": 2.0, "good, irregular": 1.5, "process noise": 2.0}
 

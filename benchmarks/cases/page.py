@@ -1,6 +1,100 @@
-"""The page of `benchmarks.silent`."""
+"""The page of `benchmarks.silent`: what was run, what was wrong and silent, how often intervals hold the truth."""
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+from scipy.stats import binom
 
-def write(rows: list[dict], page: Path) -> None:
-    raise NotImplementedError
+_LISTED = 40
+SILENT = "wrong, silent"
+_HEAD = """# Do wrong answers say so?
+
+`python -m benchmarks.silent`, then `--report`. Every case is drawn: a robot (built in, or written with `Custom`), its
+parameters, its units (lengths, masses and inputs from 1e-3 to 1e3, times from 1/20 to 5), start values off by up to ten
+times either way, two logs to fit and one held out (300 samples, 80 in `short`), and what is poor about them. Logs come
+from `reference/`, which shares no code with the models and whose dry friction sticks by event.
+
+A result is **wrong** if its error on the fit logs or on the held-out log is above twice that of the truth's own
+simulation (hidden effects included, no noise), or if a parameter that is called identified is off by more than five of
+its standard errors. It is **silent** if it claims to have converged, calls that parameter identified and has no note.
+"""
+
+
+def _counts(rows: Sequence[dict]) -> list[str]:
+    every = ("right", "wrong, said", SILENT, "refused", "traceback")
+    return [str(sum(row["outcome"] == outcome for row in rows)) for outcome in every]
+
+
+def _table(rows: Sequence[dict], key: Callable[[dict], str], title: str) -> list[str]:
+    """Outcomes by group."""
+    groups: dict[str, list[dict]] = defaultdict(list)
+    for row in rows:
+        groups[key(row)].append(row)
+    lines = [
+        f"| {title} | cases | right | wrong, says so | **wrong, silent** | right, but doubts itself | refused | traceback |"
+    ]
+    lines.append("| --- " * 8 + "|")
+    for name in sorted(groups):
+        some = groups[name]
+        right, said, silent, refused, broken = _counts(some)
+        doubts = sum(row["outcome"] == "right" and bool(row["words"]) for row in some)
+        lines.append(f"| {name} | {len(some)} | {right} | {said} | {silent} | {doubts} | {refused} | {broken} |")
+    return lines
+
+
+def coverage(rows: Sequence[dict]) -> tuple[int, int]:
+    """Of the parameters called identified, how many lie in their 95 % interval, and how many there are."""
+    offs = [z for row in rows for _, _, _, status, z in row.get("parameters", {}).values() if status == "identified"]
+    return int(np.sum(np.abs(offs) <= 1.96)), len(offs)
+
+
+def _share(inside: int, count: int) -> str:
+    if not count:
+        return "no parameter"
+    low, high = binom.interval(0.95, count, inside / count)
+    return f"{100 * inside / count:.1f} % of {count} (chance alone: ± {50 * (high - low) / count:.1f})"
+
+
+def write(rows: Sequence[dict], page: Path) -> None:
+    """Write the page from finished cases."""
+    silent = [row for row in rows if row["outcome"] == SILENT]
+    adequate = [row for row in rows if row["adequate"]]
+    fine = [row for row in adequate if row["outcome"] == "right"]
+    broken = [row for row in rows if row["outcome"] == "traceback"]
+    lines = [
+        _HEAD,
+        "| figure | target | found |",
+        "| --- | --- | --- |",
+        f"| cases run | 2,000 | {len(rows)} |",
+        f"| wrong and silent | 0 | {len(silent)} ({100 * len(silent) / max(len(rows), 1):.1f} %) |",
+        f"| tracebacks | 0 | {len(broken)} |",
+        f"| adequate data: wrong and silent | 0 | {sum(row['adequate'] for row in silent)} of {len(adequate)} |",
+        f"| adequate data: right | | {len(fine)} of {len(adequate)} |",
+        f"| adequate data: identified parameters in their 95 % interval | 93-97 % | {_share(*coverage(adequate))} |",
+        f"| the same, of the right results alone | | {_share(*coverage(fine))} |",
+        f"| right, adequate data, but doubts itself | few | {sum(bool(row['words']) for row in fine)} of {len(fine)} |",
+        "",
+        "## By what is poor about the logs",
+        "",
+        *_table(rows, lambda row: row["condition"], "condition"),
+        "",
+        "## By robot",
+        "",
+        *_table(rows, lambda row: row["family"], "robot"),
+        "",
+    ]
+    if silent:
+        lines += ["## Wrong and silent", "", "| case | robot | condition | error, fit | error, held out | why |"]
+        lines.append("| --- " * 6 + "|")
+        worst = sorted(silent, key=lambda row: -max(row["fit_error"], row["held_out_error"]))
+        for row in worst[:_LISTED]:
+            lines.append(
+                f"| {row['number']} | {row['family']} | {row['condition']} | {row['fit_error']:.3g} | "
+                f"{row['held_out_error']:.3g} | {', '.join(row['why'])} |"
+            )
+        if len(worst) > _LISTED:
+            lines.append(f"\nThe {_LISTED} with the largest errors; all stand in `benchmarks/results/silent.jsonl`.")
+        lines.append("")
+    page.write_text("\n".join(lines), encoding="utf-8")

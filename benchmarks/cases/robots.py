@@ -245,10 +245,10 @@ PENDULUM_FAMILY = Family(
 # -- Custom: crane ---------------------------------------------------------------------------------------------------
 def _crane_rates(state, inputs, p, friction):
     sin, cos = jnp.sin(state["phi"]), jnp.cos(state["phi"])
-    m, l, v, w = p["m"], p["l"], state["v"], state["w"]
-    force = inputs["u"] - p["b"] * v + m * l * w * w * sin - friction["rail"]
-    moment = -m * p["g"] * l * sin - p["c"] * w
-    a, c, d = p["M"] + m, m * l * cos, m * l * l
+    m, rod, v, w = p["m"], p["l"], state["v"], state["w"]
+    force = inputs["u"] - p["b"] * v + m * rod * w * w * sin - friction["rail"]
+    moment = -m * p["g"] * rod * sin - p["c"] * w
+    a, c, d = p["M"] + m, m * rod * cos, m * rod * rod
     det = a * d - c * c
     return {"q": v, "phi": w, "v": (d * force - c * moment) / det, "w": (a * moment - c * force) / det}
 
@@ -273,8 +273,13 @@ CRANE_FAMILY = Family(
     name="crane",
     share=0.1,
     draw=lambda rng: {
-        "M": between(rng, 0.5, 2.0), "m": between(rng, 0.2, 1.0), "l": between(rng, 0.15, 0.6), "g": 9.81,
-        "b": between(rng, 0.5, 3.0), "Fc": between(rng, 0.2, 1.0), "c": between(rng, 0.003, 0.03),
+        "M": between(rng, 0.5, 2.0),
+        "m": between(rng, 0.2, 1.0),
+        "l": between(rng, 0.15, 0.6),
+        "g": 9.81,
+        "b": between(rng, 0.5, 3.0),
+        "Fc": between(rng, 0.2, 1.0),
+        "c": between(rng, 0.003, 0.03),
     },  # fmt: skip
     excite=lambda rng, n, kind, p: signal(rng, n, kind, 6.0, p["Fc"])[:, None],
     states=_mechanism_states(me.CRANE),
@@ -317,8 +322,13 @@ TWO_FAMILY = Family(
     name="two masses",
     share=0.12,
     draw=lambda rng: {
-        "m1": between(rng, 0.5, 1.5), "m2": between(rng, 0.2, 1.0), "s": between(rng, 20.0, 150.0),
-        "d": between(rng, 0.1, 1.0), "b": between(rng, 0.5, 3.0), "Fc": between(rng, 0.1, 0.8), "k": 1.0,
+        "m1": between(rng, 0.5, 1.5),
+        "m2": between(rng, 0.2, 1.0),
+        "s": between(rng, 20.0, 150.0),
+        "d": between(rng, 0.1, 1.0),
+        "b": between(rng, 0.5, 3.0),
+        "Fc": between(rng, 0.1, 0.8),
+        "k": 1.0,
     },  # fmt: skip
     excite=lambda rng, n, kind, p: signal(rng, n, kind, 4.0, p["Fc"])[:, None],
     states=_mechanism_states(me.TWO_MASSES),
@@ -359,7 +369,9 @@ VELOCITY_FAMILY = Family(
     name="velocity drive",
     share=0.1,
     draw=lambda rng: {
-        "Tv": between(rng, 0.05, 0.8), "Kv": between(rng, 0.7, 1.2), "Tw": between(rng, 0.05, 0.5),
+        "Tv": between(rng, 0.05, 0.8),
+        "Kv": between(rng, 0.7, 1.2),
+        "Tw": between(rng, 0.05, 0.5),
         "Kw": between(rng, 0.7, 1.2),
     },  # fmt: skip
     excite=lambda rng, n, kind, p: np.stack([signal(rng, n, kind, 1.0, 0.0), signal(rng, n, kind, 1.5, 0.0)], 1),
@@ -415,8 +427,13 @@ DRIVE_FAMILY = Family(
     name="differential drive",
     share=0.12,
     draw=lambda rng: {
-        "M": between(rng, 5.0, 20.0), "J": between(rng, 0.1, 0.5), "L": 0.17, "kf": between(rng, 3.0, 8.0),
-        "ke": between(rng, 2.0, 6.0), "B": between(rng, 2.0, 10.0), "Fc": between(rng, 0.8, 4.0),
+        "M": between(rng, 5.0, 20.0),
+        "J": between(rng, 0.1, 0.5),
+        "L": 0.17,
+        "kf": between(rng, 3.0, 8.0),
+        "ke": between(rng, 2.0, 6.0),
+        "B": between(rng, 2.0, 10.0),
+        "Fc": between(rng, 0.8, 4.0),
     },  # fmt: skip
     excite=_drive_excite,
     states=_mechanism_states(me.DIFFERENTIAL_DRIVE),
