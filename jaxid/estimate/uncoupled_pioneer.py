@@ -87,7 +87,7 @@ def _from_coefficients(a, p: dict, free: tuple[str, ...]) -> dict:
     return found
 
 
-def uncoupled_pioneer(robot: Pioneer, logs: list[Log], window: int) -> Fit:
+def uncoupled_pioneer(robot: Pioneer, logs: list[Log], window: int | None) -> Fit:
     if robot.effects:
         raise ParameterError(
             f"equations 34 and 35 know nothing of {', '.join(e.id for e in robot.effects)}; use equations='coupled'."
@@ -123,7 +123,7 @@ def uncoupled_pioneer(robot: Pioneer, logs: list[Log], window: int) -> Fit:
         covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = solution.covariance
         noise[equations.speeds[0]] = float(solution.noise[0])
         notes.append(f"Equation {equation} from {', '.join(log.name for log in own)}.")
-        notes += notes_on(robot, equations, window, {})[1:2]
+        notes += notes_on(robot, equations, {})[1:2]
     notes += [
         f"{log.name} is neither straight nor on the spot and was not used."
         for log, k in zip(logs, kinds, strict=True)

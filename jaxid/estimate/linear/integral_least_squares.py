@@ -25,14 +25,6 @@ from .linear_steps import METHOD, STEPS, estimates_of, identify, notes_on, with_
 from .regressors import check_linear
 from .weighted_least_squares import USELESS, Solution
 
-_STRETCH = 0.5
-"""Length of a stretch [s]. Measured on six simulated Pioneer logs with noise of 0.005 m/s and 0.01 rad/s at 50 Hz (16
-repeats): at 0.16, 0.3, 0.5 and 1 s, Cs1 is biased by -29, -10, -3 and +6 %, Cv1 by +50, +19, +2 and -28 %."""
-
-
-def _samples_in_stretch(logs: list[Log]) -> int:
-    return max(10, round(_STRETCH / float(np.median([log.sampling_interval for log in logs]))))
-
 
 def _combinations(robot: Robot, names: tuple[str, ...], solution: Solution) -> dict[str, Estimate]:
     """Combinations with standard errors; "not_identifiable" where directions the data does not see move them."""
@@ -47,7 +39,7 @@ def _combinations(robot: Robot, names: tuple[str, ...], solution: Solution) -> d
     return found
 
 
-def _coupled(robot: Robot, logs: list[Log], window: int) -> Fit:
+def _coupled(robot: Robot, logs: list[Log], window: int | None) -> Fit:
     check_linear(robot, logs)
     solution, equations, iterations, stands = identify(robot, logs, window)
     names = equations.names
@@ -71,7 +63,7 @@ def _coupled(robot: Robot, logs: list[Log], window: int) -> Fit:
         converged=stands,
         reason="linear least squares, solved" if stands else f"equation 33 did not settle in {STEPS} linearisations",
         iterations=iterations,
-        notes=notes_on(robot, equations, window, status),
+        notes=notes_on(robot, equations, status),
     )
 
 
@@ -90,12 +82,14 @@ def integral_least_squares(
     - `equations`: "coupled" uses all of the robot's equations (the Pioneer's equation 33 with its ym terms, the caster
       angle rebuilt from the measured speeds). "uncoupled" is the papers' way: the Pioneer's equations 34 and 35, each
       on the logs that drive straight or turn on the spot; the omni's equations 1-3 as printed.
-    - `window`: samples in a stretch with one unknown initial speed; by default half a second's, at least 10. Long ones
-      average noise, short ones forget errors of the integrals; 2 is the paper's eq. 31.
+    - `window`: samples in a stretch with one unknown initial speed, which begins where the last one ended; by default
+      those after which the motion has half forgotten, at least 10. Long ones average noise, short ones forget errors of
+      the integrals; 2 is the paper's eq. 31: all consecutive intervals.
 
     Status of a parameter: "not_identifiable" if its column follows from others or its standard error exceeds both
     its estimate and its table value (it then stays at the table's value, the others being estimated with it there);
-    "at_bound" if bounded least squares put it on a bound. Standard errors come from the scatter of the stretches.
+    "at_bound" if bounded least squares put it on a bound. Standard errors come from the scores' scatter in
+    time (`score_covariance`).
 
     Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
     one does not enter linearly.
@@ -107,7 +101,6 @@ def integral_least_squares(
         raise ValueError(f"There are no {equations!r} equations; use 'coupled' or 'uncoupled'.")
     if not robot.parameters.free_names:
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
-    window = _samples_in_stretch(logs) if window is None else window
     if equations == "uncoupled" and isinstance(robot, Pioneer):
         return uncoupled_pioneer(robot, logs, window)
     if equations == "uncoupled" and isinstance(robot, Omni):

@@ -21,7 +21,7 @@ def with_estimate(robot: Robot, names: tuple[str, ...], theta: Array) -> Robot:
     return robot.with_values(**dict(zip(names, theta.tolist(), strict=True)))
 
 
-def identify(robot: Robot, logs: list[Log], window: int) -> tuple[Solution, WindowEquations, int, bool]:
+def identify(robot: Robot, logs: list[Log], window: int | None) -> tuple[Solution, WindowEquations, int, bool]:
     """Momentum balances first, then equation 33 about the estimate until it stands."""
     names = robot.parameters.free_names
     nothing = np.zeros(len(names), bool)
@@ -33,7 +33,8 @@ def identify(robot: Robot, logs: list[Log], window: int) -> tuple[Solution, Wind
         )
     solution, theta = None, np.array([robot.parameters[name].value for name in names])
     # Without a known force the balances only say how parameters compare, and theta = 0 solves them.
-    driven = np.linalg.norm(equations.targets) > 1e-6 * np.linalg.norm(equations.regressors * theta)
+    # What is left then is rounding of the table's values, which may be in other units and so be far too large.
+    driven = np.linalg.norm(equations.targets) > 1e-11 * np.linalg.norm(equations.regressors * theta)
     if driven:
         solution = solve(equations, robot, nothing, judge=False)
     start = theta if solution is None else solution.theta
@@ -69,12 +70,12 @@ def estimates_of(robot: Robot, found: Mapping[str, Estimate]) -> dict[str, Estim
     }
 
 
-def notes_on(robot: Robot, equations: WindowEquations, window: int, status: Mapping[str, Status]) -> tuple[str, ...]:
+def notes_on(robot: Robot, equations: WindowEquations, status: Mapping[str, Status]) -> tuple[str, ...]:
     notes = [
         "Noise on the measured speeds also enters the regressors (errors in variables), which biases integral least "
         "squares; the standard errors do not include that. Output error has no such bias.",
-        f"Balances over stretches of {window} samples; {100 * equations.dropped:.1f} % of the intervals were left out "
-        "because something stood still, turned round, or was not measured.",
+        f"Balances over stretches of {equations.window} samples; {100 * equations.dropped:.1f} % of the intervals were "
+        "left out because something stood still, turned round, or was not measured.",
     ]
     for kind, text in (
         ("not_identifiable", "not determined by these logs and kept at the table's value"),

@@ -19,13 +19,14 @@ from ..._float64 import in_float64
 from ...robots.robot import Robot
 from ..result import Status
 from .regressors import WindowEquations
+from .score_covariance import score_covariance, widened
 
 Array = NDArray[np.float64]
 _RANK = 1e-7
 _NOTHING = 1e-10  # share of the largest effect: rounding
 USELESS = 1.0
 """A standard error above this multiple of the parameter: the data says nothing about it."""
-_FEW = 5  # stretches for each parameter, below which their scatter is no measure of the uncertainty
+_FEW = 3  # degrees of freedom for each parameter, below which scores are no measure of the uncertainty
 
 
 @in_float64
@@ -61,26 +62,27 @@ class Solution:
         return np.array([status == "not_identifiable" for status in self.status], bool)
 
 
-def _covariance(F: Array, residuals: Array, stretch: NDArray[np.int64], prior: Array) -> Array:
-    """Covariance [n, n] from weighted rows: by the scatter of the stretches' scores where there are many of them.
+def _covariance(F: Array, residuals: Array, equations: WindowEquations, prior: Array) -> Array:
+    """Covariance [n, n] from weighted rows: the sandwich around the scores' scatter, or white residuals for few samples.
 
-    Within a stretch the noise of the integrals accumulates, so residuals are correlated; between stretches they are
-    independent (the cluster-robust sandwich). With few stretches: white residuals.
+    Within a stretch the noise of the integrals accumulates, and neighbouring stretches share a sample, so residuals are
+    correlated.
     """
     n = F.shape[1]
     if n == 0:
         return np.zeros((0, 0))
     scale = np.sqrt(np.sum(F * F, axis=0) + prior)
     R = np.linalg.qr(np.concatenate([F, np.diag(np.sqrt(prior))]) / scale, mode="r")
-    inverse = np.linalg.inv(R) / scale[:, None]
+    inverse = np.linalg.inv(R)
     bread = inverse @ inverse.T
-    _, group = np.unique(stretch, return_inverse=True)
-    groups = int(group.max()) + 1
-    if groups < _FEW * n:
-        return bread
-    scores = np.stack([np.bincount(group, weights=column * residuals) for column in F.T], axis=1)
-    middle = scores.T @ scores * groups / (groups - n) + np.diag(prior)
-    return bread @ middle @ bread
+    samples = len(equations.logs)
+    scores = np.zeros((samples, n))
+    np.add.at(scores, equations.sample, (F / scale) * residuals[:, None])
+    middle, freedom = score_covariance(scores, equations.logs, equations.memory)
+    if freedom < _FEW * n:
+        return bread / np.outer(scale, scale)
+    middle += np.diag(prior / scale**2)
+    return widened(bread @ middle @ bread, freedom) / np.outer(scale, scale)
 
 
 def _full_covariance(F: Array, prior: Array) -> Array:
@@ -92,6 +94,18 @@ def _full_covariance(F: Array, prior: Array) -> Array:
     _, singular, Vt = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     inverse = np.where(singular > _RANK * singular.max(initial=1e-300), 1.0 / np.maximum(singular, 1e-150) ** 2, 1e16)
     return (Vt.T * inverse) @ Vt / np.outer(scale, scale)
+
+
+def _known_size(theta: Array, default: Array, F: Array, y: Array) -> Array:
+    """What a standard error [n] must stay below to say anything: the estimate or the table's value, whichever is larger.
+
+    A table's value that would explain more than all there is comes from other units and is cut down to that. A value of
+    zero is no measure of anything.
+    """
+    lengths = np.linalg.norm(F, axis=0)
+    most = np.linalg.norm(y) / np.where(lengths > 0, lengths, np.inf)
+    size = np.maximum(np.abs(theta), np.minimum(np.abs(default), most))
+    return np.where(default != 0, size, np.inf)
 
 
 def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_], judge: bool) -> Solution:
@@ -150,12 +164,10 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_], jud
             continue
         weighted, moving = F / noise[kind, None], np.flatnonzero(~held & ~bound)
         covariance = np.full((n, n), np.nan)
-        own = _covariance(weighted[:, moving], residuals / noise[kind], equations.stretch, prior[moving])
+        own = _covariance(weighted[:, moving], residuals / noise[kind], equations, prior[moving])
         covariance[np.ix_(moving, moving)] = own
         full = _full_covariance(weighted, prior)
-        share = (
-            np.sqrt(np.diag(own)) / np.where(default != 0, np.maximum(np.abs(theta), np.abs(default)), np.inf)[moving]
-        )
+        share = np.sqrt(np.diag(own)) / _known_size(theta, default, weighted, target)[moving]
         if not judge or not len(share) or share.max() <= USELESS:
             break
         held[moving[np.argmax(share)]] = True
