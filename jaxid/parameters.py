@@ -84,7 +84,7 @@ class ParameterTable(Mapping[str, Parameter]):
         return isinstance(other, ParameterTable) and self._parameters == other._parameters
 
     def __hash__(self) -> int:
-        return hash(tuple(self._parameters.items()))
+        return hash(frozenset(self._parameters.items()))
 
     @property
     def numbers(self) -> dict[str, float]:

@@ -171,7 +171,7 @@ def test_every_catalogue_effect_comes_back_from_a_file(tmp_path, robot):
         again = read_model(tmp_path / "model.toml", type(robot)())
         # Equal robots are one compiled program with the same numbers: they simulate alike.
         assert again == model and again.structure == model.structure, one.id
-        assert len(set(model.parameters) - set(robot.parameters)) > 0 or one.frees
+        assert len(set(model.parameters) - set(robot.parameters)) > 0 or one.frees(robot)
 
 
 def test_a_read_model_with_effects_simulates_as_the_one_written(tmp_path):

@@ -42,7 +42,7 @@ class JointStribeck(Effect):
             self.key("speed"): Parameter(2.0, "rad/s", free=True, lower=0.0, typical=2.0),
         }
 
-    def dry(self, levels, speeds, state, p):
+    def dry(self, levels, speeds, state, p, robot):
         rise = p[self.key("amplitude")] * jnp.exp(-((speeds[0] / p[self.key("speed")]) ** 2))
         return tuple((backward + rise, forward + rise) for backward, forward in levels)
 
@@ -58,7 +58,7 @@ class LoadFriction(Effect):
     def parameters(self, robot) -> dict[str, Parameter]:
         return {self.key("share"): Parameter(0.0, "", free=True, lower=0.0, typical=0.2)}
 
-    def dry(self, levels, speeds, state, p):
+    def dry(self, levels, speeds, state, p, robot):
         between = state["motor"] + LOAD * jnp.sin(state["q"] + p["q_offset"])
         rise = p[self.key("share")] * jnp.sqrt(between**2 + 1e-6)
         return tuple((backward + rise, forward + rise) for backward, forward in levels)
@@ -75,7 +75,7 @@ class DirectionalFriction(Effect):
     def parameters(self, robot) -> dict[str, Parameter]:
         return {self.key(n): Parameter(0.0, "", free=True, lower=0.0, typical=0.2) for n in ("motor", "load")}
 
-    def dry(self, levels, speeds, state, p):
+    def dry(self, levels, speeds, state, p, robot):
         motor, load = p[self.key("motor")], p[self.key("load")]
         between = motor * state["motor"] + load * LOAD * jnp.sin(state["q"] + p["q_offset"])
         rise = jnp.sqrt(between**2 + 1e-6)

@@ -44,7 +44,7 @@ class PublishedFriction(Effect):
         found[self.key("dtheta_stribeck")] = Parameter(1.0, "rad/s", lower=0.0)
         return found | {self.key("alpha"): Parameter(1.0, "", lower=0.0)}
 
-    def dry(self, levels, speeds, state, p):
+    def dry(self, levels, speeds, state, p, robot):
         own = {name: p[self.key(name)] for name in (*_SHARES, "dtheta_stribeck", "alpha")}
         motor, load = state["motor"], -bam.LOAD * jnp.sin(state["q"] + p["q_offset"])
         slow = jnp.exp(-((jnp.abs(speeds[0]) / own["dtheta_stribeck"]) ** own["alpha"]))

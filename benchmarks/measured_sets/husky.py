@@ -53,6 +53,9 @@ class SkidSteer(Robot):
     velocities: ClassVar[tuple[str, ...]] = ("eta1", "eta2")
     drive_axes: ClassVar[tuple[int, ...]] = (0, 1)
     angles: ClassVar[tuple[str, ...]] = ("phi_left", "phi_right")
+    turning: ClassVar[str] = "eta2"
+    friction_unit: ClassVar[str] = "A"
+    torque_unit: ClassVar[str] = "A"
     max_step: ClassVar[float] = 0.025
 
     def defaults(self) -> ParameterTable:
@@ -71,22 +74,17 @@ class SkidSteer(Robot):
         )
 
     @property
-    def states(self) -> tuple[str, ...]:
-        angles = self.angles if self.needs("wheel_angles") else ()
-        return ("eta1", "eta2", "z_left", "z_right", *angles, *self.extra_states)
-
-    @property
-    def estimated_states(self) -> tuple[str, ...]:
+    def own_states(self) -> tuple[str, ...]:
         return ("eta1", "eta2", "z_left", "z_right")
 
     def rubbing(self, state: State, p: Numbers) -> Side:
         return sides(state["eta1"], state["eta2"])
 
-    def coulomb(self, state: State, p: Numbers) -> Levels:
-        levels: Levels = ((p["C_left"], p["C_left"]), (p["C_right"], p["C_right"]))
-        for effect in self.effects:
-            levels = effect.dry(levels, self.rubbing(state, p), state, p)
-        return levels
+    def own_coulomb(self, state: State, p: Numbers) -> Levels:
+        return (p["C_left"], p["C_left"]), (p["C_right"], p["C_right"])
+
+    def own_viscous(self, speeds: Side, state: State, p: Numbers) -> Side:
+        return p["B_left"] * speeds[0], p["B_right"] * speeds[1]
 
     def _control(self, state: State, inputs: Side, p: Numbers) -> tuple[Side, Side]:
         """Errors of the sides' rim speeds [m/s] and the currents [A] of the controller."""
@@ -95,27 +93,21 @@ class SkidSteer(Robot):
         integrals = (state["z_left"], state["z_right"])
         return errors, tuple(p["Kp"] * e + _INTEGRAL * z for e, z in zip(errors, integrals, strict=True))
 
-    def rates(self, state: State, inputs: Side, dry: Side, p: Numbers) -> State:
-        errors, torques = self._control(state, inputs, p)
-        speeds = self.rubbing(state, p)
-        resistance: Side = (p["B_left"] * speeds[0], p["B_right"] * speeds[1])
-        forces: Side = (0.0, 0.0)
-        for effect in self.effects:
-            torques = effect.torque(torques, state, p)
-            resistance = effect.viscous(resistance, speeds, state, p)
-            forces = effect.force(forces, state, p)
-        left, right = (t - r - d for t, r, d in zip(torques, resistance, dry, strict=True))
-        rates = {
+    def motor(self, volts: Side, state: State, p: Numbers) -> Side:
+        return self._control(state, volts, p)[1]
+
+    def motion(self, state: State, volts: Side, torques: Side, resisting: Side, forces: Side, p: Numbers) -> State:
+        errors, _ = self._control(state, volts, p)
+        left, right = (t - r for t, r in zip(torques, resisting, strict=True))
+        return {
             "eta1": (left + right + forces[0]) / p["M"],
             "eta2": (0.5 * WIDTH * (right - left) + forces[1]) / p["J"],
             "z_left": p["Ki"] * errors[0],
             "z_right": p["Ki"] * errors[1],
         }
-        if self.needs("wheel_angles"):
-            rates |= {name: speed / RADIUS for name, speed in zip(self.angles, speeds, strict=True)}
-        for effect in self.effects:
-            rates |= effect.rates(state, torques, p)
-        return rates
+
+    def angle_rates(self, state: State, p: Numbers) -> Side:
+        return tuple(speed / RADIUS for speed in self.rubbing(state, p))
 
     def observe(self, state: State, inputs: Side, p: Numbers) -> Side:
         speeds, (_, currents) = self.rubbing(state, p), self._control(state, inputs, p)
@@ -143,7 +135,7 @@ class Scrub(Effect):
     def parameters(self, robot) -> dict[str, Parameter]:
         return {self.key("level"): Parameter(0.0, "A m", free=True, typical=1.0)}
 
-    def force(self, forces: Side, state: State, p: Numbers) -> Side:
+    def force(self, forces: Side, state: State, p: Numbers, robot: Robot) -> Side:
         return forces[0], forces[1] - p[self.key("level")] * jnp.tanh(state["eta2"] / self.width)
 
 
@@ -158,7 +150,7 @@ class TurningDrag(Effect):
     def parameters(self, robot) -> dict[str, Parameter]:
         return {self.key("coefficient"): Parameter(0.0, "A m s/rad", free=True, typical=1.0)}
 
-    def force(self, forces: Side, state: State, p: Numbers) -> Side:
+    def force(self, forces: Side, state: State, p: Numbers, robot: Robot) -> Side:
         return forces[0], forces[1] - p[self.key("coefficient")] * state["eta2"]
 
 

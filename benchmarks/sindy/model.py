@@ -38,8 +38,15 @@ class Added(Effect):
             for k in range(len(library(robot)))
         }
 
-    def rates(self, state: State, currents: Path, p: Numbers) -> State:
+    def rates(self, state: State, currents: Path, p: Numbers, robot: Robot) -> State:
         return {"clock": 1.0 + 0.0 * state["clock"]}
+
+
+@dataclass(frozen=True)
+class AddedOnALine(Added):
+    """The same for a robot that does not move in the plane."""
+
+    needs: ClassVar[tuple[str, ...]] = ("wheel_angles",)
 
 
 class _WithTerms:
@@ -91,7 +98,7 @@ WITH_TERMS = {"axis": AxisWithTerms, "pioneer": PioneerWithTerms, "omni": OmniWi
 
 def library(robot: Robot) -> dict[str, Term]:
     """The robot's terms by name; their values here mean nothing."""
-    pose = () if robot.name == "axis" else ("x", "y", "theta")
+    pose = ("x", "y", "theta") if robot.in_plane else ()
     names = (*pose, "clock", *robot.velocities, *robot.angles)
     state = dict.fromkeys(names, 0.0)
     return TERMS[robot.name](state, (0.0,) * len(robot.channels.inputs), robot.parameters.numbers)
@@ -99,7 +106,7 @@ def library(robot: Robot) -> dict[str, Term]:
 
 def extended(robot: Robot) -> Robot:
     """The robot with all terms present at zero: one compiled program for every choice of terms."""
-    return WITH_TERMS[robot.name](robot.parameters) + Added()
+    return WITH_TERMS[robot.name](robot.parameters) + (Added() if robot.in_plane else AddedOnALine())
 
 
 def with_coefficients(robot: Robot, coefficients: Mapping[str, np.ndarray]) -> Robot:

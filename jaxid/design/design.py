@@ -71,7 +71,7 @@ def _family(robot: Robot, limits: Limits, duration: float, interval: float, rise
     size = float(np.max(limits.inputs))
     sizes = [level * size for level in _LEVELS]
     shapes = plain_shapes(duration, interval) | tuned_shapes(duration, interval, rise)
-    family = single_modes(robot.name, robot.channels, shapes, sizes) + combined_modes(robot.channels, shapes, sizes)
+    family = single_modes(robot, shapes, sizes) + combined_modes(robot.channels, shapes, sizes)
     return [Drive(d.description, np.clip(d.inputs, -limits.inputs, limits.inputs)) for d in family]
 
 

@@ -1,7 +1,7 @@
 """Effects between the commanded voltage and the motor's torque."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,18 @@ from .effect_parameters import positive, signed
 _TINY = 1e-9
 
 
+def input_unit(robot: Robot) -> str:
+    """Unit of the drive inputs."""
+    return robot.channels.units.get(robot.channels.inputs[0], "")
+
+
+def on_drives(robot: Robot, inputs, changed):
+    """`changed` where an input drives, `inputs` elsewhere, both [T, nu]."""
+    count = len(robot.channels.inputs)
+    drives = jnp.array([i in robot.drive_inputs for i in range(count)])
+    return changed if len(robot.drive_inputs) == count else jnp.where(drives, changed, inputs)
+
+
 @dataclass(frozen=True)
 class DeadZone(Effect):
     """`u' = u - clip(u, -threshold, threshold)`: voltage below the threshold does nothing, above it the threshold is lost."""
@@ -23,11 +35,11 @@ class DeadZone(Effect):
     formula: ClassVar[str] = "u' = u - clip(u, -threshold, threshold)"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "threshold", robot.channels.units.get(robot.channels.inputs[0], ""), 0.3)
+        return positive(self, "threshold", input_unit(robot), 0.05 * robot.scales.input)
 
-    def command(self, inputs, time, dt, p: Numbers):
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         threshold = p[self.key("threshold")]
-        return inputs - jnp.clip(inputs, -threshold, threshold)
+        return on_drives(robot, inputs, inputs - jnp.clip(inputs, -threshold, threshold))
 
 
 @dataclass(frozen=True)
@@ -39,11 +51,11 @@ class VoltageSaturation(Effect):
     formula: ClassVar[str] = "u' = clip(u, -limit, limit), limit = 1 / inverse_limit"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        unit = robot.channels.units.get(robot.channels.inputs[0], "")
-        return positive(self, "inverse_limit", f"1/{unit}", 0.1)
+        return positive(self, "inverse_limit", f"1/{input_unit(robot)}", 0.6 / robot.scales.input)
 
-    def command(self, inputs, time, dt, p: Numbers):
-        return inputs / jnp.maximum(1.0, jnp.abs(inputs) * p[self.key("inverse_limit")])
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        limited = inputs / jnp.maximum(1.0, jnp.abs(inputs) * p[self.key("inverse_limit")])
+        return on_drives(robot, inputs, limited)
 
 
 @dataclass(frozen=True)
@@ -54,23 +66,26 @@ class BatterySag(Effect):
     which is solved for exactly since the currents are linear in it.
     """
 
-    nominal: float = 12.0
-
     id: ClassVar[str] = "battery_sag"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "supply = nominal - resistance * sum(duty * current)"
+    needs: ClassVar[tuple[str, ...]] = ("winding", "supply_voltage")
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "resistance", "ohm", 0.1)
+        winding = robot.parameters[robot.winding]
+        return positive(self, "resistance", winding.unit, 0.15 * winding.value)
 
-    def supply(self, volts: Path, currents: Path, state: State, p: Numbers) -> Path:
-        r, above, below = p[self.key("resistance")], self.nominal, 1.0
-        for u, i in zip(volts, currents, strict=True):
-            duty = u / self.nominal
-            above = above + r * duty * (u - p["Ra"] * i) / p["Ra"]  # the back-EMF pushes back
-            below = below + r * duty * duty / p["Ra"]
-        share = above / below / self.nominal
-        return tuple(u * share for u in volts)
+    def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: Robot) -> Path:
+        voltage = robot.supply_voltage
+        nominal: Any = p[voltage] if isinstance(voltage, str) else voltage
+        r, winding, above, below = p[self.key("resistance")], p[robot.winding], nominal, 1.0
+        for k in robot.drive_inputs:
+            u, i = volts[k], currents[k]
+            duty = u / nominal
+            above = above + r * duty * (u - winding * i) / winding  # the back-EMF pushes back
+            below = below + r * duty * duty / winding
+        share = above / below / nominal
+        return tuple(u * share if k in robot.drive_inputs else u for k, u in enumerate(volts))
 
 
 @dataclass(frozen=True)
@@ -80,12 +95,12 @@ class MotorLag(Effect):
     id: ClassVar[str] = "motor_lag"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "time_constant * du'/dt = u - u'"
-    max_step: ClassVar[float] = 0.005
+    finer: ClassVar[float] = 2.0
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "time_constant", "s", 0.03)
+        return positive(self, "time_constant", "s", 0.15 * robot.scales.time)
 
-    def command(self, inputs, time, dt, p: Numbers):
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         T = p[self.key("time_constant")]
         decay = jnp.exp(-dt / jnp.maximum(T, _TINY))
         mean = T / dt * (1.0 - decay)
@@ -95,7 +110,7 @@ class MotorLag(Effect):
             return u + (lagged - u) * keep, u + (lagged - u) * share
 
         _, means = jax.lax.scan(advance, jnp.zeros_like(inputs[0]), (inputs, decay, mean))
-        return means
+        return on_drives(robot, inputs, means)
 
 
 def delayed(signal, shift):
@@ -116,9 +131,9 @@ class InputDelay(Effect):
     formula: ClassVar[str] = "u'(t) = u(t - delay)"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "delay", "s", 0.02)
+        return positive(self, "delay", "s", 0.1 * robot.scales.time)
 
-    def command(self, inputs, time, dt, p: Numbers):
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         # One row of zeros in front: before the log begins nothing is commanded.
         padded = jnp.concatenate([jnp.zeros_like(inputs[:1]), inputs])
         return delayed(padded, p[self.key("delay")] / dt[0])[1:]
@@ -131,45 +146,49 @@ class MotorGainMismatch(Effect):
     id: ClassVar[str] = "motor_gain_mismatch"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u_i' = (1 + gain_i) u_i"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
-        for name in robot.channels.inputs:
-            found |= signed(self, f"gain_{name}", "", 0.05)
+        for i in robot.drive_inputs:
+            found |= signed(self, f"gain_{robot.channels.inputs[i]}", "", 0.05)
         return found
 
-    def command(self, inputs, time, dt, p: Numbers):
-        names = [key for key in p if key.startswith(self.key("gain_"))]
-        return inputs * (1.0 + jnp.stack([jnp.asarray(p[name], float) for name in names]))
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        gains = [
+            jnp.asarray(p[self.key(f"gain_{name}")] if i in robot.drive_inputs else 0.0, float)
+            for i, name in enumerate(robot.channels.inputs)
+        ]
+        return inputs * (1.0 + jnp.stack(gains))
 
 
 @dataclass(frozen=True)
 class MotorHeating(Effect):
     """Winding resistance `Ra (1 + coefficient * E)` with the energy E dissipated in that winding since the start."""
 
-    motors: tuple[str, ...] = ("V2", "V3")
-
     id: ClassVar[str] = "motor_heating"
     where: ClassVar[str] = "actuator"
-    formula: ClassVar[str] = "R = Ra (1 + coefficient * integral of R i^2)"
+    formula: ClassVar[str] = "R = R_cold (1 + coefficient * integral of R i^2)"
+    needs: ClassVar[tuple[str, ...]] = ("winding",)
 
-    @property
-    def states(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(f"heat_{name}" for name in self.motors)
+    def states_on(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(f"heat_{robot.channels.inputs[i]}" for i in robot.drive_inputs)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "coefficient", "1/J", 1e-4)
+        scales, winding = robot.scales, robot.parameters[robot.winding].value
+        energy = scales.input**2 / winding * scales.duration
+        return positive(self, "coefficient", "1/J", 0.1 / energy)
 
-    def supply(self, volts: Path, currents: Path, state: State, p: Numbers) -> Path:
+    def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: Robot) -> Path:
         # A resistance higher by a factor f passes the current of a voltage lowered to emf + (u - emf) / f.
-        lowered = []
-        for name, u, i in zip(self.states, volts, currents, strict=True):
+        lowered, winding = list(volts), p[robot.winding]
+        for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
             factor = 1.0 + p[self.key("coefficient")] * state[name]
-            lowered.append(u - p["Ra"] * i * (1.0 - 1.0 / factor))
+            lowered[k] = volts[k] - winding * currents[k] * (1.0 - 1.0 / factor)
         return tuple(lowered)
 
-    def rates(self, state: State, currents: Path, p: Numbers) -> State:
+    def rates(self, state: State, currents: Path, p: Numbers, robot: Robot) -> State:
         rates: State = {}
-        for name, i in zip(self.states, currents, strict=True):
-            rates[name] = p["Ra"] * (1.0 + p[self.key("coefficient")] * state[name]) * i * i
+        for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
+            rates[name] = p[robot.winding] * (1.0 + p[self.key("coefficient")] * state[name]) * currents[k] ** 2
         return rates

@@ -18,19 +18,18 @@ GRAVITY = 9.81
 class GroundSlope(Effect):
     """Tilted floor: gravity `g (slope_x, slope_y)` along the world's x and y, pulling at every body's mass."""
 
-    robot: Robot
-
     id: ClassVar[str] = "ground_slope"
     where: ClassVar[str] = "body"
     formula: ClassVar[str] = "F_world = mass g (slope_x, slope_y)"
-    needs: ClassVar[tuple[str, ...]] = ("pose",)
+    needs: ClassVar[tuple[str, ...]] = ("pose", "weight")
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "slope_x", "rad", 0.02) | signed(self, "slope_y", "rad", 0.02)
+        typical = 0.08 * robot.scales.acceleration / GRAVITY
+        return signed(self, "slope_x", "rad", typical) | signed(self, "slope_y", "rad", typical)
 
-    def force(self, forces: Path, state: State, p: Numbers) -> Path:
+    def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
         field = (GRAVITY * p[self.key("slope_x")], GRAVITY * p[self.key("slope_y")])
-        added = self.robot.field_force(field, state, p)
+        added = robot.field_force(field, state, p)
         return tuple(f + extra for f, extra in zip(forces, added, strict=True))
 
 
@@ -38,31 +37,48 @@ class GroundSlope(Effect):
 class QuadraticDrag(Effect):
     """Drag `-coefficient v |v|` on the body's translation."""
 
-    robot: Robot
-
     id: ClassVar[str] = "quadratic_drag"
     where: ClassVar[str] = "body"
     formula: ClassVar[str] = "F = -coefficient v |v|"
 
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "coefficient", "N s^2/m^2", 1.0)
+    needs: ClassVar[tuple[str, ...]] = ("translation",)
 
-    def force(self, forces: Path, state: State, p: Numbers) -> Path:
-        linear = [name for name in self.robot.velocities if name not in ("eta2", "W")]
-        # The small number keeps the derivative of the root finite at standstill.
-        speed = jnp.sqrt(sum(state[name] ** 2 for name in linear) + 1e-12)
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "coefficient", drag_unit(robot), 0.01 * robot.scales.force / robot.scales.speed**2)
+
+    def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
+        linear = robot.translations
+        if len(linear) == 1:
+            speed = jnp.abs(state[linear[0]])
+        else:
+            # The small number keeps the derivative of the root finite at standstill.
+            speed = jnp.sqrt(sum(state[name] ** 2 for name in linear) + 1e-300)
         changed = list(forces)
         for name in linear:
-            axis = self.robot.velocities.index(name)
+            axis = robot.velocities.index(name)
             changed[axis] = forces[axis] - p[self.key("coefficient")] * speed * state[name]
         return tuple(changed)
 
 
-@dataclass(frozen=True)
-class LateralCentreOfMass(Effect):
-    """Frees the robot's own lateral centre of mass: xm of the Pioneer, yc (and xc) of the omni."""
+def drag_unit(robot: Robot) -> str:
+    """Unit of a force over a speed squared, for the robot's first translation."""
+    angular = robot.channels.units.get(robot.translations[0], "").startswith("rad")
+    return "N m s^2" if angular else "N s^2/m^2"
 
-    frees: tuple[str, ...] = ("xm",)  # pyright: ignore[reportIncompatibleVariableOverride]
+
+@dataclass(frozen=True)
+class Mechanism(Effect):
+    """Frees the robot's own parameters that are this mechanism."""
+
+    needs: ClassVar[tuple[str, ...]] = ("mechanism",)
+
+    def frees(self, robot: Robot) -> tuple[str, ...]:
+        return robot.mechanisms.get(self.id, ())
+
+
+@dataclass(frozen=True)
+class LateralCentreOfMass(Mechanism):
+    """Frees the robot's own lateral centre of mass: xm of the Pioneer, yc (and xc) of the omni."""
 
     id: ClassVar[str] = "lateral_com_offset"
     where: ClassVar[str] = "body"
@@ -70,11 +86,12 @@ class LateralCentreOfMass(Effect):
 
 
 @dataclass(frozen=True)
-class CoriolisCoupling(Effect):
+class CoriolisCoupling(Mechanism):
     """Frees the share of the turning frame's own terms, which the omni paper's equations lack (0) and nature has (1)."""
-
-    frees: tuple[str, ...] = ("coriolis",)  # pyright: ignore[reportIncompatibleVariableOverride]
 
     id: ClassVar[str] = "coriolis_coupling"
     where: ClassVar[str] = "body"
     formula: ClassVar[str] = "M (dV/dt - c W Vn) = ..., M (dVn/dt + c W V) = ..."
+
+    def there_already(self, robot: Robot) -> bool:
+        return any(robot.parameters[name].value != 0.0 for name in self.frees(robot))

@@ -14,12 +14,9 @@ from .effect_parameters import positive, shape, signed
 
 @dataclass(frozen=True)
 class _OnDriveAxes(Effect):
-    """An effect that acts on the drivetrain's rubbing axes of one robot."""
+    """An effect that acts on the drivetrain's rubbing axes."""
 
-    robot: Robot
-
-    def _rims(self, speeds: Path, p: Numbers) -> Path:
-        return self.robot.rim_speeds(speeds, p)
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
 
 
 @dataclass(frozen=True)
@@ -29,18 +26,21 @@ class StribeckFriction(_OnDriveAxes):
     id: ClassVar[str] = "stribeck_friction"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "C' = C + amplitude * exp(-(s / speed)^2)"
-    max_step: ClassVar[float] = 0.005  # friction falls off within a step or two of starting to slide
+    finer: ClassVar[float] = 2.0  # friction falls off within a step or two of starting to slide
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        unit, typical = {"pioneer": ("N m", 0.1), "omni": ("N", 10.0)}.get(robot.name, ("N", 1.0))
-        return positive(self, "amplitude", unit, typical) | shape(self, "speed", "m/s", 0.05)
+        typical = 0.05 * robot.scales.friction
+        return positive(self, "amplitude", robot.friction_unit, typical) | shape(
+            self, "speed", robot.rim_unit, 0.1 * robot.scales.speed
+        )
 
-    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers) -> Levels:
-        rims, changed = self._rims(speeds, p), list(levels)
-        for axis in self.robot.drive_axes:
+    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: Robot) -> Levels:
+        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
+        first = levers[robot.drive_axes[0]]
+        for axis in robot.drive_axes:
             rise = p[self.key("amplitude")] * jnp.exp(-((rims[axis] / p[self.key("speed")]) ** 2))
-            if self.robot.name == "omni" and self.robot.velocities[axis] == "W":
-                rise = p["b"] * rise  # the omni's turning axis: the same force at the rim
+            if levers[axis] is not first:
+                rise = rise * (levers[axis] / first)  # an axis with another lever: the same force at the rim
             backward, forward = levels[axis]
             changed[axis] = (backward + rise, forward + rise)
         return tuple(changed)
@@ -57,9 +57,9 @@ class AsymmetricFriction(_OnDriveAxes):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return signed(self, "asymmetry", "", 0.1)
 
-    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers) -> Levels:
+    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: Robot) -> Levels:
         a, changed = p[self.key("asymmetry")], list(levels)
-        for axis in self.robot.drive_axes:
+        for axis in robot.drive_axes:
             backward, forward = levels[axis]
             changed[axis] = (backward * (1.0 - a), forward * (1.0 + a))
         return tuple(changed)
@@ -76,30 +76,33 @@ class AsymmetricViscousFriction(_OnDriveAxes):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return signed(self, "asymmetry", "", 0.1)
 
-    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers) -> Path:
+    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers, robot: Robot) -> Path:
         changed = list(resistance)
-        for axis in self.robot.drive_axes:
+        for axis in robot.drive_axes:
             changed[axis] = resistance[axis] * (1.0 + p[self.key("asymmetry")] * jnp.sign(speeds[axis]))
         return tuple(changed)
 
 
 @dataclass(frozen=True)
 class SublinearViscousFriction(_OnDriveAxes):
-    """Viscous friction `B s (|s| / 0.5 m/s)^-deficit`: it grows slower than the speed."""
+    """Viscous friction `B s (|s| / reference)^-deficit`: it grows slower than the speed.
+
+    The fixed `reference` is the speed at which B stays what it is.
+    """
 
     id: ClassVar[str] = "sublinear_viscous_friction"
     where: ClassVar[str] = "drivetrain"
-    formula: ClassVar[str] = "F = B s (|s| / 0.5 m/s)^-deficit"
-    reference: ClassVar[float] = 0.5
+    formula: ClassVar[str] = "F = B s (|s| / reference)^-deficit"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "deficit", "", 0.1)
+        reference = shape(self, "reference", robot.rim_unit, robot.scales.speed, free=False)
+        return signed(self, "deficit", "", 0.1) | reference
 
-    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers) -> Path:
-        rims, changed = self._rims(speeds, p), list(resistance)
-        for axis in self.robot.drive_axes:
+    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers, robot: Robot) -> Path:
+        rims, changed = robot.rim_speeds(speeds, p), list(resistance)
+        for axis in robot.drive_axes:
             # Half the logarithm of s², kept finite at standstill where the friction itself vanishes.
-            logarithm = 0.5 * jnp.log((rims[axis] / self.reference) ** 2 + 1e-8)
+            logarithm = 0.5 * jnp.log((rims[axis] / p[self.key("reference")]) ** 2 + 1e-8)
             changed[axis] = resistance[axis] * jnp.exp(-p[self.key("deficit")] * logarithm)
         return tuple(changed)
 
@@ -111,20 +114,18 @@ class CoggingTorque(_OnDriveAxes):
     id: ClassVar[str] = "cogging_torque"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "torque' = torque + sine * sin(periods * phi) + cosine * cos(periods * phi)"
-    needs: ClassVar[tuple[str, ...]] = ("wheel_angles",)
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes", "wheel_angles")
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
+        unit, typical = robot.torque_unit, 0.035 * robot.scales.torque
         for angle in robot.angles:
-            unit, typical = ("N m", 0.1) if robot.name != "axis" else ("N", 0.5)
             found |= signed(self, f"sine_{angle}", unit, typical) | signed(self, f"cosine_{angle}", unit, typical)
-        return found | shape(self, "periods", "1/rad" if robot.name != "axis" else "1/m", 6.0)
+        return found | shape(self, "periods", f"1/{robot.angle_unit}", 6.0 / robot.scales.angle)
 
-    def torque(self, torques: Path, state: State, p: Numbers) -> Path:
+    def torque(self, torques: Path, state: State, p: Numbers, robot: Robot) -> Path:
         rippled = []
-        for torque, angle in zip(torques, self.robot.angles, strict=True):
+        for torque, angle in zip(torques, robot.angles, strict=True):
             sine, cosine = sincos(p[self.key("periods")] * state[angle])
-            ripple = p[self.key(f"sine_{angle}")] * sine + p[self.key(f"cosine_{angle}")] * cosine
-            # The omni's stage passes forces at the rim, the others torques (or forces) at the wheel itself.
-            rippled.append(torque + (ripple / p["r"] if self.robot.name == "omni" else ripple))
+            rippled.append(torque + p[self.key(f"sine_{angle}")] * sine + p[self.key(f"cosine_{angle}")] * cosine)
         return tuple(rippled)

@@ -17,19 +17,19 @@ _TINY = 1e-9
 
 @dataclass(frozen=True)
 class _OnOutputs(Effect):
-    """An effect on the measured speeds of one robot; optional channels (currents, position) keep out of it."""
+    """An effect on the measured outputs; optional channels (currents, position) keep out of it."""
 
-    robot: Robot
-
-    def _each(self, p: Numbers, stem: str):
-        names = self.robot.channels.outputs
-        absent = len(self.robot.channels.measured) - len(names)
+    def _each(self, p: Numbers, stem: str, robot: Robot):
+        names = robot.channels.outputs
+        absent = len(robot.channels.measured) - len(names)
         values = [jnp.asarray(p[self.key(f"{stem}_{name}")], float) for name in names]
         return jnp.stack([*values, *([jnp.zeros(())] * absent)])
 
-    def _speeds_only(self, changed, outputs):
-        n = len(self.robot.channels.outputs)
-        return jnp.concatenate([changed[:, :n], outputs[:, n:]], axis=1)
+
+def outputs_only(robot: Robot, changed, outputs):
+    """`changed` for the outputs, `outputs` for the optional channels, both [T, ny]."""
+    n = len(robot.channels.outputs)
+    return jnp.concatenate([changed[:, :n], outputs[:, n:]], axis=1)
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ class SensorBias(_OnOutputs):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
         for name in robot.channels.outputs:
-            found |= signed(self, f"bias_{name}", robot.channels.units.get(name, ""), 0.02)
+            found |= signed(self, f"bias_{name}", robot.channels.units.get(name, ""), 0.04 * robot.scales.output(name))
         return found
 
-    def measure(self, outputs, time, p: Numbers):
-        return outputs + self._each(p, "bias")
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        return outputs + self._each(p, "bias", robot)
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class SensorScale(_OnOutputs):
             found |= signed(self, f"error_{name}", "", 0.03)
         return found
 
-    def measure(self, outputs, time, p: Numbers):
-        return outputs * (1.0 + self._each(p, "error"))
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        return outputs * (1.0 + self._each(p, "error", robot))
 
 
 def _bends(y, time):
@@ -90,9 +90,9 @@ class SensorLag(_OnOutputs):
     formula: ClassVar[str] = "time_constant * dy'/dt = y - y'"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "time_constant", "s", 0.03)
+        return positive(self, "time_constant", "s", 0.15 * robot.scales.time)
 
-    def measure(self, outputs, time, p: Numbers):
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
         T = p[self.key("time_constant")]
         dt = jnp.diff(time)
         decay = jnp.exp(-dt / jnp.maximum(T, _TINY))
@@ -108,7 +108,7 @@ class SensorLag(_OnOutputs):
             return lagged, lagged
 
         _, filtered = jax.lax.scan(advance, outputs[0], (outputs[:-1], outputs[1:], bends, decay, dt))
-        return self._speeds_only(jnp.concatenate([outputs[:1], filtered]), outputs)
+        return outputs_only(robot, jnp.concatenate([outputs[:1], filtered]), outputs)
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,12 @@ class SensorDelay(_OnOutputs):
     formula: ClassVar[str] = "y'(t) = y(t - delay)"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "delay", "s", 0.02)
+        return positive(self, "delay", "s", 0.1 * robot.scales.time)
 
-    def measure(self, outputs, time, p: Numbers):
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
         interval = time[1] - time[0]
         shift = p[self.key("delay")] / interval
         whole = jnp.floor(shift)
         bends = jnp.concatenate([jnp.zeros_like(outputs[:1]), _bends(outputs, time)])  # of the interval before a sample
         sag = 0.5 * interval**2 * (shift - whole) * (1.0 - shift + whole) * delayed(bends, whole)
-        return self._speeds_only(delayed(outputs, shift) - sag, outputs)
+        return outputs_only(robot, delayed(outputs, shift) - sag, outputs)

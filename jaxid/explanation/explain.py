@@ -43,7 +43,7 @@ def _named(found: Search, final: Fit) -> tuple[NamedEffect, ...]:
     for step in found.steps:
         effect = present.get(step.chosen.id)
         if effect is not None:
-            own = effect_parameters(effect.id, effect.frees, final.parameters)
+            own = effect_parameters(effect.id, effect.frees(final.robot), final.parameters)
             named.append(NamedEffect(effect.id, effect.where, effect.formula, own, step.equivalent, _evidence(step)))
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
 

@@ -5,7 +5,7 @@ Rauch-Tung-Striebel smoother estimate it together with the robot's state from th
 likelihood says how strongly each force wanders. No parameter is changed, so a model that lacks nothing needs no force.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import LogSet, noise_scale
-from ..robots.custom import Custom
 from ..robots.effect import Effect, Numbers, Path, State
 from ..robots.robot import Robot
 from ..simulation.rollout import Integrator, rollout
@@ -54,29 +53,14 @@ class MissingForce(Effect):
     where: ClassVar[str] = "body"
     formula: ClassVar[str] = "Q' = Q + missing force"
 
-    @property
-    def states(self) -> tuple[str, ...]:  # type: ignore[override]
+    def states_on(self, robot: Robot) -> tuple[str, ...]:
         return tuple(PREFIX + name for name in self.velocities)
 
-    def force(self, forces: Path, state: State, p: Numbers) -> Path:
-        return tuple(f + state[name] for f, name in zip(forces, self.states, strict=True))
+    def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
+        return tuple(f + state[name] for f, name in zip(forces, self.states_on(robot), strict=True))
 
-    def rates(self, state: State, currents: Path, p: Numbers) -> State:
-        return {name: 0.0 * state[name] for name in self.states}
-
-
-@dataclass(frozen=True)
-class _Accelerated:
-    """A user's dynamics with a missing acceleration added to the rates of `velocities`."""
-
-    dynamics: Callable[..., Mapping[str, Any]]
-    velocities: tuple[str, ...]
-
-    def __call__(self, state: State, *others: Any) -> State:
-        rates = dict(self.dynamics({k: v for k, v in state.items() if not k.startswith(PREFIX)}, *others))
-        missing = {PREFIX + name: state[PREFIX + name] for name in self.velocities}
-        rates |= {name: rates[name] + missing[PREFIX + name] for name in self.velocities}
-        return rates | {name: 0.0 * value for name, value in missing.items()}
+    def rates(self, state: State, currents: Path, p: Numbers, robot: Robot) -> State:
+        return {name: 0.0 * state[name] for name in self.states_on(robot)}
 
 
 @dataclass(frozen=True)
@@ -104,30 +88,22 @@ class ForceHistory:
 def forced(robot: Robot) -> tuple[Robot, tuple[str, ...], tuple[str, ...]]:
     """The robot with its missing forces as states; the velocities they belong to, and the forces' units.
 
-    A `Custom` robot, whose equations are not split into forces, gets missing accelerations of its `velocities`, or,
-    where it names none, of the speeds at which it rubs, or else of those outputs that are states. Raises `NoVelocities`
-    where there are none.
+    A robot whose equations do not say what a force accelerates gets missing accelerations of its `velocities`. Raises
+    `NoVelocities` where there are none.
     """
     units = robot.channels.units
-    if isinstance(robot, Custom):
-        rubbing = tuple(dict.fromkeys(speed for _, speed, _ in robot.dry_friction))
-        names = robot.velocities or rubbing or tuple(n for n in robot.channels.outputs if n in robot.state_names)
-        _needed(robot, names)
-        states = (*robot.state_names, *(PREFIX + name for name in names))
-        changed = replace(robot, dynamics=_Accelerated(robot.dynamics, names), state_names=states)
-        return changed, names, tuple(f"{units[name]}/s" if units.get(name) else "1/s" for name in names)
-    names = robot.velocities
-    _needed(robot, names)
-    angular = [units.get(name, "").startswith("rad") for name in names]
-    return robot + MissingForce(names), names, tuple("N m" if turns else "N" for turns in angular)
-
-
-def _needed(robot: Robot, names: tuple[str, ...]) -> None:
-    if not names:
+    if not robot.velocities:
         raise NoVelocities(
-            f"the robot {robot.name!r} does not say which of its states forces accelerate; give its class "
+            f"the robot {robot.name!r} does not say which of its states forces accelerate; declare "
             "`velocities = (state names)`"
         )
+    if "force" not in robot.traits:
+        robot = robot.per_unit_inertia()
+        of = tuple(f"{units[name]}/s" if units.get(name) else "1/s" for name in robot.velocities)
+    else:
+        angular = [units.get(name, "").startswith("rad") for name in robot.velocities]
+        of = tuple("N m" if turns else "N" for turns in angular)
+    return robot + MissingForce(robot.velocities), robot.velocities, of
 
 
 # -- the filter over all logs -------------------------------------------------------------------------------------

@@ -66,7 +66,7 @@ def _family(robot: Robot, logs: LogSet) -> list[Drive]:
     interval = float(np.median([log.sampling_interval for log in logs]))
     largest = max(float(np.max(np.abs(log.inputs))) for log in logs)
     sizes = [level * largest for level in _LEVELS]
-    return single_modes(robot.name, logs.channels, plain_shapes(_DURATION, interval), sizes)
+    return single_modes(robot, plain_shapes(_DURATION, interval), sizes)
 
 
 def propose(

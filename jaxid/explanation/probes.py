@@ -51,7 +51,7 @@ _PERIODS = (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24)
 
 def groups(effect: Effect, robot: Robot, logs: LogSet) -> list[Group]:
     """The probes of one effect on `robot` (which already carries it), for these logs."""
-    own = [name for name in robot.parameters if name.startswith(f"{effect.id}.")] + list(effect.frees)
+    own = [name for name in robot.parameters if name.startswith(f"{effect.id}.")] + list(effect.frees(robot))
     typical = {name: robot.parameters[name].typical or 1.0 for name in own}
     key = effect.key
     one_by_one: dict[str, tuple[str, tuple[float, ...]]] = {

@@ -6,7 +6,9 @@ State q position [m or rad], v speed; input u force or voltage. What single moto
 need. Symbols are those of the drive-axis literature; for a rotating axis read inertia, torque and angle.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 from ..logs import AXIS, Channels
@@ -24,6 +26,10 @@ class Axis(Robot):
     velocities: ClassVar[tuple[str, ...]] = ("v",)
     drive_axes: ClassVar[tuple[int, ...]] = (0,)
     angles: ClassVar[tuple[str, ...]] = ("q",)
+    torque_unit: ClassVar[str] = "N"
+    angle_unit: ClassVar[str] = "m"
+    expressed: ClassVar[frozenset[str]] = frozenset({"asymmetric_friction"})  # the offset is the same model
+    words: ClassVar[Mapping[str, str]] = MappingProxyType({"v": "speed", "q": "position"})
 
     def defaults(self) -> ParameterTable:
         start = "start value"
@@ -41,46 +47,38 @@ class Axis(Robot):
         )
 
     @property
-    def states(self) -> tuple[str, ...]:
-        return ("q", "v", *self.extra_states)
-
-    @property
-    def estimated_states(self) -> tuple[str, ...]:
+    def own_states(self) -> tuple[str, ...]:
         return ("q", "v")
+
+    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+        return (volts[0] - p["back_emf"] * state["v"],)
+
+    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+        return (p["gain"] * currents[0],)
 
     def rubbing(self, state: State, p: Numbers) -> Path:
         return (state["v"],)
 
-    def coulomb(self, state: State, p: Numbers) -> Levels:
-        levels: Levels = ((p["Fc"], p["Fc"]),)
-        for effect in self.effects:
-            levels = effect.dry(levels, (state["v"],), state, p)
-        return levels
+    def own_coulomb(self, state: State, p: Numbers) -> Levels:
+        return ((p["Fc"], p["Fc"]),)
 
-    def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
-        v = state["v"]
-        volts = inputs
-        currents: Path = (volts[0] - p["back_emf"] * v,)
-        resistance: Path = (p["Fv"] * v,)
-        forces: Path = (-p["offset"],)
-        for effect in self.effects:
-            volts = effect.supply(volts, currents, state, p)
-            currents = (volts[0] - p["back_emf"] * v,)
-            resistance = effect.viscous(resistance, (v,), state, p)
-            forces = effect.force(forces, state, p)
-        torques: Path = (p["gain"] * currents[0],)
-        for effect in self.effects:
-            torques = effect.torque(torques, state, p)
-        rates = {"q": v, "v": (torques[0] + forces[0] - resistance[0] - dry[0]) / p["M"]}
-        for effect in self.effects:
-            rates |= effect.rates(state, currents, p)
-        return rates
+    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+        return (p["Fv"] * speeds[0],)
+
+    def own_forces(self, state: State, p: Numbers) -> Path:
+        return (-p["offset"],)
+
+    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+        return {"q": state["v"], "v": (torques[0] + forces[0] - resisting[0]) / p["M"]}
 
     def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
         return ((1.0 / p["M"],),)
 
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
         return (rates["v"],)
+
+    def rim_levers(self, p: Numbers) -> Path:
+        return (1.0,)
 
     def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
         return state["v"], state["q"]

@@ -1,17 +1,20 @@
 """What an effect may do to a robot.
 
-A model is a robot plus a sum of effects. An effect overrides the stage of the signal path at which it acts and leaves
-the others as they are: command -> supply -> torque -> dry and viscous friction -> body force -> measurement. Its
+A model is a robot plus a sum of effects. An effect overrides the stage of the signal path (`signal_path`) at which it acts
+and leaves the others as they are: command -> supply -> torque -> dry and viscous friction -> body force -> measurement. Its
 parameters are zero when it is absent, and then the model is the robot's own.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from jaxtyping import Array, Float
 
 from ..parameters import Parameter
+
+if TYPE_CHECKING:
+    from .robot import Robot
 
 # One number, or one for each lane of a batch: traced arrays and plain floats alike.
 Scalar = Any
@@ -21,24 +24,29 @@ Path = tuple[Scalar, ...]
 Levels = tuple[tuple[Scalar, Scalar], ...]
 
 
+class EffectError(ValueError):
+    """An effect that a robot cannot have, or that does what an effect must not; the message says what to change."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """Base of all effects: every stage passes its signal on unchanged.
 
     Class attributes of an effect: `id` (the public identifier), `where` (actuator, drivetrain, ground contact, body or
-    sensor), `formula`, `states` (names of extra states, zero at the start), `needs` (groups of robot states it reads, such
-    as "pose" or "wheel_angles") and `frees` (parameters of the robot itself that the effect lets vary). Inside the
-    stages `p` holds all parameters of the model; an effect's own are found under `self.key("name")`.
+    sensor), `formula`, `states` (names of extra states, zero at the start) and `needs` (the robot's traits that it asks
+    for, such as "pose" or "wheel_angles"; those that its stages imply need not be named). Inside the stages `p` holds all
+    parameters of the model, an effect's own under `self.key("name")`, and `robot` is the robot it acts on, asked for what
+    it says of itself: an effect holds no robot, so that the same model built twice is the same. A stage that does not ask
+    may leave the argument `robot` out.
     """
 
     id: ClassVar[str] = ""
     where: ClassVar[str] = ""
     formula: ClassVar[str] = ""
-    frees: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
-    max_step: ClassVar[float] = float("inf")
-    """Longest integration step [s] for which the effect's own parameters come out right."""
+    finer: ClassVar[float] = 1.0
+    """How many times shorter than the robot's the integration steps must be for the effect's own parameters."""
 
     @property
     def repeats(self) -> bool:
@@ -59,38 +67,63 @@ class Effect:
         """The name under which this effect's parameter stands in the model's table."""
         return f"{self.id}.{name}"
 
-    def parameters(self, robot: Any) -> dict[str, Parameter]:
+    def parameters(self, robot: "Robot") -> dict[str, Parameter]:
         """The effect's parameters for this robot by `key`; all zero means absent."""
         return {}
 
-    def command(self, inputs: Float[Array, "T nu"], time: Float[Array, " T"], dt: Float[Array, " T"], p: Numbers):
+    def frees(self, robot: "Robot") -> tuple[str, ...]:
+        """Parameters of the robot itself that the effect lets vary."""
+        return ()
+
+    def states_on(self, robot: "Robot") -> tuple[str, ...]:
+        """Names of the effect's own states on this robot."""
+        return self.states
+
+    def refusal(self, robot: "Robot") -> str | None:
+        """Why this robot cannot have the effect though it has the traits, in a sentence; None if it can."""
+        return None
+
+    def there_already(self, robot: "Robot") -> bool:
+        """Whether the robot's own numbers hold the mechanism already, so that nothing of it can be missing."""
+        return False
+
+    def command(
+        self,
+        inputs: Float[Array, "T nu"],
+        time: Float[Array, " T"],
+        dt: Float[Array, " T"],
+        p: Numbers,
+        robot: "Robot",
+    ) -> Float[Array, "T nu"]:
         """Whole commanded signals -> signals that reach the motors, on the integration grid [T, nu]."""
         return inputs
 
-    def supply(self, volts: Path, currents: Path, state: State, p: Numbers) -> Path:
+    def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: "Robot") -> Path:
         """Motor voltages [V], given the currents [A] they would cause."""
         return volts
 
-    def torque(self, torques: Path, state: State, p: Numbers) -> Path:
-        """Drive torques or forces at the wheels."""
+    def torque(self, torques: Path, state: State, p: Numbers, robot: "Robot") -> Path:
+        """Drive torques at the wheels (forces of a linear axis)."""
         return torques
 
-    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers) -> Levels:
+    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: "Robot") -> Levels:
         """(backward, forward) Coulomb levels of every rubbing axis, both positive."""
         return levels
 
-    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers) -> Path:
+    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers, robot: "Robot") -> Path:
         """Speed-dependent resisting torques of every rubbing axis."""
         return resistance
 
-    def force(self, forces: Path, state: State, p: Numbers) -> Path:
+    def force(self, forces: Path, state: State, p: Numbers, robot: "Robot") -> Path:
         """Generalised forces that act on the body, one per velocity."""
         return forces
 
-    def rates(self, state: State, currents: Path, p: Numbers) -> State:
-        """Time derivatives of the effect's own states."""
+    def rates(self, state: State, currents: Path, p: Numbers, robot: "Robot") -> State:
+        """Time derivatives of the effect's own states, and of no others."""
         return {}
 
-    def measure(self, outputs: Float[Array, "T ny"], time: Float[Array, " T"], p: Numbers) -> Float[Array, "T ny"]:
+    def measure(
+        self, outputs: Float[Array, "T ny"], time: Float[Array, " T"], p: Numbers, robot: "Robot"
+    ) -> Float[Array, "T ny"]:
         """Whole simulated outputs -> what the sensors report, on the integration grid."""
         return outputs

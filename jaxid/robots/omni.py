@@ -10,15 +10,18 @@ world +x); motor currents i1..i4 [A] with `inductance=True`. Inputs u1..u4 [V].
 with c = `coriolis`: 1 for the turning frame's own terms (default), 0 for equations 1-3 as printed.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import jax.numpy as jnp
 
 from ..logs import OMNI, Channels
 from ..parameters import ParameterTable
-from .effect import Levels, Numbers, Path, State
+from .effect import Levels, Numbers, Path, Scalar, State
 from .robot import Robot, parameter
+from .scales import Scales
 from .trigonometry import sincos
 
 
@@ -51,6 +54,32 @@ class Omni(Robot):
     velocities: ClassVar[tuple[str, ...]] = ("V", "Vn", "W")
     drive_axes: ClassVar[tuple[int, ...]] = (0, 1, 2)
     angles: ClassVar[tuple[str, ...]] = ("phi1", "phi2", "phi3", "phi4")
+    axis_words: ClassVar[tuple[str, ...]] = ("V", "Vn", "W")
+    turning: ClassVar[str] = "W"
+    in_plane: ClassVar[bool] = True
+    winding: ClassVar[str] = "Ra"
+    supply_voltage: ClassVar[str] = "supply"
+    nominal: ClassVar[Scales] = Scales(
+        input=8.0, speed=0.5, torque=4.0, friction=160.0, force=80.0, time=0.2, acceleration=3.0
+    )
+    mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {
+            "lateral_com_offset": ("yc", "xc"),
+            "wheel_radius_mismatch": ("radius_mismatch",),
+            "coriolis_coupling": ("coriolis",),
+        }
+    )
+    words: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"V": "forward speed", "Vn": "sideways speed", "W": "yaw rate"}
+    )
+    driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {
+            "forwards": (0.0, -1.0, 0.0, 1.0),
+            "sideways": (1.0, 0.0, -1.0, 0.0),
+            "on the spot": (0.5, 0.5, 0.5, 0.5),
+            "along and turning": (0.3, -0.7, 0.3, 1.0),
+        }
+    )
 
     def defaults(self) -> ParameterTable:
         paper, assumed = "Tables 5 and 6", "assumed (not printed in the paper)"
@@ -95,58 +124,38 @@ class Omni(Robot):
         return self.with_values(coriolis=0.0)
 
     @property
-    def states(self) -> tuple[str, ...]:
-        names = ("V", "Vn", "W")
-        if self.pose or self.needs("pose"):
-            names = ("x", "y", "theta", *names)
-        if self.needs("wheel_angles"):
-            names = (*names, "phi1", "phi2", "phi3", "phi4")
-        if self.inductance:
-            names = (*names, "i1", "i2", "i3", "i4")
-        return (*names, *self.extra_states)
+    def own_states(self) -> tuple[str, ...]:
+        return ("V", "Vn", "W", *(("i1", "i2", "i3", "i4") if self.inductance else ()))
 
     @property
     def estimated_states(self) -> tuple[str, ...]:
         return ("V", "Vn", "W")
 
+    def driver(self, volts: Path, state: State, p: Numbers) -> Path:
+        return tuple(jnp.clip(u, -p["supply"], p["supply"]) for u in volts)
+
+    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+        """Currents [A] of the motors at `volts`, the inductance neglected (eq. 9)."""
+        emf = p["Kv"] * p["l"]
+        rims = zip(volts, wheel_speeds(state, p), _radii(p), strict=True)
+        return tuple((u - emf * v / r) / p["Ra"] for u, v, r in rims)
+
+    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+        return tuple(p["l"] * p["Kt"] * i for i in currents)
+
     def rubbing(self, state: State, p: Numbers) -> Path:
         return state["V"], state["Vn"], state["W"]
 
-    def coulomb(self, state: State, p: Numbers) -> Levels:
-        levels: Levels = tuple((p[name], p[name]) for name in ("Cv", "Cvn", "Cw"))
-        speeds = self.rubbing(state, p)
-        for effect in self.effects:
-            levels = effect.dry(levels, speeds, state, p)
-        return levels
+    def own_coulomb(self, state: State, p: Numbers) -> Levels:
+        return tuple((p[name], p[name]) for name in ("Cv", "Cvn", "Cw"))
 
-    def _motor(self, state: State, volts: Path, p: Numbers) -> Path:
-        """Currents [A] of motors at `volts`, the inductance neglected (eq. 9) and the voltage limited by the supply."""
-        limited = (jnp.clip(u, -p["supply"], p["supply"]) for u in volts)
-        emf = p["Kv"] * p["l"]
-        rims = zip(limited, wheel_speeds(state, p), _radii(p), strict=True)
-        return tuple((u - emf * v / r) / p["Ra"] for u, v, r in rims)
+    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+        return p["Bv"] * speeds[0], p["Bvn"] * speeds[1], p["Bw"] * speeds[2]
 
-    def currents(self, state: State, volts: Path, p: Numbers) -> Path:
-        """Motor currents i1..i4 [A] at the commanded `volts` [V], effects on them included, inductance neglected."""
-        currents = self._motor(state, volts, p)
-        for effect in self.effects:
-            volts = effect.supply(volts, currents, state, p)
-            currents = self._motor(state, volts, p)
-        return currents
-
-    def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
         V, Vn, W = state["V"], state["Vn"], state["W"]
-        currents = self.currents(state, inputs, p)
-        resistance: Path = (p["Bv"] * V, p["Bvn"] * Vn, p["Bw"] * W)
-        forces: Path = (0.0, 0.0, 0.0)
-        for effect in self.effects:
-            resistance = effect.viscous(resistance, (V, Vn, W), state, p)
-            forces = effect.force(forces, state, p)
-        traction = tuple(p["l"] * p["Kt"] / r * i for i, r in zip(currents, _radii(p), strict=True))
-        for effect in self.effects:
-            traction = effect.torque(traction, state, p)
-        driving = body_forces(traction, p)
-        Q = [driving[i] + forces[i] - resistance[i] - dry[i] for i in range(3)]
+        driving = body_forces(self.drive_forces(torques, p), p)
+        Q = [driving[i] + forces[i] - resisting[i] for i in range(3)]
         # A centre of mass at (xc, yc) adds its centrifugal terms and couples the accelerations.
         c, M, xc, yc = p["coriolis"], p["M"], p["xc"], p["yc"]
         a, b, turn = self._solve(
@@ -155,19 +164,17 @@ class Omni(Robot):
             Q[2] - c * M * W * (xc * V + yc * Vn),
             p,
         )
-        rates = {"V": a, "Vn": b, "W": turn}
-        if "theta" in state:
-            sin_t, cos_t = sincos(state["theta"])
-            rates |= {"x": V * cos_t - Vn * sin_t, "y": V * sin_t + Vn * cos_t, "theta": W}
-        if "phi1" in state:
-            rates |= {
-                f"phi{i + 1}": v / r for i, (v, r) in enumerate(zip(wheel_speeds(state, p), _radii(p), strict=True))
-            }
-        if self.inductance:
-            rates |= dict.fromkeys(("i1", "i2", "i3", "i4"), 0.0)  # advanced exactly by `settle`
-        for effect in self.effects:
-            rates |= effect.rates(state, currents, p)
-        return rates
+        currents = dict.fromkeys(("i1", "i2", "i3", "i4"), 0.0) if self.inductance else {}  # advanced by `settle`
+        return {"V": a, "Vn": b, "W": turn} | currents
+
+    def planar(self, state: State, p: Numbers) -> tuple[Scalar, Scalar, Scalar]:
+        return state["V"], state["Vn"], state["W"]
+
+    def angle_rates(self, state: State, p: Numbers) -> Path:
+        return tuple(v / r for v, r in zip(wheel_speeds(state, p), _radii(p), strict=True))
+
+    def drive_forces(self, torques: Path, p: Numbers) -> Path:
+        return tuple(torque * (1.0 / r) for torque, r in zip(torques, _radii(p), strict=True))
 
     def _solve(self, Q1, Q2, Q3, p: Numbers):
         """Accelerations: [[M, 0, -M yc], [0, M, M xc], [-M yc, M xc, J + M (xc² + yc²)]] solved for (Q1, Q2, Q3)."""
@@ -179,8 +186,8 @@ class Omni(Robot):
         columns = [self._solve(*unit, p) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
         return tuple(tuple(columns[j][i] for j in range(3)) for i in range(3))
 
-    def rim_speeds(self, speeds: Path, p: Numbers) -> Path:
-        return speeds[0], speeds[1], p["b"] * speeds[2]
+    def rim_levers(self, p: Numbers) -> Path:
+        return 1.0, 1.0, p["b"]
 
     def field_force(self, field, state: State, p: Numbers) -> Path:
         sin_t, cos_t = sincos(state["theta"])

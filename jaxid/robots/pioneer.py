@@ -8,14 +8,17 @@ This is the fast closed form of equation 8 with the motors of equation 28; the m
 `pioneer_equations`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 from ..logs import PIONEER, Channels
 from ..parameters import ParameterTable
-from .effect import Levels, Numbers, Path, State
+from .effect import Levels, Numbers, Path, Scalar, State
 from .pioneer_closed_form import bias, reduced_inertia
 from .robot import Robot, parameter
+from .scales import Scales
 from .trigonometry import sincos
 
 
@@ -31,14 +34,15 @@ def _inertia(state: State, p: Numbers):
     return J11, J12, J22, sin_b, cos_b
 
 
+def _wheel_levers(p: Numbers):
+    """Speeds (phi2', phi3') of the driving wheels per unit of (eta1, eta2)."""
+    right, left = p["R"] * (1.0 + p["radius_mismatch"]), p["R"] * (1.0 - p["radius_mismatch"])
+    return (1.0 / right, p["L"] / right), (1.0 / left, -p["L"] / left)
+
+
 def _levers(sin_b, cos_b, p: Numbers):
     """Rows of B: rubbing speeds (phi2', phi3', beta') per unit of (eta1, eta2)."""
-    right, left = p["R"] * (1.0 + p["radius_mismatch"]), p["R"] * (1.0 - p["radius_mismatch"])
-    return (
-        (1.0 / right, p["L"] / right),
-        (1.0 / left, -p["L"] / left),
-        (-sin_b / p["d"], -(p["d"] + p["l1"] * cos_b) / p["d"]),
-    )
+    return (*_wheel_levers(p), (-sin_b / p["d"], -(p["d"] + p["l1"] * cos_b) / p["d"]))
 
 
 def straight_inertia(p: Numbers):
@@ -71,6 +75,21 @@ class Pioneer(Robot):
     velocities: ClassVar[tuple[str, ...]] = ("eta1", "eta2")
     drive_axes: ClassVar[tuple[int, ...]] = (0, 1)
     angles: ClassVar[tuple[str, ...]] = ("phi2", "phi3")
+    friction_unit: ClassVar[str] = "N m"
+    turning: ClassVar[str] = "eta2"
+    in_plane: ClassVar[bool] = True
+    winding: ClassVar[str] = "Ra"
+    supply_voltage: ClassVar[float] = 12.0
+    nominal: ClassVar[Scales] = Scales(
+        input=6.0, speed=0.5, torque=2.8, friction=2.8, force=34.0, time=0.2, acceleration=2.5
+    )
+    mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {"lateral_com_offset": ("xm",), "wheel_radius_mismatch": ("radius_mismatch",)}
+    )
+    words: ClassVar[Mapping[str, str]] = MappingProxyType({"eta1": "forward speed", "eta2": "yaw rate"})
+    driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)}
+    )
     combinations: ClassVar[dict] = {
         "1/a11": (straight_inertia, "kg", "inertia against straight motion (eq. 34)"),
         "1/a22": (turning_inertia, "kg m^2", "inertia against turning on the spot (eq. 35)"),
@@ -118,65 +137,47 @@ class Pioneer(Robot):
         return ParameterTable(physical)
 
     @property
-    def states(self) -> tuple[str, ...]:
-        names = ("beta", "eta1", "eta2")
-        if self.pose or self.needs("pose"):
-            names = ("x", "y", "theta", *names)
-        if self.wheel_angles or self.needs("wheel_angles"):
-            names = (*names, "phi2", "phi3")
-        return (*names, *self.extra_states)
-
-    @property
-    def estimated_states(self) -> tuple[str, ...]:
+    def own_states(self) -> tuple[str, ...]:
         return ("beta", "eta1", "eta2")
+
+    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+        emf = p["KE"] * p["tr"]
+        return tuple((u - emf * w) / p["Ra"] for u, w in zip(volts, self.angle_rates(state, p), strict=True))
+
+    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+        return tuple(p["tr"] * p["mu"] * p["KT"] * i for i in currents)
 
     def rubbing(self, state: State, p: Numbers) -> Path:
         sin_b, cos_b = sincos(state["beta"])
         return tuple(b1 * state["eta1"] + b2 * state["eta2"] for b1, b2 in _levers(sin_b, cos_b, p))
 
-    def coulomb(self, state: State, p: Numbers) -> Levels:
+    def own_coulomb(self, state: State, p: Numbers) -> Levels:
         wheel = p["Cs"] + p["tr"] * p["mu"] * p["tau_fr"]  # the motor's own friction, eq. 28, rubs at the same speed
-        levels: Levels = ((wheel, wheel), (wheel, wheel), (p["Cs1"], p["Cs1"]))
-        speeds = self.rubbing(state, p)
-        for effect in self.effects:
-            levels = effect.dry(levels, speeds, state, p)
-        return levels
+        return ((wheel, wheel), (wheel, wheel), (p["Cs1"], p["Cs1"]))
 
-    def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+        return p["Cv"] * speeds[0], p["Cv"] * speeds[1], p["Cv1"] * speeds[2]
+
+    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
         eta1, eta2 = state["eta1"], state["eta2"]
         J11, J12, J22, sin_b, cos_b = _inertia(state, p)
         levers = _levers(sin_b, cos_b, p)
-        speeds = tuple(b1 * eta1 + b2 * eta2 for b1, b2 in levers)
-
-        def currents_of(volts: Path) -> Path:
-            return tuple((v - p["KE"] * p["tr"] * w) / p["Ra"] for v, w in zip(volts, speeds[:2], strict=True))
-
-        volts = inputs
-        currents = currents_of(volts)
-        resistance: Path = (p["Cv"] * speeds[0], p["Cv"] * speeds[1], p["Cv1"] * speeds[2])
-        forces: Path = (0.0, 0.0)
-        for effect in self.effects:
-            volts = effect.supply(volts, currents, state, p)
-            currents = currents_of(volts)
-            resistance = effect.viscous(resistance, speeds, state, p)
-            forces = effect.force(forces, state, p)
-        torques = tuple(p["tr"] * p["mu"] * p["KT"] * i for i in currents)
-        for effect in self.effects:
-            torques = effect.torque(torques, state, p)
-        axes = (torques[0] - resistance[0] - dry[0], torques[1] - resistance[1] - dry[1], -resistance[2] - dry[2])
+        axes = (torques[0] - resisting[0], torques[1] - resisting[1], -resisting[2])
         g1, g2 = bias(cos_b, sin_b, eta1, eta2, p)
         Q1 = forces[0] - g1 + sum(b[0] * t for b, t in zip(levers, axes, strict=True))
         Q2 = forces[1] - g2 + sum(b[1] * t for b, t in zip(levers, axes, strict=True))
         scale = 1.0 / (J11 * J22 - J12 * J12)
-        rates = {"beta": speeds[2], "eta1": (J22 * Q1 - J12 * Q2) * scale, "eta2": (J11 * Q2 - J12 * Q1) * scale}
-        if "theta" in state:
-            sin_t, cos_t = sincos(state["theta"])
-            rates |= {"x": -sin_t * eta1, "y": cos_t * eta1, "theta": eta2}
-        if "phi2" in state:
-            rates |= {"phi2": speeds[0], "phi3": speeds[1]}
-        for effect in self.effects:
-            rates |= effect.rates(state, currents, p)
-        return rates
+        return {
+            "beta": levers[2][0] * eta1 + levers[2][1] * eta2,
+            "eta1": (J22 * Q1 - J12 * Q2) * scale,
+            "eta2": (J11 * Q2 - J12 * Q1) * scale,
+        }
+
+    def planar(self, state: State, p: Numbers) -> tuple[Scalar, Scalar, Scalar]:
+        return 0.0, state["eta1"], state["eta2"]
+
+    def angle_rates(self, state: State, p: Numbers) -> Path:
+        return tuple(b1 * state["eta1"] + b2 * state["eta2"] for b1, b2 in _wheel_levers(p))
 
     def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
         J11, J12, J22, sin_b, cos_b = _inertia(state, p)
@@ -185,8 +186,8 @@ class Pioneer(Robot):
         moved = tuple(((J22 * b1 - J12 * b2) * scale, (J11 * b2 - J12 * b1) * scale) for b1, b2 in levers)
         return tuple(tuple(b1 * m1 + b2 * m2 for m1, m2 in moved) for b1, b2 in levers)
 
-    def rim_speeds(self, speeds: Path, p: Numbers) -> Path:
-        return p["R"] * speeds[0], p["R"] * speeds[1], p["d"] * speeds[2]
+    def rim_levers(self, p: Numbers) -> Path:
+        return p["R"], p["R"], p["d"]
 
     def drive_forces(self, torques: Path, p: Numbers) -> Path:
         return tuple(torque / p["R"] for torque in torques)

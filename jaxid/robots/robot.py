@@ -5,14 +5,19 @@ parameters are scalars by name, so that the same code runs on one number, on a b
 compiles into a single fused loop.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import jax
 
 from ..logs import Channels
 from ..parameters import Parameter, ParameterTable
-from .effect import Effect, Levels, Numbers, Path, Scalar, State
+from . import signal_path
+from .effect import Effect, EffectError, Levels, Numbers, Path, Scalar, State
+from .scales import Scales
+from .traits import refusal, traits_of
 
 _EMPTY = ParameterTable({})
 
@@ -25,41 +30,125 @@ class Robot:
     robot's own physics. `robot + effect` adds one; `robot.with_values(Cs=0.3)` and `robot.with_parameters(table)` change
     the numbers.
 
-    A subclass gives `channels`, `states`, `defaults()`, `rates()`, `observe()` and, where something rubs, `rubbing()`
-    and `coulomb()`.
+    A subclass gives `channels`, `own_states`, `defaults()`, `observe()` and the physics of the signal path's stages:
+    `motor()` and `gear()` where they do anything, `motion()`, and where something rubs `rubbing()`, `own_coulomb()` and
+    `own_viscous()`. `rates()` and `coulomb()`, in which effects act, follow from these and are not written again. What a
+    robot says about itself beyond that are traits: whoever lacks one does without the effects that need it.
     """
 
     parameters: ParameterTable = field(default=None)  # type: ignore[assignment]
     effects: tuple[Effect, ...] = ()
+    scales: Scales = field(default=None, compare=False, repr=False, kw_only=True)  # type: ignore[assignment]
+    """Orders of magnitude of what it does (None: nominal ones): first guesses of effects are shares of them."""
 
     name: ClassVar[str] = "robot"
     channels: ClassVar[Channels]
     combinations: ClassVar[dict[str, Any]] = {}
     """Functions of the parameters (name -> (function of numbers, unit, meaning)) that data determine when single
     parameters are not."""
+
+    # -- traits: what the robot says about itself --------------------------------------------------------------------
+    stages: ClassVar[frozenset[str]] = frozenset(signal_path.STAGES)
+    """Stages of the signal path at which effects can act."""
     velocities: ClassVar[tuple[str, ...]] = ()
-    """States to which the generalised forces belong, in their order."""
+    """States to which the generalised forces belong, in their order; the first is the one forwards."""
+    turning: ClassVar[str] = ""
+    """The velocity that is the yaw rate to the left."""
+    in_plane: ClassVar[bool] = False
+    """Whether `planar()` says how it moves in the plane, so that x, y, theta can be integrated."""
     drive_axes: ClassVar[tuple[int, ...]] = ()
     """Rubbing axes that belong to the drivetrain."""
+    axis_words: ClassVar[tuple[str, ...]] = ()
+    """Names of the drive axes where each is told apart in words; empty where they are alike."""
+    friction_unit: ClassVar[str] = "N"
+    """Unit of the friction of a drive axis."""
+    torque_unit: ClassVar[str] = "N m"
+    """Unit of a drive torque."""
+    rim_unit: ClassVar[str] = "m/s"
+    """Unit of the speed of a drive axis at the rim."""
+    angle_unit: ClassVar[str] = "rad"
+    """Unit of `angles`."""
+    ground_force_unit: ClassVar[str] = "N"
+    """Unit of `drive_forces`."""
     angles: ClassVar[tuple[str, ...]] = ()
-    """States that are the angles of the driving wheels, integrated where an effect needs them."""
+    """States that are the angles of the driving wheels, one per drive torque, integrated where an effect needs them."""
+    winding: ClassVar[str] = ""
+    """The parameter that is the resistance of each motor's winding."""
+    supply_voltage: ClassVar[str | float | None] = None
+    """The supply's voltage [V], or the parameter that is it."""
+    mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    """Effect id -> the robot's own parameters that are this mechanism, which the effect frees."""
+    expressed: ClassVar[frozenset[str]] = frozenset()
+    """Ids of effects that the robot's own parameters already are, by another name."""
+    words: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Channel -> what it measures, in words, for sentences."""
+    driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
+    """Directions of driving by name ("straight"), one gain per input; empty: each input on its own."""
+    nominal: ClassVar[Scales] = Scales()
+    """Orders of magnitude where no log says them."""
     max_step: ClassVar[float] = 0.01
     """Longest integration step [s] for which the default integrator's error stays below usual sensor noise."""
 
     def __post_init__(self) -> None:
         if self.parameters is None:
             object.__setattr__(self, "parameters", self.defaults())
+        if self.scales is None:
+            object.__setattr__(self, "scales", self.nominal)
 
-    # -- the physics, one method a stage ---------------------------------------------------------------------------
+    @property
+    def traits(self) -> frozenset[str]:
+        """The traits that the robot has, by the names of `traits.TRAITS`."""
+        return traits_of(self)
+
+    @property
+    def translations(self) -> tuple[str, ...]:
+        """The velocities that are not the yaw rate."""
+        return tuple(name for name in self.velocities if name != self.turning)
+
+    @property
+    def drive_inputs(self) -> tuple[int, ...]:
+        """Places of the inputs that drive: those in the unit of the first."""
+        units = [self.channels.units.get(name, "") for name in self.channels.inputs]
+        return tuple(i for i, unit in enumerate(units) if unit == units[0])
+
+    @property
+    def weighs(self) -> bool:
+        """Whether `field_force` says how weight pulls at it in the plane."""
+        return type(self).field_force is not Robot.field_force
+
+    @property
+    def pose(self) -> bool:
+        """Whether the pose is integrated even where no effect needs it."""
+        return False
+
+    @property
+    def wheel_angles(self) -> bool:
+        """Whether the wheels' angles are integrated even where no effect needs them."""
+        return False
+
+    # -- states ------------------------------------------------------------------------------------------------------
+    @property
+    def own_states(self) -> tuple[str, ...]:
+        """Names of the states of the robot's own physics."""
+        raise NotImplementedError
+
+    @property
+    def added_states(self) -> tuple[str, ...]:
+        """Pose and wheel angles, where wanted and no states of the robot's own already."""
+        wanted = signal_path.POSE_STATES if self.in_plane and (self.pose or self.needs("pose")) else ()
+        wanted += self.angles if self.wheel_angles or self.needs("wheel_angles") else ()
+        own = self.own_states
+        return tuple(name for name in wanted if name not in own)
+
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the states that are integrated."""
-        raise NotImplementedError
+        """Names of all states that are integrated."""
+        return (*self.own_states, *self.added_states, *self.extra_states)
 
     @property
     def estimated_states(self) -> tuple[str, ...]:
         """Names of the states whose initial values can be estimated from the outputs."""
-        return self.states
+        return self.own_states
 
     def defaults(self) -> ParameterTable:
         """The table of parameters with their published or assumed values."""
@@ -69,17 +158,67 @@ class Robot:
         """The state at the start of a log that does not say otherwise: at rest at the origin."""
         return dict.fromkeys(self.states, 0.0)
 
+    # -- the physics, one method a stage -----------------------------------------------------------------------------
+    def driver(self, volts: Path, state: State, p: Numbers) -> Path:
+        """What the motors' driver makes of commanded voltages, such as limiting them."""
+        return volts
+
+    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+        """Motor currents [A] at these voltages; for a robot without motors the inputs themselves."""
+        return volts
+
+    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+        """Drive torques at the wheels (forces of a linear axis) of the motors' currents."""
+        return currents
+
     def rubbing(self, state: State, p: Numbers) -> Path:
         """Speeds at which dry friction acts, one per rubbing axis."""
         return ()
 
-    def coulomb(self, state: State, p: Numbers) -> Levels:
+    def own_coulomb(self, state: State, p: Numbers) -> Levels:
         """(backward, forward) Coulomb levels of the rubbing axes, both positive."""
-        return ()
+        return tuple((0.0, 0.0) for _ in self.rubbing(state, p))
+
+    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+        """Viscous resistance of the rubbing axes."""
+        return tuple(0.0 for _ in speeds)
+
+    def own_forces(self, state: State, p: Numbers) -> Path:
+        """Generalised forces of the robot's own, one per velocity."""
+        return (0.0,) * len(self.velocities)
+
+    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+        """Rates of the robot's own states.
+
+        `volts` as they reach the motors, drive `torques`, `resisting` torques of the rubbing axes (viscous and dry),
+        generalised `forces`.
+        """
+        raise NotImplementedError
+
+    def planar(self, state: State, p: Numbers) -> tuple[Scalar, Scalar, Scalar]:
+        """(speed along x, speed along y, yaw rate) in body axes that are the world's at heading zero."""
+        raise NotImplementedError
+
+    def angle_rates(self, state: State, p: Numbers) -> Path:
+        """Rates of `angles`."""
+        raise NotImplementedError
+
+    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+        """Outputs in the order of the channels (measured ones first, then optional ones)."""
+        raise NotImplementedError
+
+    # -- what follows from the stages and the effects ----------------------------------------------------------------
+    def coulomb(self, state: State, p: Numbers) -> Levels:
+        """(backward, forward) Coulomb levels of the rubbing axes, effects included."""
+        return signal_path.coulomb(self, state, p)
+
+    def currents(self, state: State, inputs: Path, p: Numbers) -> Path:
+        """Motor currents [A] at the commanded inputs, effects on the supply included."""
+        return signal_path.powered(self, inputs, state, p)[1]
 
     def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
         """Time derivative of every state under the given inputs and dry-friction torques (positive resists positive speed)."""
-        raise NotImplementedError
+        return signal_path.rates(self, state, inputs, dry, p)
 
     def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
         """The Delassus matrix: -d(rubbing acceleration i) / d(dry-friction torque j), positive semidefinite."""
@@ -97,25 +236,25 @@ class Robot:
             columns.append(jax.jvp(speeds_after, (zero,), (unit,))[1])
         return tuple(tuple(-columns[j][i] for j in range(axes)) for i in range(axes))
 
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+        """Time derivative of the rubbing speeds along `rates` of the velocities."""
+        return jax.jvp(lambda s: self.rubbing(s, p), (state,), (rates,))[1]
+
+    def rim_levers(self, p: Numbers) -> Path:
+        """What each rubbing speed is multiplied with to be one at the wheels' rims [m/s], where axes compare."""
+        return (1.0,) * len(self.rubbing(dict.fromkeys(self.states, 0.0), p))
+
     def rim_speeds(self, speeds: Path, p: Numbers) -> Path:
-        """Rubbing speeds in m/s at the wheels' rims, where friction laws of different axes can be compared."""
-        return speeds
+        """Rubbing speeds [m/s] at the wheels' rims, where friction laws of different axes can be compared."""
+        return tuple(s if _one(lever) else lever * s for lever, s in zip(self.rim_levers(p), speeds, strict=True))
 
     def drive_forces(self, torques: Path, p: Numbers) -> Path:
-        """Forces at the ground [N] of the motors' torques (or forces) as the `torque` stage passes them."""
+        """Forces at the ground [N] of the drive torques as the `torque` stage passes them."""
         return torques
 
     def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Path:
         """Generalised forces of an acceleration field [m/s²] along the world's (x, y) that pulls at every body's mass."""
         return (0.0,) * len(self.velocities)
-
-    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
-        """Time derivative of the rubbing speeds along `rates` of the velocities."""
-        return jax.jvp(lambda s: self.rubbing(s, p), (state,), (rates,))[1]
-
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
-        """Outputs in the order of the channels (measured ones first, then optional ones)."""
-        raise NotImplementedError
 
     def effective_inputs(self, state: State, inputs: Path, h: Scalar, p: Numbers) -> Path:
         """Inputs to hold over a step of `h` seconds; robots with stiff electrical states put their mean effect in here."""
@@ -125,11 +264,25 @@ class Robot:
         """The state after a step, with stiff states advanced exactly."""
         return after
 
+    def per_unit_inertia(self) -> "Robot":
+        """The robot with accelerations in the place of forces, where it does not say what a force accelerates."""
+        return self
+
     # -- building models -------------------------------------------------------------------------------------------
     def __add__(self, effect: Effect) -> Self:
+        """The robot with one more effect. Raises `EffectError` where it cannot have it, saying why."""
+        why = refusal(effect, self)
+        if why is not None:
+            raise EffectError(why)
+        clash = signal_path.names_clash(self, effect)
+        if clash is not None and not any(type(own) is type(effect) for own in self.effects):
+            raise EffectError(
+                f"the effect {effect.id!r} brings a state {clash!r}, which the robot {self.name!r} already has; name it "
+                "otherwise"
+            )
         known = dict(self.parameters)
         added = {k: v for k, v in effect.parameters(self).items() if k not in known}
-        freed = {name: replace(known[name], free=True) for name in effect.frees}
+        freed = {name: replace(known[name], free=True) for name in effect.frees(self)}
         return replace(self, parameters=self.parameters.merge(added | freed), effects=(*self.effects, effect))
 
     def with_parameters(self, table: ParameterTable) -> Self:
@@ -149,14 +302,18 @@ class Robot:
         """The robot without its numbers: what a compiled program depends on."""
         return replace(self, parameters=_EMPTY)
 
-    def needs(self, group: str) -> bool:
-        """Whether any effect reads the named group of states."""
-        return any(group in effect.needs for effect in self.effects)
+    def needs(self, trait: str) -> bool:
+        """Whether any effect asks for the named trait, such as "pose"."""
+        return any(trait in effect.needs for effect in self.effects)
 
     @property
     def extra_states(self) -> tuple[str, ...]:
         """States that effects brought along."""
-        return tuple(name for effect in self.effects for name in effect.states)
+        return tuple(dict.fromkeys(name for effect in self.effects for name in effect.states_on(self)))
+
+
+def _one(lever: Scalar) -> bool:
+    return isinstance(lever, float) and lever == 1.0
 
 
 def parameter(
@@ -174,4 +331,4 @@ def parameter(
     return Parameter(value, unit, free=free, lower=lower, typical=typical, source=source, meaning=meaning)
 
 
-__all__ = ["Effect", "Robot", "Scalar", "State", "parameter"]
+__all__ = ["Effect", "EffectError", "Robot", "Scalar", "State", "parameter"]

@@ -11,19 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs import Channels, signals
+from ..robots.robot import Robot
 
 Array = NDArray[np.float64]
 Direction = tuple[float, ...]
 
-_MODES: dict[str, dict[str, Direction]] = {
-    "pioneer": {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)},
-    "omni": {
-        "forwards": (0.0, -1.0, 0.0, 1.0),
-        "sideways": (1.0, 0.0, -1.0, 0.0),
-        "on the spot": (0.5, 0.5, 0.5, 0.5),
-        "along and turning": (0.3, -0.7, 0.3, 1.0),
-    },
-}
 _CLOCKS = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Clock periods of binary sequences, in rise times of the robot."""
 _BANDS = (0.25, 0.5, 1.0)
@@ -39,12 +31,13 @@ class Drive:
     inputs: Array
 
 
-def modes(robot: str, inputs: Sequence[str]) -> dict[str, Direction]:
-    """Directions of driving by name; for robots that are not known here each input on its own, one input unnamed."""
+def modes(robot: Robot) -> Mapping[str, Direction]:
+    """Directions of driving by name; each input on its own for a robot that names none, one input unnamed."""
+    inputs = robot.channels.inputs
     if len(inputs) == 1:
         return {"": (1.0,)}
     single = {name: tuple(float(i == k) for i in range(len(inputs))) for k, name in enumerate(inputs)}
-    return _MODES.get(robot, single)
+    return robot.driving_modes or single
 
 
 def plain_shapes(duration: float, interval: float) -> dict[str, Array]:
@@ -111,11 +104,12 @@ def in_turn(shape: Array, directions: Sequence[Direction]) -> Array:
     return inputs / max(float(np.max(np.abs(inputs))), 1e-300)
 
 
-def single_modes(robot: str, channels: Channels, shapes: Mapping[str, Array], sizes: Sequence[float]) -> list[Drive]:
+def single_modes(robot: Robot, shapes: Mapping[str, Array], sizes: Sequence[float]) -> list[Drive]:
     """Every mode with every shape at every size, in the unit of the inputs."""
+    channels = robot.channels
     unit = channels.units.get(channels.inputs[0], "")
     family = []
-    for mode, direction in modes(robot, channels.inputs).items():
+    for mode, direction in modes(robot).items():
         for shape, signal in shapes.items():
             for size in sizes:
                 where = f"{mode} with " if mode else "with "

@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..robots.effect import Effect, Numbers, Path, State
+from ..robots.effect import Numbers, Path, State
 from ..robots.robot import Robot
+from ..robots.signal_path import overrides, passed
 from .friction import DryFriction, Sticking
 
 
@@ -28,8 +29,8 @@ class Integrator:
 
     @staticmethod
     def suited(robot: Robot, sampling_interval: float, friction: DryFriction | None = None) -> "Integrator":
-        """The integrator whose steps are no longer than the `max_step` of the robot and of its effects."""
-        longest = min(robot.max_step, *(effect.max_step for effect in robot.effects), math.inf)
+        """The integrator whose steps are no longer than the robot's `max_step`, or shorter where an effect asks for it."""
+        longest = robot.max_step / max((effect.finer for effect in robot.effects), default=1.0)
         substeps = max(1, math.ceil(sampling_interval / longest - 1e-6))
         return Integrator(substeps, friction or Sticking())
 
@@ -63,8 +64,7 @@ def commanded(robot: Robot, p: Numbers, inputs: Float[Array, "T nu"], dt: Float[
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
     fine_time = jnp.repeat(time, substeps) + jnp.tile(jnp.arange(substeps), len(dt)) * fine_dt
     fine = jnp.repeat(inputs, substeps, axis=0)
-    for effect in robot.effects:
-        fine = effect.command(fine, fine_time, fine_dt, p)
+    fine = passed(robot, "command", fine, fine_time, fine_dt, p)
     return fine.reshape(len(dt), substeps, -1)
 
 
@@ -85,7 +85,7 @@ def rollout(
     """
     n = integrator.substeps
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
-    fine = any(type(effect).command is not Effect.command for effect in robot.effects)
+    fine = any(overrides(type(effect), "command") for effect in robot.effects)
     seen = inputs
     if fine:
         inputs = commanded(robot, p, inputs, dt, n)
@@ -105,6 +105,4 @@ def rollout(
         return state, outputs
 
     _, outputs = jax.lax.scan(sample, start, (inputs, seen, dt, dict(driven)))
-    for effect in robot.effects:
-        outputs = effect.measure(outputs, time, p)
-    return outputs
+    return passed(robot, "measure", outputs, time, p)

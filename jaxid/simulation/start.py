@@ -5,7 +5,7 @@ of its largest speed), or shows another position than the origin, starts from wh
 nobody measures, is then uncertain. Where the model knows of a sensor's bias or scale, it is taken off before.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from .._float64 import in_float64
 from ..logs import LogSet
 from ..logs.noise import noise_level
-from ..robots.effect import Effect
 from ..robots.robot import Robot
+from ..robots.signal_path import overrides, passed
 
 _AT_REST = 5.0  # standard deviations of the first measurement
 _STILL = 0.1
@@ -37,16 +37,16 @@ def _sensed(robot: Robot, channels: int) -> tuple[NDArray[np.float64], NDArray[n
     present = [
         effect
         for effect in robot.effects
-        if type(effect).measure is not Effect.measure and any(numbers[name] for name in effect.parameters(robot))
+        if overrides(type(effect), "measure") and any(numbers[name] for name in effect.parameters(robot))
     ]
     if not present:
         return np.zeros(channels), np.ones(channels)
 
+    sensors = replace(robot, effects=tuple(present))
+
     def sensed(value: float) -> NDArray[np.float64]:
         time, outputs = jnp.arange(8.0), jnp.full((8, channels), value)
-        for effect in present:
-            outputs = effect.measure(outputs, time, numbers)
-        return np.asarray(outputs[-1])
+        return np.asarray(passed(sensors, "measure", outputs, time, numbers)[-1])
 
     offset = sensed(0.0)
     gain = sensed(1.0) - offset

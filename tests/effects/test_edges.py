@@ -17,7 +17,7 @@ def test_a_surface_is_sharp_unless_searched_for(robot):
 
     def doubled(effect, x):
         """How far friction has risen at x [m]: 0 before the line at 0.5 m, 1 beyond."""
-        changed = effect.dry(levels, (), {"x": jnp.asarray(x), "y": jnp.asarray(0.0)}, p)
+        changed = effect.dry(levels, (), {"x": jnp.asarray(x), "y": jnp.asarray(0.0)}, p, robot)
         return float(changed[robot.drive_axes[0]][1]) - 1.0
 
     for effect in (found, found.blurred):

@@ -101,7 +101,7 @@ def test_effects_of_the_model_are_accounted_for():
     # A slope of the model pulls at the body alone, that of the simulator at the wheels as well: make them light.
     light = PIONEER.with_parameters(m=1e-4, m1=1e-4)
     bare = true_model(light)
-    full = bare + GroundSlope(bare.structure) + MotorLag() + MotorHeating() + SensorBias(bare.structure)
+    full = bare + GroundSlope() + MotorLag() + MotorHeating() + SensorBias()
     full = full.with_values(
         **{
             "ground_slope.slope_x": np.sin(0.03) * np.cos(0.7),

@@ -23,6 +23,7 @@ from ..._float64 import in_float64
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Path, State
 from ...robots.omni import Omni, wheel_speeds
+from ...robots.robot import Robot
 from ...simulation.friction import Sticking
 from ...simulation.rollout import step
 
@@ -90,12 +91,12 @@ class CurrentLimit(Effect):
     where: ClassVar[str] = "actuator"
     limit: float = field(default=6.0, compare=False)  # a number, no part of the compiled structure
 
-    def parameters(self, robot: Omni) -> dict[str, Parameter]:
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return {
             self.key("limit"): Parameter(self.limit, "A", lower=0.0, meaning="largest motor current", source="assumed")
         }
 
-    def supply(self, volts: Path, currents: Path, state: State, p: Numbers) -> Path:
+    def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: Robot) -> Path:
         emf = (p["Kv"] * p["l"] / p["r"] * v for v in wheel_speeds(state, p))
         reach = p["Ra"] * p[self.key("limit")]
         return tuple(jnp.clip(u, e - reach, e + reach) for u, e in zip(volts, emf, strict=True))

@@ -1,0 +1,130 @@
+"""The signal path of every robot, written once: what each stage passes on, and where effects act on it.
+
+    command -> driver -> supply -> motor -> gear -> friction, contact, body -> sensor
+
+The robot supplies the physics of the stages; the effects of the model change what passes between them.
+"""
+
+from collections.abc import Iterator
+from functools import cache
+from inspect import signature
+from typing import TYPE_CHECKING, Any
+
+from .effect import Effect, EffectError, Levels, Numbers, Path, State
+from .trigonometry import sincos
+
+if TYPE_CHECKING:
+    from .robot import Robot
+
+POSE_STATES = ("x", "y", "theta")
+STAGES = ("supply", "torque", "dry", "viscous", "force")
+"""Stages inside the equations of motion, at which an effect can act only where the robot has them."""
+
+
+@cache
+def overrides(kind: type[Effect], stage: str) -> bool:
+    """Whether effects of this class act at `stage`."""
+    return getattr(kind, stage) is not getattr(Effect, stage)
+
+
+@cache
+def _asks(kind: type[Effect], stage: str) -> bool:
+    return "robot" in signature(getattr(kind, stage)).parameters
+
+
+def acting(robot: "Robot", stage: str) -> Iterator[Any]:
+    """What each effect that acts at `stage` does there, in the order in which they were added."""
+    for effect in robot.effects:
+        if overrides(type(effect), stage):
+            act = getattr(effect, stage)
+            asks = _asks(type(effect), stage)
+            yield (lambda *given, act=act: act(*given, robot=robot)) if asks else act
+
+
+def passed(robot: "Robot", stage: str, signal: Any, *others: Any) -> Any:
+    """`signal` after all effects that act at `stage`."""
+    for act in acting(robot, stage):
+        signal = act(signal, *others)
+    return signal
+
+
+def powered(robot: "Robot", inputs: Path, state: State, p: Numbers) -> tuple[Path, Path]:
+    """Voltages and currents of the motors at the commanded `inputs`: driver, supply and motor."""
+    volts = robot.driver(inputs, state, p)
+    currents = robot.motor(volts, state, p)
+    for act in acting(robot, "supply"):
+        volts = robot.driver(act(volts, currents, state, p), state, p)
+        currents = robot.motor(volts, state, p)
+    return volts, currents
+
+
+def coulomb(robot: "Robot", state: State, p: Numbers) -> Levels:
+    """(backward, forward) Coulomb levels of the rubbing axes."""
+    levels = robot.own_coulomb(state, p)
+    if any(overrides(type(effect), "dry") for effect in robot.effects):
+        levels = passed(robot, "dry", levels, robot.rubbing(state, p), state, p)
+    return levels
+
+
+def rates(robot: "Robot", state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+    """Time derivative of every state under the given inputs and dry-friction torques (positive resists positive speed)."""
+    volts, currents = powered(robot, inputs, state, p)
+    torques = passed(robot, "torque", robot.gear(currents, volts, state, p), state, p)
+    speeds = robot.rubbing(state, p)
+    resistance = passed(robot, "viscous", robot.own_viscous(speeds, state, p), speeds, state, p)
+    forces = passed(robot, "force", robot.own_forces(state, p), state, p)
+    resisting = tuple(r + d for r, d in zip(resistance, dry, strict=True))
+    found = dict(robot.motion(state, volts, torques, resisting, forces, p))
+    found |= kinematics(robot, state, p)
+    return found | _own_rates(robot, found, state, currents, p)
+
+
+def kinematics(robot: "Robot", state: State, p: Numbers) -> State:
+    """Rates of the pose and of the wheels' angles, where they are integrated beside the robot's own states."""
+    found: State = {}
+    added = robot.added_states
+    if "theta" in added:
+        sine, cosine = sincos(state["theta"])
+        along, left, turning = robot.planar(state, p)
+        x, y = _products((cosine, along), (-sine, left)), _products((sine, along), (cosine, left))
+        found |= {"x": x, "y": y, "theta": turning}
+    angles = [name for name in robot.angles if name in added]
+    if angles:
+        found |= {n: rate for n, rate in zip(robot.angles, robot.angle_rates(state, p), strict=True) if n in angles}
+    return found
+
+
+def _products(*pairs: tuple[Any, Any]) -> Any:
+    """Sum of products, those with a plain 0.0 left out: a robot's missing sideways speed costs nothing."""
+    kept = [a * b for a, b in pairs if not (isinstance(b, float) and b == 0.0)]
+    return sum(kept[1:], kept[0]) if kept else 0.0
+
+
+def _own_rates(robot: "Robot", found: State, state: State, currents: Path, p: Numbers) -> State:
+    added: State = {}
+    for effect in robot.effects:
+        own = effect.states_on(robot)
+        asks = _asks(type(effect), "rates")
+        rates = effect.rates(state, currents, p, robot) if asks else effect.rates(state, currents, p)  # type: ignore[call-arg]
+        foreign = sorted(set(rates) - set(own))
+        if foreign:
+            raise EffectError(
+                f"the effect {effect.id!r} gives a rate of {', '.join(foreign)}, which is no state of its own; let it act "
+                "as a force, a torque or friction, or name the state in its `states`"
+            )
+        absent = sorted(set(own) - set(rates))
+        if absent:
+            raise EffectError(f"the effect {effect.id!r} gives no rate of its state {', '.join(absent)}; return one")
+        added |= rates
+    return added
+
+
+def names_clash(robot: "Robot", effect: Effect) -> str | None:
+    """A state that the effect would bring and that is there already."""
+    there = set(robot.states)
+    return next((name for name in effect.states_on(robot) if name in there), None)
+
+
+__all__ = [
+    "POSE_STATES", "STAGES", "acting", "coulomb", "kinematics", "names_clash", "overrides", "passed", "powered", "rates",
+]  # fmt: skip
