@@ -124,6 +124,10 @@ class Omni(Robot):
         return self.with_values(coriolis=0.0)
 
     @property
+    def always(self) -> tuple[str, ...]:
+        return ("pose",) if self.pose else ()
+
+    @property
     def own_states(self) -> tuple[str, ...]:
         return ("V", "Vn", "W", *(("i1", "i2", "i3", "i4") if self.inductance else ()))
 

@@ -137,6 +137,10 @@ class Pioneer(Robot):
         return ParameterTable(physical)
 
     @property
+    def always(self) -> tuple[str, ...]:
+        return (*(("pose",) if self.pose else ()), *(("wheel_angles",) if self.wheel_angles else ()))
+
+    @property
     def own_states(self) -> tuple[str, ...]:
         return ("beta", "eta1", "eta2")
 

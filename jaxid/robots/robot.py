@@ -117,14 +117,9 @@ class Robot:
         return type(self).field_force is not Robot.field_force
 
     @property
-    def pose(self) -> bool:
-        """Whether the pose is integrated even where no effect needs it."""
-        return False
-
-    @property
-    def wheel_angles(self) -> bool:
-        """Whether the wheels' angles are integrated even where no effect needs them."""
-        return False
+    def always(self) -> tuple[str, ...]:
+        """Traits whose states ("pose", "wheel_angles") are integrated even where no effect needs them."""
+        return ()
 
     # -- states ------------------------------------------------------------------------------------------------------
     @property
@@ -135,8 +130,8 @@ class Robot:
     @property
     def added_states(self) -> tuple[str, ...]:
         """Pose and wheel angles, where wanted and no states of the robot's own already."""
-        wanted = signal_path.POSE_STATES if self.in_plane and (self.pose or self.needs("pose")) else ()
-        wanted += self.angles if self.wheel_angles or self.needs("wheel_angles") else ()
+        wanted = signal_path.POSE_STATES if self.in_plane and ("pose" in self.always or self.needs("pose")) else ()
+        wanted += self.angles if "wheel_angles" in self.always or self.needs("wheel_angles") else ()
         own = self.own_states
         return tuple(name for name in wanted if name not in own)
 
