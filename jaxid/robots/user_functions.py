@@ -87,7 +87,9 @@ def _mapping(what: str, found: Any, needed: Sequence[str], of: str, others_allow
     for name in needed:
         shape = jnp.shape(found[name])
         if shape != ():
-            raise ParameterError(f"{what} of the robot return an array of shape {shape} for {name!r}; return a single number")
+            raise ParameterError(
+                f"{what} of the robot return an array of shape {shape} for {name!r}; return a single number"
+            )
     return {name: jnp.asarray(found[name], float) for name in needed}
 
 
@@ -98,7 +100,9 @@ def _check(functions: UserFunctions) -> None:
     def traced(state, given, p, friction):
         named = _Named("a state", state), _Named("an input", given), _Named("a parameter", p)
         arguments = named if own.axes is None else (*named, _Named("the friction of an axis", friction))
-        rates = _mapping("the dynamics", _tried("the dynamics", own.dynamics, arguments), own.states, "the states", False)
+        rates = _mapping(
+            "the dynamics", _tried("the dynamics", own.dynamics, arguments), own.states, "the states", False
+        )
         if own.output is None:
             return rates
         seen = _tried("the outputs", own.output, named)
