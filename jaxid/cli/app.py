@@ -90,9 +90,12 @@ def fit(
         typer.Option("--loss", help="Of output error: squares, or one that outliers pull less."),
     ] = "squares",
     covariance: Annotated[
-        Literal["white", "robust"],
-        typer.Option("--covariance", help="Of output error: for white residuals, or robust against coloured ones."),
-    ] = "white",
+        Literal["auto", "white", "robust"],
+        typer.Option(
+            "--covariance",
+            help="Of output error: for white residuals, or robust against coloured ones; auto: as the residual is.",
+        ),
+    ] = "auto",
     clock_offset: Annotated[
         bool, typer.Option("--clock-offset", help="Inputs and outputs may be on different clocks: estimate the offset.")
     ] = False,

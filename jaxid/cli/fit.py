@@ -16,7 +16,7 @@ from ..model_file import read_model
 from ..parameters import ParameterError
 from ..report import Comparison, compare
 from ..report.files import write_fit
-from ..report.tables import Cell, Table, number, title_of, to_html, to_text, with_error
+from ..report.tables import DOUBT, Cell, Table, title_of, to_html, to_text, value_cell, with_error
 from ..robots import Robot
 from .arguments import UnusableInput, load_robot
 from .cache import keep_compiled_programs
@@ -75,14 +75,13 @@ def _estimates_table(fits: Sequence[Fit]) -> Table:
     for name in named:
         cells = [Cell(name), Cell(fits[-1][name].unit, "dim")]
         for fit in fits:
-            e = fit[name]
-            doubt = "" if e.status == "identified" else f" ({e.status.replace('_', ' ')})"
-            cells.append(Cell(f"{number(e.value)}{doubt}" if doubt else with_error(e.value, e.std_error)))
+            cells.append(value_cell(fit[name], not fit.trustworthy))
         rows.append(tuple(cells))
     header = ("parameter", "unit", *(title_of(fit.method) for fit in fits))
+    doubt = [] if all(fit.trustworthy for fit in fits) else [DOUBT]
     notes = [f"{title_of(fit.method)}: {note}" for fit in fits for note in fit.notes]
-    notes += [f"{title_of(fit.method)}: {fit.reason}." for fit in fits if not fit.converged]
-    return Table("Parameters", header, tuple(rows), ("± is one standard error.", *notes, UNCHECKED))
+    notes += [f"{title_of(fit.method)}: {fit.reason}." for fit in fits if not (fit.converged or fit.judgement)]
+    return Table("Parameters", header, tuple(rows), ("± is one standard error.", *doubt, *notes, UNCHECKED))
 
 
 def write_results(

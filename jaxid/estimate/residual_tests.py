@@ -17,6 +17,8 @@ FALSE_ALARM = 0.01
 LAGS = 25
 """Samples over which autocorrelation and cross-correlation are looked at."""
 _ORDER = 10  # of the autoregression that whitens a residual before it is compared with the inputs
+_SMOOTHED = (0.0, 10.0, 40.0)  # samples over which drivers are smoothed: a robot's own lag is not known here
+_SHIFTS = 999
 _FEWEST = 30  # samples below which no test is made
 
 
@@ -200,6 +202,58 @@ def cross_correlation(
         f"{channel}: the residual still follows {name} ({_chance(p)}; correlation {rho[worst]:.2f} at lag {worst}): "
         f"part of what {name} does is not in the model.",
     ), rho
+
+
+def relation(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> tuple[float, str]:
+    """Does a residual of any colour follow what moved the robot? p value, and the driver that it follows most.
+
+    The share of the residual `parts` that the `drivers` (by name, [samples] of each log), as they are and smoothed, explain
+    together is compared with the share that they explain shifted in time by random amounts, log by log and round the end:
+    shifted drivers have lost what they did to the residual, and all of its colour and theirs is kept. Whitening instead
+    would take a slow deterministic error for coloured noise. Periodic drivers cannot be told from shifted ones; the test
+    is then cautious.
+    """
+    names = [name for name in drivers for _ in _SMOOTHED]
+    gram = np.zeros((len(names), len(names)))
+    by_shift, power = [], 0.0
+    for e, part in enumerate(parts):
+        r = np.nan_to_num(part - np.nanmean(part)) if np.isfinite(part).any() else np.zeros(len(part))
+        own = [_smoothed(signals[e], memory) for signals in drivers.values() for memory in _SMOOTHED]
+        X = np.stack([x - x.mean() for x in own], axis=1)
+        gram += X.T @ X
+        spectra = np.conj(np.fft.rfft(X, axis=0)) * np.fft.rfft(r)[:, None]
+        by_shift.append(np.fft.irfft(spectra, n=len(r), axis=0))  # [shift, column]
+        power += float(r @ r)
+    size = np.sqrt(np.diag(gram))
+    used = size > 1e-9 * size.max(initial=0.0)
+    if power == 0.0 or not used.any() or sum(map(len, parts)) < _FEWEST:
+        return 1.0, ""
+    values, vectors = np.linalg.eigh(gram[np.ix_(used, used)] / np.outer(size[used], size[used]))
+    kept = values > 1e-6 * values.max()
+    onto = vectors[:, kept] / np.sqrt(values[kept])
+    random = np.random.default_rng(0)
+    products = np.zeros((_SHIFTS + 1, int(used.sum())))
+    for own in by_shift:
+        # Closer than a tenth of the log is too much like no shift at all.
+        margin = len(own) // 10
+        shifts = random.integers(margin, max(len(own) - margin, margin + 1), size=_SHIFTS)
+        products += own[np.append(0, shifts)][:, used] / size[used]
+    shares = np.sum((products @ onto) ** 2, axis=1) / power
+    # Shifts of less than the residual's memory are alike, so that their number says little about the tail: a share of
+    # variance by chance is a beta variate, whose two numbers the shifts do tell.
+    mean, variance = float(shares[1:].mean()), max(float(shares[1:].var()), 1e-12)
+    mean = min(max(mean, 1e-9), 1.0 - 1e-9)
+    weight = max(mean * (1.0 - mean) / variance - 1.0, 1e-3)
+    p = float(stats.beta.sf(min(shares[0], 1.0), mean * weight, (1.0 - mean) * weight))
+    return p, np.array(names)[used][int(np.argmax(np.abs(products[0])))].item()
+
+
+def _smoothed(values: Array, memory: float) -> Array:
+    """First-order smoothing over `memory` samples, from rest at the first value."""
+    if memory == 0:
+        return values
+    a = float(np.exp(-1.0 / memory))
+    return signal.lfilter([1.0 - a], [1.0, -a], values - values[0]) + values[0]
 
 
 def normality(values: Array, channel: str = "the channel") -> ResidualTest:

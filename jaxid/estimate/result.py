@@ -10,9 +10,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .._table import html_table, text_table
 from ..robots.robot import Robot
+from .judgement import Judgement
 
 Status = Literal["identified", "not_identifiable", "at_bound", "fixed"]
+StandardErrors = Literal["white", "robust", "scatter"]
 NORMAL_95 = 1.959963984540054
 """Half width of a 95 % interval in standard errors."""
 
@@ -61,7 +64,16 @@ class Outlier:
     deviations: float
 
 
-@dataclass(frozen=True)
+_SHOWN = 8
+"""Notes that a representation holds; all of them are in `Fit.notes`."""
+_KINDS = {
+    "white": "standard errors hold for white residuals",
+    "robust": "standard errors allow for coloured residuals",
+    "scatter": "standard errors come from the scatter of the stretches",
+}
+
+
+@dataclass(frozen=True, repr=False)
 class Fit:
     """The result of an estimator.
 
@@ -77,6 +89,8 @@ class Fit:
     - `log_status`: per log name, "fitted" or what is wrong with it: "left out: …", "stands out: …".
     - `clock_offsets`: per log name, how far the inputs' clock is ahead of the outputs' [s], where that was estimated.
     - `outliers`: what a robust loss gave little weight.
+    - `judgement`: what the residual says about all of this; None where there was nothing to simulate.
+    - `standard_errors`: what they hold for: "white" residuals, coloured ones ("robust"), or the "scatter" of stretches.
     """
 
     method: str
@@ -94,6 +108,44 @@ class Fit:
     log_status: dict[str, str] = field(default_factory=dict)
     clock_offsets: dict[str, Estimate] = field(default_factory=dict)
     outliers: tuple[Outlier, ...] = ()
+    judgement: Judgement | None = None
+    standard_errors: StandardErrors = "white"
+
+    @property
+    def trustworthy(self) -> bool:
+        """Whether an identified parameter may be shown without a qualifier."""
+        return self.judgement is None or self.judgement.trustworthy
+
+    def status_of(self, name: str) -> str:
+        """An estimate's status in words, with the qualifier that the judgement asks for."""
+        status = self[name].status.replace("_", " ")
+        return f"{status}, of a poor model" if status == "identified" and not self.trustworthy else status
+
+    def _rows(self) -> list[tuple[str, str, str, str, str]]:
+        rows = [("", "value", "std error", "unit", "status")]
+        names = dict.fromkeys([*self.free_names, *self.combinations])
+        for name in names:
+            e = self[name]
+            error = f"{e.std_error:.2g}" if e.std_error == e.std_error else "-"
+            rows.append((name, f"{e.value:.5g}", error, e.unit, self.status_of(name)))
+        return rows
+
+    def _paragraphs(self) -> tuple[list[str], list[str]]:
+        method = self.method.replace("_", " ").capitalize()
+        done = "converged" if self.converged else f"not converged ({self.reason})"
+        before = [self.judgement.sentence] if self.judgement else []
+        before.append(f"{method} of {self.robot.name}: {done}; {_KINDS[self.standard_errors]}.")
+        notes = [note for note in self.notes if note not in before]
+        more = [f"{len(notes) - _SHOWN} more in notes."] if len(notes) > _SHOWN else []
+        return before, notes[:_SHOWN] + more
+
+    def __repr__(self) -> str:
+        before, after = self._paragraphs()
+        return text_table(self._rows(), before, after)
+
+    def _repr_html_(self) -> str:
+        before, after = self._paragraphs()
+        return html_table(self._rows(), before, after)
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of a parameter or combination by its symbol."""

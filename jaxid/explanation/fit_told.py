@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._float64 import in_float64
-from ..estimate.output_error.from_optimum import fit_at, initial_states_at, on_bounds
+from ..estimate.output_error.conclude import conclude
+from ..estimate.output_error.from_optimum import initial_states_at, on_bounds
 from ..estimate.output_error.globalise import shortened
 from ..estimate.output_error.levenberg_marquardt import Optimum, minimise_compiled
 from ..estimate.output_error.output_error import output_error, reweighted
@@ -157,5 +158,5 @@ def fitted_told(
         return output_error(robot, logs, start=by_name(structure, free, best.unknowns), max_steps=max_steps)
     problem, optimum, iterations = reweighted(structure, problem, best, max_steps)
     bounded = on_bounds(structure, problem, optimum, max_steps)
-    fit = fit_at(robot, logs, structure, problem, optimum, bounded, iterations=iterations, max_steps=max_steps)
+    fit = conclude(robot, logs, structure, problem, optimum, bounded, iterations=iterations, max_steps=max_steps)
     return replace(fit, notes=(*fit.notes, TOLD))

@@ -23,6 +23,7 @@ from . import tables as tab
 from .tables import Table
 
 _TIE = 0.005  # normalised RMS values that print alike
+_DOUBTS = {"failed": "failed (it does not follow its own logs)", "poor": "is poor (it leaves more than noise)"}
 _SAME = 2.0  # combined standard errors within which two estimates agree
 
 
@@ -57,7 +58,7 @@ def _same_data(one: Log, other: Log) -> bool:
 def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[str, ...]:
     notes = []
     for label, found in fits.items():
-        if not found.converged:
+        if not found.converged and not (found.judgement and found.judgement.verdict == "failed"):
             notes.append(f"{tab.title_of(label)}: {found.reason}.")
         notes += [f"{tab.title_of(label)}: {note}" for note in found.notes]
     robot = next(iter(fits.values())).robot
@@ -224,6 +225,10 @@ class Comparison:
             where = "every held-out log" if len(names) == len(self.logs) else ", ".join(names)
             parts.append(f"{tab.title_of(label)} diverges on {where}")
         text = "; ".join(parts)
+        # What is wrong with a fit comes before how well it predicts.
+        verdicts = {label: fit.judgement.verdict for label, fit in self.fits.items() if fit.judgement}
+        doubts = [f"the fit of {tab.title_of(n)} {_DOUBTS[v]}" for n, v in verdicts.items() if v in _DOUBTS]
+        text = "; ".join([*doubts, text]) if doubts else text
         return f"{text[0].upper()}{text[1:]}."
 
     # -- tables ----------------------------------------------------------------------------------------------------
@@ -236,10 +241,11 @@ class Comparison:
         units = {channel: self._unit(channel) for channel in self.channels}
         names = (*self._names[0], *self._names[1])
         estimates = {label: {name: self._estimate(label, name) for name in names} for label in self.fits}
+        doubtful = [label for label, fit in self.fits.items() if not fit.trustworthy]
         return (
             tab.check_table(self.validations, self.fitted, self.noise, units),
             tab.log_table(self.validations),
-            *tab.parameter_tables(estimates, self.references, self.reference),
+            *tab.parameter_tables(estimates, self.references, self.reference, doubtful),
             tab.test_table(self.validations),
         )
 

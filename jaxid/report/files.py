@@ -37,6 +37,8 @@ def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | Non
     methods: dict[str, Any] = {}
     for fit in fits:
         methods[fit.method] = {
+            "judgement": fit.judgement.to_dict() if fit.judgement else None,
+            "standard_errors": fit.standard_errors,
             "parameters": {name: estimate.to_dict() for name, estimate in fit.parameters.items()},
             "combinations": {name: estimate.to_dict() for name, estimate in fit.combinations.items()},
             "check": _check((validation or {}).get(fit.method)),

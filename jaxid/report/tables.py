@@ -3,7 +3,7 @@
 import html
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from rich import box
@@ -133,11 +133,12 @@ def to_html(table: Table) -> str:
     )
 
 
-def _value(e: Estimate | None) -> Cell:
+def value_cell(e: Estimate | None, doubtful: bool = False) -> Cell:
+    """An estimate with its standard error, or why it has none; marked where its model is a `doubtful` one."""
     if e is None:
         return Cell("-", "dim")
     if e.status == "identified":
-        return Cell(with_error(e.value, e.std_error))
+        return Cell(with_error(e.value, e.std_error) + (" ?" if doubtful else ""), "bad" if doubtful else "")
     return Cell(f"{constant(float(f'{e.value:.4g}'))} ({_STATUS[e.status]})", "dim")
 
 
@@ -149,10 +150,17 @@ def _error(e: Estimate | None, known: float | None, sure: bool) -> Cell:
     return Cell(percent(100.0 * (e.value - known) / abs(known)), "bad" if far else "")
 
 
-def parameter_tables(estimates: Estimates, references: Mapping[str, float], kind: str) -> tuple[Table, ...]:
+DOUBT = "?: of a model that leaves much more than noise, or whose residual follows the motion; it may be far off."
+"""What the mark behind an estimate of a doubtful model means."""
+
+
+def parameter_tables(
+    estimates: Estimates, references: Mapping[str, float], kind: str, doubtful: Collection[str] = ()
+) -> tuple[Table, ...]:
     """`estimates[method][name]` side by side; errors beside them or, with more than two methods, in their own table.
 
     `references` are the values that errors are relative to and `kind` says what they are: "true" or "published".
+    `doubtful` are the methods whose fits were judged poor or failed.
     """
     names = list(next(iter(estimates.values())))
     methods = [title_of(label) for label in estimates]
@@ -167,13 +175,15 @@ def parameter_tables(estimates: Estimates, references: Mapping[str, float], kind
         unit = next((e.unit for e in own if e and e.unit), "")
         cells = [Cell(name), Cell(unit, "dim")]
         cells += [Cell(constant(references.get(name, math.nan)))] if known else []
-        for e, cell in zip(own, error, strict=True):
-            cells += [_value(e), cell] if beside else [_value(e)]
+        for label, e, cell in zip(estimates, own, error, strict=True):
+            shown = value_cell(e, label in doubtful)
+            cells += [shown, cell] if beside else [shown]
         rows.append(tuple(cells))
         errors.append((Cell(name), *error))
     relative = f"rror is relative to the {kind} value."
     note = "± is one standard error" + (f"; e{relative}" if beside else ".")
-    found = Table("Parameters", tuple(header), tuple(rows), (note,))
+    notes = (note, DOUBT) if doubtful else (note,)
+    found = Table("Parameters", tuple(header), tuple(rows), notes)
     if not known or beside:
         return (found,)
     return found, Table("Errors of the parameters", ("parameter", *methods), tuple(errors), (f"E{relative}",))

@@ -13,8 +13,8 @@ from scipy import stats
 from ...logs import LogError, LogSet
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
+from ..output_error.conclude import Covariance
 from ..output_error.fleet import fit_fleet
-from ..output_error.output_error import Covariance
 from ..result import Fit
 
 _ALL = ""

@@ -13,11 +13,12 @@ from typing import Literal
 import numpy as np
 
 from ..._float64 import in_float64
-from ...logs import Log, LogError
+from ...logs import Log, LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.omni import Omni
 from ...robots.pioneer import Pioneer
 from ...robots.robot import Robot
+from ..judge import judged_equations
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
 from ..uncoupled_pioneer import uncoupled_pioneer
@@ -102,7 +103,9 @@ def integral_least_squares(
     if not robot.parameters.free_names:
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
     if equations == "uncoupled" and isinstance(robot, Pioneer):
-        return uncoupled_pioneer(robot, logs, window)
+        found = uncoupled_pioneer(robot, logs, window)
+        return judged_equations(found, LogSet(logs))
     if equations == "uncoupled" and isinstance(robot, Omni):
         robot = robot.uncoupled()
-    return _coupled(robot, logs, window)
+    found = _coupled(robot, logs, window)
+    return judged_equations(found, LogSet(logs))

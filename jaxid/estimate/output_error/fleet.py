@@ -22,12 +22,12 @@ from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
-from .from_optimum import AtBounds, channel_noise, fit_at, near_bounds, on_bounds, unknown_count
+from .conclude import Covariance, conclude, no_priors
+from .from_optimum import AtBounds, channel_noise, near_bounds, on_bounds, unknown_count
 from .globalise import ambiguous_index
 from .levenberg_marquardt import Optimum, minimise
-from .output_error import Covariance, output_error
+from .output_error import output_error
 from .problem import Problem, Structure, Unknowns
-from .robust_covariance import robust_covariance
 from .setup import InitialStates, build, start_values
 
 _WEIGHT_ROUNDS = 3
@@ -142,7 +142,7 @@ def fit_fleet(
     start: Fit | Mapping[str, float] | None = None,
     initial_states: InitialStates = "auto",
     integrator: Integrator | None = None,
-    covariance: Covariance = "white",
+    covariance: Covariance = "auto",
     max_steps: int = 100,
     report: Callable[[str], None] = lambda message: None,
 ) -> Fleet:
@@ -171,6 +171,7 @@ def fit_fleet(
     shared = replace(problem, **jax.tree.map(lambda leaf: leaf[0], own))
     report(f"{N} members as lanes of one program")
     fitted = fit_lanes(structure, shared, own, starts, max_steps=max_steps, lanes=min(N, _LANES))
+    begin = jax.tree.map(lambda leaf: leaf[0], starts)
     fits: dict[str, Fit] = {}
     failed: dict[str, str] = {}
     for row, (name, logs) in enumerate(fleet.items()):
@@ -182,9 +183,9 @@ def fit_fleet(
             continue
         near, _ = near_bounds(mine, np.asarray(optimum.unknowns.z))
         bounded = on_bounds(structure, mine, optimum, max_steps) if near.any() else AtBounds(mine, optimum, near)
-        robust = robust_covariance(structure, mine, optimum.unknowns) if covariance == "robust" else None
-        fits[name] = fit_at(
+        rivals = {"its own start": lambda begin=begin: begin} if no_priors(mine) else {}
+        fits[name] = conclude(
             robot, logs, structure, mine, optimum, bounded, iterations=int(optimum.iterations), max_steps=max_steps,
-            covariance=robust,
+            covariance=covariance, rivals=rivals,
         )  # fmt: skip
     return Fleet(fits, failed)

@@ -7,7 +7,6 @@ logged inputs only; no measurement is fed back, so noise on the outputs biases n
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -22,15 +21,14 @@ from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..linear.integral_least_squares import integral_least_squares
 from ..result import Fit
-from .from_optimum import channel_noise, fit_at, on_bounds, unknown_count
+from .conclude import Covariance, conclude, no_priors
+from .from_optimum import channel_noise, on_bounds, unknown_count
 from .globalise import ambiguous_index, globalise
 from .levenberg_marquardt import Optimum, minimise_compiled, minimise_lanes
 from .problem import Problem, Structure, Unknowns
-from .robust_covariance import robust_covariance
 from .robust_loss import Loss, minimise_robustly
 from .setup import InitialStates, build, start_values
 
-Covariance = Literal["white", "robust"]
 _WEIGHT_ROUNDS = 6
 _WEIGHT_SETTLED = 0.01
 _POOR = 2.0
@@ -163,7 +161,7 @@ def output_error(
     initial_states: InitialStates = "auto",
     integrator: Integrator | None = None,
     loss: Loss = "squares",
-    covariance: Covariance = "white",
+    covariance: Covariance = "auto",
     clock_offset: bool = False,
     max_steps: int = 100,
     report: Report = _silent,
@@ -179,12 +177,13 @@ def output_error(
     - `integrator`: step and dry-friction law; by default true sticking with steps that suit the robot.
     - `loss`: "squares", or "huber", "cauchy", "student_t" against outliers, which the result lists (`robust_loss`).
     - `clock_offset`: whether inputs and outputs may run on different clocks; every log's offset is then estimated.
-    - `covariance`: of the parameters, for "white" residuals, or "robust" against coloured ones (`robust_covariance`).
+    - `covariance`: of the parameters, for "white" residuals, or "robust" against coloured ones (`robust_covariance`). By
+      default the residual decides, and `Fit.standard_errors` says what it was.
     - `report`: called with a sentence whenever a stage of the work is done.
 
-    Returns a `Fit`. A log on which alone the simulation diverges is left out and named in `Fit.log_status`. Raises
-    `ParameterError` for unknown or no free parameters, and where the simulation diverges on every log at the start and at
-    the integral least-squares estimate.
+    Returns a `Fit`, whose `judgement` says what its residual says of it. A log on which alone the simulation diverges is
+    left out and named in `Fit.log_status`. Raises `ParameterError` for unknown or no free parameters, and where the
+    simulation diverges on every log at the start and at the integral least-squares estimate.
     """
     many = None
     if start is not None and not isinstance(start, Fit | Mapping):
@@ -204,6 +203,11 @@ def output_error(
         states = jnp.broadcast_to(unknowns.states, (len(many), *unknowns.states.shape))
         unknowns = _from_many(structure, problem, Unknowns(jnp.stack(coordinates), states))
         report(f"best of {len(many)} starts chosen")
+
+    def linear_unknowns() -> Unknowns | None:
+        z = _linear_start(robot, logs, structure, problem)
+        return None if z is None else unknowns._replace(z=z)
+
     index = ambiguous_index(structure)
     if index is not None:
         starts = [unknowns]
@@ -240,8 +244,10 @@ def output_error(
         noise, outliers, bread = found.scale, found.outliers, found.bread
         iterations += found.iterations
     bounded = on_bounds(structure, problem, optimum, max_steps)
-    robust = bread**2 * robust_covariance(structure, problem, optimum.unknowns) if covariance == "robust" else None
-    return fit_at(
-        robot, logs, structure, problem, inner, bounded, iterations=iterations, max_steps=max_steps, covariance=robust,
-        noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
+    rivals: dict[str, Callable[[], Unknowns | None]] = {}
+    if loss == "squares" and no_priors(problem):
+        rivals = {"its own start": lambda: unknowns, "the linear estimate": linear_unknowns}
+    return conclude(
+        robot, logs, structure, problem, inner, bounded, iterations=iterations, max_steps=max_steps, bread=bread,
+        covariance=covariance, rivals=rivals, noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
     )  # fmt: skip

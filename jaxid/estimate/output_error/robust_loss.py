@@ -34,7 +34,8 @@ _SETTLED = 0.02
 _FAR_OFF = 4.5
 """Robust standard deviations beyond which a sample is listed: one normal sample in 150 000 is."""
 
-_simulated = compiled(simulate_all, static_argnums=0)
+simulated = compiled(simulate_all, static_argnums=0)
+"""Simulated outputs [E, T, ny] of all experiments, as one compiled program."""
 
 
 def weights(loss: Loss, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -118,7 +119,7 @@ def minimise_robustly(
     total = 0
     u, scale, efficient = measured, floor, floor
     for number in range(_ROUNDS):
-        residual = np.asarray(_simulated(structure, problem, optimum.unknowns)) - measured
+        residual = np.asarray(simulated(structure, problem, optimum.unknowns)) - measured
         scale = _scales(residual, mask, floor)
         u = residual / scale
         squares, slope = weights(loss, u) ** 2 * u**2, slopes(loss, u)

@@ -1,0 +1,248 @@
+"""Judge a fit by its residual.
+
+The residual (simulated minus measured, of the fitted logs) is held against the noise that the data shows without any
+model, against white noise, against what drove the robot, against the measured motion, and against the residuals of other
+parameters (the start, the linear estimate). A fit that fails there has no standard errors: what they say holds for a model
+that follows the logs.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..logs import LogSet
+from ..logs.noise import noise_scale
+from .confidence.validation import counted_channels, diverging, errors_of, rms
+from .judgement import Judgement, Verdict
+from .residual_tests import FALSE_ALARM, autocorrelation, relation, whiteness
+from .result import Estimate, Fit
+
+Array = NDArray[np.float64]
+
+POOR = 2.0
+"""Root mean square of the residual, in units of the noise, from which a residual that follows the motion is poor."""
+FAR = 10.0
+"""The same of any residual: no colour of a sensor's noise hides that much of it from its differences over four samples."""
+_ABOVE = 1.2
+"""Normalised RMS that is worth a word."""
+_UNEXPLAINED = 0.5
+"""Share of the motion's variance above which a fit that leaves it does not follow the logs."""
+_INTEGRATION = 1e-4
+"""Residual in units of the motion's standard deviation that may be the simulation's own error."""
+_WORSE = 1.02
+"""Ratio of two residuals (RMS) above which the first is worse."""
+_FOLLOWS = 0.002
+"""p value below which a residual follows the motion. Against slow noise the test rejects a few times too often."""
+LOST = (
+    "Where a free simulation loses its way, short windows with initial states of their own (multiple shooting), the closed "
+    "loop, or prediction error can follow."
+)
+"""What helps where a free simulation does not follow the logs."""
+_ENDLESS = 1e100  # a number whose square is still one
+_SLOW = 0.6
+"""Correlation of neighbouring residuals above which they wander rather than jitter."""
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
+
+
+def _times(value: float) -> str:
+    return f"{value:.2f}" if value < 10 else f"{value:.3g}"
+
+
+def _drivers(logs: LogSet, simulated: Sequence[Array]) -> dict[str, list[Array]]:
+    """What a residual may follow: inputs, and the simulated motion, its square with its sign, and its direction."""
+    found = {name: [log.input(name) for log in logs] for name in logs.channels.inputs}
+    for i, name in enumerate(logs.channels.measured):
+        if not any(name in counted_channels(log) for log in logs):
+            continue
+        own = [np.nan_to_num(np.asarray(y)[:, i]) for y in simulated]
+        level = max(rms(np.concatenate(own)), 1e-300)
+        found[name] = own
+        found[f"{name}|{name}|"] = [y * np.abs(y) / level for y in own]
+        found[f"the direction of {name}"] = [np.tanh(10.0 * y / level) for y in own]
+    names = [name for name in logs.channels.outputs if name in found]
+    for k, one in enumerate(names):
+        for other in names[k + 1 :]:
+            found[f"{one} {other}"] = [a * b for a, b in zip(found[one], found[other], strict=True)]
+    return found
+
+
+def _wandering(parts: Sequence[Array]) -> bool:
+    """Whether the residual wanders as disturbances of the motion make it: slowly, its changes whiter than itself."""
+    rho, _ = autocorrelation(parts, 5, mean=0.0)
+    changes, _ = autocorrelation([np.diff(part) for part in parts], 5)
+    return bool(rho[1] > _SLOW and np.abs(changes[1:]).max() < rho[1])
+
+
+def judge(
+    logs: LogSet,
+    simulated: Sequence[Array],
+    noise: Mapping[str, float],
+    *,
+    others: Mapping[str, Sequence[Array]] | None = None,
+    unstable: str = "",
+) -> Judgement:
+    """Judge a fit by what it simulates of the logs it was fitted to.
+
+    **Arguments:**
+
+    - `simulated`: [T, channels.measured] of each log, at the estimate.
+    - `noise`: standard deviation of each channel's noise, from the data alone (`noise_scale`).
+    - `others`: what other parameters simulate, by words such as "its own start"; the fit must not be worse.
+    - `unstable`: why the simulation cannot be followed over a whole log (it is chaotic, or unstable), if that was found.
+    """
+    noise = _with_integration(logs, noise)
+    channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
+    lost = diverging(logs, simulated, noise)
+    errors = [errors_of(log, y) for log, y in zip(logs, simulated, strict=True)]
+    if len(lost) == len(logs):
+        why = ("The simulation diverges on every log.", *([unstable] if unstable else []))
+        return Judgement("failed", np.nan, dict.fromkeys(channels, np.nan), False, why, LOST)
+    kept = [k for k, log in enumerate(logs) if log.name not in lost]
+    parts = {c: [errors[k][c] for k in kept if c in errors[k]] for c in channels}
+    parts = {c: own for c, own in parts.items() if own}
+    by_channel = {c: rms(np.concatenate(own)) / noise[c] for c, own in parts.items()}
+    pooled = rms(np.concatenate([np.concatenate(own) / noise[c] for c, own in parts.items()]))
+
+    failures = [f"The simulation diverges on {_listed(lost)}."] if lost else []
+    for c, own in parts.items():
+        y = np.concatenate([logs[k].output(c) for k in kept if c in errors[k]])
+        left = rms(np.concatenate(own)) ** 2 / max(float(np.nanvar(y)), 1e-300)
+        if by_channel[c] > POOR and left > _UNEXPLAINED:
+            failures.append(
+                f"The model does not follow {c}: its error of {rms(np.concatenate(own)):.3g} ({_times(by_channel[c])} "
+                f"times the noise) is {np.sqrt(left):.2g} times what {c} varies by."
+            )
+    for words, other in (others or {}).items():
+        rival = _pooled(logs, other, noise, [logs[k].name for k in kept])
+        if pooled > max(_ABOVE, _WORSE * rival):
+            failures.append(
+                f"The fit is worse than {words}: it leaves {_times(pooled)} times the noise, that {_times(rival)}."
+            )
+    if unstable and (failures or pooled > POOR):
+        failures.append(unstable)
+
+    coloured = [c for c, own in parts.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
+    drivers = _drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
+    follows = {}
+    for c, own in parts.items():
+        there = [c in errors[k] for k in kept]
+        mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in drivers.items()}
+        p, name = relation(own, mine)
+        if p < _FOLLOWS / len(parts):
+            follows[c] = name
+    sentences = list(failures)
+    if pooled > _ABOVE or failures:
+        sentences.append(f"The residual is {_times(pooled)} times the noise that the sensors show (RMS).")
+    for c, name in follows.items():
+        sentences.append(
+            f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
+        )
+    alone = [c for c in coloured if c not in follows]
+    if alone:
+        sentences.append(
+            f"The residual of {_listed(alone)} is not white: coloured noise, or dynamics that are missing."
+        )
+    far = pooled > FAR or (pooled > POOR and bool(follows))
+    verdict: Verdict = "sound"
+    if failures:
+        verdict = "failed"
+    elif far or follows:
+        verdict = "poor"
+    elif coloured or pooled > POOR:
+        verdict = "coloured"
+    better = LOST if failures and (unstable or not lost) else ""
+    if not better and any(_wandering(own) for c, own in parts.items() if c in coloured and by_channel[c] > _ABOVE):
+        better = (
+            "The residual wanders as disturbances of the motion make it (floor, slip, gears): prediction error, which "
+            "has noise of the process beside that of the sensors, fits it better."
+        )
+    return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better)
+
+
+def _with_integration(logs: LogSet, noise: Mapping[str, float]) -> dict[str, float]:
+    """The noise, not below what a simulation's own error may be."""
+    found = {}
+    for name in logs.channels.measured:
+        y = np.concatenate([log.output(name) for log in logs])
+        spread = float(np.nanstd(y)) if np.isfinite(y).any() else 0.0
+        found[name] = max(noise[name], _INTEGRATION * spread)
+    return found
+
+
+def _pooled(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float], names: Sequence[str]) -> float:
+    """Normalised RMS on the named logs, endless where the simulation is not finite."""
+    found = []
+    for log, y in zip(logs, simulated, strict=True):
+        if log.name in names:
+            y = np.clip(np.nan_to_num(np.asarray(y), nan=_ENDLESS), -_ENDLESS, _ENDLESS)
+            found += [error / noise[c] for c, error in errors_of(log, y).items()]
+    return rms(np.concatenate(found))
+
+
+def in_regressors(fit: Fit, logs: LogSet, noise: Mapping[str, float]) -> str:
+    """A sentence where noise in the regressors of a linear fit matters beside its standard errors, else nothing.
+
+    Noise of variance share r in a regressor makes its coefficient too small by about r (errors in variables).
+    """
+    shares = {}
+    for name in logs.channels.measured:
+        y = np.concatenate([log.output(name) for log in logs if name in counted_channels(log)] or [np.empty(0)])
+        if np.isfinite(y).any() and np.nanvar(y) > 0:
+            shares[name] = noise[name] ** 2 / float(np.nanvar(y))
+    errors = [e.std_error / abs(e.value) for e in fit.parameters.values() if e.status == "identified" and e.value]
+    if not shares or not errors or max(shares.values()) < min(errors):
+        return ""
+    worst = max(shares, key=lambda name: shares[name])
+    return (
+        f"The noise of {worst} is {100 * shares[worst]:.2g} % of its variance, and it is in the regressors: instrumental "
+        "variables and output error are not biased by it."
+    )
+
+
+def judged_equations(fit: Fit, logs: LogSet) -> Fit:
+    """A linear fit with its judgement, by the scatter of its equations in units of the sensors' noise.
+
+    `Fit.noise` is that of the speeds that the equations predict over their stretches; what more there is than the sensors
+    show, the equations lack. Over whole logs the model may do worse: `compare` says so.
+    """
+    noise = _with_integration(logs, noise_scale(logs))
+    by_channel = {name: level / noise[name] for name, level in fit.noise.items()}
+    pooled = rms(np.array(list(by_channel.values())))
+    sentences = []
+    if pooled > _ABOVE:
+        sentences.append(f"The equations are off by {_times(pooled)} times the noise that the sensors show (RMS).")
+    verdict: Verdict = "poor" if pooled > POOR else "coloured" if pooled > _ABOVE else "sound"
+    better = in_regressors(fit, logs, noise)
+    judgement = Judgement(verdict, pooled, by_channel, None, tuple(sentences), better)
+    return judged(replace(fit, standard_errors="scatter"), judgement)
+
+
+def judged(fit: Fit, judgement: Judgement) -> Fit:
+    """The fit with its judgement, which comes first among its notes.
+
+    One that failed has not converged, whatever its optimiser says, and none of its parameters is identified.
+    """
+    worth_a_note = judgement.verdict != "sound" or judgement.better
+    notes = (judgement.sentence, *fit.notes) if worth_a_note else fit.notes
+    fit = replace(fit, judgement=judgement, notes=notes)
+    if judgement.verdict != "failed":
+        return fit
+    unknown = float("nan")
+
+    def doubted(estimate: Estimate) -> Estimate:
+        status = "not_identifiable" if estimate.status == "identified" else estimate.status
+        return Estimate.of(estimate.value, unknown, estimate.unit, status)
+
+    return replace(
+        fit,
+        converged=False,
+        reason="the fit failed, as its residual says",
+        parameters={name: doubted(e) for name, e in fit.parameters.items()},
+        combinations={name: doubted(e) for name, e in fit.combinations.items()},
+        covariance=np.full_like(fit.covariance, unknown),
+    )

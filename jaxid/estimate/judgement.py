@@ -1,0 +1,53 @@
+"""What a fit's residual says about the fit: one word, plain sentences, and whether another estimator would suit it."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Verdict = Literal["sound", "coloured", "poor", "failed"]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the residual says.
+
+    - `verdict`: "sound": nothing but the sensors' noise is left. "coloured": neighbouring residuals are related, but not
+      to the motion; the estimates stand, with standard errors made for that. "poor": the model leaves much more than the
+      noise, or what it leaves follows the motion; the estimates carry a bias that no standard error shows. "failed": the
+      model does not follow the logs; its parameters mean nothing.
+    - `normalised_rms`: RMS of the residual in units of the noise, all channels; `by_channel`.
+    - `white`: whether the residual passed the test of whiteness; None where the method has none to test.
+    - `sentences`: what was found, most important first; none for a sound fit.
+    - `better`: a sentence that names an estimator which suits this noise better, empty if there is none.
+    """
+
+    verdict: Verdict
+    normalised_rms: float
+    by_channel: dict[str, float]
+    white: bool | None
+    sentences: tuple[str, ...] = ()
+    better: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one paragraph."""
+        if self.verdict == "sound":
+            text = f"Sound: the residual is {self.normalised_rms:.2f} times the noise{' and white' * bool(self.white)}."
+        else:
+            text = f"{self.verdict.capitalize()}: {' '.join(self.sentences)}"
+        return f"{text} {self.better}".strip()
+
+    @property
+    def trustworthy(self) -> bool:
+        """Whether an identified parameter may be shown without a qualifier."""
+        return self.verdict in ("sound", "coloured")
+
+    def to_dict(self) -> dict[str, Any]:
+        """As fit.json has it."""
+        return {
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "normalised_rms": self.normalised_rms,
+            "by_channel": dict(self.by_channel),
+            "white": self.white,
+            "better": self.better or None,
+        }

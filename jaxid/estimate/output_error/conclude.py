@@ -1,0 +1,93 @@
+"""The last step of an output-error fit: simulate at the optimum, judge the residual, and choose standard errors that hold."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ...logs import LogSet
+from ...logs.noise import noise_scale
+from ...robots.robot import Robot
+from ..judge import judge, judged
+from ..result import Fit
+from .from_optimum import AtBounds, fit_at
+from .levenberg_marquardt import Optimum
+from .problem import Problem, Structure, Unknowns
+from .robust_covariance import robust_covariance
+from .robust_loss import simulated
+
+Covariance = Literal["auto", "white", "robust"]
+Rivals = Mapping[str, Callable[[], Unknowns | None]]
+_OUTLYING = 0.3
+"""Root of a robust loss's weight below which a sample is an outlier and no part of the residual that is judged."""
+
+
+def simulated_at(structure: Structure, problem: Problem, unknowns: Unknowns, logs: LogSet) -> list[NDArray[np.float64]]:
+    """Simulated outputs [T, channels.measured] of each log."""
+    every = np.asarray(simulated(structure, problem, unknowns))
+    return [every[e, : len(log)] for e, log in enumerate(logs)]
+
+
+def _without_outliers(logs: LogSet, problem: Problem) -> LogSet:
+    """The logs without the samples that a robust loss gave little weight."""
+    if problem.weight is None:
+        return logs
+    kept = []
+    for log, weight in zip(logs, np.asarray(problem.weight), strict=True):
+        outputs = np.where(weight[: len(log)] < _OUTLYING, np.nan, log.outputs)
+        there = np.isfinite(outputs).any(axis=0)
+        kept.append(replace(log, outputs=np.where(there, outputs, log.outputs)))
+    return LogSet(kept)
+
+
+def conclude(
+    robot: Robot,
+    logs: LogSet,
+    structure: Structure,
+    problem: Problem,
+    inner: Optimum,
+    bounded: AtBounds,
+    *,
+    covariance: Covariance = "auto",
+    bread: float = 1.0,
+    rivals: Rivals | None = None,
+    unstable: str = "",
+    left_out: Sequence[str] = (),
+    **others: Any,
+) -> Fit:
+    """The `Fit` at an optimum (see `fit_at`, which takes `others`) with its judgement. Call under float64.
+
+    `covariance` "auto" is the robust one where the residual is not white. `bread` is what a robust loss takes off the
+    information. `rivals` are what the fit must not be worse than, by words; they are only simulated where the residual
+    raises doubts. `unstable` says why the simulation cannot be followed over a whole log, if that was found.
+    """
+    kept = [e for e, log in enumerate(logs) if log.name not in left_out]
+    seen = _without_outliers(logs, problem)
+    seen, noise = LogSet([seen[e] for e in kept]), noise_scale(logs)
+
+    def outputs(problem: Problem, unknowns: Unknowns) -> list[NDArray[np.float64]]:
+        every = simulated_at(structure, problem, unknowns, logs)
+        return [every[e] for e in kept]
+
+    optimum = bounded.optimum
+    here = outputs(bounded.problem, optimum.unknowns)
+    judgement = judge(seen, here, noise, unstable=unstable)
+    if not judgement.trustworthy and rivals:
+        found = {}
+        for words, rival in rivals.items():
+            there = rival()
+            if there is not None:
+                found[words] = outputs(problem, there._replace(states=optimum.unknowns.states))
+        judgement = judge(seen, here, noise, others=found, unstable=unstable)
+    robust = covariance == "robust" or (covariance == "auto" and not judgement.white)
+    matrix = bread**2 * robust_covariance(structure, problem, inner.unknowns) if robust else None
+    fit = fit_at(robot, logs, structure, problem, inner, bounded, covariance=matrix, left_out=left_out, **others)
+    return judged(replace(fit, standard_errors="robust" if robust else "white"), judgement)
+
+
+def no_priors(problem: Problem) -> bool:
+    """Whether only the data holds the parameters, so that no other parameters may leave less."""
+    return not bool(jnp.any(problem.prior_precision > 0))

@@ -1,0 +1,111 @@
+"""Fits judged by their residual: logs of a drive axis in closed form, right and wrong models of it."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Log, LogSet, fit_fleet, integral_least_squares, output_error
+from jaxid.estimate.judge import judge, judged
+from jaxid.estimate.residual_tests import relation
+
+SAMPLES = 500
+ROBOT = Axis().change("offset", free=False).with_values(M=1.0, Fv=2.0, Fc=0.5)
+INPUTS = np.repeat(np.random.default_rng(4).uniform(-5, 5, SAMPLES // 20), 20)
+
+
+def coloured(memory, seed, samples=SAMPLES):
+    """First-order noise of unit variance."""
+    e = np.random.default_rng(seed).normal(size=samples)
+    for k in range(1, samples):
+        e[k] = memory * e[k - 1] + np.sqrt(1 - memory**2) * e[k]
+    return e
+
+
+def log(axis_log, noise, name="a", **truth):
+    clean = axis_log(name, INPUTS, position=False, **truth)
+    return Log.from_arrays(name, clean.time, clean.inputs, clean.output("v") + noise, "axis")
+
+
+@pytest.fixture(scope="module")
+def sound(axis_log):
+    return output_error(ROBOT, LogSet([log(axis_log, 0.01 * coloured(0.0, 1))]))
+
+
+def test_a_right_model_of_white_noise_is_sound(sound):
+    assert sound.judgement.verdict == "sound" and sound.converged and sound.standard_errors == "white"
+    # 500 samples know their noise to 3 %
+    assert sound.judgement.normalised_rms == pytest.approx(1.0, abs=0.12)
+    assert repr(sound).startswith("Sound: ") and sound.notes == ()
+
+
+def test_coloured_noise_of_the_sensor_widens_the_standard_errors_and_says_so(axis_log, sound):
+    fit = output_error(ROBOT, LogSet([log(axis_log, 0.01 * coloured(0.9, 2))]))
+    assert fit.judgement.verdict == "coloured" and fit.standard_errors == "robust" and fit.trustworthy
+    assert fit["Fv"].std_error > 2 * sound["Fv"].std_error
+    assert "not white" in repr(fit).replace("\n", " ") and repr(fit).startswith("Coloured: ")
+    forced = output_error(ROBOT, LogSet([log(axis_log, 0.01 * coloured(0.9, 2))]), covariance="white")
+    assert forced.standard_errors == "white" and forced["Fv"].std_error < fit["Fv"].std_error
+
+
+def test_a_friction_that_the_model_lacks_makes_the_fit_poor(axis_log):
+    blind = ROBOT.change("Fc", value=0.0, free=False)
+    fit = output_error(blind, LogSet([log(axis_log, 0.01 * coloured(0.0, 3))]))
+    assert fit.judgement.verdict == "poor" and not fit.trustworthy
+    assert "of a poor model" in repr(fit) and fit.status_of("M") == "identified, of a poor model"
+    assert fit.notes[0].startswith("Poor: ") and fit.standard_errors == "robust"
+
+
+def test_a_model_that_does_not_follow_fails_whatever_its_optimiser_says(axis_log):
+    immovable = ROBOT.change("Fv", value=500.0, free=False).change("Fc", free=False)
+    fit = output_error(immovable, LogSet([log(axis_log, 0.01 * coloured(0.0, 4))]))
+    assert fit.judgement.verdict == "failed" and not fit.converged
+    assert all(e.status != "identified" for e in fit.parameters.values())
+    assert np.isnan(fit["M"].std_error) and repr(fit).startswith("Failed: ")
+    assert "<b>Failed: " in fit._repr_html_()
+
+
+def test_members_of_a_fleet_are_judged_as_single_fits_are(axis_log):
+    logs = {
+        "white": LogSet([log(axis_log, 0.01 * coloured(0.0, 5), "white")]),
+        "coloured": LogSet([log(axis_log, 0.01 * coloured(0.9, 6), "coloured")]),
+    }
+    found = fit_fleet(ROBOT, logs)
+    assert {name: fit.judgement.verdict for name, fit in found.fits.items()} == {
+        "white": "sound",
+        "coloured": "coloured",
+    }
+    assert found.fits["coloured"].standard_errors == "robust"
+
+
+def test_a_fit_that_is_worse_than_its_start_has_failed(axis_log, sound):
+    measured = log(axis_log, 0.01 * coloured(0.0, 1))
+    truth = log(axis_log, np.zeros(SAMPLES)).outputs
+    off = truth * 1.1
+    noise = {"v": 0.01, "q": 1.0}
+    found = judge(LogSet([measured]), [off], noise, others={"its own start": [truth]})
+    assert found.verdict == "failed" and "worse than its own start" in found.sentence
+    assert not judged(sound, found).converged
+    assert judge(LogSet([measured]), [truth], noise, others={"its own start": [off]}).verdict == "sound"
+
+
+def test_a_simulation_that_diverges_fails(axis_log):
+    measured = log(axis_log, 0.01 * coloured(0.0, 1))
+    found = judge(LogSet([measured]), [np.full((SAMPLES, 2), np.nan)], {"v": 0.01, "q": 1.0}, unstable="It is chaotic.")
+    assert found.verdict == "failed" and "diverges" in found.sentence and "multiple shooting" in found.sentence
+
+
+def test_least_squares_says_when_noise_in_its_regressors_matters(axis_log):
+    quiet, loud = (LogSet([log(axis_log, s * coloured(0.0, 7))]) for s in (0.001, 0.1))
+    assert integral_least_squares(ROBOT, quiet).judgement.better == ""
+    found = integral_least_squares(ROBOT, loud)
+    assert "instrumental variables" in found.judgement.better and found.standard_errors == "scatter"
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_noise_of_any_colour_does_not_follow_the_motion(memory):
+    random, alarms = np.random.default_rng(8), 0
+    for seed in range(100):
+        u = np.repeat(random.uniform(-1, 1, 25), 20)
+        p, _ = relation([coloured(memory, seed)], {"u": [u], "u|u|": [u * np.abs(u)]})
+        alarms += p < 0.01
+    # 1 expected; a few times that is what the test owns up to for slow noise
+    assert alarms <= 7
