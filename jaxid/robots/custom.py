@@ -20,6 +20,7 @@ from .effect import Levels, Numbers, Path, Scalar, State
 from .robot import Robot
 from .signal_path import overrides
 from .trigonometry import sincos
+from .user_functions import UserFunctions, check_user_functions
 
 _INSTEAD = "pass `output=` to say how they follow from the state"
 
@@ -79,7 +80,8 @@ class Custom(Robot):
       `supply_voltage` (number or parameter).
     - `mechanisms = {effect id: parameters}`, such as `{"lateral_com_offset": ("yc",)}`, and `words = {channel: words}`.
 
-    Raises `ParameterError` if outputs, axes or parameters do not fit together.
+    Raises `ParameterError` if outputs, axes or parameters do not fit together, or if `dynamics` and `output`, which are tried
+    once on symbols, ask for what does not exist, do not return what they must, or cannot be traced by JAX.
     """
 
     dynamics: Callable[..., Mapping[str, Scalar]]
@@ -103,6 +105,13 @@ class Custom(Robot):
     words: Mapping[str, str] = field(default_factory=dict, hash=False, compare=False)  # type: ignore[misc]
 
     def __post_init__(self) -> None:
+        states = (self.state_names,) if isinstance(self.state_names, str) else tuple(self.state_names)
+        object.__setattr__(self, "state_names", states)
+        for name, value in self.table.items():
+            if not isinstance(value, Parameter):
+                raise ParameterError(
+                    f"table: {name!r} is a {type(value).__name__}; give a jaxid.Parameter({value!r}, unit)"
+                )
         super().__post_init__()
         pairs = self.dry_friction
         if isinstance(pairs, Mapping):
@@ -158,6 +167,22 @@ class Custom(Robot):
                 f"friction of {', '.join(axis for axis, _ in self.axes)} has no way into the dynamics; let them take a "
                 "fourth argument, the friction forces by axis name, or pass `forces=`"
             )
+        angles = tuple(own.angle for _, own in self.axes if own.angle)
+        for name in self.start:
+            if name not in (*self.state_names, *angles, "x", "y", "theta"):
+                raise ParameterError(f"start: {name!r} is no state; the states are {', '.join(self.state_names)}")
+        rubbing = tuple(axis for axis, _ in self.axes)
+        check_user_functions(
+            UserFunctions(
+                self.dynamics,
+                self.output,
+                self.state_names,
+                self.own_channels.inputs,
+                measured,
+                tuple(self.table),
+                rubbing if rubbing and _takes_friction(self.dynamics) else None,
+            )
+        )
 
     # -- what it says about itself -------------------------------------------------------------------------------------
     @property
