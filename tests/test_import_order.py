@@ -7,7 +7,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1] / "jaxid"
 ORDER = (
-    "logs", "checks", "robots", "effects", "simulation", "estimate", "design", "explanation", "report", "papers", "cli"
+    "kernel", "logs", "checks", "robots", "effects", "simulation", "estimate", "design", "explanation", "report",
+    "papers", "cli",
 )  # fmt: skip
 
 

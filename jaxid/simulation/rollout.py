@@ -18,6 +18,7 @@ from ..robots.effect import Numbers, Path, State
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides, passed
 from .friction import DryFriction, Sticking
+from .machine_rollout import machine_rollout
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,40 @@ def commanded(robot: Robot, p: Numbers, inputs: Float[Array, "T nu"], dt: Float[
     return fine.reshape(len(dt), substeps, -1)
 
 
+def _scanned(robot: Robot, p: Numbers, start: State, inputs, dt, integrator: Integrator, fixed):
+    """Outputs at the samples as XLA's scan over samples and sub-steps; `inputs` one row a sample or one a sub-step."""
+    n, fine = integrator.substeps, inputs.ndim == 3
+
+    def sample(state: State, row):
+        u, interval, known = row
+        state = {**state, **known}
+        outputs = jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, tuple(u[0] if fine else u), p)])
+
+        def substep(s: State, held_inputs):
+            volts = tuple(u) if held_inputs is None else tuple(held_inputs)
+            return step(robot, s, volts, interval / n, p, integrator.friction), None
+
+        state, _ = jax.lax.scan(substep, state, u if fine else None, length=n)
+        return state, outputs
+
+    _, outputs = jax.lax.scan(sample, start, (inputs, dt, dict(fixed)))
+    return outputs
+
+
+def _rollout(robot: Robot, p: Numbers, start: State, inputs, dt, integrator: Integrator, driven, in_xla: bool):
+    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
+    if any(overrides(type(effect), "command") for effect in robot.effects):
+        inputs = commanded(robot, p, inputs, dt, integrator.substeps)
+    start = {name: jnp.asarray(start[name], dtype=float) for name in robot.states}
+    outputs = None
+    if not in_xla:
+        n, friction = integrator.substeps, integrator.friction
+        outputs = machine_rollout(robot, p, start, inputs, dt, n, step, friction, driven)
+    if outputs is None:
+        outputs = _scanned(robot, p, start, inputs, dt, integrator, driven)
+    return passed(robot, "measure", outputs, time, p)
+
+
 def rollout(
     robot: Robot,
     p: Numbers,
@@ -81,28 +116,22 @@ def rollout(
 
     Row k of `inputs` acts from sample k to k+1, `dt[k]` seconds later (zero-order hold); row k of the result is what
     the sensors of the model show at sample k. States in `driven` are set to these values at every sample. Runs under
-    `jit`, `vmap` and forward-mode differentiation.
+    `jit`, `vmap` and first derivatives (forward mode; reverse mode by parameters and initial states).
+
+    On a processor this is machine code made of the robot's own functions (`jaxid.kernel`), on other devices, and for
+    functions that have no translation, XLA's scan.
     """
-    n = integrator.substeps
-    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
-    fine = any(overrides(type(effect), "command") for effect in robot.effects)
-    seen = inputs
-    if fine:
-        inputs = commanded(robot, p, inputs, dt, n)
-        seen = inputs[:, 0]
-    start = {name: jnp.asarray(start[name], dtype=float) for name in robot.states}
+    return _rollout(robot, p, start, inputs, dt, integrator, driven, in_xla=False)
 
-    def sample(state: State, row):
-        u, seen, interval, known = row
-        state = {**state, **known}
-        outputs = jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, tuple(seen), p)])
 
-        def substep(s: State, held_inputs):
-            volts = tuple(u) if held_inputs is None else tuple(held_inputs)
-            return step(robot, s, volts, interval / n, p, integrator.friction), None
-
-        state, _ = jax.lax.scan(substep, state, u if fine else None, length=n)
-        return state, outputs
-
-    _, outputs = jax.lax.scan(sample, start, (inputs, seen, dt, dict(driven)))
-    return passed(robot, "measure", outputs, time, p)
+def rollout_in_xla(
+    robot: Robot,
+    p: Numbers,
+    start: State,
+    inputs: Float[Array, "T nu"],
+    dt: Float[Array, " T"],
+    integrator: Integrator,
+    driven: Mapping[str, Float[Array, " T"]] = MappingProxyType({}),
+) -> Float[Array, "T ny"]:
+    """`rollout` by XLA alone: the reference for the machine code, and for derivatives of any order and mode."""
+    return _rollout(robot, p, start, inputs, dt, integrator, driven, in_xla=True)

@@ -1,0 +1,139 @@
+"""Machine code for this processor, as a call target of XLA's programs.
+
+XLA calls a function of C with one argument, the call frame of its foreign-function interface, whose layout is that of the
+header `xla/ffi/api/c_api.h` which jaxlib ships. The function is written here in LLVM instructions, too, so that no compiler
+is needed.
+"""
+
+import ctypes
+import hashlib
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import jax
+import llvmlite.binding as llvm
+from llvmlite import ir
+
+from .._atomic import replacing
+from .emit import DOUBLE, INDEX, Builder, Value
+
+_MAJOR, _MINOR = 0, 3
+"""Version of the interface whose layout this is."""
+_EXTENSIONS, _ARGUMENTS, _RESULTS = 8, 72, 112
+"""Bytes behind the start of a call frame: first extension, arguments, results."""
+_METADATA, _VERSION = 24, (24, 28)
+_BUFFER_DATA, _BUFFER_SHAPE = 24, 40
+
+
+@cache
+def _machine() -> llvm.TargetMachine:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_default_triple()
+    features = llvm.get_host_cpu_features().flatten()
+    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True)
+
+
+@cache
+def lanes() -> int:
+    """Double-precision numbers in a vector register of this processor."""
+    features = llvm.get_host_cpu_features()
+    return 8 if features.get("avx512f") else 4
+
+
+def _at(build: Builder, base: Value, offset: int, kind: ir.Type) -> Value:
+    """What stands `offset` bytes behind `base`."""
+    return build.load(build.bitcast(build.gep(base, [ir.Constant(INDEX, offset)]), kind.as_pointer()))
+
+
+def write_handler(module: ir.Module, sizes: Sequence[tuple[int, int]], arguments: int, results: int = 1) -> None:
+    """Add `handler(frame)`, which calls the module's `rollout` with `sizes` and the data of the frame's arrays.
+
+    `sizes`: (argument, axis) whose length is passed on, in order.
+    """
+    byte = ir.IntType(8)
+    pointer, number = byte.as_pointer(), ir.IntType(32)
+    handler = ir.Function(module, ir.FunctionType(pointer, [pointer]), "handler")
+    (frame,) = handler.args
+    build: Builder = ir.IRBuilder(handler.append_basic_block("entry"))
+    nothing = ir.Constant(pointer, None)
+    extension = _at(build, frame, _EXTENSIONS, pointer)
+    asked = build.icmp_unsigned("!=", extension, nothing)
+    with build.if_then(asked):
+        # XLA asks for the version of the interface before it calls.
+        metadata = _at(build, extension, _METADATA, pointer)
+        for offset, value in zip(_VERSION, (_MAJOR, _MINOR), strict=True):
+            address = build.bitcast(build.gep(metadata, [ir.Constant(INDEX, offset)]), number.as_pointer())
+            build.store(ir.Constant(number, value), address)
+        build.ret(nothing)
+    given, wanted = (_at(build, frame, offset, pointer) for offset in (_ARGUMENTS, _RESULTS))
+    buffers = [_at(build, given, 8 * i, pointer) for i in range(arguments)]
+    outputs = [_at(build, wanted, 8 * i, pointer) for i in range(results)]
+    lengths = []
+    for argument, axis in sizes:
+        shape = _at(build, buffers[argument], _BUFFER_SHAPE, pointer)
+        lengths.append(_at(build, shape, 8 * axis, INDEX))
+    data = [_at(build, buffer, _BUFFER_DATA, DOUBLE.as_pointer()) for buffer in (*buffers, *outputs)]
+    build.call(module.globals["rollout"], [*lengths, *data])
+    build.ret(nothing)
+
+
+_lock = threading.Lock()
+_engines: dict[str, llvm.ExecutionEngine] = {}
+_REVISION = "1"
+"""To be raised where the same instructions shall be compiled differently."""
+
+
+def _translated(text: str) -> bytes:
+    """Object code of a module."""
+    parsed = llvm.parse_assembly(text)
+    tuning = llvm.create_pipeline_tuning_options(speed_level=2)
+    tuning.loop_vectorization = tuning.slp_vectorization = False  # the vectors are written out
+    passes = llvm.create_pass_builder(_machine(), tuning)
+    passes.getModulePassManager().run(parsed, passes)
+    return _machine().emit_object(parsed)
+
+
+def _stored(name: str, text: str) -> bytes:
+    """Object code of a module, kept beside JAX's own compiled programs where the user keeps those."""
+    folder = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
+    if not folder:
+        return _translated(text)
+    path = Path(folder) / f"{name}.o"
+    try:
+        return path.read_bytes()
+    except OSError:
+        code = _translated(text)
+    # A cache that cannot be written does no harm.
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as temporary:
+            temporary.write_bytes(code)
+    return code
+
+
+def register(module: ir.Module) -> str:
+    """Compile `module` for this processor, unless it has been; the name under which XLA's programs call its `handler`."""
+    text = str(module)
+    machine = (_REVISION, *llvm.llvm_version_info, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+    key = "\n".join([*map(str, machine), text])
+    name = f"jaxid_{hashlib.sha256(key.encode()).hexdigest()[:32]}"
+    with _lock:
+        if name not in _engines:
+            _machine()
+            engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+            engine.add_object_file(llvm.ObjectFileRef.from_data(_stored(name, text)))
+            engine.finalize_object()
+            jax.ffi.register_ffi_target(name, _capsule(engine.get_function_address("handler")), platform="cpu")
+            _engines[name] = engine  # its code lives as long as it does
+    return name
+
+
+def _capsule(address: int) -> object:
+    """A C function's address as Python passes it on."""
+    new = ctypes.pythonapi.PyCapsule_New
+    new.restype, new.argtypes = ctypes.py_object, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p)
+    return new(address, None, None)

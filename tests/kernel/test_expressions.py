@@ -1,0 +1,75 @@
+"""jaxid/kernel/{expressions,symbolic,tangents}.py: random functions of JAX and their derivatives, evaluated by hand."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid.kernel.expressions import Graph
+from jaxid.kernel.symbolic import Untranslated, inputs, run, scalars
+from jaxid.kernel.tangents import forward
+
+EVALUATED = {
+    "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "mul": lambda a, b: a * b, "neg": lambda a: -a,
+    "reciprocal": lambda a: 1 / a, "max": max, "min": min, "abs": abs, "select": lambda w, f, t: t if w else f,
+    "lt": lambda a, b: a < b, "gt": lambda a, b: a > b, "ge": lambda a, b: a >= b, "eq": lambda a, b: a == b,
+    "sign": lambda a: float(np.sign(a)), "exp": math.exp, "log": math.log, "sqrt": math.sqrt, "sin": math.sin,
+    "cos": math.cos, "tanh": math.tanh, "floor": math.floor, "round": round,
+}  # fmt: skip
+
+
+def evaluated(graph, node, given):
+    operation, arguments = graph.nodes[node]
+    if operation == "const":
+        return arguments[0]
+    if operation == "input":
+        return given[arguments[1]]
+    return EVALUATED[operation](*(evaluated(graph, a, given) for a in arguments))
+
+
+FUNCTIONS = {
+    "rational": lambda a, b: (a * b - a / (1 + b**2)) ** 3,
+    "transcendental": lambda a, b: (
+        jnp.sin(a) * jnp.exp(-b) + jnp.tanh(a * b) - jnp.log(1 + b * b) * jnp.sqrt(2 + jnp.cos(b))
+    ),
+    "limits": lambda a, b: jnp.clip(a, -b, b) + jnp.maximum(a, b) * jnp.minimum(a, 0.3) + jnp.abs(a - b),
+    "branches": lambda a, b: jnp.where(a > b, a * a, b * a) + jnp.sign(a) * b,
+    "small arrays": lambda a, b: (
+        (jnp.stack([a, b]) @ jnp.array([[1.0, 2.0], [0.0, -1.0]])).sum() + jnp.array([a, b])[1]
+    ),
+    "loop": lambda a, b: jax.lax.scan(lambda c, w: (c * b + w, None), a, jnp.array([1.0, -2.0, 0.5]))[0],
+}
+
+
+@pytest.mark.usefixtures("double_precision")
+@pytest.mark.parametrize("at", [(0.7, 0.4), (-1.2, 0.4), (0.4, 0.4), (0.0, 0.4)], ids=str)
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_values_and_derivatives_are_those_of_jax(name, at):
+    function = FUNCTIONS[name]
+    graph = Graph()
+    given = inputs(graph, "x", 2)
+    (result,) = scalars(run(graph, jax.make_jaxpr(function)(0.5, 0.5), given))
+    assert evaluated(graph, result, at) == pytest.approx(float(function(*map(jnp.asarray, at))), rel=1e-12, abs=1e-14)
+    for i, x in enumerate(scalars(given)):
+        (slope,) = forward(graph, [result], {x: graph.constant(1.0)})
+        expected = jax.jacfwd(function, argnums=i)(*map(jnp.asarray, at))
+        assert evaluated(graph, slope, at) == pytest.approx(float(expected), rel=1e-10, abs=1e-12)
+
+
+def test_equal_expressions_stand_once_and_nothing_is_kept_of_zero():
+    graph = Graph()
+    a, b = scalars(inputs(graph, "x", 2))
+    assert graph.add(a, b) == graph.add(b, a)
+    assert graph.mul(a, graph.constant(0.0)) == graph.constant(0.0)
+    assert graph.sub(graph.add(a, graph.constant(0.0)), a) == graph.constant(0.0)
+    (slope,) = forward(graph, [graph.mul(a, a)], {b: graph.constant(1.0)})
+    assert slope == graph.constant(0.0)
+
+
+@pytest.mark.usefixtures("double_precision")
+def test_what_has_no_translation_is_named():
+    graph = Graph()
+    with pytest.raises(Untranslated, match="sort"):
+        run(graph, jax.make_jaxpr(lambda a, b: jnp.sort(jnp.stack([a, b]))[0])(0.5, 0.5), inputs(graph, "x", 2))
