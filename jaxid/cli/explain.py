@@ -6,7 +6,6 @@ import typer
 
 from ..estimate.result import Fit
 from ..explanation.explain import apart, explain
-from ..explanation.missing_force import NoVelocities
 from ..logs import LogSet
 from ..report import compare
 from ..report.files import write_fit
@@ -71,10 +70,7 @@ def run_explain(
     fits = estimate(robot, fit_logs)
     _write_fits(out, fits, fit_logs, check_logs)
     with step("Explanation") as report:
-        try:
-            found = explain(fits[-1], fit_logs, check_logs, report=report)
-        except NoVelocities as error:
-            raise UnusableInput(str(error)) from None
+        found = explain(fits[-1], fit_logs, check_logs, report=report)
     for note in found.final.notes if found.effects else ():
         say(f"warning: {note}", style="yellow")
     show(repr(found))

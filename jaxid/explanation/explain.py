@@ -8,7 +8,8 @@ from ..logs import LogError, LogSet
 from ..robots.effect import Effect
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
 from .fit_told import predicted
-from .localise import localise
+from .heldout import HeldOut
+from .localise import localise, without_place
 from .next_experiment import NextExperiment, propose
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, differ, search
@@ -17,6 +18,8 @@ _LEFT_OVER = 0.15
 """Share of the gap that may remain under a name."""
 _SMALL = 1.03
 """Normalised RMS up to which what remains is left to the added effect's own imprecision."""
+MANY = 2.0
+"""Normalised RMS on held-out logs above which what was added is no answer, whatever it brought."""
 _WEAK = 100.0
 """Lead over the runner-up (chi-squared) below which an experiment is proposed to confirm a name."""
 
@@ -48,10 +51,29 @@ def _named(found: Search, final: Fit) -> tuple[NamedEffect, ...]:
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
 
 
-def _verdict(found: Search, named: Sequence[NamedEffect], most: int) -> Verdict:
+def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: HeldOut) -> tuple[str, ...]:
+    """Why the names that were found are not the answer: each reason in a sentence; empty where they may be."""
+    doubts = []
+    if after.diverged:
+        doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
+    elif after.normalised_rms > MANY:
+        doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
+    if final.judgement is not None and final.judgement.verdict == "failed":
+        doubts.append(
+            f"the model does not follow the logs it was fitted to ({final.judgement.sentences[0].rstrip('.')})"
+        )
+    for effect in named:
+        if not effect.identified:
+            doubts.append(f"no parameter of {effect.title} is identified")
+    return tuple(doubts)
+
+
+def _verdict(found: Search, named: Sequence[NamedEffect], most: int, doubts: Sequence[str]) -> Verdict:
     before, after = found.before, found.after
     if not found.steps and after.adequate:
         return "adequate"
+    if doubts:
+        return "unexplained"
     left = after.gap > _LEFT_OVER * before.gap and after.normalised_rms > _SMALL
     # As many effects as may be added and still not noise: they stand in for something else.
     used_up = len(found.steps) >= most > 1
@@ -111,9 +133,16 @@ def explain(
 
     Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. The false-alarm rate
     of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong estimate of the noise adds.
+    No name is the answer that leaves more than `MANY` times the noise, or whose own parameters are not identified: the
+    verdict is then "unexplained", with the `doubts` why. A robot that does not say which of its states forces accelerate
+    is explained without `localisation`.
+
     Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share.
     """
     apart(logs, check)
+    placeless = without_place(fit.robot)
+    if placeless:
+        report(placeless)
     report("looking for a gap on the held-out logs")
     found = search(fit, logs, check, effects=effects, most=most, report=report)
     final, after = fit, found.before
@@ -121,9 +150,10 @@ def explain(
         final = in_full(found.final, logs, after.noise)
         after = predicted(final.robot, check, after.noise)
     named = _named(found, final)
-    verdict = _verdict(found, named, most)
+    doubts = _doubts(found, final, named, after)
+    verdict = _verdict(found, named, most, doubts)
     localisation = None
-    if verdict != "adequate":
+    if verdict != "adequate" and not placeless:
         report("finding where simulation and data disagree")
         localisation = localise(fit, check, found.before, stages=_stages(found))
     return Explanation(
@@ -137,4 +167,6 @@ def explain(
         check=check,
         localisation=localisation,
         next_experiment=_next(found, logs),
+        doubts=doubts if verdict == "unexplained" else (),
+        notes=(placeless,) if placeless else (),
     )

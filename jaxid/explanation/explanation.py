@@ -15,6 +15,8 @@ from .heldout import HeldOut
 from .next_experiment import NextExperiment
 from .search import Search
 
+_SIGNIFICANT = 2.0
+"""Standard errors by which an effect's parameter must differ from zero, which means that there is no such effect."""
 Verdict = Literal["named", "adequate", "ambiguous", "unexplained"]
 
 
@@ -54,6 +56,12 @@ class NamedEffect:
         return self.id.replace("_", " ")
 
     @property
+    def identified(self) -> bool:
+        """Whether the data determines a parameter of the effect: one that was estimated, and is not zero by its errors."""
+        own = [e for e in self.parameters.values() if e.status == "identified"]
+        return any(abs(e.value) > _SIGNIFICANT * e.std_error for e in own)
+
+    @property
     def sentence(self) -> str:
         """Name, size and evidence in one sentence."""
         sizes = ", ".join(_worded(name, e) for name, e in self.parameters.items() if e.status != "fixed")
@@ -69,6 +77,8 @@ class NamedEffect:
 
 def _worded(name: str, estimate: Estimate) -> str:
     unit = f" {estimate.unit}" if estimate.unit else ""
+    if not math.isfinite(estimate.std_error):
+        return f"{name.replace('_', ' ')} {estimate.value:.3g}{unit} ({estimate.status.replace('_', ' ')})"
     return f"{name.replace('_', ' ')} {estimate.value:.3g} ± {estimate.std_error:.1g}{unit}"
 
 
@@ -101,7 +111,8 @@ class Explanation:
     """The whole explanation. `model` is an ordinary robot: fit it, simulate it, save it, extend it.
 
     `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
-    is; `next_experiment` what to record to settle what this data leaves open. `check` are the held-out logs. Where `after`
+    is; `next_experiment` what to record to settle what this data leaves open; `doubts` why names that were found are no
+    answer; `notes` what else to know. `check` are the held-out logs. Where `after`
     is that of a model told its wheels' angles (`told_angles.py`), `after.simulated_freely` is the state without. In a
     notebook it shows itself.
     """
@@ -116,6 +127,8 @@ class Explanation:
     check: LogSet = field(repr=False)
     localisation: Any = None
     next_experiment: NextExperiment | None = None
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def model(self) -> Robot:
@@ -141,11 +154,13 @@ class Explanation:
             )
         if self.verdict == "unexplained":
             explain = "explain" if len(self.effects) > 1 else "explains"
+            judgement = self.baseline.judgement
+            base = "Something is missing that has no name here"
+            if judgement is not None and judgement.verdict == "failed":
+                base = "The fit that was to be explained failed, and nothing named here mends it"
             part = f"{names} {explain} part of it (to {after:.2f}), the rest" if names else "it"
-            return (
-                f"Something is missing that has no name here: the held-out error is {before:.2f} times the noise; "
-                f"{part} fits no known effect."
-            )
+            why = f" No name is given, since {'; '.join(self.doubts)}." if self.doubts else ""
+            return f"{base}: the held-out error is {before:.4g} times the noise; {part} fits no known effect.{why}"
         closed = f"the held-out error falls from {before:.2f} to {after:.2f} times the noise"
         freely = self.after.simulated_freely
         if freely is not None:
@@ -178,6 +193,12 @@ class Explanation:
             "robot": self.model.name,
             "verdict": self.verdict,
             "sentence": self.sentence,
+            "doubts": list(self.doubts),
+            "notes": list(self.notes),
+            "judgement": {
+                "before": self.baseline.judgement.to_dict() if self.baseline.judgement else None,
+                "after": self.final.judgement.to_dict() if self.final.judgement else None,
+            },
             "effects": [_effect(effect) for effect in self.effects],
             "gap": {
                 "before": _number(self.before),

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ..estimate.result import Fit
 from ..logs import LogSet
+from ..robots.robot import Robot
 from .condition_shares import ConditionShare, condition_shares, power
 from .conditions import Mask, conditions_of, motions
 from .heldout import HeldOut
-from .missing_force import ForceHistory, missing_force
+from .missing_force import ForceHistory, NoVelocities, forced, missing_force
 from .patterns import Pattern, patterns
 
 _MOSTLY = 0.6
@@ -174,6 +175,15 @@ def sentence(
             f" At the stage '{first}' of the signal path the best candidate promises {_percent(positive[first])} of it."
         )
     return text
+
+
+def without_place(robot: Robot) -> str:
+    """A sentence if the gap of this robot's models cannot be placed, for want of velocities; else nothing."""
+    try:
+        forced(robot)
+    except NoVelocities as error:
+        return f"The gap cannot be placed in an equation of motion: {error}."
+    return ""
 
 
 def localise(fit: Fit, logs: LogSet, held: HeldOut, stages: Mapping[str, float] | None = None) -> Localisation:

@@ -71,6 +71,20 @@ def _differences(y: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray
     return kept if kept.size >= 60 else third[telling]
 
 
+def usual_size(values: NDArray[np.float64]) -> float:
+    """Standard deviation about zero of the finite `values` within 3.5 robust ones (median absolute deviation).
+
+    Of all of them where they are mostly zero. A few large ones, and heavy tails, do not count.
+    """
+    values = values[np.isfinite(values)]
+    robust = 1.4826 * float(np.median(np.abs(values)))
+    if robust < 1e-9 * float(np.max(np.abs(values))):
+        return float(np.sqrt(np.mean(values**2)))  # quantised: what is left is the rounding of the decimal steps
+    # Among normal numbers the mean square of those within the limit is a little below the variance.
+    usual = values[np.abs(values) < _SPIKE * robust] if robust > 0 else values
+    return float(np.sqrt(np.mean(usual**2))) / _KEPT
+
+
 def noise_level(logs: LogSet | Log) -> dict[str, float]:
     """Standard deviation of the measurement noise of each measured channel, NaN for a channel no log holds.
 
@@ -88,13 +102,7 @@ def noise_level(logs: LogSet | Log) -> dict[str, float]:
             still |= bool(np.isfinite(y).sum() >= 11)
             if differences.size < 8:
                 continue
-            robust = 1.4826 * float(np.median(np.abs(differences)))
-            if robust < 1e-9 * float(np.max(np.abs(differences))):
-                robust = 0.0  # quantised: what is left is the rounding of the decimal steps
-            usual = differences[np.abs(differences) < _SPIKE * robust] if robust > 0 else differences
-            # Among normal numbers the mean square of those within the limit is a little below the variance.
-            level = float(np.sqrt(np.mean(usual**2))) / _GAIN / (_KEPT if robust > 0 else 1.0)
-            level = max(level, sensor_step(y) / np.sqrt(12.0))
+            level = max(usual_size(differences) / _GAIN, sensor_step(y) / np.sqrt(12.0))
             squares += differences.size * level**2
             counts += differences.size
         levels[channel] = float(np.sqrt(squares / counts)) if counts else 0.0 if still else float("nan")

@@ -111,7 +111,7 @@ def tables(found: Explanation) -> tuple[Table, ...]:
 
 def text(found: Explanation) -> str:
     """The explanation for a terminal: the verdict, where the gap is, the tables, what to do next."""
-    paragraphs = [found.sentence]
+    paragraphs = [found.sentence, *found.notes]
     if found.localisation is not None:
         paragraphs.append(found.localisation.sentence)
     if found.next_experiment is not None:

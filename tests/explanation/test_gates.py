@@ -1,0 +1,134 @@
+"""When `explain` gives no name: hopeless fits, robots without velocities, heavy tails, and files that stay finite."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Custom, Log, LogError, LogSet, Parameter, compare, explain, output_error
+from jaxid.estimate.result import Estimate
+from jaxid.explanation.explain import MANY, _doubts, _verdict
+from jaxid.explanation.explanation import Evidence, NamedEffect
+from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.search import Search
+from jaxid.logs import Channels
+from jaxid.report.files import fit_document
+
+SAMPLES = 500
+ROBOT = Axis().change("offset", free=False).with_values(M=1.0, Fv=2.0, Fc=0.5)
+
+
+def inputs(seed):
+    return np.repeat(np.random.default_rng(seed).uniform(-5, 5, SAMPLES // 20), 20)
+
+
+def heavy(axis_log, name, seed):
+    """An axis whose sensor has Student's t noise with three degrees of freedom."""
+    clean = axis_log(name, inputs(seed), position=False, M=1.0, Fv=2.0, Fc=0.5)
+    noise = 0.01 * np.random.default_rng(seed).standard_t(3, size=SAMPLES)
+    return Log.from_arrays(name, clean.time, clean.inputs, clean.output("v") + noise, "axis")
+
+
+@pytest.fixture(scope="module")
+def heavy_tailed(axis_log):
+    logs, check = LogSet([heavy(axis_log, "a", 1)]), LogSet([heavy(axis_log, "b", 2)])
+    fit = output_error(ROBOT, logs)
+    return explain(fit, logs, check, most=1), fit, logs, check
+
+
+def test_heavy_tails_of_a_sensor_are_no_missing_effect_and_files_are_json(heavy_tailed, tmp_path):
+    found, *_ = heavy_tailed
+    assert found.verdict == "adequate"
+    found.save(tmp_path)
+    json.loads((tmp_path / "explanation.json").read_text(), parse_constant=pytest.fail)
+
+
+def test_fit_and_explanation_measure_with_one_yardstick(heavy_tailed):
+    found, fit, _, check = heavy_tailed
+    document = fit_document([fit], compare(fit, check=check).validations)
+    of_fit = document["methods"]["output_error"]["check"]["normalised_rms"]
+    assert found.to_dict()["gap"]["before"] == pytest.approx(of_fit, rel=1e-12)
+
+
+def test_logs_of_one_name_are_refused_before_anything_is_done(heavy_tailed):
+    _, fit, logs, _ = heavy_tailed
+    said = []
+    with pytest.raises(LogError, match="both called 'a'"):
+        explain(fit, logs, logs, report=said.append)
+    assert said == []
+
+
+# -- gates on made-up findings -------------------------------------------------------------------------------------
+def state(rms):
+    return HeldOut(rms, {"v": rms}, (np.full((100, 1), rms),), {"v": 0.01}, 1e-9)
+
+
+def named(status, value=1.0, error=0.1):
+    own = {"size": Estimate.of(value, error, "N", status)}
+    evidence = Evidence(0.0, 0.0, 0.0, 0.0, 1, 1, None, None)
+    return NamedEffect("quadratic_drag", "body", "", own, (), evidence)
+
+
+def verdict(fit, before, after, effect):
+    found = Search(state(before), state(after), None, (object(),), ())
+    doubts = _doubts(found, fit, [effect], found.after)
+    return _verdict(found, [effect], 3, doubts), doubts
+
+
+def test_a_name_that_leaves_many_times_the_noise_is_not_given(heavy_tailed):
+    _, fit, *_ = heavy_tailed
+    found, doubts = verdict(fit, 260_000.0, 1024.0, named("identified"))  # closes 99.6 % of the gap
+    assert found == "unexplained" and "1.02e+03 times the noise" in doubts[0]
+    assert verdict(fit, 10.0, 1.01, named("identified"))[0] == "named"
+    assert verdict(fit, 1000.0, MANY + 0.1, named("identified"))[0] == "unexplained"
+
+
+@pytest.mark.parametrize("effect", [named("not_identifiable"), named("at_bound"), named("identified", 0.1, 0.1)])
+def test_a_name_whose_parameter_is_not_identified_is_not_given(heavy_tailed, effect):
+    _, fit, *_ = heavy_tailed
+    found, doubts = verdict(fit, 10.0, 1.01, effect)
+    assert found == "unexplained" and "quadratic drag is identified" in doubts[0]
+
+
+def test_a_model_that_does_not_follow_its_own_logs_names_nothing(heavy_tailed):
+    _, fit, *_ = heavy_tailed
+    failed = replace(fit, judgement=replace(fit.judgement, verdict="failed", sentences=("It is far off.",)))
+    found, doubts = verdict(failed, 10.0, 1.01, named("identified"))
+    assert found == "unexplained" and "It is far off" in doubts[0]
+
+
+# -- a robot whose outputs are no states ---------------------------------------------------------------------------
+def test_a_robot_without_velocities_is_told_so_first_and_explained_without_a_place():
+    def decay(state, given, p):
+        return {"level": given["u"] - p["rate"] * state["level"]}
+
+    def output(state, given, p):
+        return {"volts": 2.0 * state["level"]}
+
+    tank = Custom(
+        dynamics=decay, output=output, state_names=("level",), own_channels=Channels(("u",), ("volts",)),
+        table={"rate": Parameter(1.0, "1/s", free=True, lower=0.0)}, title="tank",
+    )  # fmt: skip
+
+    def measured(name, seed, leak=0.6):
+        # In closed form between samples: the tank leaks in proportion to its level, less above one half of it.
+        u, level, values = np.abs(inputs(seed)) / 5, 0.0, []
+        for k in range(SAMPLES):
+            values.append(2.0 * level)
+            for _ in range(20):
+                level += 0.001 * (u[k] - level - leak * level**2)
+        noise = 0.002 * np.random.default_rng(seed).normal(size=SAMPLES)
+        return Log.from_arrays(name, 0.02 * np.arange(SAMPLES), u[:, None], (np.array(values) + noise)[:, None], tank)
+
+    logs, check, said = LogSet([measured("a", 1)]), LogSet([measured("b", 2)]), []
+    fit = output_error(tank, logs)
+    assert fit.judgement.verdict == "poor"
+    found = explain(fit, logs, check, most=1, report=said.append)
+    assert (
+        "velocities" in said[0]
+        and found.localisation is None
+        and found.verdict in ("named", "ambiguous", "unexplained")
+    )
+    assert "velocities" in found.notes[0] and "velocities" in repr(found)
+    assert found.after.normalised_rms < MANY or found.verdict == "unexplained"
