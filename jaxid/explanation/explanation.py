@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from .._json import write_json
+from .._json import plain, write_json
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
 from ..model_file import write_model
@@ -188,34 +188,36 @@ class Explanation:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """What `explanation.json` holds."""
-        return {
-            "robot": self.model.name,
-            "verdict": self.verdict,
-            "sentence": self.sentence,
-            "doubts": list(self.doubts),
-            "notes": list(self.notes),
-            "judgement": {
-                "before": self.baseline.judgement.to_dict() if self.baseline.judgement else None,
-                "after": self.final.judgement.to_dict() if self.final.judgement else None,
-            },
-            "effects": [_effect(effect) for effect in self.effects],
-            "gap": {
-                "before": _number(self.before),
-                "after": _number(self.after),
-                "noise_floor": 1.0,
-                "closed": self.gap_closed,
-                "after_simulated_freely": _number(self.after.simulated_freely or self.after),
-                "by_channel": {
-                    name: {"before": self.before.by_channel[name], "after": self.after.by_channel[name]}
-                    for name in self.before.by_channel
+        """What `explanation.json` holds; what is not a finite number is None."""
+        return plain(
+            {
+                "robot": self.model.name,
+                "verdict": self.verdict,
+                "sentence": self.sentence,
+                "doubts": list(self.doubts),
+                "notes": list(self.notes),
+                "judgement": {
+                    "before": self.baseline.judgement.to_dict() if self.baseline.judgement else None,
+                    "after": self.final.judgement.to_dict() if self.final.judgement else None,
                 },
-                "noise": self.before.noise,
-            },
-            "localisation": self.localisation.to_dict() if self.localisation is not None else {},
-            "first_look": [{"id": c.effect.id, "share": c.share} for c in self.search.first_look],
-            "next_experiment": self.next_experiment.to_dict() if self.next_experiment else {},
-        }
+                "effects": [_effect(effect) for effect in self.effects],
+                "gap": {
+                    "before": _number(self.before),
+                    "after": _number(self.after),
+                    "noise_floor": 1.0,
+                    "closed": self.gap_closed,
+                    "after_simulated_freely": _number(self.after.simulated_freely or self.after),
+                    "by_channel": {
+                        name: {"before": self.before.by_channel[name], "after": self.after.by_channel[name]}
+                        for name in self.before.by_channel
+                    },
+                    "noise": self.before.noise,
+                },
+                "localisation": self.localisation.to_dict() if self.localisation is not None else {},
+                "first_look": [{"id": c.effect.id, "share": c.share} for c in self.search.first_look],
+                "next_experiment": self.next_experiment.to_dict() if self.next_experiment else {},
+            }
+        )
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write the explanation into `folder` (made if missing) and return the paths of its files.

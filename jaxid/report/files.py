@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .._json import write_json
+from .._json import plain, write_json
 from ..estimate.confidence.validation import Validation
 from ..estimate.result import Fit
 from ..model_file import write_model
@@ -51,7 +51,7 @@ def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | Non
                 "clock_offsets": {name: offset.to_dict() for name, offset in fit.clock_offsets.items()},
                 "outliers": [asdict(outlier) for outlier in fit.outliers],
             }
-    return {"robot": fits[0].robot.name, "methods": methods}
+    return plain({"robot": fits[0].robot.name, "methods": methods})
 
 
 def write_fit(folder: str | Path, fits: Sequence[Fit], validation: Mapping[str, Validation] | None = None) -> None:
