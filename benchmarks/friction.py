@@ -23,9 +23,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from jaxid import Fit, Integrator, Log, LogSet, Pioneer, Smooth, Sticking, float64, output_error, read_logs, simulate
-from jaxid.estimate.output_error.levenberg_marquardt import minimise_compiled
 from jaxid.estimate.output_error.problem import parameters_at
 from jaxid.estimate.output_error.setup import build
+from jaxid.estimate.output_error.solvers import minimise_compiled
 from reference.logs import simulate as exact_run
 from reference.pioneer import PARAMETERS as TRUTH
 from reference.pioneer import PIONEER

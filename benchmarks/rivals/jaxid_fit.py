@@ -14,9 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxid import PIONEER, Integrator, Log, LogSet, Pioneer, float64, output_error
-from jaxid.estimate.output_error.levenberg_marquardt import minimise, minimise_compiled
+from jaxid.estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt
 from jaxid.estimate.output_error.problem import Problem, Structure, Unknowns, parameters_at
 from jaxid.estimate.output_error.setup import build
+from jaxid.estimate.output_error.solvers import minimise, minimise_compiled
 
 from .pioneer_problem import FREE, SAMPLING, SIGMA, STATE_SCALE, SUBSTEPS, FitProblem
 from .reached import Clock, Reached
@@ -73,12 +74,10 @@ def path(problem: FitProblem) -> list[tuple[float, float]]:
     """(processor seconds, lowest cost so far) after every step of `core`, warm: the same fit, its solver reporting."""
     clock = Clock()
 
-    def note(**report) -> None:
-        jax.debug.callback(lambda cost: clock.note(float(cost)), report["loss_this_step"][1])
-
     with float64():
         structure, arrays, unknowns = built(problem)
-        reporting = jax.jit(lambda p, u: minimise(structure, p, u, max_steps=100, verbose=note))
+        solver = BestDampingLevenbergMarquardt(report=lambda cost: clock.note(float(cost)))
+        reporting = jax.jit(lambda p, u: minimise(structure, p, u, max_steps=100, solver=solver))
         for _ in range(2):  # the first compiles
             jax.effects_barrier()
             clock.begin, clock.seen = time.process_time(), []

@@ -8,10 +8,11 @@ import numpy as np
 
 from .._float64 import in_float64
 from ..estimate.output_error.from_optimum import initial_states_at
-from ..estimate.output_error.levenberg_marquardt import Optimum, compile_ahead, minimise_compiled
+from ..estimate.output_error.optimum import Optimum
 from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.problem import Unknowns
 from ..estimate.output_error.setup import build
+from ..estimate.output_error.solvers import compile_ahead, minimise_compiled
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.robot import Robot

@@ -86,6 +86,9 @@ class Robot:
     """Directions of driving by name ("straight"), one gain per input; empty: each input on its own."""
     nominal: ClassVar[Scales] = Scales()
     """Orders of magnitude where no log says them."""
+    prior_spreads: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """Prior standard deviations of initial states that no sensor shows, such as a caster's angle [rad], about their usual
+    value, by state."""
     max_step: ClassVar[float] = 0.01
     """Longest integration step [s] for which the default integrator's error stays below usual sensor noise."""
 

@@ -16,8 +16,9 @@ from ..._compile import compiled
 from ..._float64 import in_float64
 from ...logs import LogSet
 from ...robots.robot import Robot
+from ..output_error.magnitudes import magnitudes
 from ..output_error.problem import linearise
-from ..output_error.setup import InitialStates, build, typical_values
+from ..output_error.setup import InitialStates, build
 from ..result import Estimate
 from ..uncertainty import PRACTICAL, RANK, combinations, spread
 
@@ -128,7 +129,7 @@ def identifiability(
     slope = np.asarray(problem.bounds.slope(unknowns.z))
     jacobian = np.asarray(triangle.shared) / slope
     names = structure.names
-    magnitude = typical_values(robot, {}, names)
+    magnitude = magnitudes(problem, triangle, np.array([robot.parameters[name].value for name in names]))
     free, singular = _directions(jacobian * magnitude, names)
     found = spread(jacobian, np.ones(len(names), dtype=bool), magnitude)
     errors = np.sqrt(np.diag(found.covariance))

@@ -20,9 +20,10 @@ from ..._compile import compiled
 from ..._float64 import in_float64
 from ...logs import LogSet
 from ...simulation.rollout import Integrator
-from ..output_error.levenberg_marquardt import minimise_compiled
+from ..output_error.bounds import Unconstrained
 from ..output_error.problem import Problem, Structure, Triangle, Unknowns, parameters_at, reduced_residual
 from ..output_error.setup import InitialStates, at_fit
+from ..output_error.solvers import minimise_compiled
 from ..result import Fit
 
 _STEP = 0.5
@@ -82,15 +83,21 @@ def _chains(structure: Structure, problem: Problem, centre: Unknowns, W, keys, *
     import blackjax
 
     residual = reduced_residual(structure, problem, centre)
-    flat, as_tree = ravel_pytree(centre)
+    n = centre.z.size
+    # NUTS knows no bounds; a parameter on its bound is drawn from within some standard errors of it.
+    smooth = Unconstrained.around(problem.bounds, centre.z, jnp.linalg.norm(W, axis=1)[:n])
+    flat, as_tree = ravel_pytree(centre._replace(z=smooth.from_z(centre.z)))
+    steepness = smooth.slope(flat[:n])
+    V = W.at[:n].divide(steepness[:, None])
 
-    def at(position) -> Unknowns:
-        return as_tree(flat + W @ position)
+    def at(position) -> tuple[Unknowns, Any]:
+        q = as_tree(flat + V @ position)
+        return q._replace(z=smooth.to_z(q.z)), smooth.slope(q.z)
 
     def log_density(position):
-        unknowns = at(position)
+        unknowns, slope = at(position)
         parts, _ = residual(unknowns, problem)
-        slope = jnp.where(problem.free, problem.bounds.slope(unknowns.z), 1.0)
+        slope = jnp.where(problem.free, slope, 1.0)
         return -0.5 * sum(jnp.sum(part**2) for part in parts) + jnp.sum(jnp.log(jnp.abs(slope)))
 
     def chain(key):
@@ -102,7 +109,7 @@ def _chains(structure: Structure, problem: Problem, centre: Unknowns, W, keys, *
 
         def draw(state, key):
             state, info = kernel.step(key, state)
-            return state, (parameters_at(problem, at(state.position).z), info.is_divergent)
+            return state, (parameters_at(problem, at(state.position)[0].z), info.is_divergent)
 
         return jax.lax.scan(draw, state, jax.random.split(third, draws))[1]
 

@@ -19,7 +19,7 @@ from ...logs import LogSet
 from ...parameters import ParameterError
 from ...simulation.rollout import Integrator
 from ..output_error.fleet import fit_lanes
-from ..output_error.levenberg_marquardt import Optimum
+from ..output_error.optimum import Optimum
 from ..output_error.problem import Problem, Unknowns, parameters_at
 from ..output_error.setup import InitialStates, at_fit
 from ..result import NORMAL_95, Fit
@@ -75,10 +75,9 @@ class Profiles:
 
 
 def _limits(problem: Problem, i: int) -> tuple[float, float]:
-    """Bounds of a parameter, a hair inside: on a bound nothing has a slope."""
+    """Bounds of a parameter."""
     low, high = float(problem.bounds.lower[i]), float(problem.bounds.upper[i])
-    hair = 1e-9 * float(problem.bounds.scale[i])
-    return low + hair, high - hair
+    return low, high
 
 
 def _end(points: dict[float, float], side: float) -> float | None:
@@ -131,13 +130,13 @@ def profile_likelihood(
                 f"the fit did not estimate {name!r}; its free parameters are {', '.join(fit.free_names)}"
             )
     structure, problem, unknowns = at_fit(fit, logs, initial=initial_states, integrator=integrator)
-    theta, slope = np.asarray(problem.held), np.asarray(problem.bounds.slope(unknowns.z))
+    theta = np.asarray(problem.held)
     free = np.asarray(problem.free)
     index = {name: structure.names.index(name) for name in names}
     covariance = np.where(np.isfinite(fit.covariance), fit.covariance, 0.0)
     error = np.sqrt(np.diag(covariance))
     # A parameter without a standard error is looked for at its own magnitude.
-    error = np.where(error > 0, np.minimum(error, np.asarray(problem.bounds.scale)), np.asarray(problem.bounds.scale))
+    error = np.where(error > 0, error, np.asarray(problem.bounds.scale))
     limits = {name: _limits(problem, i) for name, i in index.items()}
 
     def look(wanted: list[tuple[str, float]]) -> Optimum:
@@ -154,7 +153,8 @@ def profile_likelihood(
                 z[lane], states[lane, ...] = nearest.z, nearest.states
             else:  # where the others go when the cost is a parabola
                 variance = covariance[i, i] if covariance[i, i] > 0 else 1.0
-                z[lane] += np.clip(covariance[:, i] / variance * (value - theta[i]) / slope, -1.0, 1.0)
+                moved = theta + covariance[:, i] / variance * (value - theta[i])
+                z[lane] = problem.bounds.coordinates(jnp.asarray(moved))
         own = {"held": jnp.asarray(held), "free": jnp.asarray(frees)}
         starts = Unknowns(jnp.asarray(z), jnp.asarray(states))
         return fit_lanes(structure, problem, own, starts, rounds=1, lanes=min(lanes + 1, 32)).optimum

@@ -13,53 +13,80 @@ import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
 
-from .problem import Unknowns
+from .problem import Triangle, Unknowns
 
 
-class Arrow(NamedTuple):
-    """Jacobian `[[local_e, crossed_e], [0, shared]]` of the unknowns and the residual of the same rows, E experiments."""
-
-    local: Float[Array, "E s s"]
-    crossed: Float[Array, "E s n"]
-    shared: Float[Array, "n n"]
-    residual_local: Float[Array, "E s"]
-    residual_shared: Float[Array, " n"]
-
-
-def gradient(arrow: Arrow) -> Unknowns:
+def gradient(triangle: Triangle) -> Unknowns:
     """Jᵀ r."""
-    by_z = arrow.shared.T @ arrow.residual_shared + jnp.einsum("eij,ei->j", arrow.crossed, arrow.residual_local)
-    return Unknowns(by_z, jnp.einsum("eij,ei->ej", arrow.local, arrow.residual_local))
+    by_z = triangle.shared.T @ triangle.residual_shared
+    by_z = by_z + jnp.einsum("eij,ei->j", triangle.crossed, triangle.residual_local)
+    return Unknowns(by_z, jnp.einsum("eij,ei->ej", triangle.local, triangle.residual_local))
 
 
-def damped_step(arrow: Arrow, damping: Float[Array, ""]) -> Unknowns:
-    """-(JᵀJ + damping I)⁻¹ Jᵀ r, without forming JᵀJ."""
-    E, s = arrow.residual_local.shape
-    n = arrow.residual_shared.shape[0]
-    root = jnp.sqrt(damping)
-    rows = jnp.concatenate([arrow.shared, root * jnp.eye(n)])
-    shared = jnp.concatenate([rows, jnp.append(arrow.residual_shared, jnp.zeros(n))[:, None]], axis=1)
-    if not s:
-        R = jnp.linalg.qr(shared, mode="r")
-        return Unknowns(-solve_triangular(R[:n, :n], R[:n, n]), jnp.zeros((E, 0)))
-
-    def eliminated(local, crossed, residual):
-        measured = jnp.concatenate([local, crossed, residual[:, None]], axis=1)
-        damped = jnp.concatenate([root * jnp.eye(s), jnp.zeros((s, n + 1))], axis=1)
-        return jnp.linalg.qr(jnp.concatenate([measured, damped]), mode="r")
-
-    triangles = jax.vmap(eliminated)(arrow.local, arrow.crossed, arrow.residual_local)
-    R = jnp.linalg.qr(jnp.concatenate([triangles[:, s:, s:].reshape(-1, n + 1), shared]), mode="r")
-    z = -solve_triangular(R[:n, :n], R[:n, n])
-
-    def own(triangle):
-        return -solve_triangular(triangle[:s, :s], triangle[:s, s:-1] @ z + triangle[:s, -1])
-
-    return Unknowns(z, jax.vmap(own)(triangles))
+def norms(triangle: Triangle) -> Unknowns:
+    """Lengths of the Jacobian's columns."""
+    by_z = jnp.sum(triangle.shared**2, axis=0) + jnp.sum(triangle.crossed**2, axis=(0, 1))
+    return Unknowns(jnp.sqrt(by_z), jnp.linalg.norm(triangle.local, axis=1))
 
 
-def promise(arrow: Arrow, step: Unknowns) -> Float[Array, ""]:
-    """Drop of the cost (half the sum of squares) promised for a damped step: -½ (Jᵀ r) · step, what the step itself may
-    cost by its damping left out."""
-    slope = gradient(arrow)
-    return -0.5 * (jnp.sum(slope.z * step.z) + jnp.sum(slope.states * step.states))
+def in_units(triangle: Triangle, units: Unknowns) -> Triangle:
+    """The same problem for unknowns in other units."""
+    return triangle._replace(
+        shared=triangle.shared * units.z,
+        crossed=triangle.crossed * units.z,
+        local=triangle.local * units.states[:, None, :],
+    )
+
+
+class Eliminated(NamedTuple):
+    """A problem whose experiments' own unknowns are eliminated, those damped by `damping`.
+
+    `left`, `values`, `right`: what is left for the shared unknowns, by singular values; `left` is the residual along the
+    left vectors. `own` [E, s, s + n + 1]: rows from which the own unknowns follow.
+    """
+
+    left: Float[Array, " n"]
+    values: Float[Array, " n"]
+    right: Float[Array, "n n"]
+    own: Float[Array, "E s m"]
+    damping: float
+
+    @property
+    def pull(self) -> Float[Array, " n"]:
+        """Gradient along the singular vectors."""
+        return self.values * self.left
+
+    def shared_step(self, damping: Float[Array, ""]) -> Float[Array, " n"]:
+        """Damped step of the shared unknowns."""
+        return -(self.pull / (self.values**2 + damping)) @ self.right
+
+    def own_step(self, shared: Float[Array, " n"], share: Float[Array, ""] | float = 1.0) -> Float[Array, "E s"]:
+        """What goes with a step of the shared unknowns: a `share` of the way that the own ones would go alone, and all that
+        the shared ones cause."""
+        s = self.own.shape[1]
+        if not s:
+            return jnp.zeros(self.own.shape[:2])
+
+        def solved(rows):
+            return -solve_triangular(rows[:, :s], rows[:, s:-1] @ shared + share * rows[:, -1])
+
+        return jax.vmap(solved)(self.own)
+
+
+def eliminate(triangle: Triangle, damping: float) -> Eliminated:
+    """Eliminate the experiments' own unknowns, damped by `damping`."""
+    E, s, n = triangle.crossed.shape
+    shared = jnp.concatenate([triangle.shared, triangle.residual_shared[:, None]], axis=1)
+    rows = jnp.zeros((E, 0, n + 1))
+    if s:
+
+        def eliminated(local, crossed, residual):
+            measured = jnp.concatenate([local, crossed, residual[:, None]], axis=1)
+            damped = jnp.concatenate([jnp.sqrt(damping) * jnp.eye(s), jnp.zeros((s, n + 1))], axis=1)
+            return jnp.linalg.qr(jnp.concatenate([measured, damped]), mode="r")
+
+        rows = jax.vmap(eliminated)(triangle.local, triangle.crossed, triangle.residual_local)
+        shared = jnp.linalg.qr(jnp.concatenate([rows[:, s:, s:].reshape(-1, n + 1), shared]), mode="r")
+        shared = shared[: n + 1]
+    U, values, right = jnp.linalg.svd(shared[:, :n], full_matrices=False)
+    return Eliminated(U.T @ shared[:, n], values, right, rows[:, :s], damping)

@@ -14,7 +14,7 @@ from ...robots.robot import Robot
 from ..judge import judge, judged
 from ..result import Fit
 from .from_optimum import AtBounds, fit_at
-from .levenberg_marquardt import Optimum
+from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_covariance import robust_covariance
 from .robust_loss import simulated

@@ -16,10 +16,12 @@ from ...logs import LogSet
 from ...robots.robot import Robot
 from ...simulation.simulate import simulate
 from ...simulation.start import initial_states
-from .setup import UNMEASURED_SPREAD
 
 _STEPS = 5
 _SECANT = 1e-3
+_FELT, _TRIES = (1e-3, 1e3), 12
+"""Change of a residual, in units of the noise, by which a secant is neither rounding nor curved, and how often its length
+is changed by a thousand to get there."""
 _SHRINK = (1.0, 0.3, 0.05)
 """Shares of a Gauss-Newton step that are tried."""
 _NOTICEABLE = 0.01
@@ -44,7 +46,7 @@ def estimated_start(
     names = robot.estimated_states
     counted = [c for c in measured if np.isfinite(noise.get(c, np.nan)) and (c in logs.channels.outputs or c in names)]
     columns, sigma = [measured.index(c) for c in counted], np.array([noise[c] for c in counted])
-    prior = np.array([0.0 if name in counted else 1.0 / UNMEASURED_SPREAD for name in names])
+    prior = np.array([0.0 if name in counted else 1.0 / robot.prior_spreads.get(name, np.inf) for name in names])
     origin = np.stack([states[name] for name in names], axis=1)
 
     def residuals(x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -76,13 +78,22 @@ def estimated_start(
     for j, name in enumerate(names):
         for value in _TRIED.get(name, ()):
             tried(np.where(np.arange(len(names)) == j, value, x))
+    spreads = robot.prior_spreads
+    lengths = [noise[name] if name in counted else _SECANT * spreads.get(name, 1.0) for name in names]
+    for j, name in enumerate(names):
+        for _ in range(_TRIES if name not in counted and name not in spreads else 0):
+            there = residuals(x + lengths[j] * (np.arange(len(names)) == j))
+            felt = max(float(np.max(np.abs(a - b))) for a, b in zip(there, now, strict=True))
+            if felt == 0.0 or _FELT[0] < felt < _FELT[1]:
+                break
+            lengths[j] *= 1e3 if felt <= _FELT[0] else 1e-3
     for _ in range(_STEPS):
         before = best
-        moved = [residuals(x + _SECANT * unit) for unit in np.eye(len(names))]
+        moved = [residuals(x + length * unit) for length, unit in zip(lengths, np.eye(len(names)), strict=True)]
         step = np.zeros_like(x)
         for e in np.flatnonzero(moving):
-            jacobian = np.stack([(m[e] - now[e]) / _SECANT for m in moved], axis=1)
-            step[e] = -np.linalg.lstsq(jacobian, now[e], rcond=1e-10)[0]
+            jacobian = np.stack([m[e] - now[e] for m in moved], axis=1)
+            step[e] = -np.array(lengths) * np.linalg.lstsq(jacobian, now[e], rcond=1e-10)[0]
         start = x
         for share in _SHRINK:
             tried(np.where((best < before)[:, None], x, start + share * step))

@@ -23,12 +23,13 @@ from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
 from .conclude import Covariance, conclude, no_priors
-from .from_optimum import AtBounds, channel_noise, near_bounds, on_bounds, unknown_count
+from .from_optimum import channel_noise, on_bounds, unknown_count
 from .globalise import ambiguous_index
-from .levenberg_marquardt import Optimum, minimise
+from .optimum import Optimum
 from .output_error import output_error
 from .problem import Problem, Structure, Unknowns
 from .setup import InitialStates, build, start_values
+from .solvers import minimise
 
 _WEIGHT_ROUNDS = 3
 """Minimisations, each with the noise that the one before left."""
@@ -181,8 +182,7 @@ def fit_fleet(
         if not np.isfinite(np.asarray(optimum.triangle.squares)).all():
             failed[name] = "the simulation diverges at the start values; check the logs' units and signs"
             continue
-        near, _ = near_bounds(mine, np.asarray(optimum.unknowns.z))
-        bounded = on_bounds(structure, mine, optimum, max_steps) if near.any() else AtBounds(mine, optimum, near)
+        bounded = on_bounds(structure, mine, optimum, max_steps)
         rivals = {"its own start": lambda begin=begin: begin} if no_priors(mine) else {}
         fits[name] = conclude(
             robot, logs, structure, mine, optimum, bounded, iterations=int(optimum.iterations), max_steps=max_steps,

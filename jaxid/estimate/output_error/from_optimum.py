@@ -7,19 +7,22 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array
 from numpy.typing import NDArray
 
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..result import Estimate, Fit, Outlier
 from ..uncertainty import Spread, combinations, estimates, spread
-from .levenberg_marquardt import Optimum, minimise_compiled
+from .magnitudes import matter_at
+from .optimum import Optimum, Outcome
 from .problem import CLOCK_OFFSET, Problem, Structure, Triangle, Unknowns, parameters_at
+from .solvers import DEFAULT, Solver, minimise_compiled
 
-_NEAR_BOUND = 0.02
-_BOUND_COST = 2.0
-"""Half chi-squared a parameter may cost when it is moved from near its bound onto it."""
+_BOUND_COST = 0.5
+"""Half chi-squared that putting a parameter on its bound may cost beyond what its standard error lets expect."""
+_MATTERS = 0.1
+"""Share of the signal that a parameter without bounds, moved by its standard error, may make up if it is to be known."""
 _STANDS_OUT = 10.0
 """Ratio of a log's residual to the other logs' (root mean square, in units of the noise) that is worth a word."""
 
@@ -48,35 +51,58 @@ class AtBounds(NamedTuple):
     at_bound: NDArray[np.bool_]
 
 
-def near_bounds(problem: Problem, z: Float[NDArray, "*lanes n"]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Which parameters crept towards a bound, and the parameters with these on it [*lanes, n]."""
+def known_spread(problem: Problem, optimum: Optimum) -> Spread:
+    """Covariance of the physical parameters with all of them free, and which of them the data determines on its own.
+
+    A parameter is not determined if its standard error exceeds its magnitude: its value; of one that may take either sign,
+    at least a tenth of what would change the simulation by as much as there is to simulate; of one with two bounds, at
+    least half of what lies between them.
+    """
+    theta = np.asarray(parameters_at(problem, optimum.unknowns.z))
+    jacobian = np.asarray(optimum.triangle.shared) / np.asarray(problem.bounds.slope(optimum.unknowns.z))
     lower, upper = np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper)
-    scale, theta = np.asarray(problem.bounds.scale), np.asarray(parameters_at(problem, jnp.asarray(z)))
-    low = np.isfinite(lower) & (theta - lower < _NEAR_BOUND * scale) & np.asarray(problem.free)
-    high = np.isfinite(upper) & (upper - theta < _NEAR_BOUND * scale) & np.asarray(problem.free)
-    return low | high, np.where(low, lower, np.where(high, upper, theta))
+    matters = _MATTERS * matter_at(problem, optimum.triangle)
+    unbounded, both = ~np.isfinite(lower) & ~np.isfinite(upper), np.isfinite(lower) & np.isfinite(upper)
+    least = np.where(unbounded, matters, np.where(both, 0.5 * (upper - lower), 0.0))
+    return spread(jacobian, np.ones(len(theta), dtype=bool), np.maximum(np.abs(theta), least))
 
 
-def on_bounds(structure: Structure, problem: Problem, optimum: Optimum, max_steps: int) -> AtBounds:
-    """Put parameters that crept towards a bound exactly on it where that costs nothing."""
-    near, at = near_bounds(problem, np.asarray(optimum.unknowns.z))
-    if not near.any():
-        return AtBounds(problem, optimum, near)
-    trial = replace(
-        problem,
-        free=problem.free & ~jnp.asarray(near),
-        held=jnp.where(jnp.asarray(near), jnp.asarray(at), problem.held),
-    )
-    held = minimise_compiled(structure, trial, optimum.unknowns, max_steps=max_steps)
-    if held.cost < optimum.cost + _BOUND_COST:
-        return AtBounds(trial, held, near)
-    return AtBounds(problem, optimum, np.zeros_like(near))
+def near_bounds(problem: Problem, optimum: Optimum) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]:
+    """Parameters [n] on a bound, those no further than a standard error from one, and that bound."""
+    theta, free = np.asarray(parameters_at(problem, optimum.unknowns.z)), np.asarray(problem.free)
+    lower, upper = np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper)
+    bound = np.where(theta - lower <= upper - theta, lower, upper)
+    away = np.abs(theta - bound)
+    found = known_spread(problem, optimum)
+    errors = np.where(np.diag(found.covariance) > 0, np.sqrt(np.diag(found.covariance)), 0.0)
+    on = (away == 0) & free
+    return on, free & ~on & np.isfinite(bound) & (away < errors), bound
+
+
+def on_bounds(
+    structure: Structure, problem: Problem, optimum: Optimum, max_steps: int, solver: Solver = DEFAULT
+) -> AtBounds:
+    """Put parameters that cannot be told from their bound exactly on it, one after another, where that costs nothing."""
+    at_bound, near, bound = near_bounds(problem, optimum)
+    current = AtBounds(problem, optimum, at_bound)
+    for i in np.flatnonzero(near):
+        trial = replace(
+            current.problem,
+            free=current.problem.free.at[i].set(False),
+            held=current.problem.held.at[i].set(bound[i]),
+        )
+        held = minimise_compiled(structure, trial, current.optimum.unknowns, max_steps=max_steps, solver=solver)
+        if held.cost < current.optimum.cost + 0.5 + _BOUND_COST:
+            marked = current.at_bound.copy()
+            marked[i] = True
+            current = AtBounds(trial, held, marked)
+    return current
 
 
 def _reason(optimum: Optimum, max_steps: int) -> str:
-    if bool(optimum.converged):
-        return "converged: no step changes the fit noticeably any more"
-    return f"not converged in {max_steps} steps; start closer, free fewer parameters, or allow more steps"
+    outcome = Outcome(int(optimum.outcome))
+    steps = f" ({max_steps} steps)" if outcome == Outcome.STEP_LIMIT else ""
+    return outcome.sentence + steps
 
 
 def own_errors(triangle: Triangle, covariance_z: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -153,8 +179,7 @@ def fit_at(
     theta = np.asarray(parameters_at(bounded.problem, optimum.unknowns.z))
     # Uncertainty with every parameter free: one that lies on its bound still widens the others' intervals.
     slope = np.asarray(problem.bounds.slope(inner.unknowns.z))
-    magnitude = np.maximum(np.abs(theta), np.asarray(problem.bounds.scale))
-    found: Spread = spread(np.asarray(inner.triangle.shared) / slope, np.ones(len(names), dtype=bool), magnitude)
+    found = known_spread(problem, inner)
     covariance_z = found.covariance / np.outer(slope, slope)
     if covariance is not None:
         found = found._replace(covariance=covariance)

@@ -16,14 +16,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._compile import compiled
-from .levenberg_marquardt import Optimum, minimise_compiled
+from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns, simulate_all
+from .solvers import minimise_compiled
 
 AMBIGUOUS = {"beta": np.linspace(-0.6, 0.6, 49)}
 """Initial states whose cost has many minima, with the values to try [rad]."""
 _NUDGES = np.array([0.0, 0.02, -0.02, 0.1, -0.1, 0.3, -0.3])
-_HORIZONS = (1.0, 2.5, 6.0)
-"""Seconds of the record that count, before the whole."""
+_LONGER = 2.5
+"""Ratio of a horizon to the one before."""
+_LEAST_SAMPLES, _MOST_HORIZONS = 40, 4
+"""Samples of the shortest horizon, and how many there are at most before the whole record."""
 _STEPS = 15
 """Levenberg-Marquardt steps between two searches."""
 
@@ -61,6 +64,15 @@ def shortened(problem: Problem, seconds: float) -> Problem:
     return replace(problem, mask=problem.mask & (time < seconds)[..., None])
 
 
+def horizons_of(problem: Problem) -> list[float]:
+    """Shares of the longest log [s] that count one after another, before the whole: each 2.5 times as long as the last."""
+    there = np.asarray(jnp.any(problem.mask, axis=-1))
+    time = np.cumsum(np.asarray(problem.dt), axis=1) - np.asarray(problem.dt)
+    longest, samples = float(np.max(np.where(there, time, 0.0))), int(np.max(np.sum(there, axis=1)))
+    count = int(np.clip(np.log(samples / _LEAST_SAMPLES) / np.log(_LONGER), 0, _MOST_HORIZONS))
+    return [longest * _LONGER**-k for k in range(count, 0, -1)]
+
+
 def globalise(
     structure: Structure,
     problem: Problem,
@@ -83,8 +95,7 @@ def globalise(
         nearby = at.states[:, index] + jnp.asarray(_NUDGES)[:, None] / scale
         return search_state(structure, current, at, jnp.concatenate([everywhere, nearby]), index)[0]
 
-    longest = float(jnp.max(jnp.sum(problem.dt, axis=1)))
-    horizons = [seconds for seconds in _HORIZONS if seconds < 0.6 * longest]
+    horizons = horizons_of(problem)
     warmed: list[tuple[float, Unknowns]] = []
     for number, unknowns in enumerate(starts):
         cost = 0.0

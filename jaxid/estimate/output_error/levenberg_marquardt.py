@@ -1,249 +1,200 @@
-"""Levenberg-Marquardt on the reduced output-error problem, by optimistix.
+"""Levenberg-Marquardt with the best of several damped steps, on the reduced output-error problem.
 
-Coordinates are in units of the parameters' typical values and residuals in units of the noise, so that the damping
-(identity) is a weak pull towards the last iterate for directions that the data hardly determines and nothing for those
-it does. Sticking friction puts small kinks into the cost, and the caster's flips large ones, on which the usual schedule
-of one damping after another takes many linearisations; so every step tries several dampings at once, by simulation, and
-linearises at the best.
+Units are those of `chart`, so that the damping is a weak pull towards the last iterate for directions that the data hardly
+determines and nothing for those it does, whatever the parameters' units. Sticking friction puts small kinks into the
+cost, and the caster's flips large ones, on which the usual schedule of one damping after another takes many
+linearisations; so every step tries several dampings at once, by simulation, and linearises at the best. A damping is
+chosen by the length of the step that it allows (Moré, Lecture Notes in Mathematics 630, 1978).
 
-It stops where the linearisation promises no drop of the cost, or where steps no longer change it noticeably.
+Parameters on a bound that the cost pushes them against are held there (projection: Bertsekas, SIAM Journal on Control and
+Optimization 20, 1982).
 """
 
-import os
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
-import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
-from ..._compile import compiled, forget_programs
-from .arrow import Arrow, damped_step, promise
-from .problem import Problem, Structure, Triangle, Unknowns, cost, reduced_residual
+from .arrow import Eliminated, eliminate, gradient, norms
+from .chart import Chart, chart_at
+from .optimum import Optimum, Outcome
+from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
 
-_DAMPINGS = (1e-3, 0.1, 1.0, 10.0, 100.0, 1000.0)
-"""Tried at every step, in units of the typical values. A simulation alone is cheap beside a linearisation, and dampings
-run as its lanes."""
-_STRONGER = 1e4
-"""Factor by which all of them grow when none lowers the cost."""
+_LEAST = 1e-3
+"""Damping that even the longest step has: directions whose standard error is above thirty units are hardly moved."""
+_STRAIGHT = (jnp.inf, 1.0, 0.1)
+_CURVED = (3.0, 1.0, 0.3, 0.03)
+"""Lengths of the steps that are tried, in units of the chart. A simulation alone is cheap beside a linearisation, and the
+steps run as its lanes."""
+_SHORTER = 0.01
+_ROUNDS = 4
+"""How often all of them shrink, and by what factor, while none lowers the cost."""
+_BISECTIONS = 40
 _PROMISE = 5e-7
 """Promised drop of the cost below which the optimum is reached: a thousandth of a standard error."""
 _NOTICEABLE = 0.01
 """Drop of the cost (half chi-squared) that counts as progress."""
 _STALLED_STEPS = 2
+KINK = 0.5
+"""Promised drop of the cost, that of one standard error, up to which a point that no step improves is a minimum: kinks such
+as sticking makes promise a little for ever."""
+_ROUNDING = 1e-10
+"""Relative change of the cost that is none: the simulation does not feel the parameters."""
+_UNDECIDED = -1
+_UNSOUND = 1e50
+"""Cost that only a simulation or a sensitivity has that is not finite."""
 
 
-class _Cost(eqx.Module):
-    """Half the sum of squares by simulation alone."""
+def _step_of(system: Eliminated, length: Float[Array, ""]) -> Float[Array, " n"]:
+    """The damped step of the shared unknowns that is no longer than `length`."""
+    pull = jnp.linalg.norm(system.pull)
+    ends = jnp.log(_LEAST), jnp.log(jnp.maximum(pull / length, _LEAST))
 
-    structure: Structure = eqx.field(static=True)
-    problem: Problem
+    def halve(_, ends):
+        low, high = ends
+        middle = 0.5 * (low + high)
+        long = jnp.linalg.norm(system.pull / (system.values**2 + jnp.exp(middle))) > length
+        return jnp.where(long, middle, low), jnp.where(long, high, middle)
 
-    def __call__(self, unknowns: Unknowns) -> Float[Array, ""]:
-        return cost(self.structure, self.problem, unknowns)
-
-
-class _Linearised(eqx.Module):
-    """Where the next steps start, the linearisation there, and what the least damped step promises."""
-
-    y: Any
-    arrow: Arrow
-    promise: Float[Array, ""]
+    _, high = jax.lax.fori_loop(0, _BISECTIONS, halve, ends)
+    return system.shared_step(jnp.exp(high))
 
 
-class _BestDamping(optx.AbstractDescent):
-    """The best of several damped Newton steps."""
-
-    cost: _Cost
-
-    def init(self, y, f_info_struct) -> _Linearised:
-        del f_info_struct
-        E, s = y.states.shape
-        n = y.z.shape[0]
-        nothing = Arrow(
-            jnp.zeros((E, s, s)), jnp.zeros((E, s, n)), jnp.zeros((n, n)), jnp.zeros((E, s)), jnp.zeros(n)
-        )  # fmt: skip
-        return _Linearised(y, nothing, jnp.zeros(()))
-
-    def query(self, y, f_info, state) -> _Linearised:
-        del state
-        shared, crossed, local = _materialise(f_info.jac, y)
-        residual_local, residual_shared, _ = f_info.residual
-        arrow = Arrow(local, crossed, shared, residual_local, residual_shared)
-        return _Linearised(y, arrow, promise(arrow, damped_step(arrow, jnp.array(_DAMPINGS[0]))))
-
-    def step(self, step_size, state):
-        def tried(damping) -> Unknowns:
-            step = damped_step(state.arrow, damping)
-            z = self.cost.problem.bounds.reachable(state.y.z + step.z)
-            return Unknowns(z, state.y.states + step.states)
-
-        def best() -> Unknowns:
-            there = jax.vmap(tried)(jnp.array(_DAMPINGS) / step_size)
-            costs = jax.vmap(self.cost)(there)
-            best = jnp.argmin(jnp.where(jnp.isfinite(costs), costs, jnp.inf))
-            return jax.tree.map(lambda leaf, here: leaf[best] - here, there, state.y)
-
-        def nothing() -> Unknowns:
-            return jax.tree.map(jnp.zeros_like, state.y)
-
-        return jax.lax.cond(state.promise > _PROMISE, best, nothing), optx.RESULTS.successful
+def _promise(scaled: Triangle, system: Eliminated) -> Float[Array, ""]:
+    """Drop of the cost (half chi-squared) that the longest step promises: -½ (Jᵀ r) · step, what the step itself may cost by
+    its damping left out."""
+    slope, step = gradient(scaled), system.shared_step(jnp.array(_LEAST))
+    return -0.5 * (jnp.sum(slope.z * step) + jnp.sum(slope.states * system.own_step(step)))
 
 
-class _AnyLower(optx.AbstractSearch):
-    """Accept whatever lowers the cost; otherwise damp more."""
-
-    def init(self, y, f_info_struct):
-        return jnp.array(1.0)
-
-    def step(self, first_step, y, y_eval, f_info, f_eval_info, state):
-        accept = first_step | (f_eval_info.as_min() < f_info.as_min())
-        step_size = jnp.where(accept, 1.0, state / _STRONGER)
-        return step_size, accept, optx.RESULTS.successful, step_size
+def promise_of(problem: Problem, unknowns: Unknowns, triangle: Triangle) -> Float[Array, ""]:
+    """Drop of the cost (half chi-squared) that a linearisation promises, bounds respected."""
+    scaled = chart_at(problem, unknowns, triangle).scaled(triangle)
+    return _promise(scaled, eliminate(scaled, _LEAST))
 
 
-class _Progress(eqx.Module):
-    """optimistix's own state, and for how many steps the cost has not fallen noticeably."""
-
-    inner: Any
-    cost: Float[Array, ""]
-    stalled: Int[Array, ""]
-
-
-class _Solver(optx.LevenbergMarquardt):
-    """optimistix's Levenberg-Marquardt with the best of several dampings at every step.
-
-    It also stops where no step promises anything, where none lowers the cost noticeably twice in a row, and after `limit`
-    steps (a number, not a constant of the compiled program).
-    """
-
-    limit: Int[Array, ""]
-
-    def __init__(self, cost: _Cost, tolerance, limit, verbose):
-        super().__init__(rtol=1e-5, atol=tolerance, verbose=verbose)
-        self.descent: Any = _BestDamping(cost)
-        self.search: Any = _AnyLower()
-        self.limit = limit
-
-    def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> Any:
-        inner = super().init(fn, y, args, options, f_struct, aux_struct, tags)
-        return _Progress(inner, jnp.array(jnp.inf), jnp.array(0))
-
-    def step(self, fn, y, args, options, state: Any, tags) -> Any:
-        y, inner, aux = super().step(fn, y, args, options, state.inner, tags)
-        cost = 0.5 * sum(jnp.sum(part**2) for part in inner.f_info.residual)
-        better = cost < state.cost - _NOTICEABLE
-        stalled = jnp.where(better, 0, state.stalled + 1)
-        return y, _Progress(inner, jnp.minimum(cost, state.cost), stalled), aux
-
-    def terminate(self, fn, y, args, options, state: Any, tags):
-        done, result = super().terminate(fn, y, args, options, state.inner, tags)
-        reached = (state.inner.descent_state.promise < _PROMISE) & ~state.inner.first_step
-        return done | reached | (state.stalled >= _STALLED_STEPS) | (state.inner.num_steps > self.limit), result
+class _Search(NamedTuple):
+    round: Int[Array, ""]
+    lowest: Float[Array, ""]
+    there: Unknowns
+    lower: Bool[Array, ""]
+    flat: Bool[Array, ""]
 
 
-class Optimum(NamedTuple):
-    """Where an optimisation stopped. `triangle` is the linearisation at `unknowns`."""
-
-    unknowns: Unknowns
+class _State(NamedTuple):
+    there: Unknowns
+    reached: Unknowns
     triangle: Triangle
-    cost: Float[Array, ""]
-    iterations: Int[Array, ""]
-    converged: Bool[Array, ""]
-
-    @property
-    def diverged(self) -> Bool[Array, ""]:
-        """Whether the simulation is not finite even at the best point (of every lane)."""
-        return ~jnp.all(jnp.isfinite(self.triangle.squares), axis=(-2, -1))
+    start_cost: Float[Array, ""]
+    steps: Int[Array, ""]
+    stalled: Int[Array, ""]
+    promise: Float[Array, ""]
+    outcome: Int[Array, ""]
 
 
-def _materialise(jac: lx.AbstractLinearOperator, unknowns: Unknowns) -> tuple[Array, Array, Array]:
-    """shared, crossed and local blocks of the triangle inside optimistix's linear operator."""
-    E, s = unknowns.states.shape
-    n = unknowns.z.shape[0]
-    zero = Unknowns(jnp.zeros(n), jnp.zeros((E, s)))
-    by_z = jax.vmap(lambda t: jac.mv(zero._replace(z=t)), out_axes=-1)(jnp.eye(n))
-    by_state = jax.vmap(lambda t: jac.mv(zero._replace(states=jnp.broadcast_to(t, (E, s)))), out_axes=-1)(jnp.eye(s))
-    return by_z[1], by_z[0], by_state[0]
+class BestDampingLevenbergMarquardt(eqx.Module):
+    """Levenberg-Marquardt that tries several dampings at every step and takes the best.
 
-
-def minimise(
-    structure: Structure, problem: Problem, start: Unknowns, *, max_steps=100, tolerance=1e-3, verbose=False
-) -> Optimum:
-    """Minimise from `start`. Pure: works under `jax.jit` and `jax.vmap` (over starts, or over whole problems).
-
-    `verbose` is optimistix's: True, or a function that is called with every step's figures.
+    All of it is jaxid's: the units, the step, the bounds, and the stop, which it makes where the linearisation promises no
+    drop of the cost above `promise`, or where two steps in a row do not lower it by `noticeable` (both in half
+    chi-squared). Any `optimistix` least-squares solver can take its place. `report` is called with the cost after every
+    linearisation.
     """
-    residual = reduced_residual(structure, problem, start)
-    solver = _Solver(_Cost(structure, problem), tolerance, max_steps, verbose)
-    solution = optx.least_squares(
-        residual, solver, start, args=problem, has_aux=True, max_steps=None, throw=False, options={"jac": "fwd"}
-    )
-    state = solution.state.inner
-    info = state.f_info
-    local, shared, rest = info.residual
-    R_shared, crossed, R_local = _materialise(info.jac, start)
-    # `solution.aux` is one step behind; the state's belongs to the values returned.
-    triangle = Triangle(R_shared, crossed, R_local, shared, local, rest, state.aux)
-    return Optimum(
-        unknowns=solution.value,
-        triangle=triangle,
-        cost=triangle.cost,
-        iterations=state.num_steps,
-        # A simulation that diverges at the start has no derivative, and the optimiser takes that for a minimum.
-        converged=(solution.result == optx.RESULTS.successful)
-        & (state.num_steps <= max_steps)
-        & jnp.all(jnp.isfinite(triangle.squares)),
-    )
 
+    promise: float = _PROMISE
+    noticeable: float = _NOTICEABLE
+    report: Callable[[Array], None] | None = None
 
-_jitted = compiled(minimise, static_argnames=("structure",))
-_programs: dict[Any, Any] = {}
-_MOST_PROGRAMS = 32
-"""Then all are forgotten, the traces they were made from too."""
+    def minimise(
+        self, structure: Structure, problem: Problem, start: Unknowns, max_steps: Int[Array, ""] | int
+    ) -> Optimum:
+        """Minimise from `start`. Pure: runs under `jax.jit` and `jax.vmap`."""
+        empty = jax.eval_shape(lambda: linearise(structure, problem, start))
+        empty = jax.tree.map(lambda leaf: jnp.full(leaf.shape, jnp.inf, leaf.dtype), empty)
+        linear, bent = jnp.array(_STRAIGHT), jnp.array(_CURVED)
 
+        def search(chart: Chart, system: Eliminated, now: Float[Array, ""]) -> _Search:
+            def again(state: _Search):
+                return ~state.lower & (state.round < _ROUNDS)
 
-def _key(structure: Structure, problem: Problem, start: Unknowns):
-    leaves, tree = jax.tree.flatten((problem, start))
-    return structure, tree, tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves)
+            def round(state: _Search) -> _Search:
+                shrunk = _SHORTER**state.round
 
+                def both(length):
+                    step = _step_of(system, shrunk * length)
+                    return step, system.own_step(step, shrunk)
 
-def compile_ahead(tasks: Sequence[tuple[Structure, Problem, Unknowns]]) -> None:
-    """Compile `minimise` for several structures at once, for `minimise_compiled` to find.
+                first, second = jax.vmap(both)(linear), jax.vmap(both)(bent)
+                candidates = jax.tree.map(
+                    lambda a, b: jnp.concatenate([a, b]),
+                    jax.vmap(chart.straight)(*first),
+                    jax.vmap(chart.curved)(*second),
+                )
+                costs = jax.vmap(lambda there: cost(structure, problem, there))(candidates)
+                costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
+                best = jnp.argmin(costs)
+                lower = costs[best] < now
+                there = jax.tree.map(lambda new, old: jnp.where(lower, new[best], old), candidates, state.there)
+                same = jnp.all(~jnp.isfinite(costs) | (jnp.abs(costs - now) <= _ROUNDING * now))
+                flat = jnp.where(state.round == 0, same & jnp.any(jnp.isfinite(costs)), state.flat)
+                return _Search(state.round + 1, jnp.where(lower, costs[best], now), there, lower & ~flat, flat)
 
-    Only compilation runs in threads of its own. Programs must not run in several threads at a time: their batched LAPACK
-    calls share XLA's worker threads and can wait for one another for ever.
-    """
-    tasks_by_key = {_key(*task): task for task in tasks}
-    missing = {key: task for key, task in tasks_by_key.items() if key not in _programs}
-    numbers = {"max_steps": np.int64(1), "tolerance": np.float64(1)}
-    lowered = {key: _jitted.lower(*task, **numbers) for key, task in missing.items()}
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        found = dict(zip(lowered, pool.map(lambda program: program.compile(), lowered.values()), strict=True))
-    if len(_programs) + len(found) > _MOST_PROGRAMS:
-        _programs.clear()
-        forget_programs()
-    _programs.update(found)
+            nothing = _Search(jnp.array(0), now, chart.here, jnp.array(False), jnp.array(False))
+            return jax.lax.while_loop(again, round, nothing)
 
+        def step(state: _State) -> _State:
+            here = state.there
+            triangle = linearise(structure, problem, here)
+            now = triangle.cost
+            if self.report is not None:
+                jax.debug.callback(self.report, now)
+            chart = chart_at(problem, here, triangle)
+            scaled = chart.scaled(triangle)
+            system = eliminate(scaled, _LEAST)
+            promise = _promise(scaled, system)
+            sound = jnp.all(jnp.isfinite(triangle.squares)) & (now < _UNSOUND)
+            first = state.steps == 0
+            drop = state.triangle.cost - now
+            stalled = jnp.where(first | (drop > self.noticeable), 0, state.stalled + 1)
+            small = promise < jnp.where(stalled >= _STALLED_STEPS, KINK, self.promise)
+            blind = jnp.all(norms(triangle).z == 0.0) & jnp.any(problem.free)
+            outcome = jnp.select(
+                [~sound, blind, small, stalled >= _STALLED_STEPS, state.steps >= max_steps],
+                [Outcome.DIVERGED, Outcome.INSENSITIVE, Outcome.OPTIMUM, Outcome.NO_PROGRESS, Outcome.STEP_LIMIT],
+                _UNDECIDED,
+            )
+            found = jax.lax.cond(
+                outcome == _UNDECIDED,
+                lambda: search(chart, system, now),
+                lambda: _Search(jnp.array(0), now, chart.here, jnp.array(True), jnp.array(False)),
+            )
+            lost = jnp.where(found.flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS)
+            lost = jnp.where(promise < KINK, Outcome.OPTIMUM, lost)
+            return _State(
+                there=found.there,
+                reached=here,
+                triangle=triangle,
+                start_cost=jnp.where(first, now, state.start_cost),
+                steps=state.steps + 1,
+                stalled=stalled,
+                promise=promise,
+                outcome=jnp.where(found.lower, outcome, lost),
+            )
 
-def minimise_compiled(
-    structure: Structure, problem: Problem, start: Unknowns, *, max_steps: int = 100, tolerance: float = 1e-3
-) -> Optimum:
-    """`minimise`, compiled once for all problems of the same structure and shapes."""
-    compile_ahead([(structure, problem, start)])
-    program = _programs[_key(structure, problem, start)]
-    return program(problem, start, max_steps=np.int64(max_steps), tolerance=np.float64(tolerance))
-
-
-@partial(compiled, static_argnames=("structure",))
-def minimise_lanes(
-    structure: Structure, problem: Problem, starts: Unknowns, *, max_steps=100, tolerance=1e-3
-) -> Optimum:
-    """`minimise` from many starts (leading axis of `starts`) in one compiled batch."""
-    return jax.vmap(lambda y: minimise(structure, problem, y, max_steps=max_steps, tolerance=tolerance))(starts)
+        infinite = jnp.array(jnp.inf)
+        begin: Any = _State(
+            start, start, empty, infinite, jnp.array(0), jnp.array(0), infinite, jnp.array(_UNDECIDED)
+        )  # fmt: skip
+        end = jax.lax.while_loop(lambda state: state.outcome == _UNDECIDED, step, begin)
+        return Optimum(
+            unknowns=end.reached,
+            triangle=end.triangle,
+            cost=end.triangle.cost,
+            iterations=end.steps,
+            outcome=end.outcome,
+            start_cost=end.start_cost,
+            promise=end.promise,
+        )

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._compile import compiled
 from ..._float64 import in_float64
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
@@ -19,13 +20,16 @@ from ...simulation.rollout import Integrator
 from ..linear.integral_least_squares import integral_least_squares
 from ..result import Fit
 from .fleet import fit_lanes
+from .magnitudes import magnitudes
 from .output_error import output_error
-from .problem import Unknowns
+from .problem import Unknowns, linearise
 from .setup import InitialStates, build, start_values
 
 _SAME = 0.5
 """Difference of costs (half chi-squared) within which two starts ended in the same basin."""
 _STEPS = 200
+
+_linearised = compiled(linearise, static_argnums=0)
 
 
 @dataclass(frozen=True)
@@ -79,14 +83,15 @@ def multi_start(
     """Output error from `starts` starts, whose parameters are the robot's times or divided by up to `factor`.
 
     The first start is the integral least-squares estimate where there is one. Parameters whose value is 0 start within
-    `factor` of their typical value, either sign. Raises `ParameterError` if no parameter is free or no start leads anywhere.
+    `factor` of what would matter in these logs, either sign. Raises `ParameterError` if no parameter is free or no start
+    leads anywhere.
     """
     values = start_values(robot, None)
     structure, problem, unknowns = build(robot, logs, start=values, initial=initial_states, integrator=integrator)
     rng = np.random.default_rng(seed)
     names = structure.names
     centre = np.array([values[name] for name in names])
-    scale = np.asarray(problem.bounds.scale)
+    scale = magnitudes(problem, _linearised(structure, problem, unknowns), centre)
     factors = np.exp(rng.uniform(-1, 1, (starts, len(names))) * np.log(factor))
     theta = np.where(centre != 0, centre * factors, scale * factors * rng.choice([-1.0, 1.0], factors.shape))
     try:

@@ -24,10 +24,11 @@ from ..result import Fit
 from .conclude import Covariance, conclude, no_priors
 from .from_optimum import channel_noise, on_bounds, unknown_count
 from .globalise import ambiguous_index, globalise
-from .levenberg_marquardt import Optimum, minimise_compiled, minimise_lanes
+from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_loss import Loss, minimise_robustly
 from .setup import InitialStates, build, start_values
+from .solvers import minimise_compiled, minimise_lanes
 
 _WEIGHT_ROUNDS = 6
 _WEIGHT_SETTLED = 0.01

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from ..._compile import compiled
 from ...logs import LogSet
 from ..result import Outlier
-from .levenberg_marquardt import Optimum, minimise_compiled
+from .optimum import Optimum
 from .problem import Problem, Structure, simulate_all
+from .solvers import minimise_compiled
 
 Loss = Literal["squares", "huber", "cauchy", "student_t"]
 _HUBER, _CAUCHY, _NU = 1.345, 2.385, 4.0

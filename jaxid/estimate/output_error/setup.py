@@ -18,11 +18,8 @@ from .bounds import Bounds
 from .problem import CLOCK_OFFSET, Problem, Structure, Unknowns
 
 InitialStates = Literal["auto", "known", "estimate"]
-_STATE_SCALE = 0.1
-UNMEASURED_SPREAD = 0.5
-"""Prior standard deviation (SI units) of an uncertain initial state that no sensor shows, such as the caster's angle."""
-_CLOCK_SPREAD = 0.5
-"""Prior standard deviation [s] of the offset between two clocks."""
+CLOCK_SPREAD = 50.0
+"""Prior standard deviation of the offset between two clocks, in sampling intervals."""
 
 
 def start_values(robot: Robot, start: Fit | Mapping[str, float] | None) -> dict[str, float]:
@@ -38,16 +35,13 @@ def start_values(robot: Robot, start: Fit | Mapping[str, float] | None) -> dict[
 
 
 def typical_values(robot: Robot, start: Mapping[str, float], names: tuple[str, ...]) -> np.ndarray:
-    """Orders of magnitude of the parameters, in which the optimiser moves."""
+    """Orders of magnitude of the parameters as far as they are known before anything is simulated: of the start, of the
+    table, or one."""
     scales = []
     for name in names:
         parameter = robot.parameters[name]
-        candidates = (abs(start.get(name, 0.0)), abs(parameter.value), parameter.typical or 0.0)
-        from_start, from_table, typical = candidates
-        scale = from_table if from_table > 0 else typical
-        # A start far above the table's value (an axis whose table says 1 kg) tells the magnitude better.
-        scale = max(scale, from_start) if from_start > 0 else scale
-        scales.append(scale if scale > 0 else 1.0)
+        candidates = (abs(start.get(name, 0.0)), abs(parameter.value), parameter.typical or 0.0, 1.0)
+        scales.append(next(size for size in candidates if size > 0))
     return np.array(scales)
 
 
@@ -82,14 +76,14 @@ def build(
     state_names = estimated if free_logs.any() else ()
     state_free = np.repeat(free_logs[:, None], len(state_names), axis=1)
     shown = {c for i, c in enumerate(measured) if bool(np.any(np.asarray(batch.mask)[..., i]))}
-    precision = np.array([0.0 if name in shown else UNMEASURED_SPREAD**-2 for name in state_names])
-
-    scales = [_STATE_SCALE] * len(state_names)
+    spreads = robot.prior_spreads
+    precision = np.array([0.0 if name in shown else spreads.get(name, np.inf) ** -2 for name in state_names])
+    scales = [spreads.get(name, 1.0) for name in state_names]
     interval = max(log.sampling_interval for log in logs)
     if clock_offset:
         state_names = (*state_names, CLOCK_OFFSET)
         state_free = np.concatenate([state_free, np.ones((len(logs), 1), dtype=bool)], axis=1)
-        precision, scales = np.append(precision, _CLOCK_SPREAD**-2), [*scales, interval]
+        precision, scales = np.append(precision, (CLOCK_SPREAD * interval) ** -2), [*scales, interval]
         begin.states[CLOCK_OFFSET] = np.zeros(len(logs))
 
     values = np.array([start.get(name, robot.parameters[name].value) for name in names])

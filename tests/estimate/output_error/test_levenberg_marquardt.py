@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
-from jaxid.estimate.output_error.levenberg_marquardt import minimise, minimise_compiled, minimise_lanes
 from jaxid.estimate.output_error.problem import Unknowns, linearise, parameters_at, simulate_all
 from jaxid.estimate.output_error.setup import build
+from jaxid.estimate.output_error.solvers import minimise, minimise_compiled, minimise_lanes
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 

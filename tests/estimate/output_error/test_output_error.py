@@ -8,11 +8,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, Log, LogSet, Omni, ParameterError, Pioneer, catalogue, output_error
-from jaxid.estimate.output_error.levenberg_marquardt import minimise
+from jaxid import (
+    Axis,
+    Custom,
+    Integrator,
+    Log,
+    LogSet,
+    Omni,
+    Parameter,
+    ParameterError,
+    Pioneer,
+    catalogue,
+    output_error,
+)
 from jaxid.estimate.output_error.output_error import _linear_start
 from jaxid.estimate.output_error.problem import parameters_at
 from jaxid.estimate.output_error.setup import build
+from jaxid.estimate.output_error.solvers import minimise
 
 # One in 370 estimates lies further than three standard errors from the truth; with about thirty checked here on fixed
 # data, 95 % intervals (1.96) alone would be expected to miss once or twice, and three standard errors not at all.
@@ -205,8 +217,15 @@ def test_errors_name_the_parameter_and_the_remedy(axis_logs):
         fit_axis(logs, start=dict(mass=2.0))
     with pytest.raises(ParameterError, match="no parameter is free"):
         fit_axis(logs, Axis().with_parameters(Axis().parameters.with_free()))
+    exploding = Custom(
+        dynamics=lambda x, u, p: {"v": 1e6 * x["v"] ** 2 + 1e6 * p["a"] * u["u"] ** 2 + 1e9},
+        state_names=("v",),
+        own_channels=Axis.channels,
+        table={"a": Parameter(1.0, free=True, lower=0.5)},
+        output=lambda x, u, p: {"v": x["v"], "q": 0.0 * x["v"]},
+    )
     with pytest.raises(ParameterError, match="diverges at the start values.*other start values"):
-        fit_axis(logs, start=dict(Fv=1e5))
+        fit_axis(logs, exploding)
 
 
 def test_an_unknown_start_in_motion_is_estimated(axis_log):

@@ -1,0 +1,65 @@
+"""Where an optimisation stopped, and why."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .problem import Triangle, Unknowns
+
+
+class Outcome(IntEnum):
+    """Why an optimiser stopped. Only the first is a minimum."""
+
+    OPTIMUM = 0
+    NO_PROGRESS = 1
+    STEP_LIMIT = 2
+    DIVERGED = 3
+    INSENSITIVE = 4
+
+    @property
+    def sentence(self) -> str:
+        """In words, with what helps."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Outcome.OPTIMUM: "converged: no step changes the fit noticeably any more",
+    Outcome.NO_PROGRESS: (
+        "no further progress: the sensitivities promise a lower cost, and no step finds it, as in a simulation that is not "
+        "smooth in the parameters; try other start values or shorter logs"
+    ),
+    Outcome.STEP_LIMIT: "not converged within the steps allowed; start closer, free fewer parameters, or allow more steps",
+    Outcome.DIVERGED: "the simulation diverges at the start values; check the logs' units and signs",
+    Outcome.INSENSITIVE: (
+        "not converged: no free parameter changes the simulation there, as when dry friction holds the robot still; give "
+        "other start values"
+    ),
+}
+
+
+class Optimum(NamedTuple):
+    """Where an optimisation stopped. `triangle` is the linearisation at `unknowns`.
+
+    `cost` is half the sum of squares there and `start_cost` at the start, `promise` the drop of the cost that the
+    linearisation still promises, `outcome` an `Outcome`.
+    """
+
+    unknowns: Unknowns
+    triangle: Triangle
+    cost: Float[Array, ""]
+    iterations: Int[Array, ""]
+    outcome: Int[Array, ""]
+    start_cost: Float[Array, ""]
+    promise: Float[Array, ""]
+
+    @property
+    def converged(self) -> Bool[Array, ""]:
+        """Whether this is a minimum."""
+        return self.outcome == Outcome.OPTIMUM
+
+    @property
+    def diverged(self) -> Bool[Array, ""]:
+        """Whether the simulation is not finite even at the best point (of every lane)."""
+        return ~jnp.all(jnp.isfinite(self.triangle.squares), axis=(-2, -1))
