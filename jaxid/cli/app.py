@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from .arguments import UnusableInput, repeat_flags
+from .arguments import UnusableInput, repeat_flags, window_option
 from .console import complain
 
 MANY = ("--fit", "--check", "--limit", "--noise", "--already", "--speed", "--floor")
@@ -99,12 +99,28 @@ def fit(
     clock_offset: Annotated[
         bool, typer.Option("--clock-offset", help="Inputs and outputs may be on different clocks: estimate the offset.")
     ] = False,
+    windows: Annotated[
+        str,
+        typer.Option(
+            "--windows",
+            metavar="SECONDS|auto|none",
+            help="Of output error: windows with their own initial states, for what a free simulation cannot follow.",
+        ),
+    ] = "auto",
+    intersample: Annotated[
+        Literal["hold", "linear"],
+        typer.Option(
+            "--intersample",
+            help="Inputs between samples: held, as a computer commands them, or linear, as a sensor sees.",
+        ),
+    ] = "hold",
 ) -> None:
     """Identify a robot's parameters from its logs, by integral least squares and by output error."""
     from .fit import run_fit
 
     options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset}
-    run_fit(robot, fit, check or [], model, mapping, out, options)
+    options |= {"windows": window_option(windows)}
+    run_fit(robot, fit, check or [], model, mapping, out, options, intersample)
 
 
 @app.command()

@@ -43,6 +43,19 @@ def repeat_flags(argv: Sequence[str], many: Sequence[str]) -> list[str]:
     return arguments
 
 
+def window_option(text: str) -> float | str | None:
+    """`--windows`: "auto", None for "none", or seconds. Raises `typer.BadParameter` (exit status 2) for anything else."""
+    if text in ("auto", "none"):
+        return None if text == "none" else text
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 < seconds < float("inf"):
+        raise typer.BadParameter(f"--windows {text!r} is no length; give seconds, such as 0.5, or auto, or none.")
+    return seconds
+
+
 def _import(module: str, spec: str) -> object:
     """A user's module; the current directory is searched first."""
     here = str(Path.cwd())

@@ -67,7 +67,7 @@ def run_explain(
     fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
     assert check_logs is not None  # --check is required
     apart(fit_logs, check_logs)
-    fits = estimate(robot, fit_logs)
+    fits = estimate(robot, fit_logs, {"windows": None})
     _write_fits(out, fits, fit_logs, check_logs)
     with step("Explanation") as report:
         found = explain(fits[-1], fit_logs, check_logs, report=report)

@@ -12,6 +12,7 @@ from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
 from ..estimate.result import Fit
 from ..logs import LogError, LogSet, read_logs
+from ..logs.intersample import Intersample, between_samples
 from ..model_file import read_model
 from ..parameters import ParameterError
 from ..report import Comparison, compare
@@ -145,11 +146,14 @@ def run_fit(
     mapping: Path | None,
     out: Path,
     options: Mapping[str, Any],
+    intersample: Intersample = "hold",
 ) -> None:
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
     robot = identifiable(spec, model)
     fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
+    fit_logs = between_samples(fit_logs, intersample)
+    check_logs = None if check_logs is None else between_samples(check_logs, intersample)
     fits = estimate(robot, fit_logs, options)
     write_results(out, fits, check_logs, fit_logs)
     say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if check_logs is not None else ""))

@@ -91,6 +91,8 @@ class Fit:
     - `outliers`: what a robust loss gave little weight.
     - `judgement`: what the residual says about all of this; None where there was nothing to simulate.
     - `standard_errors`: what they hold for: "white" residuals, coloured ones ("robust"), or the "scatter" of stretches.
+    - `window`: length [s] of the windows in which output error simulated, None for free simulation. `initial_states` are
+      then those of the windows (`logs.windows.in_windows`).
     """
 
     method: str
@@ -110,6 +112,7 @@ class Fit:
     outliers: tuple[Outlier, ...] = ()
     judgement: Judgement | None = None
     standard_errors: StandardErrors = "white"
+    window: float | None = None
 
     @property
     def trustworthy(self) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from .._compile import seldom_collected
 from ..estimate.result import Fit
 from ..logs import LogError, LogSet
+from ..logs.windows import in_windows
 from ..robots.effect import Effect
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
 from .fit_told import predicted
@@ -143,6 +144,9 @@ def explain(
     placeless = without_place(fit.robot)
     if placeless:
         report(placeless)
+    if fit.window is not None:
+        logs, check = in_windows(logs, fit.window), in_windows(check, fit.window)
+        report(f"the fit is in windows of {fit.window:.3g} s, and so is its explanation")
     report("looking for a gap on the held-out logs")
     found = search(fit, logs, check, effects=effects, most=most, report=report)
     final, after = fit, found.before

@@ -156,7 +156,9 @@ def fitted_told(
     unknowns = unknowns._replace(states=states_from(initial_states, logs, structure, free))
     problem, best = followed_up(robot, logs, noise, structure, free, unknowns, max_steps, horizons=False)
     if problem is free:
-        return output_error(robot, logs, start=by_name(structure, free, best.unknowns), max_steps=max_steps)
+        return output_error(
+            robot, logs, start=by_name(structure, free, best.unknowns), windows=None, max_steps=max_steps
+        )
     problem, optimum, iterations = reweighted(structure, problem, best, max_steps)
     bounded = on_bounds(structure, problem, optimum, max_steps)
     fit = conclude(robot, logs, structure, problem, optimum, bounded, iterations=iterations, max_steps=max_steps)

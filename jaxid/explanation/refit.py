@@ -133,4 +133,4 @@ def in_full(trial: Trial, logs: LogSet, noise: Mapping[str, float]) -> Fit:
     start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     if trial.angles:
         return fitted_told(robot, logs, noise, start, trial.initial_states)
-    return output_error(robot, logs, start=start, max_steps=60)
+    return output_error(robot, logs, start=start, windows=None, max_steps=60)

@@ -15,6 +15,8 @@ from .._float64 import float64
 from .channels import Channels
 from .log import Log
 
+_SHORT = 64
+
 
 class Batch(eqx.Module):
     """E experiments of T samples (T is the longest log's length, rounded up).
@@ -40,16 +42,18 @@ class Batch(eqx.Module):
 
     @classmethod
     @float64()
-    def from_logs(cls, logs: Sequence[Log], multiple: int = 256) -> "Batch":
+    def from_logs(cls, logs: Sequence[Log], multiple: int | None = None) -> "Batch":
         """Pad the logs to one length, rounded up to a `multiple` of samples so that sets of similar length share
-        compiled programs. Nothing is truncated. Raises `ValueError` for a multiple below 1 or no logs.
+        compiled programs: by default 256, or 8 where the longest log has no more than 64 (thousands of windows).
+        Nothing is truncated. Raises `ValueError` for a multiple below 1 or no logs.
         """
-        if multiple < 1:
+        if multiple is not None and multiple < 1:
             raise ValueError(f"A batch cannot be padded to a multiple of {multiple} samples; give 1 or more.")
         if not len(logs):
             raise ValueError("A batch needs at least one log; give some.")
         channels = logs[0].channels
         longest = max(len(log) for log in logs)
+        multiple = multiple or (256 if longest > _SHORT else 8)
         padded = -(-longest // multiple) * multiple
         shape = len(logs), padded
         dt = np.zeros(shape)

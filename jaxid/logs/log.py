@@ -345,7 +345,7 @@ class LogSet(Sequence[Log]):
         fit = [log for position, log in enumerate(self._logs) if position not in chosen]
         return LogSet(fit), LogSet(self._logs[position] for position in sorted(chosen))
 
-    def batch(self, multiple: int = 256) -> "Batch":
+    def batch(self, multiple: int | None = None) -> "Batch":
         """All logs as padded JAX arrays; see `Batch.from_logs`."""
         from .batch import Batch
 

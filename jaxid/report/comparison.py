@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from .._float64 import in_float64
 from ..estimate.confidence.validation import Validation, counted_channels, validate
 from ..estimate.output_error.estimated_start import estimated_start
+from ..estimate.output_error.windows import followed
 from ..estimate.result import Estimate, Fit
 from ..logs import Log, LogError, LogSet, noise_scale
 from ..simulation.simulate import simulate
@@ -62,8 +63,14 @@ def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[
             notes.append(f"{tab.title_of(label)}: {found.reason}.")
         notes += [f"{tab.title_of(label)}: {note}" for note in found.notes]
     robot = next(iter(fits.values())).robot
+    windows = [found.window for found in fits.values() if found.window is not None]
+    if windows:
+        notes.append(
+            f"Every model predicts in windows of {min(windows):.3g} s, each from the initial state that suits it best: a "
+            "free simulation of these logs says nothing."
+        )
     for log, moving in zip(check, initial_states(robot, check).uncertain, strict=True):
-        if moving:
+        if moving and not windows:
             notes.append(f"{log.name} starts in motion: every model starts from the initial state that suits it best.")
     for log in check:
         used = [other.name for other in fit or () if _same_data(log, other)]
@@ -361,15 +368,22 @@ def compare(
                     f"{list(found.robot.channels)}; compare with logs of that robot."
                 )
     noise = noise_scale(check)
-    validations = {}
+    windows = [f.window for f in fits if f.window is not None]
+    validations, fitted = {}, {}
     for label, f in named.items():
-        start = estimated_start(f.robot, check, noise)
-        validations[label] = validate(check, simulate(f.robot, check, start=start), noise)
-    fitted = {}
+        if windows:
+            seen = followed(f.robot, check, min(windows), noise)
+        else:
+            seen = simulate(f.robot, check, start=estimated_start(f.robot, check, noise))
+        validations[label] = validate(check, seen, noise)
     if fit is not None:
         level = noise_scale(fit)
         for label, f in named.items():
-            fitted[label] = validate(fit, simulate(f.robot, fit, start=_fitted_start(f, fit)), level)
+            if windows:
+                seen = followed(f.robot, fit, min(windows), level)
+            else:
+                seen = simulate(f.robot, fit, start=_fitted_start(f, fit))
+            fitted[label] = validate(fit, seen, level)
     references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)
     for found in reversed(fits):
         for name, (function, _, _) in found.robot.combinations.items():

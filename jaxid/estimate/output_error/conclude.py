@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...logs import LogSet
 from ...logs.noise import noise_scale
+from ...logs.windows import bridged, stitched
 from ...robots.robot import Robot
 from ..judge import judge, judged
 from ..result import Fit
@@ -56,20 +57,30 @@ def conclude(
     rivals: Rivals | None = None,
     unstable: str = "",
     left_out: Sequence[str] = (),
+    whole: tuple[LogSet, float] | None = None,
     **others: Any,
 ) -> Fit:
     """The `Fit` at an optimum (see `fit_at`, which takes `others`) with its judgement. Call under float64.
 
     `covariance` "auto" is the robust one where the residual is not white. `bread` is what a robust loss takes off the
     information. `rivals` are what the fit must not be worse than, by words; they are only simulated where the residual
-    raises doubts. `unstable` says why the simulation cannot be followed over a whole log, if that was found.
+    raises doubts. `unstable` says why the simulation cannot be
+    followed over a whole log, if that was found. `whole`: the logs whose windows, of so many seconds, `logs` are; the residual
+    is then judged along them.
     """
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
     seen = _without_outliers(logs, problem)
-    seen, noise = LogSet([seen[e] for e in kept]), noise_scale(logs)
+    if whole is not None:
+        absent = [np.full_like(log.outputs, np.nan) if log.name in left_out else log.outputs for log in seen]
+        pairs = zip(whole[0], stitched(*whole, absent), strict=True)
+        seen, noise = LogSet([replace(log, outputs=outputs) for log, outputs in pairs]), noise_scale(whole[0])
+    else:
+        seen, noise = LogSet([seen[e] for e in kept]), noise_scale(logs)
 
     def outputs(problem: Problem, unknowns: Unknowns) -> list[NDArray[np.float64]]:
         every = simulated_at(structure, problem, unknowns, logs)
+        if whole is not None:
+            return [bridged(values) for values in stitched(*whole, every)]
         return [every[e] for e in kept]
 
     optimum = bounded.optimum

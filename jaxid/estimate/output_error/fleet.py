@@ -128,7 +128,7 @@ def _one_by_one(robot: Robot, fleet: Mapping[str, LogSet], report: Callable[[str
     failed: dict[str, str] = {}
     for name, logs in fleet.items():
         try:
-            fits[name] = output_error(robot, logs, **options)
+            fits[name] = output_error(robot, logs, windows=None, **options)
             report(name)
         except (ParameterError, LogError) as error:
             failed[name] = str(error)

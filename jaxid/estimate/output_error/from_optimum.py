@@ -144,9 +144,10 @@ def _status(logs: LogSet, problem: Problem, squares: NDArray[np.float64], left_o
     counts = np.maximum(np.asarray(problem.mask).sum(axis=(1, 2)), 1)
     rms = np.sqrt(np.sum(squares, axis=1) / counts)
     found = {}
+    weighted = np.array([log.name not in left_out for log in logs])
     for e, log in enumerate(logs):
-        others = [rms[k] for k, other in enumerate(logs) if k != e and other.name not in left_out]
-        usual = float(np.median(others)) if others else 0.0
+        others = rms[weighted & (np.arange(len(rms)) != e)]
+        usual = float(np.median(others)) if len(others) else 0.0
         if log.name in left_out:
             found[log.name] = "left out: the simulation diverges on it; check its units, signs and gaps"
         elif len(others) > 1 and rms[e] > _STANDS_OUT * usual > 0:

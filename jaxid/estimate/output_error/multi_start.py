@@ -126,6 +126,7 @@ def multi_start(
     )
     report(f"{len(groups)} basins; going on from the best")
     fit = output_error(
-        robot, logs, start=basins[0].parameters, initial_states=initial_states, integrator=integrator, report=report
-    )
+        robot, logs, start=basins[0].parameters, initial_states=initial_states, integrator=integrator, windows=None,
+        report=report,
+    )  # fmt: skip
     return MultiStart(fit, basins, int(starts - sound.sum()))

@@ -7,6 +7,7 @@ logged inputs only; no measurement is fed back, so noise on the outputs biases n
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +17,7 @@ from jaxtyping import Array, Float
 from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ...logs import LogError, LogSet
+from ...logs.windows import in_windows
 from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
@@ -29,7 +31,10 @@ from .problem import Problem, Structure, Unknowns
 from .robust_loss import Loss, minimise_robustly
 from .setup import InitialStates, build, start_values
 from .solvers import minimise_compiled, minimise_lanes
+from .window_start import started
+from .windows import approached, choose, condensed
 
+Windows = float | Literal["auto"] | None
 _WEIGHT_ROUNDS = 6
 _WEIGHT_SETTLED = 0.01
 _POOR = 2.0
@@ -152,6 +157,98 @@ def _first_minimum(structure: Structure, problem: Problem, unknowns: Unknowns, m
     return minimise_compiled(structure, rest, optimum.unknowns, max_steps=max_steps), rest, bad
 
 
+def _fit(
+    robot: Robot,
+    logs: LogSet,
+    *,
+    start: Start,
+    initial_states: InitialStates,
+    integrator: Integrator | None,
+    loss: Loss,
+    covariance: Covariance,
+    clock_offset: bool,
+    max_steps: int,
+    report: Report,
+    window: float | None,
+) -> Fit:
+    """`output_error` by free simulation, or in windows of `window` seconds."""
+    whole = logs
+    if window is not None:
+        logs, initial_states = in_windows(whole, window), "estimate"
+    many = None
+    if start is not None and not isinstance(start, Fit | Mapping):
+        many = [start_values(robot, values) for values in start]
+        # The middle of the starts sets the magnitudes in which all of them move: one wild start must not.
+        first = {name: float(np.median([values[name] for values in many])) for name in many[0]}
+    else:
+        first = start_values(robot, start)
+    structure, problem, unknowns = build(
+        robot, logs, start=first, initial=initial_states, integrator=integrator, clock_offset=clock_offset
+    )
+    if window is not None:
+        problem = started(robot.with_values(**first), whole, window, structure, problem)
+        if many is None:
+            unknowns = approached(structure, problem, unknowns)
+    if loss != "squares":
+        problem = replace(problem, weight=jnp.ones(problem.mask.shape))
+    left_out: list[int] = []
+    if many is not None:
+        coordinates = [problem.bounds.coordinates(jnp.array([v[n] for n in structure.names])) for v in many]
+        states = jnp.broadcast_to(unknowns.states, (len(many), *unknowns.states.shape))
+        unknowns = _from_many(structure, problem, Unknowns(jnp.stack(coordinates), states))
+        report(f"best of {len(many)} starts chosen")
+
+    def linear_unknowns() -> Unknowns | None:
+        z = _linear_start(robot, whole, structure, problem)
+        return None if z is None else unknowns._replace(z=z)
+
+    index = ambiguous_index(structure)
+    if index is not None:
+        starts = [unknowns]
+        z = _linear_start(robot, whole, structure, problem)
+        if z is not None:
+            starts.append(unknowns._replace(z=z))
+        optimum = globalise(structure, problem, starts, index, report=report)
+    else:
+        optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps)
+        report("first minimum found")
+        if not left_out:
+            z = _another_start(robot, whole, structure, problem, start, optimum)
+            if z is not None:
+                optimum = _rescued(structure, problem, optimum, unknowns._replace(z=z), max_steps, report)
+    diverged = len(_diverging(optimum)) > len(left_out)
+    if diverged and not isinstance(start, Fit):
+        raise ParameterError(
+            f"the simulation of {robot.name!r} diverges at the start values; check the logs' units and signs, or give "
+            "other start values"
+        )
+    if diverged and isinstance(start, Fit):
+        report(f"the simulation diverges at the result of {start.method}; starting from the model's own values")
+        again = _fit(
+            robot, whole, start=None, initial_states=initial_states, integrator=integrator, loss=loss,
+            covariance=covariance, clock_offset=clock_offset, max_steps=max_steps, report=report, window=window,
+        )  # fmt: skip
+        note = f"The simulation diverges at the result of {start.method}; the fit started from the model's own values."
+        return replace(again, notes=(*again.notes, note))
+    problem, optimum, iterations = reweighted(structure, problem, optimum, max_steps, report)
+    inner, noise, outliers, bread = optimum, None, (), 1.0
+    if loss != "squares":
+        lossy = minimise_robustly(structure, problem, optimum, logs, loss, max_steps=max_steps, report=report)
+        problem, optimum, inner = lossy.problem, lossy.optimum, lossy.inner
+        noise, outliers, bread = lossy.scale, lossy.outliers, lossy.bread
+        iterations += lossy.iterations
+    bounded = on_bounds(structure, problem, optimum, max_steps)
+    rivals: dict[str, Callable[[], Unknowns | None]] = {}
+    if loss == "squares" and no_priors(problem):
+        rivals = {"its own start": lambda: unknowns, "the linear estimate": linear_unknowns}
+    found = conclude(
+        robot, logs, structure, problem, inner, bounded, iterations=iterations, max_steps=max_steps, bread=bread,
+        covariance=covariance, rivals=rivals, noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
+        whole=None if window is None else (whole, window),
+    )  # fmt: skip
+    return found if window is None else condensed(found, whole, window)
+
+
 @in_float64
 @seldom_collected()
 def output_error(
@@ -164,6 +261,7 @@ def output_error(
     loss: Loss = "squares",
     covariance: Covariance = "auto",
     clock_offset: bool = False,
+    windows: Windows = "auto",
     max_steps: int = 100,
     report: Report = _silent,
 ) -> Fit:
@@ -180,75 +278,25 @@ def output_error(
     - `clock_offset`: whether inputs and outputs may run on different clocks; every log's offset is then estimated.
     - `covariance`: of the parameters, for "white" residuals, or "robust" against coloured ones (`robust_covariance`). By
       default the residual decides, and `Fit.standard_errors` says what it was.
+    - `windows`: length [s] of the windows into which every log is cut, each with an initial state of its own (multiple
+      shooting without continuity), for plants that a free simulation cannot follow; None for free simulation; "auto":
+      free, unless that is unpredictable or drifts and windows leave much less (`windows.choose`), which a note then says.
     - `report`: called with a sentence whenever a stage of the work is done.
 
     Returns a `Fit`, whose `judgement` says what its residual says of it. A log on which alone the simulation diverges is
     left out and named in `Fit.log_status`. Raises `ParameterError` for unknown or no free parameters, and where the
     simulation diverges on every log at the start and at the integral least-squares estimate.
     """
-    many = None
-    if start is not None and not isinstance(start, Fit | Mapping):
-        many = [start_values(robot, values) for values in start]
-        # The middle of the starts sets the magnitudes in which all of them move: one wild start must not.
-        first = {name: float(np.median([values[name] for values in many])) for name in many[0]}
-    else:
-        first = start_values(robot, start)
-    structure, problem, unknowns = build(
-        robot, logs, start=first, initial=initial_states, integrator=integrator, clock_offset=clock_offset
-    )
-    if loss != "squares":
-        problem = replace(problem, weight=jnp.ones(problem.mask.shape))
-    left_out: list[int] = []
-    if many is not None:
-        coordinates = [problem.bounds.coordinates(jnp.array([v[n] for n in structure.names])) for v in many]
-        states = jnp.broadcast_to(unknowns.states, (len(many), *unknowns.states.shape))
-        unknowns = _from_many(structure, problem, Unknowns(jnp.stack(coordinates), states))
-        report(f"best of {len(many)} starts chosen")
-
-    def linear_unknowns() -> Unknowns | None:
-        z = _linear_start(robot, logs, structure, problem)
-        return None if z is None else unknowns._replace(z=z)
-
-    index = ambiguous_index(structure)
-    if index is not None:
-        starts = [unknowns]
-        z = _linear_start(robot, logs, structure, problem)
-        if z is not None:
-            starts.append(unknowns._replace(z=z))
-        optimum = globalise(structure, problem, starts, index, report=report)
-    else:
-        optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps)
-        report("first minimum found")
-        if not left_out:
-            z = _another_start(robot, logs, structure, problem, start, optimum)
-            if z is not None:
-                optimum = _rescued(structure, problem, optimum, unknowns._replace(z=z), max_steps, report)
-    diverged = len(_diverging(optimum)) > len(left_out)
-    if diverged and not isinstance(start, Fit):
-        raise ParameterError(
-            f"the simulation of {robot.name!r} diverges at the start values; check the logs' units and signs, or give "
-            "other start values"
-        )
-    if diverged and isinstance(start, Fit):
-        report(f"the simulation diverges at the result of {start.method}; starting from the model's own values")
-        again = output_error(
-            robot, logs, initial_states=initial_states, integrator=integrator, loss=loss, covariance=covariance,
-            clock_offset=clock_offset, max_steps=max_steps, report=report,
-        )  # fmt: skip
-        note = f"The simulation diverges at the result of {start.method}; the fit started from the model's own values."
-        return replace(again, notes=(*again.notes, note))
-    problem, optimum, iterations = reweighted(structure, problem, optimum, max_steps, report)
-    inner, noise, outliers, bread = optimum, None, (), 1.0
-    if loss != "squares":
-        found = minimise_robustly(structure, problem, optimum, logs, loss, max_steps=max_steps, report=report)
-        problem, optimum, inner = found.problem, found.optimum, found.inner
-        noise, outliers, bread = found.scale, found.outliers, found.bread
-        iterations += found.iterations
-    bounded = on_bounds(structure, problem, optimum, max_steps)
-    rivals: dict[str, Callable[[], Unknowns | None]] = {}
-    if loss == "squares" and no_priors(problem):
-        rivals = {"its own start": lambda: unknowns, "the linear estimate": linear_unknowns}
-    return conclude(
-        robot, logs, structure, problem, inner, bounded, iterations=iterations, max_steps=max_steps, bread=bread,
-        covariance=covariance, rivals=rivals, noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
+    options: dict[str, Any] = dict(
+        initial_states=initial_states, integrator=integrator, loss=loss, covariance=covariance,
+        clock_offset=clock_offset, max_steps=max_steps, report=report,
     )  # fmt: skip
+    if windows != "auto":
+        return _fit(robot, logs, start=start, window=windows, **options)
+
+    def once(window: float | None, start: Start) -> Fit:
+        if window is not None:
+            report(f"windows of {window:.3g} s")
+        return _fit(robot, logs, start=start, window=window, **options)
+
+    return choose(robot, logs, once, start)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...logs import LogSet
 from ...logs.noise import noise_scale
+from ...logs.windows import in_windows
 from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
@@ -16,6 +17,7 @@ from ...simulation.start import initial_states
 from ..result import Fit
 from .bounds import Bounds
 from .problem import CLOCK_OFFSET, Problem, Structure, Unknowns
+from .window_start import started
 
 InitialStates = Literal["auto", "known", "estimate"]
 CLOCK_SPREAD = 50.0
@@ -121,9 +123,14 @@ def at_fit(
 ) -> tuple[Structure, Problem, Unknowns]:
     """The problem that `fit` solved, at its solution and with its noise. Arguments are those of the fit."""
     start = start_values(fit.robot, fit)
+    whole = logs
+    if fit.window is not None:
+        logs, initial = in_windows(logs, fit.window), "estimate"
     structure, problem, unknowns = build(
         fit.robot, logs, start=start, initial=initial, integrator=integrator, clock_offset=bool(fit.clock_offsets)
     )
+    if fit.window is not None:
+        problem = started(fit.robot, whole, fit.window, structure, problem)
     sigma = [fit.noise.get(c, float(problem.sigma[i])) for i, c in enumerate(logs[0].channels.measured)]
     states = np.zeros(unknowns.states.shape)
     for i, name in enumerate(structure.state_names):

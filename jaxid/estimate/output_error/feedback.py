@@ -1,0 +1,78 @@
+"""Whether a log was recorded in a closed loop: does the input follow what the model does not explain of the output?
+
+In an open loop the noise and the disturbances of the output, the residual e = measured - simulated, know nothing of the
+inputs to come. A controller feeds them back. So the input, as far as its own past does not foretell it, is regressed
+on past residuals (Ljung, System Identification, 1999, section 13.4; Granger's test of e on u).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Array = NDArray[np.float64]
+_OWN, _OTHER = 30, 6
+"""Past samples of the input, and of the residuals, that are looked at."""
+_SHARE, _CHANCE = 0.02, 1e-6
+"""Least share explained, and largest p-value, for a closed loop."""
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """`share` of what is new in the input `name` at a sample that residuals up to that sample explain; `p_value`."""
+
+    name: str
+    share: float
+    p_value: float
+
+    @property
+    def closed(self) -> bool:
+        """Whether the loop is closed beyond doubt."""
+        return self.share > _SHARE and self.p_value < _CHANCE
+
+
+def _lagged(x: Array, first: int, lags: range) -> Array:
+    return np.stack([x[first - lag : len(x) - lag] for lag in lags], axis=1)
+
+
+def feedback(inputs: Sequence[Array], residuals: Sequence[Array], name: str = "u") -> Feedback:
+    """Test of one input ([T] of each log) against residuals ([T, ny] of each log, NaN where not measured).
+
+    The residual at a sample counts as known to the input of that sample, which is applied from then on.
+    """
+    rows, targets = [], []
+    for u, e in zip(inputs, residuals, strict=True):
+        if len(u) <= _OWN + 1:
+            continue
+        e = e[:, np.isfinite(e).any(axis=0)]
+        own = _lagged(u, _OWN, range(1, _OWN + 1))
+        other = [_lagged(column, _OWN, range(_OTHER)) for column in e.T]
+        row = np.concatenate([np.ones((len(own), 1)), own, *other], axis=1)
+        good = np.isfinite(row).all(axis=1)
+        rows.append(row[good])
+        targets.append(u[_OWN:][good])
+    if not rows:
+        return Feedback(name, 0.0, 1.0)
+    X, y = np.concatenate(rows), np.concatenate(targets)
+    scale = np.linalg.norm(X, axis=0)
+    X = X / np.where(scale > 0, scale, 1.0)
+    known = X[:, : _OWN + 1]
+    extra = X.shape[1] - known.shape[1]
+    freedom = len(y) - X.shape[1]
+    if freedom < 3 * X.shape[1] or not np.std(y) > 0 or not extra:
+        return Feedback(name, 0.0, 1.0)
+
+    def left(A: Array) -> float:
+        # Rank by relative size: lags of a smooth signal are nearly, not wholly, dependent.
+        found = np.linalg.lstsq(A, y, rcond=1e-13)[0]
+        return float(np.sum((y - A @ found) ** 2))
+
+    before, after = left(known), left(X)
+    if not before > 1e-20 * float(y @ y):
+        return Feedback(name, 0.0, 1.0)
+    after = min(after, before)
+    share = 1.0 - after / before
+    statistic = (before - after) / extra / max(after / freedom, np.finfo(float).tiny)
+    return Feedback(name, share, float(stats.f.sf(statistic, extra, freedom)))

@@ -1,0 +1,65 @@
+"""Output error in windows: what a free simulation cannot follow, against the truth of SciPy's motion."""
+
+import numpy as np
+import pytest
+
+from jaxid import AXIS, Axis, Log, LogSet, compare, output_error
+
+SAMPLES = 300
+
+
+@pytest.fixture(scope="module")
+def inverted(pendulum) -> LogSet:
+    logs = [
+        pendulum.recorded(
+            f"{k}", pendulum.held(3.0, SAMPLES, 15, k), (np.pi, 0.0), controller=pendulum.upright, noise=0.002, seed=k
+        )
+        for k in range(3)
+    ]
+    return LogSet(logs)
+
+
+@pytest.fixture(scope="module")
+def fit(inverted, pendulum):
+    return output_error(pendulum.robot(g=6.0, d=0.3, b=0.7), inverted[:2])
+
+
+def test_an_unstable_plant_is_fitted_in_windows_and_the_result_says_so(fit, inverted, pendulum):
+    assert fit.window is not None and fit.converged
+    for name, truth in pendulum.truth.items():
+        assert abs(fit[name].value - truth) < 4.0 * fit[name].std_error, name
+        assert fit[name].std_error < 0.2
+    assert fit.noise["q"] == pytest.approx(0.002, rel=0.1)
+    assert "unstable" in fit.notes[0] and "windows" in fit.notes[0] and "closed loop" in fit.notes[0]
+    assert set(fit.log_status) == set(inverted[:2].names)
+
+
+def test_held_out_logs_are_predicted_in_the_same_windows(fit, inverted):
+    found = compare(fit, check=inverted[2:])
+    judged = found.validations["output_error"]
+    assert judged.normalised_rms == pytest.approx(1.0, abs=0.1)
+    assert judged.simulated["2"].shape == (SAMPLES, 1)
+    assert any("windows" in note for note in found.notes)
+
+
+def test_windows_as_long_as_the_log_are_free_simulation_with_free_initial_states(pendulum):
+    log = LogSet([pendulum.recorded("hanging", pendulum.held(1.0, SAMPLES, 25), d=2.0)])
+    start = dict(g=8.0, d=1.5, b=0.9)
+    free = output_error(pendulum.robot(), log, start=start, windows=None, initial_states="estimate")
+    whole = output_error(pendulum.robot(), log, start=start, windows=100.0)
+    for name in pendulum.truth:
+        assert whole[name].value == pytest.approx(free[name].value, abs=0.02 * free[name].std_error)
+        assert whole[name].std_error == pytest.approx(free[name].std_error, rel=0.02)
+
+
+def test_a_stable_plant_stays_free_though_its_model_is_wrong(pendulum):
+    """Windows would hide what is missing."""
+    time, u = 0.02 * np.arange(SAMPLES), pendulum.held(2.0, SAMPLES, 20)
+    v = np.zeros(SAMPLES)
+    for k in range(SAMPLES - 1):
+        for _ in range(20):
+            v[k + 1 if _ else k + 1] = (v[k + 1] if _ else v[k]) + 0.001 * (u[k] - 2.0 * v[k + 1 if _ else k] ** 3)
+    noisy = v + 0.002 * np.random.default_rng(0).normal(size=SAMPLES)
+    fit = output_error(Axis(), LogSet([Log.from_arrays("cubic drag", time, u, {"v": noisy}, AXIS)]))
+    assert fit.window is None
+    assert fit.noise["v"] > 0.01
