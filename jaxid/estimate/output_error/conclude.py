@@ -72,8 +72,12 @@ def conclude(
     seen = _without_outliers(logs, problem)
     if whole is not None:
         absent = [np.full_like(log.outputs, np.nan) if log.name in left_out else log.outputs for log in seen]
-        pairs = zip(whole[0], stitched(*whole, absent), strict=True)
-        seen, noise = LogSet([replace(log, outputs=outputs) for log, outputs in pairs]), noise_scale(whole[0])
+        pairs = list(zip(whole[0], stitched(*whole, absent), strict=True))
+        lost = [not np.isfinite(outputs).any() for _, outputs in pairs]
+        seen = LogSet(
+            [log if none else replace(log, outputs=own) for (log, own), none in zip(pairs, lost, strict=True)]
+        )
+        noise = noise_scale(whole[0])
     else:
         seen, noise = LogSet([seen[e] for e in kept]), noise_scale(logs)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._compile import compiled
-from ...logs import LogSet
+from ...logs import LogError, LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import bridged, in_windows, stitched
 from ...parameters import ParameterError
@@ -223,11 +223,16 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
         if free is None:
             raise why or ParameterError(f"the simulation of {robot.name!r} diverges")
         return free
-    if growth.kind == "unstable":
-        fit = _by_growth(growth, robot, logs, once, start)
-    else:
-        fit = _by_noise(robot, logs, once, start)
-    if not _ratio(fit, logs) < _BETTER * poor:
+    try:
+        fit = (
+            _by_growth(growth, robot, logs, once, start)
+            if growth.kind == "unstable"
+            else _by_noise(robot, logs, once, start)
+        )
+    except (ParameterError, LogError):
+        fit = None
+    failed = fit is None or (fit.judgement is not None and fit.judgement.verdict == "failed")
+    if fit is None or failed or not _ratio(fit, logs) < _BETTER * poor:
         if free is None:
             raise why or ParameterError(f"the simulation of {robot.name!r} diverges")
         note = f"{capital(growth.sentence)}; windows leave as much, so that the model itself is suspect."
@@ -239,6 +244,9 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
         except ParameterError:
             again = None
         if again is not None and _ratio(again, logs) <= _GOOD:
-            note = f"{capital(growth.sentence)}; it was started from a fit in windows of {fit.window:.3g} s."
+            note = (
+                f"The free simulation is lost at the start values; a fit in windows of {fit.window:.3g} s led to values from "
+                "which it follows the logs."
+            )
             return replace(again, notes=(*again.notes, note))
     return replace(fit, notes=(_sentence(growth, _loop(free, logs), poor, fit, logs), *fit.notes))
