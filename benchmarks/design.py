@@ -59,10 +59,10 @@ def fitted(case: dict[str, Any], inputs: np.ndarray, realisations: int) -> dict[
         fit = jaxid.output_error(robot, jaxid.LogSet([log]))
         found.append([fit[name].value for name in fit.free_names])
         errors.append([fit[name].std_error for name in fit.free_names])
-    limits = make_limits(robot.channels, case["limit"], case["speeds"], case["rectangle"], case["radius"])
+    limits = make_limits(robot, case["limit"], case["speeds"], case["rectangle"], case["radius"])
     outputs = np.zeros((len(run.t), len(robot.channels.measured)))
     outputs[:, : run.speeds.shape[1]] = run.speeds
-    shares = used(limits, robot.channels, outputs, INTERVAL)
+    shares = used(limits, robot, outputs, INTERVAL)
     return {
         "mean": np.mean(found, axis=0).tolist(),
         "spread": np.std(found, axis=0, ddof=1).tolist(),

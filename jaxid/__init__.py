@@ -28,7 +28,7 @@ from .explanation.explanation import Explanation
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
-from .robots import Axis, Custom, Effect, Omni, Pioneer, Robot
+from .robots import Axis, Custom, DifferentialDrive, DriveAxis, Effect, EffectError, Omni, Pioneer, Robot
 from .simulation.friction import Smooth, Sticking
 from .simulation.rollout import Integrator
 from .simulation.simulate import simulate
@@ -43,7 +43,10 @@ __all__ = [
     "Custom",
     "Design",
     "DesignError",
+    "DifferentialDrive",
+    "DriveAxis",
     "Effect",
+    "EffectError",
     "Estimate",
     "Explanation",
     "Fit",

@@ -7,10 +7,20 @@ import pandas as pd
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from jaxid import Axis, DesignError, LogSet, design_experiment, identifiability, output_error, read_logs, simulate
+from jaxid import (
+    Axis,
+    DesignError,
+    LogSet,
+    Omni,
+    Pioneer,
+    design_experiment,
+    identifiability,
+    output_error,
+    read_logs,
+    simulate,
+)
 from jaxid.design.information import Laboratory, criterion, known, std_errors
 from jaxid.design.limits import path
-from jaxid.logs import AXIS, OMNI, PIONEER
 
 MASS, VISCOUS, NOISE, INTERVAL = 2.0, 3.0, 0.01, 0.02
 QUICK = {"limit": 4.0, "seconds": 4.0, "interval": INTERVAL, "noise": {"v": NOISE}, "rounds": 6}
@@ -146,12 +156,12 @@ def test_paths_of_circles():
     """A robot at 1 m/s and 1 rad/s drives a circle of 1 m radius, the Pioneer from +y to the left, the omni from +x."""
     turns = np.linspace(0, np.pi, 2001)
     ones = np.ones_like(turns)
-    pioneer = path(PIONEER, np.stack([ones, ones], -1), turns[1])
+    pioneer = path(Pioneer(), np.stack([ones, ones], -1), turns[1])
     np.testing.assert_allclose(pioneer, np.stack([np.cos(turns) - 1, np.sin(turns)], -1), atol=1e-6)
     zero = 0 * ones
-    omni = path(OMNI, np.stack([ones, zero, ones, *[zero] * 4], -1), turns[1])
+    omni = path(Omni(), np.stack([ones, zero, ones, *[zero] * 4], -1), turns[1])
     np.testing.assert_allclose(omni, np.stack([np.sin(turns), 1 - np.cos(turns)], -1), atol=1e-6)
-    np.testing.assert_allclose(path(AXIS, np.stack([ones, zero], -1), turns[1])[-1], [np.pi, 0])
+    np.testing.assert_allclose(path(Axis(), np.stack([ones, zero], -1), turns[1])[-1], [np.pi, 0])
 
 
 @pytest.mark.parametrize(

@@ -114,3 +114,17 @@ def load_robot(spec: str) -> "Robot":
             f"{spec} is a {type(found).__name__}, no robot; give a Robot or a function that returns one."
         )
     return found
+
+
+def for_logs(robot: "Robot", paths: Sequence[str], mapping: Path | None) -> "Robot":
+    """The robot that measures what the first log's columns, or the mapping, hold. An unreadable log says so later."""
+    from .._toml import read_toml
+    from ..logs.read import first_columns
+
+    if not paths:
+        return robot
+    try:
+        renamed = tuple(read_toml(mapping)) if mapping is not None else ()
+        return robot.for_columns((*first_columns(paths), *renamed))
+    except (OSError, ValueError):
+        return robot

@@ -59,7 +59,7 @@ def run_design(
 ) -> None:  # fmt: skip
     """Write experiment.csv (or experiment_1.csv ...), design.json and report.html to `out` and print the design."""
     keep_compiled_programs()
-    robot: Robot = identifiable(spec, model)
+    robot: Robot = identifiable(spec, model, already, mapping)
     levels, speeds = _by_channel(noise, "--noise"), _by_channel(speed, "--speed")
     if len(floor) not in (0, 2):
         raise UnusableInput(f"--floor got {len(floor)} numbers; give two, the extents of the floor in metres.")

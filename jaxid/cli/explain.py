@@ -9,7 +9,7 @@ from ..explanation.explain import apart, explain
 from ..logs import LogSet
 from ..report import compare
 from ..report.files import write_fit
-from ..robots import Omni, Robot
+from ..robots import Robot
 from .arguments import UnusableInput, load_robot
 from .cache import keep_compiled_programs
 from .console import complain, say, show, step
@@ -26,7 +26,7 @@ def check_baseline(baseline: str | None, robot: Robot) -> None:
     if baseline not in BASELINES:
         complain(f"There is no baseline {baseline!r}; use --baseline {' or '.join(BASELINES)}, or leave it out.")
         raise typer.Exit(2)
-    if not isinstance(robot, Omni):
+    if "coriolis_coupling" not in robot.mechanisms:
         complain(f"--baseline {baseline} is for the omni and not for {robot.name!r}; leave it out for this robot.")
         raise typer.Exit(2)
 
@@ -40,7 +40,9 @@ def without_coupling(robot: Robot) -> Robot:
         raise UnusableInput(
             "The model has the effect coriolis_coupling, which --baseline uncoupled leaves out; take one of the two away."
         )
-    return robot.change("coriolis", value=0.0, free=False)
+    for name in robot.mechanisms["coriolis_coupling"]:
+        robot = robot.change(name, value=0.0, free=False)
+    return robot
 
 
 def _write_fits(out: Path, fits: list[Fit], fit: LogSet, check: LogSet) -> None:
@@ -61,7 +63,7 @@ def run_explain(
     """Write fit.json, explanation.json, model.toml, report.html and pictures to `out` and print what was found."""
     keep_compiled_programs()
     check_baseline(baseline, load_robot(spec))
-    robot = identifiable(spec, model)
+    robot = identifiable(spec, model, fit, mapping)
     if baseline is not None:
         robot = without_coupling(robot)
     fit_logs, check_logs = read_case(robot, fit, check, mapping, out)

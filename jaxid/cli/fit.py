@@ -19,7 +19,7 @@ from ..report import Comparison, compare
 from ..report.files import write_fit
 from ..report.tables import DOUBT, Cell, Table, title_of, to_html, to_text, value_cell, with_error
 from ..robots import Robot
-from .arguments import UnusableInput, load_robot
+from .arguments import UnusableInput, for_logs, load_robot
 from .cache import keep_compiled_programs
 from .console import say, show, step
 from .findings import warn_of_findings
@@ -111,9 +111,10 @@ def write_results(
     return comparison
 
 
-def identifiable(spec: str, model: Path | None) -> Robot:
-    """The robot of the command line with its model file. Raises `ParameterError` if nothing is free."""
-    robot = load_robot(spec)
+def identifiable(spec: str, model: Path | None, logs: Sequence[str] = (), mapping: Path | None = None) -> Robot:
+    """The robot of the command line, as the `logs` measure it, with its model file. Raises `ParameterError` if nothing is
+    free."""
+    robot = for_logs(load_robot(spec), logs, mapping)
     if model is not None:
         robot = read_model(model, robot)
     if not robot.parameters.free_names:
@@ -150,7 +151,7 @@ def run_fit(
 ) -> None:
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
-    robot = identifiable(spec, model)
+    robot = identifiable(spec, model, fit, mapping)
     fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
     fit_logs = between_samples(fit_logs, intersample)
     check_logs = None if check_logs is None else between_samples(check_logs, intersample)

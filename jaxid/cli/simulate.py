@@ -9,7 +9,7 @@ from .._atomic import replacing
 from ..logs import read_logs
 from ..model_file import read_model
 from ..simulation.simulate import simulate as simulate_logs
-from .arguments import UnusableInput, load_robot
+from .arguments import UnusableInput, for_logs, load_robot
 from .cache import keep_compiled_programs
 from .console import say
 from .findings import warn_of_findings
@@ -18,7 +18,7 @@ from .findings import warn_of_findings
 def run_simulate(spec: str, log: str, model: Path, mapping: Path | None, out: Path) -> None:
     """Write t, the inputs and the predicted outputs under their standard names, one row for each row of the log."""
     keep_compiled_programs()
-    robot = read_model(model, load_robot(spec))
+    robot = read_model(model, for_logs(load_robot(spec), [log], mapping))
     logs = read_logs(log, robot, mapping=mapping)
     if len(logs) > 1:
         raise UnusableInput(f"{log} matches {len(logs)} files; give one log, and simulate each on its own.")

@@ -48,7 +48,7 @@ class Judge:
 
     def _shares(self, trials: Trials) -> dict[str, Array]:
         laboratory = self.laboratory
-        return used(self.limits, laboratory.robot.channels, trials.outputs, laboratory.interval)
+        return used(self.limits, laboratory.robot, trials.outputs, laboratory.interval)
 
     def _allowed(self, trials: Trials) -> NDArray[np.bool_]:
         """Which runs [N] stay finite and within the limits."""

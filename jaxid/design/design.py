@@ -123,7 +123,7 @@ def _run(judge: Judge, name: str, title: str, inputs: Array) -> PlannedRun:
     laboratory, channels = judge.laboratory, judge.laboratory.robot.channels
     outputs = laboratory.run(inputs[None]).outputs[0]
     shares = {limit: float(share[0]) for limit, share in judge.shares(inputs[None]).items()}
-    where = path(channels, outputs, laboratory.interval)
+    where = path(laboratory.robot, outputs, laboratory.interval)
     return PlannedRun(
         name, title, laboratory.time, inputs, outputs, where, channels, binding(judge.limits, channels, inputs, shares)
     )
@@ -200,7 +200,7 @@ def design_experiment(
             f"experiments = {experiments}, rounds = {rounds}, doubt = {doubt}; give at least one experiment, no negative "
             "number of rounds, and a doubt between 0 and 1."
         )
-    limits = make_limits(robot.channels, limit, speeds, rectangle, radius)
+    limits = make_limits(robot, limit, speeds, rectangle, radius)
     levels = _noise(robot, noise, already)
     count = len(robot.parameters.free_names)
     laboratory = Laboratory(robot, levels, round(seconds / interval), interval, doubt, seed)

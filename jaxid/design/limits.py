@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs import Channels
+from ..robots.robot import Robot
+from ..simulation.reckoning import readout, reckoned
 
 Array = NDArray[np.float64]
 _USED_UP = 0.97
@@ -50,13 +52,14 @@ def _each(limit: float | Sequence[float] | Mapping[str, float], names: tuple[str
 
 
 def make_limits(
-    channels: Channels,
+    robot: Robot,
     limit: float | Sequence[float] | Mapping[str, float],
     speeds: Mapping[str, float] | None,
     rectangle: tuple[float, float] | None,
     radius: float | None,
 ) -> Limits:
     """Limits, checked. Raises `DesignError` for numbers that are not above zero, unknown channels and unknown paths."""
+    channels = robot.channels
     inputs, outputs = _each(limit, channels.inputs), dict(speeds or {})
     for name in outputs:
         if name not in channels.measured:
@@ -71,48 +74,41 @@ def make_limits(
     for what, value in numbers.items():
         if not (np.isfinite(value) and value > 0):
             raise DesignError(f"The {what} is {value}; give a finite number above zero, or leave the limit out.")
-    if (rectangle or radius) and path(channels, np.zeros((2, len(channels.measured))), 1.0) is None:
+    if (rectangle or radius) and path(robot, np.zeros((2, len(channels.measured))), 1.0) is None:
         raise DesignError(
-            f"Where a robot with the outputs {', '.join(channels.outputs)} drives is not known; leave rectangle and radius "
-            "out, and limit its speeds instead."
+            f"Where the robot {robot.name!r} drives does not follow from its outputs {', '.join(channels.outputs)}; "
+            "leave rectangle and radius out, and limit its speeds instead."
         )
     if rectangle and len(channels.inputs) == 1:
         raise DesignError("A single axis has no rectangle to drive in; give radius, its largest way from the start.")
     return Limits(inputs, outputs, rectangle, radius)
 
 
-def _integral(rate: Array, interval: float) -> Array:
-    """Trapezoidal integral along the last axis, starting at zero."""
-    steps = 0.5 * interval * (rate[..., 1:] + rate[..., :-1])
-    return np.concatenate([np.zeros((*rate.shape[:-1], 1)), np.cumsum(steps, axis=-1)], axis=-1)
-
-
-def path(channels: Channels, outputs: Array, interval: float) -> Array | None:
-    """Where a robot drives [..., T, 2] in m, from its outputs [..., T, ny]: x and y from the start, as the robots have them
-    (the Pioneer sets out along y, the omni along x, an axis has x only). None for robots that are not known here.
+def path(robot: Robot, outputs: Array, interval: float) -> Array | None:
+    """Where a robot drives [..., T, 2] in m, from its outputs [..., T, ny]: x and y from the start, in the world of the
+    robot's own heading (one that moves along a line has x only). None for a robot that does not say how it moves.
     """
-    y = {name: outputs[..., j] for j, name in enumerate(channels.measured)}
-    if {"eta1", "eta2"} <= set(channels.outputs):
-        heading = _integral(y["eta2"], interval)
-        rates = -np.sin(heading) * y["eta1"], np.cos(heading) * y["eta1"]
-    elif {"V", "Vn", "W"} <= set(channels.outputs):
-        heading = _integral(y["W"], interval)
-        sin, cos = np.sin(heading), np.cos(heading)
-        rates = y["V"] * cos - y["Vn"] * sin, y["V"] * sin + y["Vn"] * cos
-    elif channels.outputs == ("v",):
-        rates = y["v"], np.zeros_like(y["v"])
-    else:
-        return None
-    return np.stack([_integral(rate, interval) for rate in rates], axis=-1)
+    columns = {name: outputs[..., j] for j, name in enumerate(robot.channels.measured)}
+    if not set(robot.velocities) <= set(columns):
+        told = readout(robot)
+        if told is None:
+            return None
+        seen = np.stack([columns[name] for name in told[0]], axis=-1)
+        columns |= dict(zip(robot.velocities, np.moveaxis(seen @ told[1].T, -1, 0), strict=True))
+    _, found = reckoned(robot, columns, np.full(outputs.shape[-2] - 1, interval))
+    if found is None or found.shape[-1] == 2:
+        return found
+    return np.concatenate([found, np.zeros_like(found)], axis=-1)
 
 
-def used(limits: Limits, channels: Channels, outputs: Array, interval: float) -> dict[str, Array]:
+def used(limits: Limits, robot: Robot, outputs: Array, interval: float) -> dict[str, Array]:
     """Share of each limit [...] that runs with outputs [..., T, ny] use; above one is too much, inputs apart."""
     shares = {}
+    channels = robot.channels
     for name, largest in limits.outputs.items():
         shares[name] = np.max(np.abs(outputs[..., channels.measured.index(name)]), axis=-1) / largest
     if limits.rectangle or limits.radius:
-        where = path(channels, outputs, interval)
+        where = path(robot, outputs, interval)
         assert where is not None  # make_limits has seen to that
         if limits.rectangle:
             extent = np.max(where, axis=-2) - np.min(where, axis=-2)

@@ -12,6 +12,7 @@ from ..robots.robot import Robot
 from .effect_parameters import positive, signed
 
 _TINY = 1e-9
+"""Share of a step below which a time constant is none."""
 
 
 def input_unit(robot: Robot) -> str:
@@ -102,7 +103,7 @@ class MotorLag(Effect):
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         T = p[self.key("time_constant")]
-        decay = jnp.exp(-dt / jnp.maximum(T, _TINY))
+        decay = jnp.exp(-dt / jnp.maximum(T, _TINY * dt))
         mean = T / dt * (1.0 - decay)
 
         def advance(lagged, row):
@@ -113,13 +114,13 @@ class MotorLag(Effect):
         return on_drives(robot, inputs, means)
 
 
-def delayed(signal, shift):
-    """Rows of `signal` [T, n] `shift` >= 0 rows late, between rows in proportion; before the start, its first row."""
-    whole = jnp.floor(shift)
-    part = shift - whole
-    index = jnp.arange(signal.shape[0]) - whole.astype(int)
-    late, later = jnp.clip(index, 0, None), jnp.clip(index - 1, 0, None)
-    return (1.0 - part) * signal[late] + part * signal[later]
+def earlier(time, delay):
+    """Where `time - delay` [T] lies between the increasing stamps `time` [T], `delay` >= 0: the stamp before it, and the
+    share of the interval from there to the next; before the first stamp, that stamp itself."""
+    then = jnp.maximum(time - delay, time[0])
+    # At a stamp itself the interval before it: the derivative at no delay is that of a small one.
+    before = jnp.clip(jnp.searchsorted(time, then, side="left") - 1, 0, len(time) - 2)
+    return before, (then - time[before]) / (time[before + 1] - time[before])
 
 
 @dataclass(frozen=True)
@@ -134,9 +135,12 @@ class InputDelay(Effect):
         return positive(self, "delay", "s", 0.1 * robot.scales.time)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        # One row of zeros in front: before the log begins nothing is commanded.
-        padded = jnp.concatenate([jnp.zeros_like(inputs[:1]), inputs])
-        return delayed(padded, p[self.key("delay")] / dt[0])[1:]
+        # The mean of the late input over every step: differences of its integral, which is linear between stamps.
+        edges = jnp.concatenate([time, time[-1:] + dt[-1:]])
+        whole = jnp.concatenate([jnp.zeros_like(inputs[:1]), jnp.cumsum(inputs * dt[:, None], axis=0)])
+        before, share = earlier(edges, p[self.key("delay")])
+        late = whole[before] + share[:, None] * (whole[before + 1] - whole[before])
+        return on_drives(robot, inputs, jnp.diff(late, axis=0) / dt[:, None])
 
 
 @dataclass(frozen=True)

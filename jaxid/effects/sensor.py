@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from ..parameters import Parameter
 from ..robots.effect import Effect, Numbers
 from ..robots.robot import Robot
-from .actuator import delayed
+from .actuator import earlier
 from .effect_parameters import positive, signed
 
 _TINY = 1e-9
@@ -95,7 +95,7 @@ class SensorLag(_OnOutputs):
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         T = p[self.key("time_constant")]
         dt = jnp.diff(time)
-        decay = jnp.exp(-dt / jnp.maximum(T, _TINY))
+        decay = jnp.exp(-dt / jnp.maximum(T, _TINY * dt))
         bends = _bends(outputs, time)
 
         def advance(lagged, row):
@@ -123,9 +123,8 @@ class SensorDelay(_OnOutputs):
         return positive(self, "delay", "s", 0.1 * robot.scales.time)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        interval = time[1] - time[0]
-        shift = p[self.key("delay")] / interval
-        whole = jnp.floor(shift)
-        bends = jnp.concatenate([jnp.zeros_like(outputs[:1]), _bends(outputs, time)])  # of the interval before a sample
-        sag = 0.5 * interval**2 * (shift - whole) * (1.0 - shift + whole) * delayed(bends, whole)
-        return outputs_only(robot, delayed(outputs, shift) - sag, outputs)
+        before, share = earlier(time, p[self.key("delay")])
+        interval, share = (time[before + 1] - time[before])[:, None], share[:, None]
+        straight = outputs[before] + share * (outputs[before + 1] - outputs[before])
+        sag = 0.5 * interval**2 * share * (1.0 - share) * _bends(outputs, time)[before]
+        return outputs_only(robot, straight - sag, outputs)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .._float64 import in_float64
 from ..logs import Log, LogSet, noise_level
 from ..robots.robot import Robot
+from ..simulation.reckoning import measured_velocities, reckoned
 
 Mask = NDArray[np.bool_]
 Signal = NDArray[np.float64]
@@ -28,8 +29,6 @@ _STILL = 0.03
 _SLOW, _FAST = 0.1, 0.8
 _STRAIGHT = 0.15
 _NEAR_LARGEST = 0.9
-TURNING = ("eta2", "W")
-"""Velocities that are rates of turning to the left."""
 
 
 @dataclass(frozen=True)
@@ -218,21 +217,10 @@ def _window(log: Log) -> int:
 
 
 def _speeds(robot: Robot, log: Log) -> dict[str, Signal]:
-    """The velocities of the robot that the log shows, averaged; a speed from the position where only that stands there."""
-    names = robot.velocities or log.channels.outputs
-    found = {}
-    for name in names:
-        if name in log.channels.measured:
-            values = log.output(name)
-        elif name in log.extra.columns:  # measured, but not what the model is fitted to
-            values = log.extra[name].to_numpy(dtype=float)
-        else:
-            values = np.full(len(log), np.nan)
-        substitute = log.channels.substitutes.get(name)
-        if not np.isfinite(values).any() and substitute is not None:
-            values = np.gradient(_averaged(log.output(substitute), _window(log)), log.time)
-        found[name] = _averaged(values, _window(log))
-    return found
+    """The velocities of the robot that the log shows, averaged."""
+    window = _window(log)
+    found = measured_velocities(robot, log, lambda values: _averaged(values, window))
+    return {name: _averaged(values, window) for name, values in found.items()}
 
 
 @in_float64
@@ -251,31 +239,16 @@ def _axis_map(robot: Robot, names: tuple[str, ...]) -> NDArray[np.float64]:
     return np.stack([np.asarray(rims[i]) for i in robot.drive_axes], axis=1)
 
 
-def _axis_names(robot: Robot, speeds: dict[str, Signal], axes: Signal) -> tuple[str, ...]:
-    """Names of axes that are velocities of their own; a Pioneer's two wheels are alike and not told apart."""
-    return tuple(speeds) if robot.name != "pioneer" and axes.shape[1] == len(speeds) else ()
+def _axis_names(robot: Robot, axes: Signal) -> tuple[str, ...]:
+    """Names of the axes where the robot tells them apart in words; a Pioneer's two wheels are alike."""
+    return robot.axis_words if axes.shape[1] == len(robot.axis_words) else ()
 
 
 def dead_reckoned(robot: Robot, log: Log, speeds: dict[str, Signal]) -> tuple[Signal | None, Signal | None]:
     """Heading [T] rad and world positions [T, 2 or 1] m from speeds; None for a robot of which they are not known."""
-    dt = np.diff(log.time, append=log.time[-1] + log.sampling_interval)
-
-    def summed(rate: Signal, column: str) -> Signal:
-        start = float(log.extra[column].iloc[0]) if column in log.extra.columns else 0.0
-        return start + np.concatenate([[0.0], np.cumsum(rate * dt)[:-1]])
-
-    if robot.name == "pioneer":
-        heading = summed(speeds["eta2"], "theta")
-        x = summed(-np.sin(heading) * speeds["eta1"], "x")
-        return heading, np.stack([x, summed(np.cos(heading) * speeds["eta1"], "y")], axis=1)
-    if robot.name == "omni":
-        heading = summed(speeds["W"], "theta")
-        cos, sin = np.cos(heading), np.sin(heading)
-        x = summed(speeds["V"] * cos - speeds["Vn"] * sin, "x")
-        return heading, np.stack([x, summed(speeds["V"] * sin + speeds["Vn"] * cos, "y")], axis=1)
-    if robot.name == "axis":
-        return None, summed(speeds["v"], "x")[:, None]
-    return None, None
+    columns = {name: log.extra[name] for name in ("x", "y", "theta") if name in log.extra.columns}
+    start = {name: float(values.iloc[0]) for name, values in columns.items()}
+    return reckoned(robot, speeds, np.diff(log.time), start)
 
 
 def _fastest(values: list[Signal]) -> Signal:
@@ -299,14 +272,14 @@ def motions(robot: Robot, logs: LogSet) -> tuple[Motion, ...]:
     paths = [path for _, path in reckoned if path is not None]
     middle = np.median(np.concatenate(paths), axis=0) if paths else None
     largest = np.max([np.max(np.abs(log.inputs), axis=0) for log in logs], axis=0)
-    main, turn = names[0], next((name for name in names if name in TURNING), None)
+    main, turn = names[0], robot.turning if robot.turning in names else None
     return tuple(
         Motion(
             time=log.time,
             inputs=log.inputs,
             largest=np.where(largest > 0, largest, np.inf),
             axes=axes[e],
-            axis_names=_axis_names(robot, speeds[e], axes[e]),
+            axis_names=_axis_names(robot, axes[e]),
             still=still,
             fastest=fastest,
             ahead=speeds[e][main],

@@ -24,16 +24,6 @@ _MOST = 0.8
 _BURSTS = 0.12
 """Share of the time below which a force that holds `_MOST` of its power in it is called bursts."""
 
-WORDS = {
-    "eta1": "forward speed",
-    "eta2": "yaw rate",
-    "V": "forward speed",
-    "Vn": "sideways speed",
-    "W": "yaw rate",
-    "v": "speed",
-}
-"""What the standard channels measure, for sentences."""
-
 
 @dataclass(frozen=True)
 class Localisation:
@@ -105,19 +95,19 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def channel_name(channel: str) -> str:
-    """The channel in words, with its symbol."""
-    return f"{WORDS[channel]} {channel}" if channel in WORDS else channel
+def channel_name(channel: str, words: Mapping[str, str]) -> str:
+    """The channel in the robot's words, with its symbol."""
+    return f"{words[channel]} {channel}" if channel in words else channel
 
 
-def _where(shares: Mapping[str, float]) -> str:
+def _where(shares: Mapping[str, float], words: Mapping[str, str]) -> str:
     """The part of the sentence that says in which channel the gap is."""
     ordered = sorted(shares.items(), key=lambda item: -item[1])
     if len(ordered) == 1:
-        return f"The gap is in {channel_name(ordered[0][0])}"
+        return f"The gap is in {channel_name(ordered[0][0], words)}"
     if ordered[0][1] >= _MOSTLY:
-        return f"{_percent(ordered[0][1])} of the gap is in {channel_name(ordered[0][0])}"
-    parts = [f"{channel_name(name)} ({_percent(share)})" for name, share in ordered]
+        return f"{_percent(ordered[0][1])} of the gap is in {channel_name(ordered[0][0], words)}"
+    parts = [f"{channel_name(name, words)} ({_percent(share)})" for name, share in ordered]
     return f"The gap is spread over {', '.join(parts[:-1])} and {parts[-1]}"
 
 
@@ -160,6 +150,7 @@ def sentence(
     best: Sequence[Pattern],
     concentrated: float,
     stages: Mapping[str, float],
+    words: Mapping[str, str],
 ) -> str:
     """Where the gap is, in plain English with numbers; says so where there is none or nothing stands out."""
     if held.adequate or not shares:
@@ -167,7 +158,7 @@ def sentence(
             f"Nothing stands out: on held-out logs the residual is at the noise floor "
             f"({held.normalised_rms:.2f} times the noise)."
         )
-    text = f"{_where(shares)}; {_when(conditions, best, concentrated)}."
+    text = f"{_where(shares, words)}; {_when(conditions, best, concentrated)}."
     positive = {name: share for name, share in stages.items() if share > 0}
     if positive:
         first = max(positive, key=lambda name: positive[name])
@@ -211,7 +202,7 @@ def localise(fit: Fit, logs: LogSet, held: HeldOut, stages: Mapping[str, float] 
         patterns=following,
         concentration=concentrated,
         stages=given,
-        sentence=sentence(held, shares, conditions, following, concentrated, given),
+        sentence=sentence(held, shares, conditions, following, concentrated, given, fit.robot.words),
         units=dict(zip(names, forces[0].units, strict=True)),
         forces=forces,
         marked=next((tuple(masks[c.name, c.phrase]) for c in conditions if c.stands_out), ()),

@@ -2,7 +2,7 @@
 
 from . import signals
 from .batch import Batch
-from .channels import AXIS, OMNI, PIONEER, Channels
+from .channels import AXIS, DIFFERENTIAL, DIFFERENTIAL_WHEELS, OMNI, PIONEER, Channels
 from .finding import Finding, LogError
 from .log import Log, LogSet, channels_of
 from .noise import noise_level, noise_scale
@@ -11,6 +11,8 @@ from .read import read_logs
 
 __all__ = [
     "AXIS",
+    "DIFFERENTIAL",
+    "DIFFERENTIAL_WHEELS",
     "OMNI",
     "PIONEER",
     "Batch",

@@ -119,3 +119,24 @@ AXIS = Channels(
     substitutes={"v": "q"},
 )
 """One drive axis: voltage or force in; speed v, position q, or both, out."""
+
+DIFFERENTIAL = Channels(
+    inputs=("u_right", "u_left"),
+    outputs=("v", "w"),
+    units={"u_right": "unit of u", "u_left": "unit of u", "v": "m/s", "w": "rad/s"},
+    mixing={"v": (1, 1), "w": (1, -1)},
+)
+"""A plain differential drive that measures its body: commands of the sides in; forward speed, yaw rate to the left out."""
+
+DIFFERENTIAL_WHEELS = Channels(
+    inputs=("u_right", "u_left"),
+    outputs=("v_right", "v_left"),
+    units={"u_right": "unit of u", "u_left": "unit of u", "v_right": "m/s", "v_left": "m/s"},
+    mixing={"v_right": (1, 0), "v_left": (0, 1)},
+)
+"""The same, measured at the wheels' rims."""
+
+STANDARD = {"pioneer": PIONEER, "omni": OMNI, "axis": AXIS, "differential": DIFFERENTIAL} | {
+    "differential_wheels": DIFFERENTIAL_WHEELS
+}
+"""Layouts of logs by the names that the command line knows."""

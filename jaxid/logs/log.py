@@ -254,10 +254,9 @@ class Log:
 
 
 def channels_of(robot: Any) -> Channels:
-    """The `Channels` of a robot: given as such, as an object with `.channels`, or as "pioneer", "omni" or "axis"."""
-    from . import channels as standard
+    """The `Channels` of a robot: given as such, as an object with `.channels`, or by a name, such as "pioneer"."""
+    from .channels import STANDARD as known
 
-    known = {"pioneer": standard.PIONEER, "omni": standard.OMNI, "axis": standard.AXIS}
     if isinstance(robot, str):
         if robot not in known:
             raise LogError(f"There is no robot {robot!r}{did_you_mean(robot, known)}; use one of {list(known)}.")

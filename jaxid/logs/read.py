@@ -255,3 +255,8 @@ def read_logs(
     sources = read_mapping(mapping, channels)
     found = _find(paths)
     return LogSet(_read(path, name, channels, sources) for path, name in zip(found, _names(found), strict=True))
+
+
+def first_columns(paths: PathLike | Iterable[PathLike]) -> tuple[str, ...]:
+    """Names of the columns of the first file. Raises `LogError` if it cannot be read."""
+    return tuple(str(column) for column in read_table(_find(paths)[0]).frame.columns)

@@ -71,7 +71,7 @@ def channel_table(found: Explanation) -> Table:
     for name, before in found.before.by_channel.items():
         noise = f"{number(found.before.noise[name], 3)} {units.get(name, '')}".strip()
         own = [Cell(number(before, 3))] + ([Cell(number(found.after.by_channel[name], 3))] if after else [])
-        rows.append((Cell(channel_name(name)), *own, Cell("1", "dim"), Cell(noise, "dim")))
+        rows.append((Cell(channel_name(name, found.model.words)), *own, Cell("1", "dim"), Cell(noise, "dim")))
     total = [Cell(number(found.before.normalised_rms, 3))]
     total += [Cell(number(found.after.normalised_rms, 3))] if after else []
     rows.append((Cell("all"), *total, Cell("1", "dim"), Cell("")))

@@ -1,13 +1,25 @@
 """Robots as pure functions of state, input and parameters."""
 
 from .axis import Axis
-from .custom import Custom
-from .effect import Effect
+from .custom import Custom, DriveAxis
+from .differential import DifferentialDrive
+from .effect import Effect, EffectError
 from .omni import Omni
 from .pioneer import Pioneer
 from .robot import Robot
 
-BUILT_IN = {robot.name: robot for robot in (Pioneer, Omni, Axis)}
+BUILT_IN = {robot.name: robot for robot in (Pioneer, Omni, Axis, DifferentialDrive)}
 """The robots that the command line knows by name."""
 
-__all__ = ["BUILT_IN", "Axis", "Custom", "Effect", "Omni", "Pioneer", "Robot"]
+__all__ = [
+    "BUILT_IN",
+    "Axis",
+    "Custom",
+    "DifferentialDrive",
+    "DriveAxis",
+    "Effect",
+    "EffectError",
+    "Omni",
+    "Pioneer",
+    "Robot",
+]

@@ -26,6 +26,8 @@ class Axis(Robot):
     velocities: ClassVar[tuple[str, ...]] = ("v",)
     drive_axes: ClassVar[tuple[int, ...]] = (0,)
     angles: ClassVar[tuple[str, ...]] = ("q",)
+    positions: ClassVar[Mapping[str, str]] = MappingProxyType({"v": "q"})
+    along_line: ClassVar[bool] = True
     torque_unit: ClassVar[str] = "N"
     angle_unit: ClassVar[str] = "m"
     expressed: ClassVar[frozenset[str]] = frozenset({"asymmetric_friction"})  # the offset is the same model

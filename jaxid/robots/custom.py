@@ -13,6 +13,7 @@ from inspect import signature
 from typing import Any
 
 import jax
+import numpy as np
 
 from ..logs import Channels
 from ..parameters import Parameter, ParameterError, ParameterTable
@@ -53,6 +54,20 @@ def _takes_friction(dynamics: Callable[..., Any]) -> bool:
     arguments = signature(dynamics).parameters.values()
     some = any(a.kind == Argument.VAR_POSITIONAL for a in arguments)
     return some or sum(a.kind in kinds and a.default is Argument.empty for a in arguments) >= 4
+
+
+@cache
+def _positions(robot: "Custom", numbers: tuple[tuple[str, float], ...]) -> tuple[tuple[str, str], ...]:
+    """(velocity, the state whose derivative it is), as the dynamics show at three states without symmetry."""
+    names, inputs, p = robot.state_names, robot.own_channels.inputs, dict(numbers)
+    friction = ({axis: 0.0 for axis, _ in robot.axes},) if robot.axes and _takes_friction(robot.dynamics) else ()
+    found = {(v, s) for v in robot.velocities for s in names if s != v}
+    for probe in np.random.default_rng(1).uniform(0.1, 1.0, (3, len(names) + len(inputs))):
+        state = dict(zip(names, probe.tolist(), strict=False))
+        given = dict(zip(inputs, probe[len(names) :].tolist(), strict=True))
+        rates = robot.dynamics(state, given, p, *friction)
+        found = {(v, s) for v, s in found if np.allclose(float(np.asarray(rates[s])), state[v], rtol=1e-6, atol=0.0)}
+    return tuple(sorted(found))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,6 +234,10 @@ class Custom(Robot):
     def angles(self) -> tuple[str, ...]:  # type: ignore[override]
         found = tuple(self.axes[i][1].angle for i in self.drive_axes)
         return tuple(name for name in found if name) if all(found) else ()
+
+    @property
+    def positions(self) -> Mapping[str, str]:  # type: ignore[override]
+        return dict(_positions(self.structure, tuple(self.parameters.numbers.items())))
 
     @property
     def in_plane(self) -> bool:  # type: ignore[override]

@@ -5,7 +5,7 @@ parameters are scalars by name, so that the same code runs on one number, on a b
 compiles into a single fused loop.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
@@ -54,6 +54,12 @@ class Robot:
     """States to which the generalised forces belong, in their order; the first is the one forwards."""
     turning: ClassVar[str] = ""
     """The velocity that is the yaw rate to the left."""
+    positions: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Velocity -> the state whose derivative it is."""
+    along_line: ClassVar[bool] = False
+    """Whether its only velocity moves it along a line."""
+    separable: ClassVar[bool] = False
+    """Whether going straight and turning on the spot have equations of their own (Pioneer paper, eqs. 34 and 35)."""
     in_plane: ClassVar[bool] = False
     """Whether `planar()` says how it moves in the plane, so that x, y, theta can be integrated."""
     drive_axes: ClassVar[tuple[int, ...]] = ()
@@ -102,6 +108,10 @@ class Robot:
     def traits(self) -> frozenset[str]:
         """The traits that the robot has, by the names of `traits.TRAITS`."""
         return traits_of(self)
+
+    def for_columns(self, columns: Iterable[str]) -> Self:
+        """The robot that measures what logs with these columns hold."""
+        return self
 
     @property
     def translations(self) -> tuple[str, ...]:

@@ -15,8 +15,6 @@ import numpy as np
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
 from ...parameters import ParameterError
-from ...robots.omni import Omni
-from ...robots.pioneer import Pioneer
 from ...robots.robot import Robot
 from ..judge import judged_equations
 from ..result import Estimate, Fit
@@ -102,10 +100,10 @@ def integral_least_squares(
         raise ValueError(f"There are no {equations!r} equations; use 'coupled' or 'uncoupled'.")
     if not robot.parameters.free_names:
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
-    if equations == "uncoupled" and isinstance(robot, Pioneer):
+    if equations == "uncoupled" and robot.separable:
         found = uncoupled_pioneer(robot, logs, window)
         return judged_equations(found, LogSet(logs))
-    if equations == "uncoupled" and isinstance(robot, Omni):
-        robot = robot.uncoupled()
+    if equations == "uncoupled":
+        robot = robot.with_values(**dict.fromkeys(robot.mechanisms.get("coriolis_coupling", ()), 0.0))
     found = _coupled(robot, logs, window)
     return judged_equations(found, LogSet(logs))

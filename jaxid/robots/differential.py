@@ -1,0 +1,203 @@
+"""A plain differential drive: two driven wheels on one axle, no caster, no constants of motors or gears.
+
+Right and left side r, l with rim speeds s = v ± b w at half the track b; forces at the rims, speeds at the middle of the
+axle, heading 0 is world +x. A command u drives its side with
+
+    F = gain (u - back_emf s),        resisted by Fv s + Fc sgn s,
+
+so that with `back_emf = 0` and `gain = 1` the commands are forces. With the centre of mass `xc` ahead of the axle's middle
+and `yc` to its left, J about the centre of mass (Newton's laws in the turning frame, no slip sideways):
+
+    M dv/dt - M yc dw/dt - M xc w^2 = F_r + F_l
+    (J + M (xc^2 + yc^2)) dw/dt - M yc dv/dt + M xc v w = b (F_r - F_l)
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar, Literal, Self
+
+from ..logs import DIFFERENTIAL, DIFFERENTIAL_WHEELS, Channels
+from ..parameters import ParameterTable
+from .effect import Levels, Numbers, Path, Scalar, State
+from .robot import Robot, parameter
+from .trigonometry import sincos
+
+
+@dataclass(frozen=True)
+class DifferentialDrive(Robot):
+    """Two driven wheels on one axle.
+
+    `measures`: "body" for speed v [m/s] and yaw rate w [rad/s] (to the left) in the logs, "wheels" for the rim speeds
+    v_right and v_left [m/s]. `pose=True` integrates x, y, theta as well. Inputs u_right, u_left in any unit.
+    """
+
+    measures: Literal["body", "wheels"] = "body"
+    pose: bool = False
+
+    name: ClassVar[str] = "differential"
+    in_plane: ClassVar[bool] = True
+    drive_axes: ClassVar[tuple[int, ...]] = (0, 1)
+    angles: ClassVar[tuple[str, ...]] = ("way_right", "way_left")
+    angle_unit: ClassVar[str] = "m"
+    torque_unit: ClassVar[str] = "N"
+    mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+        {"lateral_com_offset": ("yc",), "wheel_radius_mismatch": ("radius_mismatch",)}
+    )
+    words: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"v": "forward speed", "w": "yaw rate", "v_right": "right wheel's speed", "v_left": "left wheel's speed"}
+    )
+    driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)}
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.measures not in ("body", "wheels"):
+            raise ValueError(f"measures = {self.measures!r}; use 'body' (v, w) or 'wheels' (v_right, v_left)")
+
+    def for_columns(self, columns: Iterable[str]) -> Self:
+        """Wheel speeds where the columns have these and no body speeds."""
+        there = set(columns)
+        wheels = set(DIFFERENTIAL_WHEELS.outputs) <= there and not set(DIFFERENTIAL.outputs) <= there
+        return replace(self, measures="wheels") if wheels else self
+
+    def defaults(self) -> ParameterTable:
+        start, given = "start value", "give it"
+        return ParameterTable(
+            {
+                "M": parameter(10.0, "kg", "mass, wheels' and motors' inertia included", start, free=True),
+                "J": parameter(0.3, "kg m^2", "vertical inertia about the centre of mass", start, free=True),
+                "Fv": parameter(5.0, "N s/m", "viscous friction of a side", start, free=True),
+                "Fc": parameter(1.0, "N", "Coulomb friction of a side", start, free=True),
+                "b": parameter(0.2, "m", "half the track width", given),
+                "gain": parameter(1.0, "N per unit of u", "force per unit of command", "commands are forces"),
+                "back_emf": parameter(0.0, "unit of u s/m", "command that a side's speed costs", "commands are forces"),
+                "xc": parameter(0.0, "m", "centre of mass ahead of the axle", "nominal", positive=False, typical=0.02),
+                "yc": parameter(0.0, "m", "centre of mass to the left", "nominal", positive=False, typical=0.02),
+                "radius_mismatch": parameter(
+                    0.0,
+                    "",
+                    "right wheel larger, left smaller than nominal by this fraction",
+                    "nominal",
+                    positive=False,
+                    typical=0.02,
+                ),
+            }
+        )
+
+    @property
+    def _wheels(self) -> bool:
+        return self.measures == "wheels"
+
+    @property
+    def channels(self) -> Channels:  # type: ignore[override]
+        return DIFFERENTIAL_WHEELS if self._wheels else DIFFERENTIAL
+
+    @property
+    def velocities(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.channels.outputs
+
+    @property
+    def turning(self) -> str:  # type: ignore[override]
+        return "" if self._wheels else "w"
+
+    @property
+    def translations(self) -> tuple[str, ...]:
+        """The body's speed; speeds of wheels are none of the body's."""
+        return () if self._wheels else ("v",)
+
+    @property
+    def axis_words(self) -> tuple[str, ...]:  # type: ignore[override]
+        return ()
+
+    @property
+    def always(self) -> tuple[str, ...]:
+        return ("pose",) if self.pose else ()
+
+    @property
+    def own_states(self) -> tuple[str, ...]:
+        return self.channels.outputs
+
+    def _nominal_rims(self, state: State, p: Numbers) -> Path:
+        """Speeds of the axle's ends, right and left."""
+        if self._wheels:
+            return self._ends(state["v_right"], state["v_left"], p)
+        return state["v"] + p["b"] * state["w"], state["v"] - p["b"] * state["w"]
+
+    @staticmethod
+    def _ends(right: Scalar, left: Scalar, p: Numbers) -> Path:
+        """Speeds of the axle's ends where the wheels, read with the nominal radius, show `right` and `left`."""
+        return right * (1.0 + p["radius_mismatch"]), left * (1.0 - p["radius_mismatch"])
+
+    def planar(self, state: State, p: Numbers) -> tuple[Scalar, Scalar, Scalar]:
+        if not self._wheels:
+            return state["v"], 0.0, state["w"]
+        right, left = self._nominal_rims(state, p)
+        return 0.5 * (right + left), 0.0, (right - left) / (2.0 * p["b"])
+
+    def _radii(self, p: Numbers) -> Path:
+        """Radii of the wheels over the nominal one."""
+        return 1.0 + p["radius_mismatch"], 1.0 - p["radius_mismatch"]
+
+    def rubbing(self, state: State, p: Numbers) -> Path:
+        """Speeds of the wheels, as rim speeds with the nominal radius."""
+        if self._wheels:
+            return state["v_right"], state["v_left"]
+        return tuple(end / r for end, r in zip(self._nominal_rims(state, p), self._radii(p), strict=True))
+
+    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+        return tuple(u - p["back_emf"] * s for u, s in zip(volts, self.rubbing(state, p), strict=True))
+
+    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+        return tuple(p["gain"] * i for i in currents)
+
+    def own_coulomb(self, state: State, p: Numbers) -> Levels:
+        return (p["Fc"], p["Fc"]), (p["Fc"], p["Fc"])
+
+    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+        return p["Fv"] * speeds[0], p["Fv"] * speeds[1]
+
+    def drive_forces(self, torques: Path, p: Numbers) -> Path:
+        return tuple(force / r for force, r in zip(torques, self._radii(p), strict=True))
+
+    def rim_levers(self, p: Numbers) -> Path:
+        return 1.0, 1.0
+
+    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+        wheels = tuple(t - r for t, r in zip(torques, resisting, strict=True))
+        if self._wheels:  # a force on a wheel's speed acts at that wheel
+            wheels = tuple(w + f for w, f in zip(wheels, forces, strict=True))
+        right, left = self.drive_forces(wheels, p)
+        ahead, turn = right + left, p["b"] * (right - left)
+        if not self._wheels:
+            ahead, turn = ahead + forces[0], turn + forces[1]
+        v, _, w = self.planar(state, p)
+        dv, dw = self._solve(ahead + p["M"] * p["xc"] * w * w, turn - p["M"] * p["xc"] * v * w, p)
+        if not self._wheels:
+            return {"v": dv, "w": dw}
+        larger, smaller = self._radii(p)
+        return {"v_right": (dv + p["b"] * dw) / larger, "v_left": (dv - p["b"] * dw) / smaller}
+
+    def _solve(self, ahead: Scalar, turn: Scalar, p: Numbers) -> tuple[Scalar, Scalar]:
+        """Accelerations: [[M, -M yc], [-M yc, J + M (xc² + yc²)]] solved for (ahead, turn)."""
+        dw = (turn + p["yc"] * ahead) / (p["J"] + p["M"] * p["xc"] * p["xc"])
+        return ahead / p["M"] + p["yc"] * dw, dw
+
+    def angle_rates(self, state: State, p: Numbers) -> Path:
+        return self.rubbing(state, p)
+
+    def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Path:
+        sine, cosine = sincos(state["theta"])
+        along = p["M"] * (cosine * field[0] + sine * field[1])
+        across = p["M"] * (cosine * field[1] - sine * field[0])
+        turn = p["xc"] * across - p["yc"] * along
+        if not self._wheels:
+            return along, turn
+        # The same power on the wheels' speeds: v and w are linear in them.
+        larger, smaller = self._radii(p)
+        each = turn / (2.0 * p["b"])
+        return (0.5 * along + each) * larger, (0.5 * along - each) * smaller
+
+    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+        return tuple(state[name] for name in self.channels.outputs)

@@ -1,0 +1,102 @@
+"""What measured outputs say of a robot's velocities, and where it drove: dead reckoning, written once for all robots."""
+
+from collections.abc import Mapping
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from .._float64 import in_float64
+from ..logs import Log
+from ..robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@cache
+@in_float64
+def readout(robot: Robot) -> tuple[tuple[str, ...], Array] | None:
+    """Outputs, and the matrix [velocities, outputs] that makes the robot's velocities of them.
+
+    None where the outputs are no linear function of the velocities alone, or do not tell all of them.
+    """
+    names, outputs = robot.velocities, robot.channels.outputs
+    p, rest = robot.parameters.numbers, robot.initial_state()
+    idle = (0.0,) * len(robot.channels.inputs)
+    if not names:
+        return None
+
+    def seen(v):
+        state = {**rest, **dict(zip(names, v, strict=True))}
+        return jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, idle, p)[: len(outputs)]])
+
+    try:
+        zero = jnp.zeros(len(names))
+        slope = np.asarray(jax.jacfwd(seen)(zero))
+        at_rest, elsewhere = np.asarray(seen(zero)), np.asarray(seen(jnp.arange(1.0, 1.0 + len(names))))
+    except (TypeError, ValueError, KeyError, ArithmeticError):
+        return None
+    linear = np.allclose(at_rest, 0.0) and np.allclose(elsewhere, slope @ np.arange(1.0, 1.0 + len(names)))
+    if not linear or np.linalg.matrix_rank(slope) < len(names):
+        return None
+    return outputs, np.linalg.pinv(slope)
+
+
+def velocities_of(robot: Robot, columns: Mapping[str, Array], time: Array, smooth=lambda y: y) -> dict[str, Array]:
+    """The robot's velocities [T] by name from measured `columns` [T]; NaN where they do not tell one.
+
+    Measured ones as they are, else the derivative of the position that was measured, `smooth`ed before, else what the
+    outputs say together (speeds of wheels). A robot that names no velocities has its outputs for them.
+    """
+    missing = np.full(len(time), np.nan)
+    found: dict[str, Array] = {}
+    for name in robot.velocities or robot.channels.outputs:
+        values = columns.get(name, missing)
+        position = robot.channels.substitutes.get(name) or robot.positions.get(name)
+        if not np.isfinite(values).any() and position is not None and position in columns:
+            values = np.gradient(smooth(columns[position]), time)
+        found[name] = values
+    unknown = [name for name, values in found.items() if not np.isfinite(values).any()]
+    told = readout(robot) if unknown else None
+    if told is not None and all(name in columns for name in told[0]):
+        together = told[1] @ np.stack([columns[name] for name in told[0]])
+        found |= {name: together[robot.velocities.index(name)] for name in unknown}
+    return found
+
+
+def measured_velocities(robot: Robot, log: Log, smooth=lambda y: y) -> dict[str, Array]:
+    """`velocities_of` one log, columns beside the channels included."""
+    columns = {name: log.output(name) for name in log.channels.measured}
+    for name in robot.velocities:
+        if name not in columns and name in log.extra.columns:  # measured, but not what the model is fitted to
+            columns[name] = log.extra[name].to_numpy(dtype=float)
+    return velocities_of(robot, {n: y for n, y in columns.items() if np.isfinite(y).any()}, log.time, smooth)
+
+
+def reckoned(
+    robot: Robot, speeds: Mapping[str, Array], dt: Array, start: Mapping[str, float] | None = None
+) -> tuple[Array | None, Array | None]:
+    """Heading [..., T] rad and positions [..., T, 2] m by trapezoids from velocities [..., T] and the intervals [T - 1]
+    between them, from `start` (x, y, theta). One that moves along a line has no heading and positions [..., T, 1]; both
+    are None for a robot that does not say how it moves.
+    """
+    begin = start or {}
+
+    def summed(rate: Array, name: str) -> Array:
+        steps = 0.5 * dt * (rate[..., 1:] + rate[..., :-1])
+        zero = np.zeros((*rate.shape[:-1], 1))
+        return begin.get(name, 0.0) + np.concatenate([zero, np.cumsum(steps, axis=-1)], axis=-1)
+
+    if robot.in_plane and set(robot.velocities) <= set(speeds):
+        state = {**robot.initial_state(), **speeds}
+        zero = 0.0 * speeds[robot.velocities[0]]
+        along, left, turning = (zero + rate for rate in robot.planar(state, robot.parameters.numbers))
+        heading = summed(turning, "theta")
+        cosine, sine = np.cos(heading), np.sin(heading)
+        x, y = summed(cosine * along - sine * left, "x"), summed(sine * along + cosine * left, "y")
+        return heading, np.stack([x, y], axis=-1)
+    if robot.along_line and robot.velocities[0] in speeds:
+        return None, summed(speeds[robot.velocities[0]], "x")[..., None]
+    return None, None

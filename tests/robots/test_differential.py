@@ -1,0 +1,98 @@
+"""The plain differential drive against mechanics written in world coordinates with the axle's constraint."""
+
+import numpy as np
+import pytest
+
+from jaxid import DifferentialDrive, Log, LogSet, simulate
+from jaxid._float64 import float64
+from jaxid.effects import catalogue
+
+
+def constrained(state, u, p, dry):
+    """dv/dt and dw/dt from Newton's laws of the body in world coordinates, the axle kept from slipping by a multiplier."""
+    theta, v, w = state["theta"], state["v"], state["w"]
+    along, left = np.array([np.cos(theta), np.sin(theta)]), np.array([-np.sin(theta), np.cos(theta)])
+    radii = np.array([1 + p["radius_mismatch"], 1 - p["radius_mismatch"]])
+    ends = np.array([v + p["b"] * w, v - p["b"] * w])
+    wheels = ends / radii
+    rims = (p["gain"] * (np.array(u) - p["back_emf"] * wheels) - p["Fv"] * wheels - np.array(dry)) / radii
+    arm = p["xc"] * along + p["yc"] * left  # from the axle's middle to the centre of mass
+    # Unknowns: acceleration of the axle's middle (2), dw/dt, sideways force of the axle.
+    A, b = np.zeros((4, 4)), np.zeros(4)
+    across = np.array([-arm[1], arm[0]])
+    A[:2, :2], A[:2, 2], A[:2, 3] = p["M"] * np.eye(2), p["M"] * across, -left
+    b[:2] = rims.sum() * along + p["M"] * w**2 * arm
+    # About the centre of mass: J dw/dt = moment of the rims' forces and of the sideways one.
+    forces = [(p["b"] * -left, rims[0]), (p["b"] * left, rims[1])]
+    moment = sum((s - arm)[0] * f * along[1] - (s - arm)[1] * f * along[0] for s, f in forces)
+    A[2, 2], A[2, 3], b[2] = p["J"], arm[0] * left[1] - arm[1] * left[0], moment
+    A[3, :2], b[3] = left, v * w  # no sideways speed: left . a = v w
+    a = np.linalg.solve(A, b)
+    return along @ a[:2], a[2]
+
+
+def cases(n=20):
+    rng = np.random.default_rng(2)
+    for _ in range(n):
+        p = {k: v * np.exp(rng.uniform(-1, 1)) for k, v in DifferentialDrive().parameters.numbers.items()}
+        p |= {"xc": rng.uniform(-0.2, 0.2), "yc": rng.uniform(-0.1, 0.1), "back_emf": rng.uniform(0, 2)}
+        p["radius_mismatch"] = rng.uniform(-0.1, 0.1)
+        state = {"theta": rng.uniform(-3, 3), "v": rng.normal(), "w": rng.normal(), "x": 0.0, "y": 0.0}
+        yield state, tuple(rng.normal(size=2) * 5), tuple(rng.normal(size=2)), p
+
+
+def test_it_obeys_newtons_laws_with_an_axle_that_does_not_slip():
+    robot, wheels = DifferentialDrive(pose=True), DifferentialDrive(measures="wheels", pose=True)
+    with float64():
+        for state, u, dry, p in cases():
+            rates = robot.rates(state, u, dry, p)
+            expected = constrained(state, u, p, dry)
+            np.testing.assert_allclose([rates["v"], rates["w"]], expected, rtol=1e-9)
+            # In the wheels' speeds: the same motion.
+            larger, smaller = 1 + p["radius_mismatch"], 1 - p["radius_mismatch"]
+            own = {k: state[k] for k in ("theta", "x", "y")}
+            own |= {"v_right": (state["v"] + p["b"] * state["w"]) / larger}
+            own |= {"v_left": (state["v"] - p["b"] * state["w"]) / smaller}
+            turned = wheels.rates(own, u, dry, p)
+            for name in ("x", "y", "theta"):
+                assert float(turned[name]) == pytest.approx(float(rates[name]), rel=1e-9)
+            right = (expected[0] + p["b"] * expected[1]) / larger
+            assert float(turned["v_right"]) == pytest.approx(right, rel=1e-9)
+
+
+def test_body_and_wheel_speeds_show_one_motion_effects_included():
+    """With every effect that both can have, at sizes that matter, the wheels' speeds are those of the body."""
+    values = {"Fc": 2.0, "xc": 0.05}
+    n = 200
+    time, u = 0.02 * np.arange(n), np.repeat(np.random.default_rng(3).uniform(-15, 15, (n // 20, 2)), 20, axis=0)
+    robots = [DifferentialDrive(), DifferentialDrive(measures="wheels")]
+    # Those on sensors act on other channels; drag is a matter of the body's own speed.
+    shared = [e for e in catalogue(robots[1]) if e.where != "sensor"]
+    assert {e.id for e in catalogue(robots[0])} - {e.id for e in catalogue(robots[1])} == {"quadratic_drag"}
+    outputs = []
+    for robot in robots:
+        for effect in shared:
+            robot = robot + effect
+        size = {
+            "ground_slope.slope_x": 0.02,
+            "stribeck_friction.amplitude": 0.5,
+            "surface_change.coulomb": 0.4,
+            "motor_gain_mismatch.gain_u_left": 0.05,
+            "traction_limit.inverse_limit": 1 / 14,
+            "cogging_torque.sine_way_left": 0.5,
+        }
+        robot = robot.with_values(**values, **size)
+        log = Log.from_arrays("a", time, u, np.zeros((n, 2)), robot.channels)
+        outputs.append(simulate(robot, LogSet([log]))[0])
+    v, w = outputs[0].T
+    b = 0.2
+    assert np.ptp(v) > 0.3 and np.ptp(w) > 1
+    np.testing.assert_allclose(outputs[1], np.stack([v + b * w, v - b * w], 1), atol=2e-6)
+
+
+def test_columns_decide_what_it_measures():
+    robot = DifferentialDrive()
+    assert robot.for_columns(["t", "u_right", "u_left", "v", "w"]).measures == "body"
+    assert robot.for_columns(["t", "u_right", "u_left", "v_right", "v_left"]).measures == "wheels"
+    with pytest.raises(ValueError, match="use 'body'"):
+        DifferentialDrive(measures="gyro")  # type: ignore[arg-type]
