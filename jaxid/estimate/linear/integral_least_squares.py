@@ -8,7 +8,7 @@ friction and caster regressors) is what output error does away with.
 """
 
 from collections.abc import Iterable
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -101,7 +101,7 @@ def integral_least_squares(
     if not robot.parameters.free_names:
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
     if equations == "uncoupled" and robot.separable:
-        found = uncoupled_pioneer(robot, logs, window)
+        found = uncoupled_pioneer(cast(Any, robot), logs, window)
         return judged_equations(found, LogSet(logs))
     if equations == "uncoupled":
         robot = robot.with_values(**dict.fromkeys(robot.mechanisms.get("coriolis_coupling", ()), 0.0))
