@@ -147,7 +147,7 @@ def output_errors(setting: Setting, structure: Structure, problem: Problem, at: 
                     structure,
                     replace(problem, outputs=own["outputs"][k], sigma=found.sigma[k]),
                     Unknowns(at_optimum[k], starts.states[k]),
-                )
+                ).covariance
                 for k in range(N)
             ]
         )

@@ -49,6 +49,13 @@ class Estimate:
         }
 
 
+def estimate_text(estimate: Estimate) -> str:
+    """Value ± standard error, or the value and why it has none."""
+    if estimate.status == "identified":
+        return f"{estimate.value:.5g} ± {estimate.std_error:.2g}"
+    return f"{estimate.value:.5g} ({estimate.status.replace('_', ' ')})"
+
+
 @dataclass(frozen=True)
 class Outlier:
     """A stretch of samples that a robust loss gave little weight: from `start` to `stop` [s], `samples` of one channel.

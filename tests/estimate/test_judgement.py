@@ -109,3 +109,20 @@ def test_noise_of_any_colour_does_not_follow_the_motion(memory):
         alarms += p < 0.01
     # 1 expected; a few times that is what the test owns up to for slow noise
     assert alarms <= 7
+
+
+def test_every_result_shows_itself_on_one_screen_and_in_a_notebook(sound, axis_log):
+    from jaxid import Fleet, identifiability, repeatability
+
+    logs = LogSet([log(axis_log, 0.01 * coloured(0.0, k), f"run {k}") for k in range(3)])
+    results = [
+        sound,
+        Fleet({f"robot {k}": sound for k in range(50)}, {"lost": "it diverges"}),
+        identifiability(ROBOT, logs),
+        repeatability(ROBOT, logs, covariance="white"),
+    ]
+    for found in results:
+        text, page = repr(found), found._repr_html_()
+        assert len(text.splitlines()) <= 30 and max(map(len, text.splitlines())) <= 120
+        assert "<table" in page and "Fv" in text and "Fv" in page
+    assert "30 more in fits." in repr(results[1]) and "lost: it diverges" in results[1]._repr_html_()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..._compile import compiled
 from ..._float64 import in_float64
+from ..._table import html_table, text_table
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..output_error.magnitudes import magnitudes
@@ -55,7 +56,7 @@ class FreeDirection:
         return f"Move {moves}, and {how}; a value for {self.decisive} from elsewhere would settle it."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identifiability:
     """What the logs determine.
 
@@ -76,15 +77,26 @@ class Identifiability:
         """Whether every free parameter can be estimated on its own."""
         return not self.free_directions
 
-    def __repr__(self) -> str:
-        lines = [f"{self.rank} of {len(self.values)} directions determined, condition number {self.condition:.2g}"]
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        rows = [("", "value", "expected std error", "of the value")]
         for name, value in self.values.items():
             error = self.std_errors[name]
             share = f"{100 * error / abs(value):.2g} %" if value and np.isfinite(error) else "-"
-            lines.append(f"  {name:<12} {value:>12.5g}  expected std error {error:.2g} ({share})")
+            rows.append((name, f"{value:.5g}", f"{error:.2g}", share))
         for label, estimate in self.combinations.items():
-            lines.append(f"  {label:<12} {estimate.value:>12.5g}  expected std error {estimate.std_error:.2g}")
-        return "\n".join([*lines, *(direction.sentence for direction in self.free_directions)])
+            rows.append((label, f"{estimate.value:.5g}", f"{estimate.std_error:.2g}", ""))
+        return rows
+
+    @property
+    def sentence(self) -> str:
+        """How much of the parameters these logs determine."""
+        return f"{self.rank} of {len(self.values)} directions determined, condition number {self.condition:.2g}"
+
+    def __repr__(self) -> str:
+        return text_table(self._rows(), [self.sentence], [direction.sentence for direction in self.free_directions])
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), [self.sentence], [direction.sentence for direction in self.free_directions])
 
 
 def _directions(

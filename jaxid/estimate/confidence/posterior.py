@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..._compile import compiled
 from ..._float64 import in_float64
+from ..._table import html_table, text_table
 from ...logs import LogSet
 from ...simulation.rollout import Integrator
 from ..output_error.bounds import Unconstrained
@@ -50,13 +51,18 @@ class Posterior:
         low, high = np.quantile(self.samples[name], (0.025, 0.975))
         return float(low), float(high)
 
-    def __repr__(self) -> str:
-        rows = [f"{'':<12}{'mean':>14}{'2.5 %':>14}{'97.5 %':>14}{'r_hat':>8}{'effective':>11}"]
+    def _rows(self) -> list[tuple[str, ...]]:
+        rows = [("", "mean", "2.5 %", "97.5 %", "r_hat", "effective")]
         for name, draws in self.samples.items():
-            low, high = self.ci95(name)
-            row = f"{name:<12}{draws.mean():>14.5g}{low:>14.5g}{high:>14.5g}{self.r_hat[name]:>8.3f}"
-            rows.append(f"{row}{self.effective[name]:>11.0f}")
-        return "\n".join([*rows, f"{self.divergences} divergent steps"])
+            numbers = (f"{x:.5g}" for x in (draws.mean(), *self.ci95(name)))
+            rows.append((name, *numbers, f"{self.r_hat[name]:.3f}", f"{self.effective[name]:.0f}"))
+        return rows
+
+    def __repr__(self) -> str:
+        return text_table(self._rows(), (), [f"{self.divergences} divergent steps"])
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), (), [f"{self.divergences} divergent steps"])
 
 
 def _dense(triangle: Triangle) -> np.ndarray:

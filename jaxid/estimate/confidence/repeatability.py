@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..output_error.conclude import Covariance
 from ..output_error.fleet import fit_fleet
-from ..result import Fit
+from ..result import Fit, estimate_text
 
 _ALL = ""
 """Name of the fit of all recordings among those of all but one."""
@@ -23,7 +24,7 @@ SIGNIFICANT = 0.01
 """Share of sets of perfectly repeatable recordings in which one is said to disagree."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Repeatability:
     """Fits of a set of recordings and how they agree.
 
@@ -64,15 +65,19 @@ class Repeatability:
             parts.append(f"{name} (most in {parameter}: {errors:+.1f} standard errors, p {self.p_values[name]:.1g})")
         return f"Not all recordings agree: {'; '.join(parts)} against the others.{failed}"
 
-    def __repr__(self) -> str:
+    def _rows(self) -> list[tuple[str, ...]]:
         names = self.together.free_names
-        header = f"{'':<24}" + "".join(f"{name:>24}" for name in names) + f"{'p':>10}"
-        rows = [header]
+        rows = [("", *names, "p")]
         for label, fit in [("together", self.together), *self.alone.items()]:
-            cells = [f"{fit[n].value:.5g} ± {fit[n].std_error:.2g}" for n in names]
             p = f"{self.p_values[label]:.2g}" if label in self.p_values else ""
-            rows.append(f"{label:<24}" + "".join(f"{cell:>24}" for cell in cells) + f"{p:>10}")
-        return "\n".join([*rows, self.sentence])
+            rows.append((label, *(estimate_text(fit[n]) for n in names), p))
+        return rows
+
+    def __repr__(self) -> str:
+        return text_table(self._rows(), [self.sentence])
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), [self.sentence])
 
 
 def _difference(one: Fit, other: Fit) -> tuple[float, tuple[str, float]]:

@@ -98,9 +98,21 @@ def conclude(
                 found[words] = outputs(problem, there._replace(states=optimum.unknowns.states))
         judgement = judge(seen, here, noise, others=found, unstable=unstable)
     robust = covariance == "robust" or (covariance == "auto" and not judgement.white)
-    matrix = bread**2 * robust_covariance(structure, problem, inner.unknowns) if robust else None
+    found = robust_covariance(structure, problem, inner.unknowns) if robust else None
+    matrix = bread**2 * found.covariance if found else None
     fit = fit_at(robot, logs, structure, problem, inner, bounded, covariance=matrix, left_out=left_out, **others)
+    if found and np.any(found.between > 1.0):
+        fit = replace(fit, notes=(*fit.notes, _disagreement(structure.names, found.between, len(kept))))
     return judged(replace(fit, standard_errors="robust" if robust else "white"), judgement)
+
+
+def _disagreement(names: Sequence[str], between: NDArray[np.float64], logs: int) -> str:
+    """The sentence on logs that scatter by more than their residuals say."""
+    worst = int(np.argmax(between))
+    return (
+        f"The {logs} logs disagree: fitted alone they would scatter by {between[worst]:.1f} times (in {names[worst]}) what "
+        "their residuals say. The standard errors are widened to that; `repeatability` says which log differs."
+    )
 
 
 def no_priors(problem: Problem) -> bool:

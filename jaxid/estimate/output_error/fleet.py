@@ -17,11 +17,12 @@ from jaxtyping import Array, Float
 
 from ..._compile import compiled
 from ..._float64 import in_float64
+from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
-from ..result import Fit
+from ..result import Fit, estimate_text
 from .conclude import Covariance, conclude, no_priors
 from .from_optimum import channel_noise, on_bounds, unknown_count
 from .globalise import ambiguous_index
@@ -33,6 +34,8 @@ from .solvers import minimise
 
 _WEIGHT_ROUNDS = 3
 """Minimisations, each with the noise that the one before left."""
+_SHOWN = 20
+"""Members that a representation holds."""
 _LANES = 64
 """Members that are fitted at a time: more would not fit into the processor's cache."""
 _BY_LOG = ("dt", "inputs", "outputs", "start", "mask", "state_free")
@@ -85,22 +88,43 @@ def fit_lanes(
     return jax.tree.map(lambda leaf: leaf.reshape(chunks * lanes, *leaf.shape[2:])[:N], found)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fleet:
     """Fits by member, and why the others have none."""
 
     fits: dict[str, Fit]
     failed: dict[str, str]
 
-    def __repr__(self) -> str:
+    @property
+    def sentence(self) -> str:
+        """How many members were fitted, and how many of the fits are to be doubted."""
+        doubted = [name for name, fit in self.fits.items() if not fit.trustworthy]
+        text = f"{len(self.fits)} of {len(self.fits) + len(self.failed)} members fitted"
+        return (
+            f"{text}; {len(doubted)} of these are poor or failed: {', '.join(doubted[:_SHOWN])}."
+            if doubted
+            else f"{text}."
+        )
+
+    def _rows(self) -> list[tuple[str, ...]]:
         if not self.fits:
-            return "\n".join(f"{name}: {why}" for name, why in self.failed.items())
+            return []
         names = next(iter(self.fits.values())).free_names
-        rows = [f"{'':<20}" + "".join(f"{name:>24}" for name in names)]
-        for member, fit in self.fits.items():
-            cells = [f"{fit[n].value:.5g} ± {fit[n].std_error:.2g}" for n in names]
-            rows.append(f"{member:<20}" + "".join(f"{cell:>24}" for cell in cells))
-        return "\n".join([*rows, *(f"{name}: {why}" for name, why in self.failed.items())])
+        rows = [("", *names, "judged")]
+        for member, fit in list(self.fits.items())[:_SHOWN]:
+            verdict = fit.judgement.verdict if fit.judgement else ""
+            rows.append((member, *(estimate_text(fit[name]) for name in names), verdict))
+        return rows
+
+    def _after(self) -> list[str]:
+        more = [f"{len(self.fits) - _SHOWN} more in fits."] if len(self.fits) > _SHOWN else []
+        return more + [f"{name}: {why}" for name, why in list(self.failed.items())[:_SHOWN]]
+
+    def __repr__(self) -> str:
+        return text_table(self._rows(), [self.sentence], self._after())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), [self.sentence], self._after())
 
 
 def _members(fleet: Mapping[str, LogSet], problem: Problem) -> dict[str, Any]:

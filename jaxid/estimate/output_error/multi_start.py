@@ -13,6 +13,7 @@ import numpy as np
 
 from ..._compile import compiled
 from ..._float64 import in_float64
+from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
@@ -55,17 +56,26 @@ class MultiStart:
         total = sum(basin.starts for basin in self.basins) + self.lost
         return self.basins[0].starts / total
 
-    def __repr__(self) -> str:
+    @property
+    def sentence(self) -> str:
+        """How many of the starts agree."""
         total = sum(basin.starts for basin in self.basins) + self.lost
-        names = list(self.basins[0].parameters)
-        rows = [
+        return (
             f"{self.basins[0].starts} of {total} starts reached the best optimum; {self.lost} reached nothing finite."
-        ]
-        rows.append(f"{'starts':>8}{'rise of cost':>14}" + "".join(f"{name:>13}" for name in names))
+        )
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        names = list(self.basins[0].parameters)
+        rows = [("starts", "rise of cost", *names)]
         for basin in self.basins:
-            row = f"{basin.starts:>8}{basin.rise:>14.4g}"
-            rows.append(row + "".join(f"{basin.parameters[name]:>13.4g}" for name in names))
-        return "\n".join(rows)
+            rows.append((f"{basin.starts}", f"{basin.rise:.4g}", *(f"{basin.parameters[name]:.4g}" for name in names)))
+        return rows
+
+    def __repr__(self) -> str:
+        return text_table(self._rows(), [self.sentence])
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), [self.sentence])
 
 
 @in_float64

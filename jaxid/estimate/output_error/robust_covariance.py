@@ -8,11 +8,17 @@ small. Two sandwiches S⁻¹ B S⁻¹ put that right, and every parameter gets t
   Liang & Zeger, Biometrika 73, 1986).
 - B = Jᵀ Gamma J with the residual's autocovariance Gamma by lag: sharp, for noise that goes its own way. The parameters
   have taken up some of the noise, most of it slow; what they took is added back, to first order in J S⁻¹ Jᵀ.
+
+Neither sees what differs between recordings of one robot (a load, a temperature, a floor): where the logs scatter by more
+than the standard errors and by more than chance, these are widened to the scatter.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
+from scipy import stats
 
 from ..._compile import compiled
 from .problem import Problem, Structure, Unknowns, sensitivities
@@ -25,6 +31,10 @@ _ROUNDS = 3
 """Times that the noise taken up by the parameters is added back."""
 _REMEMBERED = 0.05
 """Correlation below which the residual has forgotten."""
+_FEW_LOGS = 2.0
+"""Degrees of freedom below which logs are too few to be compared."""
+_DISAGREE = 0.01
+"""How often logs that differ by noise alone are said to disagree."""
 _SINGULAR = 1e-13
 
 _sensitivities = compiled(sensitivities, static_argnums=0)
@@ -100,8 +110,37 @@ def _stationary(residual, jacobian, mask, inverse) -> NDArray[np.float64]:
     return total
 
 
-def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns) -> NDArray[np.float64]:
-    """Covariance [n, n] of the physical parameters at the optimum `unknowns`, for coloured residuals. Call under float64."""
+class Robust(NamedTuple):
+    """Covariance [n, n] of the physical parameters for coloured residuals; how much the logs disagree beyond it.
+
+    `between` [n]: ratio of each parameter's scatter between logs to what the covariance expects, where that is more than
+    chance, else one. The covariance is widened by it.
+    """
+
+    covariance: NDArray[np.float64]
+    between: NDArray[np.float64]
+
+
+def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
+    """`Robust.between` from every log's score [E, n] and information [E, n, n].
+
+    A log's own step from the common estimate is S⁻¹ times its score. With E logs of shares w of the information the sum
+    of the squared steps has about (sum w)² / sum w² - 1 degrees of freedom (Satterthwaite), one taken by the estimate.
+    """
+    steps = scores @ inverse
+    share = np.einsum("ij,ejk,ki->ei", inverse, information, inverse)
+    total = share.sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        counts = total**2 / np.sum(share**2, axis=0)
+        freedom = np.maximum(counts - 1.0, 0.0)
+        ratio = np.sum(steps**2, axis=0) / np.diag(covariance) * counts / freedom
+        chance = stats.chi2.sf(ratio * freedom, freedom)
+    sure = np.isfinite(ratio) & (freedom > _FEW_LOGS) & (chance < _DISAGREE / len(ratio))
+    return np.where(sure, np.sqrt(np.maximum(ratio, 1.0)), 1.0)
+
+
+def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns) -> Robust:
+    """Covariance of the physical parameters at the optimum `unknowns`, for coloured residuals. Call under float64."""
     residual, jacobian = (np.asarray(x) for x in _sensitivities(structure, problem, unknowns))
     mask = np.asarray(problem.mask)
     n, s = len(structure.names), len(structure.state_names)
@@ -110,6 +149,7 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
     length = int(np.clip(np.ceil(_MEMORIES * memory(residual, mask)), _SHORTEST, max(samples // _FEWEST, _SHORTEST)))
     state_prior = np.asarray(problem.state_precision) * np.asarray(problem.state_scale) ** 2
     information = np.diag(np.asarray(problem.prior_precision))
+    by_log = np.zeros((E, n, n))
     scores, own = [], np.zeros((*residual.shape, n))
     for e in range(E):
         J, r = jacobian[e], residual[e]
@@ -117,9 +157,11 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
         own_free = np.asarray(problem.state_free[e])
         local = H[n:, n:] + np.diag(np.where(own_free, state_prior, 1.0))
         onto = np.linalg.solve(local, H[n:, :n]).T if s else np.zeros((n, 0))
-        information = information + H[:n, :n] - onto @ H[n:, :n]
+        by_log[e] = H[:n, :n] - onto @ H[n:, :n]
+        information = information + by_log[e]
         own[e] = J[..., :n] - J[..., n:] @ onto.T
         scores.append(np.add.reduceat(np.einsum("tyi,ty->ti", own[e], r), np.arange(0, T, length), axis=0))
+    by_blocks_of_log = scores
     u = np.concatenate(scores)
     u = u[np.any(u != 0.0, axis=1)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -133,7 +175,11 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
         residual, own = residual * weight, own / weight[..., None]
     by_lags = inverse @ _stationary(residual, own, mask, inverse) @ inverse
     one, other = np.diag(by_blocks), np.diag(by_lags)
-    if not np.all(other > 0.0):
-        return by_blocks
-    widen = np.sqrt(np.maximum(one / other, 1.0))
-    return by_lags * np.outer(widen, widen)
+    if np.all(other > 0.0):
+        widen = np.sqrt(np.maximum(one / other, 1.0))
+        covariance = by_lags * np.outer(widen, widen)
+    else:
+        covariance = by_blocks
+    used = np.asarray(mask.any(axis=(1, 2)))
+    between = _between(np.stack([s.sum(axis=0) for s in by_blocks_of_log])[used], by_log[used], inverse, covariance)
+    return Robust(covariance * np.outer(between, between), between)

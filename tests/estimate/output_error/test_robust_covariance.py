@@ -59,3 +59,24 @@ def test_memory_of_known_processes():
     slow = coloured(rng, (4, 20000), 0.8)[..., None]
     assert memory(slow, mask) == pytest.approx(1.8 / 0.2, rel=0.1)
     assert memory(0.0 * slow, mask) == 1.0
+
+
+def together(axis_log, masses, seed):
+    """Six logs of axes of these masses with coloured noise, fitted as one axis."""
+    rng = np.random.default_rng(seed)
+    inputs, logs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 50), []
+    for k, mass in enumerate(masses):
+        log = axis_log(f"run {k}", np.roll(inputs, 50 * k), position=False, **(TRUE | {"M": mass}))
+        v = log.output("v") + 0.01 * coloured(rng, (len(log),), 0.7)
+        logs.append(Log.from_arrays(log.name, log.time, log.inputs, {"v": v}, log.channels))
+    return output_error(ROBOT, LogSet(logs))
+
+
+def test_logs_of_different_robots_widen_the_standard_errors_and_those_of_one_robot_do_not(axis_log):
+    masses = [0.85, 1.1, 0.95, 1.15, 0.9, 1.05]
+    one, many = together(axis_log, [1.0] * 6, 5), together(axis_log, masses, 5)
+    assert not any("disagree" in note for note in one.notes)
+    assert any("The 6 logs disagree" in note and "in M" in note for note in many.notes)
+    # The mean of six masses is known to their scatter over the root of six.
+    assert many["M"].std_error == pytest.approx(np.std(masses, ddof=1) / np.sqrt(6), rel=0.5)
+    assert many["M"].std_error > 3 * one["M"].std_error
