@@ -52,7 +52,7 @@ class Posterior:
         return float(low), float(high)
 
     def _rows(self) -> list[tuple[str, ...]]:
-        rows = [("", "mean", "2.5 %", "97.5 %", "r_hat", "effective")]
+        rows: list[tuple[str, ...]] = [("", "mean", "2.5 %", "97.5 %", "r_hat", "effective")]
         for name, draws in self.samples.items():
             numbers = (f"{x:.5g}" for x in (draws.mean(), *self.ci95(name)))
             rows.append((name, *numbers, f"{self.r_hat[name]:.3f}", f"{self.effective[name]:.0f}"))
