@@ -28,7 +28,19 @@ from .explanation.explanation import Explanation
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
-from .robots import Axis, Custom, DifferentialDrive, DriveAxis, Effect, EffectError, Omni, Pioneer, Robot
+from .robots import (
+    Axis,
+    Controller,
+    Custom,
+    DifferentialDrive,
+    DriveAxis,
+    Effect,
+    EffectError,
+    Omni,
+    Pioneer,
+    Robot,
+    closed_loop,
+)
 from .simulation.friction import Smooth, Sticking
 from .simulation.rollout import Integrator
 from .simulation.simulate import simulate
@@ -40,6 +52,7 @@ __all__ = [
     "Axis",
     "Channels",
     "Comparison",
+    "Controller",
     "Custom",
     "Design",
     "DesignError",
@@ -70,6 +83,7 @@ __all__ = [
     "Smooth",
     "Sticking",
     "catalogue",
+    "closed_loop",
     "compare",
     "design_experiment",
     "explain",

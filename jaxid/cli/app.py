@@ -107,6 +107,14 @@ def fit(
             help="Of output error: windows with their own initial states, for what a free simulation cannot follow.",
         ),
     ] = "auto",
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            "--controller",
+            metavar="MODULE:ATTRIBUTE",
+            help="Simulate the closed loop with this control law, from the reference among the logs' further columns.",
+        ),
+    ] = None,
     intersample: Annotated[
         Literal["hold", "linear"],
         typer.Option(
@@ -120,7 +128,7 @@ def fit(
 
     options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset}
     options |= {"windows": window_option(windows)}
-    run_fit(robot, fit, check or [], model, mapping, out, options, intersample)
+    run_fit(robot, fit, check or [], model, mapping, out, options, intersample, controller)
 
 
 @app.command()

@@ -78,6 +78,31 @@ def _import(module: str, spec: str) -> object:
         ) from None
 
 
+def load_controller(spec: str) -> object:
+    """The controller that `--controller module:attribute` names: a `Controller`, or a law.
+
+    Raises `typer.BadParameter` (exit status 2) if it names nothing and `UnusableInput` if that is no controller.
+    """
+    from ..logs.log import did_you_mean
+    from ..robots import Controller
+
+    module, colon, attribute = spec.partition(":")
+    if not (colon and module and attribute):
+        raise typer.BadParameter(
+            f"--controller {spec!r} is no package.module:attribute; name a Controller or a function."
+        )
+    found = _import(module, spec)
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            raise typer.BadParameter(
+                f"{module} has no {attribute!r}{did_you_mean(part, dir(found))}; name a controller."
+            )
+        found = getattr(found, part)
+    if not isinstance(found, Controller) and not callable(found):
+        raise UnusableInput(f"{spec} is a {type(found).__name__}, no controller; give a Controller or a function.")
+    return found
+
+
 def load_robot(spec: str) -> "Robot":
     """The robot that ROBOT on the command line names: a built-in one, or a user's `package.module:attribute`.
 

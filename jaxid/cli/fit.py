@@ -3,6 +3,7 @@
 import html
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,8 +19,8 @@ from ..parameters import ParameterError
 from ..report import Comparison, compare
 from ..report.files import write_fit
 from ..report.tables import DOUBT, Cell, Table, title_of, to_html, to_text, value_cell, with_error
-from ..robots import Robot
-from .arguments import UnusableInput, for_logs, load_robot
+from ..robots import ClosedLoop, Robot, closed_loop
+from .arguments import UnusableInput, for_logs, load_controller, load_robot
 from .cache import keep_compiled_programs
 from .console import say, show, step
 from .findings import warn_of_findings
@@ -139,6 +140,15 @@ def read_case(
     return fit_logs, check_logs
 
 
+def _looped(fit: Fit, loop: Fit) -> Fit:
+    """`fit` of a plant in the closed loop that `loop` was fitted in."""
+    if not isinstance(loop.robot, ClosedLoop) or isinstance(fit.robot, ClosedLoop):
+        return fit
+    return replace(
+        fit, robot=loop.robot.with_values(**{n: fit.robot.parameters[n].value for n in fit.robot.parameters})
+    )
+
+
 def run_fit(
     spec: str,
     fit: list[str],
@@ -148,6 +158,7 @@ def run_fit(
     out: Path,
     options: Mapping[str, Any],
     intersample: Intersample = "hold",
+    controller: str | None = None,
 ) -> None:
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
@@ -155,6 +166,12 @@ def run_fit(
     fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
     fit_logs = between_samples(fit_logs, intersample)
     check_logs = None if check_logs is None else between_samples(check_logs, intersample)
-    fits = estimate(robot, fit_logs, options)
+    law = None if controller is None else load_controller(controller)
+    fits = estimate(robot, fit_logs, options if law is None else {**options, "controller": law})
+    if law is not None:
+        # The linear estimate is judged in the loop, too.
+        fit_logs = closed_loop(robot, fit_logs, law)[1]
+        check_logs = None if check_logs is None else closed_loop(robot, check_logs, law)[1]
+        fits = [_looped(fit, fits[-1]) for fit in fits]
     write_results(out, fits, check_logs, fit_logs)
     say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if check_logs is not None else ""))

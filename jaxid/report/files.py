@@ -13,6 +13,7 @@ from .._json import plain, write_json
 from ..estimate.confidence.validation import Validation
 from ..estimate.result import Fit
 from ..model_file import write_model
+from ..robots.closed_loop import ClosedLoop
 
 
 def _check(validation: Validation | None) -> dict[str, Any] | None:
@@ -63,4 +64,5 @@ def write_fit(folder: str | Path, fits: Sequence[Fit], validation: Mapping[str, 
     write_json(folder / "fit.json", fit_document(fits, validation))
     last = fits[-1]
     errors = {name: estimate.std_error for name, estimate in last.parameters.items()}
-    write_model(folder / "model.toml", last.robot, errors, last.method)
+    robot = last.robot.alone if isinstance(last.robot, ClosedLoop) else last.robot
+    write_model(folder / "model.toml", robot, errors, last.method)

@@ -1,6 +1,7 @@
 """Robots as pure functions of state, input and parameters."""
 
 from .axis import Axis
+from .closed_loop import ClosedLoop, Controller, closed_loop
 from .custom import Custom, DriveAxis
 from .differential import DifferentialDrive
 from .effect import Effect, EffectError
@@ -14,6 +15,8 @@ BUILT_IN = {robot.name: robot for robot in (Pioneer, Omni, Axis, DifferentialDri
 __all__ = [
     "BUILT_IN",
     "Axis",
+    "ClosedLoop",
+    "Controller",
     "Custom",
     "DifferentialDrive",
     "DriveAxis",
@@ -22,4 +25,5 @@ __all__ = [
     "Omni",
     "Pioneer",
     "Robot",
+    "closed_loop",
 ]

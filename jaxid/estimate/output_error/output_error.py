@@ -19,6 +19,7 @@ from ..._float64 import in_float64
 from ...logs import LogError, LogSet
 from ...logs.windows import in_windows
 from ...parameters import ParameterError
+from ...robots.closed_loop import Controller, Law, closed_loop
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..linear.integral_least_squares import integral_least_squares
@@ -262,6 +263,7 @@ def output_error(
     covariance: Covariance = "auto",
     clock_offset: bool = False,
     windows: Windows = "auto",
+    controller: Controller | Law | None = None,
     max_steps: int = 100,
     report: Report = _silent,
 ) -> Fit:
@@ -281,12 +283,16 @@ def output_error(
     - `windows`: length [s] of the windows into which every log is cut, each with an initial state of its own (multiple
       shooting without continuity), for plants that a free simulation cannot follow; None for free simulation; "auto":
       free, unless that is unpredictable or drifts and windows leave much less (`windows.choose`), which a note then says.
+    - `controller`: simulate the robot in a closed loop with it, from the reference among the logs' further columns, instead
+      of at the logged inputs, which then are outputs; `Fit.robot` is the `ClosedLoop` (see `closed_loop`).
     - `report`: called with a sentence whenever a stage of the work is done.
 
     Returns a `Fit`, whose `judgement` says what its residual says of it. A log on which alone the simulation diverges is
     left out and named in `Fit.log_status`. Raises `ParameterError` for unknown or no free parameters, and where the
     simulation diverges on every log at the start and at the integral least-squares estimate.
     """
+    if controller is not None:
+        robot, logs = closed_loop(robot, logs, controller)
     options: dict[str, Any] = dict(
         initial_states=initial_states, integrator=integrator, loss=loss, covariance=covariance,
         clock_offset=clock_offset, max_steps=max_steps, report=report,

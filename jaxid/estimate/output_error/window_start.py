@@ -50,7 +50,7 @@ def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[A
 
 
 @partial(compiled, static_argnames=("robot", "names"))
-def _seen(robot: Robot, names: tuple[str, ...], numbers, states, inputs):
+def _seen(robot: Robot, names: tuple[str, ...], numbers, states, inputs, interval):
     """Outputs [W, ny] and their rates, and the derivatives [W, ny, s] of both by the states `names` [W, s]; dry friction
     left out, which acts on accelerations only."""
 
@@ -61,7 +61,8 @@ def _seen(robot: Robot, names: tuple[str, ...], numbers, states, inputs):
         def both(x):
             state = {**fixed, **dict(zip(names, x, strict=True))}
             dry = (0.0,) * len(robot.rubbing(state, numbers))
-            rates = robot.rates(state, tuple(u), dry, numbers)
+            acting = robot.effective_inputs(state, tuple(u), interval, numbers)
+            rates = robot.rates(state, acting, dry, numbers)
             rates = {name: jnp.asarray(rates[name], float) + 0.0 * state[name] for name in state}
             y, ydot = jax.jvp(outputs, (state,), (rates,))
             return jnp.concatenate([y, ydot])
@@ -90,19 +91,20 @@ def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[
             x[:, names.index(name)] = np.where(known[:, j], target[:, j], x[:, names.index(name)])
     numbers = {name: jnp.asarray(float(value)) for name, value in robot.parameters.numbers.items()}
     fixed = {name: np.full(len(at), float(value)) for name, value in default.items()}
+    step = log.sampling_interval
     for _ in range(_STEPS):
         states = fixed | dict(zip(names, x.T, strict=True))
-        seen, slopes = (np.asarray(v) for v in _seen(robot.structure, names, numbers, states, log.inputs[at]))
+        seen, slopes = (np.asarray(v) for v in _seen(robot.structure, names, numbers, states, log.inputs[at], step))
         error = np.where(known, target - seen, 0.0)
         slopes = np.where(known[..., None], slopes, 0.0)
         if not (np.isfinite(error).all() and np.isfinite(slopes).all()):
             break
         level = np.linalg.pinv(slopes[:, :ny], rcond=_RANK)  # [W, s, ny]
-        step = np.einsum("wij,wj->wi", level, error[:, :ny])
+        first = np.einsum("wij,wj->wi", level, error[:, :ny])
         open_ = np.eye(len(names)) - level @ slopes[:, :ny]
-        rest = error[:, ny:] - np.einsum("wij,wj->wi", slopes[:, ny:], step)
+        rest = error[:, ny:] - np.einsum("wij,wj->wi", slopes[:, ny:], first)
         rate = np.linalg.pinv(slopes[:, ny:] @ open_, rcond=_RANK)
-        x = x + step + np.einsum("wij,wj->wi", open_ @ rate, rest)
+        x = x + first + np.einsum("wij,wj->wi", open_ @ rate, rest)
     return fixed | dict(zip(names, np.where(np.isfinite(x), x, 0.0).T, strict=True))
 
 

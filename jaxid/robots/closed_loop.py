@@ -1,0 +1,247 @@
+"""A robot with its controller: the reference goes in, the measured motion and the controller's commands come out.
+
+What a free simulation of the plant cannot follow, because it integrates or is unstable, the closed loop can: there nothing
+drifts. And its input, the reference, knows nothing of noise and disturbances, which the commands do (direct
+identification from them is biased: Van den Hof, Annual Reviews in Control 22, 1998).
+
+The controller is a digital one: it reads the outputs at a sample and holds its commands to the next.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..logs import Channels, Log, LogError, LogSet
+from ..parameters import Parameter, ParameterError, ParameterTable
+from .effect import Effect, Levels, Numbers, Path, Scalar, State
+from .robot import Robot
+from .signal_path import overrides
+
+SAMPLE = "sample"
+"""Input channel with the number of the sample: the controller runs once where it changes."""
+_LAST = "last sample"
+
+Law = Callable[[Mapping[str, Scalar], Mapping[str, Scalar], Mapping[str, Scalar], Numbers], Any]
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A control law at the sampling rate.
+
+    - `law(reference, measured, state, params) -> {input: command}`, or with states of its own `({input: command},
+      {state: value for the next sample})`: pure functions of scalars by name. `measured` are the robot's output channels,
+      `params` its parameters and the controller's.
+    - `reference`: the log's columns that are the law's reference, in its unit.
+    - `states`: names of the controller's states (an integral, the last measurement), and `start`: their first values,
+      zero by default.
+    - `parameters`: gains by symbol; free ones are estimated.
+    """
+
+    law: Law
+    reference: tuple[str, ...]
+    states: tuple[str, ...] = ()
+    start: Mapping[str, float] = field(default_factory=dict, hash=False, compare=False)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict, hash=False, compare=False)
+
+
+class _Commands(tuple[Scalar, ...]):
+    """Inputs of the plant, not of the loop."""
+
+
+def _held(name: str) -> str:
+    return f"held {name}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosedLoop(Robot):
+    """`plant` with `controller`; `closed_loop` makes one, with its logs. Effects are the plant's."""
+
+    plant: Robot
+    controller: Controller
+
+    @property
+    def channels(self) -> Channels:  # type: ignore[override]
+        own = self.plant.channels
+        inputs = (*self.controller.reference, SAMPLE)
+        return Channels(inputs, (*own.outputs, *own.inputs), own.optional, own.units, substitutes=own.substitutes)
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        return f"{self.plant.name} in closed loop"
+
+    @property
+    def max_step(self) -> float:  # type: ignore[override]
+        return self.plant.max_step
+
+    @property
+    def combinations(self) -> dict[str, Any]:  # type: ignore[override]
+        return self.plant.combinations
+
+    @property
+    def prior_spreads(self) -> Mapping[str, float]:  # type: ignore[override]
+        return self.plant.prior_spreads
+
+    @property
+    def words(self) -> Mapping[str, str]:  # type: ignore[override]
+        return self.plant.words
+
+    @property
+    def _added(self) -> tuple[str, ...]:
+        return (*self.controller.states, *(_held(name) for name in self.plant.channels.inputs), _LAST)
+
+    @property
+    def own_states(self) -> tuple[str, ...]:
+        return (*self.plant.own_states, *self._added)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        return (*self.plant.states, *self._added)
+
+    @property
+    def estimated_states(self) -> tuple[str, ...]:
+        return self.plant.estimated_states
+
+    def defaults(self) -> ParameterTable:
+        return ParameterTable({**self.plant.defaults(), **self.controller.parameters})
+
+    def initial_state(self) -> dict[str, float]:
+        added = dict.fromkeys(self._added, 0.0) | {name: float(v) for name, v in self.controller.start.items()}
+        return self.plant.initial_state() | added | {_LAST: -1.0}
+
+    def _acting(self, state: State, inputs: Path, p: Numbers) -> tuple[Path, State]:
+        """Commands that act, and the controller's states after them."""
+        names = self.plant.channels.inputs
+        given = dict(zip(self.channels.inputs, inputs, strict=True))
+        fresh = jnp.asarray(given[SAMPLE]) != state[_LAST]
+        before = tuple(state[_held(name)] for name in names)
+        measured = dict(zip(self.plant.channels.measured, self.plant.observe(state, before, p), strict=True))
+        own = {name: state[name] for name in self.controller.states}
+        found = self.controller.law({name: given[name] for name in self.controller.reference}, measured, own, p)
+        commands, after = found if isinstance(found, tuple) else (found, {})
+        acting = tuple(jnp.where(fresh, commands[name], old) for name, old in zip(names, before, strict=True))
+        kept = {name: jnp.where(fresh, after[name], own[name]) for name in own}
+        held = {_held(name): u for name, u in zip(names, acting, strict=True)}
+        return acting, {**kept, **held, _LAST: jnp.where(fresh, given[SAMPLE], state[_LAST])}
+
+    def effective_inputs(self, state: State, inputs: Path, h: Scalar, p: Numbers) -> Path:
+        return _Commands(self.plant.effective_inputs(state, self._acting(state, inputs, p)[0], h, p))
+
+    def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+        if not isinstance(inputs, _Commands):
+            raise ParameterError(
+                f"{self.name} has equations of motion at its commands only; linear methods take the plant and its logs"
+            )
+        return dict(self.plant.rates(state, tuple(inputs), dry, p)) | dict.fromkeys(self._added, 0.0)
+
+    def settle(self, before: State, after: State, inputs: Path, h: Scalar, p: Numbers) -> State:
+        acting, own = self._acting(before, inputs, p)
+        return {**self.plant.settle(before, after, acting, h, p), **own}
+
+    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+        acting, _ = self._acting(state, inputs, p)
+        seen, own = self.plant.observe(state, acting, p), self.plant.channels
+        return (*seen[: len(own.outputs)], *acting, *seen[len(own.outputs) :])
+
+    def rubbing(self, state: State, p: Numbers) -> Path:
+        return self.plant.rubbing(state, p)
+
+    def coulomb(self, state: State, p: Numbers) -> Levels:
+        return self.plant.coulomb(state, p)
+
+    def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
+        return self.plant.compliance(state, p)
+
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+        return self.plant.rubbing_rates(state, rates, p)
+
+    def __add__(self, effect: Effect) -> Self:
+        plant = self.plant.with_parameters(self.parameters) + effect
+        _check_effects(plant)
+        return replace(self, parameters=plant.parameters, effects=plant.effects, plant=plant.structure)
+
+    @property
+    def alone(self) -> Robot:
+        """The plant without its controller, with the loop's numbers."""
+        own = {name: p for name, p in self.parameters.items() if name not in self.controller.parameters}
+        return self.plant.with_parameters(ParameterTable(own))
+
+
+def _check_effects(plant: Robot) -> None:
+    for effect in plant.effects:
+        if overrides(type(effect), "command") or overrides(type(effect), "measure"):
+            raise ParameterError(
+                f"the effect {effect.id!r} acts on whole recorded signals, which a closed loop makes as it goes; give the "
+                "controller such a delay or sensor as states of its own"
+            )
+
+
+def _check_law(plant: Robot, controller: Controller) -> None:
+    """Raise `ParameterError` for a law that does not give every command and state."""
+    numbers = {**plant.parameters.numbers, **{name: p.value for name, p in controller.parameters.items()}}
+    at = [dict.fromkeys(names, 0.0) for names in (controller.reference, plant.channels.measured, controller.states)]
+    try:
+        found = controller.law(*at, numbers)
+    except KeyError as error:
+        raise ParameterError(
+            f"the controller asks for {error.args[0]!r}; it is given the reference {list(controller.reference)}, the measured "
+            f"{list(plant.channels.measured)}, its states {list(controller.states)} and the parameters"
+        ) from None
+    commands, after = found if isinstance(found, tuple) else (found, {})
+    for what, names, given in (("command", plant.channels.inputs, commands), ("state", controller.states, after)):
+        absent = [name for name in names if name not in given]
+        if absent:
+            raise ParameterError(
+                f"the controller returns no {what} {absent[0]!r}; return one for each of {list(names)}"
+            )
+    clash = set(controller.states) & set(plant.states) or set(controller.parameters) & set(plant.parameters)
+    if clash:
+        raise ParameterError(f"the controller's {sorted(clash)[0]!r} is the robot's name, too; choose another")
+
+
+def _looped(log: Log, robot: ClosedLoop) -> Log:
+    references = {}
+    for name in robot.controller.reference:
+        if name not in log.extra.columns:
+            raise LogError(
+                f"{log.name} has no column {name!r}, the controller's reference; log it, or name another column."
+            )
+        values = np.asarray(log.extra[name], dtype=float)
+        if not np.isfinite(values).all():
+            raise LogError(
+                f"{log.name}: the reference {name!r} is not a number everywhere; fill it in or cut the log there."
+            )
+        references[name] = values
+    inputs = {**references, SAMPLE: np.arange(1.0, len(log) + 1.0)}
+    outputs = {name: log.output(name) for name in log.channels.measured}
+    outputs |= {name: log.input(name) for name in log.channels.inputs}
+    return Log.from_arrays(log.name, log.time, inputs, outputs, robot.channels, log.extra, log.source)
+
+
+def _numeric(logs: LogSet) -> tuple[str, ...]:
+    """Columns that all logs have beside their channels and the pose, and that are numbers."""
+    common = set.intersection(*(set(log.extra.select_dtypes("number").columns) for log in logs))
+    return tuple(name for name in logs[0].extra.columns if name in common - {"x", "y", "theta", "beta"})
+
+
+def closed_loop(robot: Robot, logs: LogSet, controller: Controller | Law) -> tuple[ClosedLoop, LogSet]:
+    """`robot` with its controller, and its logs as logs of that: reference in, measured motion and commands out.
+
+    `logs` are those of the robot, with the reference among their further columns (`Log.extra`). A plain function is a law
+    without states whose reference is every such column. What comes back goes into `output_error`, `simulate`, `compare`
+    and `explain` like any robot and its logs.
+
+    Raises `ParameterError` for a law that does not fit the robot, and for effects on commands and sensors, and `LogError`
+    for logs without the reference.
+    """
+    if not isinstance(controller, Controller):
+        controller = Controller(controller, _numeric(logs))
+    if not controller.reference:
+        raise LogError(f"{logs[0].name} has no further columns, and a controller needs its reference; log it.")
+    _check_effects(robot)
+    _check_law(robot, controller)
+    table = robot.parameters.merge(dict(controller.parameters))
+    loop = ClosedLoop(parameters=table, effects=robot.effects, plant=robot.structure, controller=controller)
+    return loop, LogSet(_looped(log, loop) for log in logs)
