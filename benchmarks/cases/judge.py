@@ -4,8 +4,8 @@ Wrong: the free simulation of the fitted model misses the fit logs or the held-o
 simulation, or a parameter that is called identified is off by more than five of its standard errors. The truth's own
 simulation is the independent simulator's, hidden effects included, without noise of sensors or process.
 
-A result says so where it has not converged, where the parameter in question is not called identified, where any of its
-notes warns, or, for the held-out log, where the scatter of its own covariance explains the miss.
+A result says so where it has not converged, where its residual is judged "poor" or "failed" ("coloured" alone still says that
+the estimates stand), where the parameter in question is not called identified, where any of its other notes warns, or, for the held-out log, where the scatter of its own covariance explains the miss.
 """
 
 import time
@@ -38,7 +38,12 @@ def errors(case: Case, outputs: Sequence[np.ndarray], logs: jaxid.LogSet, first:
 def words(fit: jaxid.Fit) -> list[str]:
     """What a result says against itself."""
     said = [] if fit.converged else [f"not converged: {fit.reason}"]
-    return [*said, *fit.notes]
+    judgement = fit.judgement
+    if judgement is None:
+        return [*said, *fit.notes]
+    # A residual that is called coloured, no more, says that the estimates stand.
+    said += [] if judgement.trustworthy else [judgement.sentence]
+    return [*said, *(note for note in fit.notes if note != judgement.sentence)]
 
 
 def own_scatter(case: Case, fit: jaxid.Fit) -> float:
@@ -96,6 +101,8 @@ def run(case: Case, estimate) -> dict:
     numbers = [number for values in parameters.values() for number in values[:2]]
     row |= {"fit_error": free, "held_out_error": held_out, "parameters": parameters, "words": words(fit)}
     row["own_scatter"] = own_scatter(case, fit) if held_out > TOO_FAR else 1.0
+    row["verdict"] = fit.judgement.verdict if fit.judgement else ""
+    row["errors_for"] = fit.standard_errors
     row["preflight"] = sorted({f.check for f in case.fit.preflight() if f.severity != "note"})
     return row | verdict(row, finite=bool(np.isfinite(numbers).all()))
 
