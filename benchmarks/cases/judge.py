@@ -4,8 +4,9 @@ Wrong: the free simulation of the fitted model misses the fit logs or the held-o
 simulation, or a parameter that is called identified is off by more than five of its standard errors. The truth's own
 simulation is the independent simulator's, hidden effects included, without noise of sensors or process.
 
-A result says so where it has not converged, where its residual is judged "poor" or "failed" ("coloured" alone still says that
-the estimates stand), where the parameter in question is not called identified, where any of its other notes warns, or, for the held-out log, where the scatter of its own covariance explains the miss.
+A result says so where it has not converged, where its residual is judged "poor" or "failed" ("coloured" alone still says
+that the estimates stand), where the parameter in question is not called identified, where any of its other notes warns,
+or, for the held-out log, where the scatter of its own covariance explains the miss.
 """
 
 import time

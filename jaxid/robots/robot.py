@@ -5,6 +5,7 @@ parameters are scalars by name, so that the same code runs on one number, on a b
 compiles into a single fused loop.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -40,6 +41,8 @@ class Robot:
     effects: tuple[Effect, ...] = ()
     scales: Scales = field(default=None, compare=False, repr=False, kw_only=True)  # type: ignore[assignment]
     """Orders of magnitude of what it does (None: nominal ones): first guesses of effects are shares of them."""
+    longest_step: float = field(default=math.inf, compare=False, repr=False, kw_only=True)
+    """Integration step [s] that a fit found necessary for these numbers, where that is shorter than `max_step`."""
 
     name: ClassVar[str] = "robot"
     channels: ClassVar[Channels]

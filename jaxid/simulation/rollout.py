@@ -30,8 +30,10 @@ class Integrator:
 
     @staticmethod
     def suited(robot: Robot, sampling_interval: float, friction: DryFriction | None = None) -> "Integrator":
-        """The integrator whose steps are no longer than the robot's `max_step`, or shorter where an effect asks for it."""
+        """The integrator whose steps are no longer than the robot's `max_step`, or shorter where an effect asks for it or a
+        fit found that they must be (`longest_step`)."""
         longest = robot.max_step / max((effect.finer for effect in robot.effects), default=1.0)
+        longest = min(longest, robot.longest_step)
         substeps = max(1, math.ceil(sampling_interval / longest - 1e-6))
         return Integrator(substeps, friction or Sticking())
 

@@ -32,6 +32,7 @@ from .problem import Problem, Structure, Unknowns
 from .robust_loss import Loss, minimise_robustly
 from .setup import InitialStates, build, start_values
 from .solvers import minimise_compiled, minimise_lanes
+from .step_check import with_steps_checked
 from .window_start import started
 from .windows import approached, choose, condensed
 
@@ -232,6 +233,16 @@ def _fit(
         note = f"The simulation diverges at the result of {start.method}; the fit started from the model's own values."
         return replace(again, notes=(*again.notes, note))
     problem, optimum, iterations = reweighted(structure, problem, optimum, max_steps, report)
+    doubts = ""
+    if integrator is None:
+        checked = with_steps_checked(structure, problem, optimum, max_steps=max_steps, report=report)
+        doubts = checked.note
+        if checked.structure != structure:
+            structure, optimum = checked.structure, checked.optimum
+            interval = max(log.sampling_interval for log in logs)
+            robot = replace(robot, longest_step=interval / structure.integrator.substeps)
+            problem, optimum, more = reweighted(structure, problem, optimum, max_steps, report)
+            iterations += more
     inner, noise, outliers, bread = optimum, None, (), 1.0
     if loss != "squares":
         lossy = minimise_robustly(structure, problem, optimum, logs, loss, max_steps=max_steps, report=report)
@@ -247,6 +258,8 @@ def _fit(
         covariance=covariance, rivals=rivals, noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
         whole=None if window is None else (whole, window),
     )  # fmt: skip
+    if doubts:
+        found = replace(found, notes=(*found.notes, doubts))
     return found if window is None else condensed(found, whole, window)
 
 
@@ -275,7 +288,8 @@ def output_error(
       minimised in one compiled batch and the best of which goes on. By default the robot's own numbers.
     - `initial_states`: "known" (at rest, or as the log says), "estimate" (free for every log), or "auto": free for logs
       that start in motion.
-    - `integrator`: step and dry-friction law; by default true sticking with steps that suit the robot.
+    - `integrator`: step and dry-friction law; by default true sticking with steps that suit the robot, shortened where the
+      estimates would move with shorter ones (`step_check`).
     - `loss`: "squares", or "huber", "cauchy", "student_t" against outliers, which the result lists (`robust_loss`).
     - `clock_offset`: whether inputs and outputs may run on different clocks; every log's offset is then estimated.
     - `covariance`: of the parameters, for "white" residuals, or "robust" against coloured ones (`robust_covariance`). By

@@ -1,0 +1,93 @@
+"""Whether the integration steps are short enough for this robot, asked of the result.
+
+A step that suits one robot is too long for a smaller, faster one, and no residual shows it: Runge-Kutta with long steps has
+time constants of its own, which can fit the data perfectly with wrong parameters. So the optimum is simulated again with
+shorter steps. The difference, taken off the measurements, moves the estimates to where shorter steps would lead (deferred
+correction; Stetter 1978, Numerische Mathematik 29), and this costs no program of its own. Where they would move noticeably,
+the fit goes on with shorter steps.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...simulation.rollout import Integrator
+from .optimum import Optimum
+from .problem import Problem, Structure
+from .robust_loss import simulated
+from .solvers import minimise_compiled
+
+_FINER = 4
+_VISIBLE = 0.1
+"""Difference between the simulations, RMS in units of the noise, that is too large whatever the estimates do."""
+_MOVED = 0.3
+"""How far the estimates may move, in standard errors, all together."""
+_MOST = 64
+"""Steps are shortened at most by this factor."""
+_GAINED = 0.5
+"""A difference that shorter steps do not shrink to this share is none of the integration: the simulation is chaotic."""
+_STEPS = 20
+
+
+class Checked(NamedTuple):
+    """The problem, its optimum and what it was integrated with. `error` is what still depends on the steps (RMS, in units of
+    the noise); `note` a sentence where that could not be made small."""
+
+    structure: Structure
+    optimum: Optimum
+    error: float
+    note: str
+
+
+def _finer(structure: Structure, factor: int = _FINER) -> Structure:
+    integrator = structure.integrator
+    return structure._replace(integrator=Integrator(integrator.substeps * factor, integrator.friction))
+
+
+def _difference(structure: Structure, problem: Problem, optimum: Optimum):
+    """Simulation with shorter steps minus that with these [E, T, ny], and its RMS in units of the noise."""
+    fine = simulated(_finer(structure), problem, optimum.unknowns)
+    change = jnp.where(problem.mask, fine - simulated(structure, problem, optimum.unknowns), 0.0)
+    seen = np.asarray(change / problem.sigma)[np.asarray(problem.mask)]
+    return change, float(np.sqrt(np.mean(seen**2))) if seen.size else 0.0
+
+
+def _would_move(structure: Structure, problem: Problem, optimum: Optimum, change) -> float:
+    """How far the estimates move, in standard errors, if measurements are corrected by the `change`."""
+    corrected = replace(problem, outputs=problem.outputs - change)
+    moved = minimise_compiled(structure, corrected, optimum.unknowns, max_steps=_STEPS)
+    step = np.asarray(moved.unknowns.z - optimum.unknowns.z)
+    return float(np.linalg.norm(np.asarray(optimum.triangle.shared) @ step))
+
+
+def with_steps_checked(
+    structure: Structure,
+    problem: Problem,
+    optimum: Optimum,
+    *,
+    max_steps: int = 100,
+    report: Callable[[str], None] = lambda message: None,
+) -> Checked:
+    """The optimum, minimised again with shorter steps where these matter. Call under float64."""
+    shortened, before = 1, np.inf
+    while True:
+        change, error = _difference(structure, problem, optimum)
+        if not np.isfinite(error):
+            note = "The simulation diverges with shorter integration steps; what fits is an artefact of long ones."
+            return Checked(structure, optimum, error, note)
+        if error <= _VISIBLE and _would_move(structure, problem, optimum, change) <= _MOVED:
+            return Checked(structure, optimum, error, "")
+        if shortened >= _MOST or error > _GAINED * before:
+            note = (
+                f"The simulation depends on its integration steps ({error:.2g} times the noise between steps and a quarter "
+                "of them), so its parameters may be off by more than they say; the motion is chaotic or too fast for the "
+                "sampling."
+            )
+            return Checked(structure, optimum, error, note)
+        shortened, before = shortened * _FINER, error
+        structure = _finer(structure)
+        report("integration steps were too long; went on with shorter ones")
+        optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
