@@ -22,7 +22,8 @@ from .estimate.linear.integral_least_squares import integral_least_squares
 from .estimate.output_error.fleet import Fleet, fit_fleet
 from .estimate.output_error.multi_start import MultiStart, multi_start
 from .estimate.output_error.output_error import output_error
-from .estimate.result import Estimate, Fit, Outlier
+from .estimate.prediction_error.prediction_error import prediction_error
+from .estimate.result import Disturbance, Estimate, Fit, Outlier
 from .explanation.explain import explain
 from .explanation.explanation import Explanation
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
@@ -58,6 +59,7 @@ __all__ = [
     "DesignError",
     "DifferentialDrive",
     "DriveAxis",
+    "Disturbance",
     "Effect",
     "EffectError",
     "Estimate",
@@ -95,6 +97,7 @@ __all__ = [
     "noise_level",
     "output_error",
     "posterior",
+    "prediction_error",
     "profile_likelihood",
     "read_logs",
     "repeatability",

@@ -7,6 +7,7 @@ import errno
 import os
 import sys
 from collections.abc import Callable, Sequence
+from enum import StrEnum
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,7 +17,7 @@ import typer
 from .arguments import UnusableInput, repeat_flags, window_option
 from .console import complain
 
-MANY = ("--fit", "--check", "--limit", "--noise", "--already", "--speed", "--floor")
+MANY = ("--fit", "--check", "--method", "--limit", "--noise", "--already", "--speed", "--floor")
 """Flags that take every value up to the next flag."""
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """Reasons why the results cannot be printed; other errors without a file are bugs."""
@@ -41,6 +42,14 @@ Model = Annotated[
         "--model", metavar="MODEL.toml", help="Known constants, start values, free parameters, bounds, priors, effects."
     ),
 ]
+
+
+class Method(StrEnum):
+    """Estimators by the name that they have in fit.json."""
+
+    integral_least_squares = "integral_least_squares"
+    output_error = "output_error"
+    prediction_error = "prediction_error"
 
 
 def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
@@ -85,6 +94,15 @@ def fit(
     ] = None,
     model: Model = None,
     mapping: Mapping = None,
+    method: Annotated[
+        list[Method] | None,
+        typer.Option(
+            "--method",
+            metavar="METHOD...",
+            help="Estimators, each started from the one before (integral_least_squares output_error by default): "
+            "integral_least_squares, output_error, prediction_error (the motion is disturbed, too).",
+        ),
+    ] = None,
     loss: Annotated[
         Literal["squares", "huber", "cauchy", "student_t"],
         typer.Option("--loss", help="Of output error: squares, or one that outliers pull less."),
@@ -123,12 +141,13 @@ def fit(
         ),
     ] = "hold",
 ) -> None:
-    """Identify a robot's parameters from its logs, by integral least squares and by output error."""
-    from .fit import run_fit
+    """Identify a robot's parameters from its logs, by integral least squares and by output error, or as --method says."""
+    from .fit import USUAL, run_fit
 
     options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset}
     options |= {"windows": window_option(windows)}
-    run_fit(robot, fit, check or [], model, mapping, out, options, intersample, controller)
+    methods = tuple(dict.fromkeys(map(str, method or USUAL)))
+    run_fit(robot, fit, check or [], model, mapping, out, options, intersample, controller, methods)
 
 
 @app.command()

@@ -1,8 +1,8 @@
-"""`jaxid fit`: read, look, integral least squares, output error, check; files for programs and tables for people."""
+"""`jaxid fit`: read, look, estimate by every method asked for, check; files for programs and tables for people."""
 
 import html
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -11,6 +11,7 @@ from typing import Any
 from .._atomic import write_text
 from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
+from ..estimate.prediction_error.prediction_error import prediction_error
 from ..estimate.result import Fit
 from ..logs import LogError, LogSet, read_logs
 from ..logs.intersample import Intersample, between_samples
@@ -49,25 +50,56 @@ def _say_outliers(fit: Fit) -> None:
         )
 
 
-def estimate(robot: Robot, logs: LogSet, options: Mapping[str, Any] = MappingProxyType({})) -> list[Fit]:
-    """Integral least squares where the robot is linear in its free parameters, then output error from there.
-
-    `options` are those of `output_error`. Raises `ParameterError` if the simulation diverges at the start values.
-    """
-    fits: list[Fit] = []
+def _integral_least_squares(robot: Robot, logs: LogSet, start: Fit | None, options: Mapping[str, Any]) -> Fit | None:
     with step("Integral least squares"):
         try:
-            fits.append(integral_least_squares(robot, logs))
+            return integral_least_squares(robot, logs)
         except (ParameterError, LogError) as error:
             say(f"warning: integral least squares is left out: {error}", style="yellow")
+    return None
+
+
+def _output_error(robot: Robot, logs: LogSet, start: Fit | None, options: Mapping[str, Any]) -> Fit:
     with step("Output error") as report:
-        found = output_error(robot, logs, start=fits[0] if fits else None, report=report, **options)
+        found = output_error(robot, logs, start=start, report=report, **options)
     for note in found.notes:
         say(f"warning: {note}", style="yellow")
     for name, offset in found.clock_offsets.items():
         say(f"{name}: the inputs' clock is {with_error(offset.value, offset.std_error)} s ahead of the outputs'")
     _say_outliers(found)
-    return [*fits, found]
+    return found
+
+
+def _prediction_error(robot: Robot, logs: LogSet, start: Fit | None, options: Mapping[str, Any]) -> Fit:
+    with step("Prediction error") as report:
+        found = prediction_error(robot, logs, start=start, report=report)
+    for note in found.notes:
+        say(note)
+    return found
+
+
+METHODS: dict[str, Callable[[Robot, LogSet, Fit | None, Mapping[str, Any]], Fit | None]] = {
+    "integral_least_squares": _integral_least_squares,
+    "output_error": _output_error,
+    "prediction_error": _prediction_error,
+}
+"""The estimators by the name that stands on the command line and in fit.json, each started from the one before."""
+USUAL = ("integral_least_squares", "output_error")
+
+
+def estimate(
+    robot: Robot, logs: LogSet, options: Mapping[str, Any] = MappingProxyType({}), methods: Sequence[str] = USUAL
+) -> list[Fit]:
+    """The estimates by `methods`, in their order; by default integral least squares where the robot is linear in its free
+    parameters, then output error from there.
+
+    `options` are those of `output_error`. Raises `ParameterError` if the simulation diverges at the start values.
+    """
+    fits: list[Fit] = []
+    for method in methods:
+        found = METHODS[method](robot, logs, fits[-1] if fits else None, options)
+        fits += [found] if found is not None else []
+    return fits
 
 
 def _estimates_table(fits: Sequence[Fit]) -> Table:
@@ -99,7 +131,7 @@ def write_results(
         with step("Check on held-out logs"):
             comparison = compare(*fits, check=check, fit=fitted, truth=truth)
         text, page = repr(comparison), comparison._repr_html_()
-        write_fit(out, fits, comparison.validations)
+        write_fit(out, fits, comparison.validations, comparison.ahead)
         with step("Pictures"):
             comparison.save(out)
     title = html.escape(f"jaxid fit {name}")
@@ -159,6 +191,7 @@ def run_fit(
     options: Mapping[str, Any],
     intersample: Intersample = "hold",
     controller: str | None = None,
+    methods: Sequence[str] = USUAL,
 ) -> None:
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
@@ -167,7 +200,14 @@ def run_fit(
     fit_logs = between_samples(fit_logs, intersample)
     check_logs = None if check_logs is None else between_samples(check_logs, intersample)
     law = None if controller is None else load_controller(controller)
-    fits = estimate(robot, fit_logs, options if law is None else {**options, "controller": law})
+    if law is not None and methods[-1] != "output_error":
+        raise UnusableInput(
+            "a controller is simulated by output error alone, and prediction error needs none: it starts every prediction "
+            "from what was measured; leave out --controller, or put output_error last in --method."
+        )
+    fits = estimate(robot, fit_logs, options if law is None else {**options, "controller": law}, methods)
+    if not fits:
+        raise UnusableInput(f"{', '.join(methods)} gives no estimate here; add --method output_error.")
     if law is not None:
         # The linear estimate is judged in the loop, too.
         fit_logs = closed_loop(robot, fit_logs, law)[1]

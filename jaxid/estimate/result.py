@@ -71,6 +71,42 @@ class Outlier:
     deviations: float
 
 
+@dataclass(frozen=True)
+class Disturbance:
+    """What prediction error says of the two kinds of noise.
+
+    - `process`: intensity of the noise on every velocity, the deviation that it alone causes within one second.
+    - `sensor`: standard deviation of every channel's sensor noise.
+    - `share_of_prediction`, `share_of_simulation`: the process noise's share of the variance that a prediction one sample
+      ahead, and a free simulation of the fitted logs, leaves in every channel.
+    - `likelihood_ratio`: twice the drop of -log L that process noise brings; infinite where no simulation without it
+      follows the logs. `p_value`: probability of as much by chance. `ratio_by_velocity`: what each one's own brings.
+    - `sentence`: whether there is process noise.
+    """
+
+    process: dict[str, Estimate]
+    sensor: dict[str, Estimate]
+    share_of_prediction: dict[str, float]
+    share_of_simulation: dict[str, float]
+    likelihood_ratio: float
+    p_value: float
+    ratio_by_velocity: dict[str, float]
+    sentence: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """As result files have it."""
+        return {
+            "process": {name: estimate.to_dict() for name, estimate in self.process.items()},
+            "sensor": {name: estimate.to_dict() for name, estimate in self.sensor.items()},
+            "share_of_prediction": dict(self.share_of_prediction),
+            "share_of_simulation": dict(self.share_of_simulation),
+            "likelihood_ratio": self.likelihood_ratio,
+            "p_value": self.p_value,
+            "ratio_by_velocity": dict(self.ratio_by_velocity),
+            "sentence": self.sentence,
+        }
+
+
 _SHOWN = 8
 """Notes that a representation holds; all of them are in `Fit.notes`."""
 _KINDS = {
@@ -100,6 +136,7 @@ class Fit:
     - `standard_errors`: what they hold for: "white" residuals, coloured ones ("robust"), or the "scatter" of stretches.
     - `window`: length [s] of the windows in which output error simulated, None for free simulation. `initial_states` are
       then those of the windows (`logs.windows.in_windows`).
+    - `disturbance`: process noise beside sensor noise, where the estimator tells them apart (prediction error).
     """
 
     method: str
@@ -120,6 +157,7 @@ class Fit:
     judgement: Judgement | None = None
     standard_errors: StandardErrors = "white"
     window: float | None = None
+    disturbance: Disturbance | None = None
 
     @property
     def trustworthy(self) -> bool:

@@ -15,6 +15,7 @@ from .._float64 import in_float64
 from ..estimate.confidence.validation import Validation, counted_channels, validate
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.output_error.windows import followed
+from ..estimate.prediction_error.predict import predict
 from ..estimate.result import Estimate, Fit
 from ..logs import Log, LogError, LogSet, noise_scale
 from ..simulation.simulate import simulate
@@ -26,6 +27,8 @@ from .tables import Table
 _TIE = 0.005  # normalised RMS values that print alike
 _DOUBTS = {"failed": "failed (it does not follow its own logs)", "poor": "is poor (it leaves more than noise)"}
 _SAME = 2.0  # combined standard errors within which two estimates agree
+HORIZONS = (1, 10)
+"""Samples ahead that a model with process noise predicts, beside its free simulation."""
 
 
 def _labels(fits: Sequence[Fit]) -> tuple[str, ...]:
@@ -89,6 +92,7 @@ class Comparison:
     - `noise`: standard deviation of each channel's noise, from the check logs alone.
     - `reference`: "true" or "published", and `references`: those values by symbol.
     - `notes`: sentences that the user should read.
+    - `ahead`: by label of the fits with process noise, how their filters predict the check logs that many samples ahead.
     """
 
     fits: dict[str, Fit]
@@ -99,6 +103,7 @@ class Comparison:
     reference: str = "published"
     references: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    ahead: dict[str, dict[int, Validation]] = field(default_factory=dict)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -231,6 +236,12 @@ class Comparison:
             names = self.validations[label].diverged
             where = "every held-out log" if len(names) == len(self.logs) else ", ".join(names)
             parts.append(f"{tab.title_of(label)} diverges on {where}")
+        for label, horizons in self.ahead.items():
+            steps = min(horizons)
+            words = "one sample" if steps == 1 else f"{steps} samples"
+            parts.append(
+                f"{tab.title_of(label)} foresees {words} ahead to {horizons[steps].normalised_rms:.2f} times the noise"
+            )
         text = "; ".join(parts)
         # What is wrong with a fit comes before how well it predicts.
         verdicts = {label: fit.judgement.verdict for label, fit in self.fits.items() if fit.judgement}
@@ -252,6 +263,7 @@ class Comparison:
         return (
             tab.check_table(self.validations, self.fitted, self.noise, units),
             tab.log_table(self.validations),
+            *([tab.ahead_table(self.ahead, self.validations)] if self.ahead else []),
             *tab.parameter_tables(estimates, self.references, self.reference, doubtful),
             tab.test_table(self.validations),
         )
@@ -330,7 +342,7 @@ class Comparison:
             self.channels, key=lambda c: max(np.nan_to_num(v.rms[c]) / self.noise[c] for v in self.validations.values())
         )
         notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
-        check, logs, *parameters, tests = map(tab.to_html, self.tables)
+        check, logs, *parameters, tests = map(tab.to_html, self.tables)  # predictions ahead stand with the parameters
         return (
             f"<div><p><b>{html.escape(self.sentence)}</b></p>{f'<ul>{notes}</ul>' if notes else ''}{check}{logs}"
             f"{draw.as_html(self._response(worst), 'response')}{''.join(parameters)}"
@@ -350,7 +362,7 @@ def compare(
     - `fits`: what the estimators returned, of one robot or of variants with the same channels.
     - `check`: the held-out logs. Every model simulates them from known initial states (at rest, or as the log says; those
       of a log that starts in motion are estimated), with nothing measured fed back; the noise that residuals are
-      measured in comes from these logs alone.
+      measured in comes from these logs alone. Models with process noise predict them some samples ahead, too.
     - `fit`: the logs that were fitted, to show both sides.
     - `truth`: true values by symbol, where they are known; else published values stand beside the estimates.
 
@@ -376,6 +388,11 @@ def compare(
         else:
             seen = simulate(f.robot, check, start=estimated_start(f.robot, check, noise))
         validations[label] = validate(check, seen, noise)
+    ahead = {
+        label: {k: validate(check, predict(f, check, k), noise) for k in HORIZONS}
+        for label, f in named.items()
+        if f.disturbance is not None
+    }
     if fit is not None:
         level = noise_scale(fit)
         for label, f in named.items():
@@ -389,4 +406,4 @@ def compare(
         for name, (function, _, _) in found.robot.combinations.items():
             references.setdefault(name, float(function({**found.robot.defaults().numbers, **references})))
     kind = "true" if truth is not None else "published"
-    return Comparison(named, check, noise, validations, fitted, kind, references, _notes(named, check, fit))
+    return Comparison(named, check, noise, validations, fitted, kind, references, _notes(named, check, fit), ahead)

@@ -27,11 +27,15 @@ def _check(validation: Validation | None) -> dict[str, Any] | None:
     }
 
 
-def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | None = None) -> dict[str, Any]:
+def fit_document(
+    fits: Sequence[Fit],
+    validation: Mapping[str, Validation] | None = None,
+    ahead: Mapping[str, Mapping[int, Validation]] | None = None,
+) -> dict[str, Any]:
     """What fit.json holds: every method's parameters, combinations and check.
 
-    `validation` is by method; "check" is None for a method without (no logs were held out). Raises `ValueError` for no
-    fits.
+    `validation` is by method, `ahead` by method and samples ahead; "check" is None for a method without (no logs were held
+    out). Raises `ValueError` for no fits.
     """
     if not fits:
         raise ValueError("There are no fits to write; give at least one.")
@@ -44,6 +48,16 @@ def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | Non
             "combinations": {name: estimate.to_dict() for name, estimate in fit.combinations.items()},
             "check": _check((validation or {}).get(fit.method)),
         }
+        horizons = (ahead or {}).get(fit.method)
+        if horizons is not None:
+            methods[fit.method]["check"] |= {"samples_ahead": {str(k): v.normalised_rms for k, v in horizons.items()}}
+        if fit.disturbance is not None:
+            methods[fit.method] |= {
+                "converged": fit.converged,
+                "iterations": fit.iterations,
+                "logs": fit.log_status,
+                "disturbance": fit.disturbance.to_dict(),
+            }
         if fit.method == "output_error":
             methods[fit.method] |= {
                 "converged": fit.converged,
@@ -55,13 +69,18 @@ def fit_document(fits: Sequence[Fit], validation: Mapping[str, Validation] | Non
     return plain({"robot": fits[0].robot.name, "methods": methods})
 
 
-def write_fit(folder: str | Path, fits: Sequence[Fit], validation: Mapping[str, Validation] | None = None) -> None:
+def write_fit(
+    folder: str | Path,
+    fits: Sequence[Fit],
+    validation: Mapping[str, Validation] | None = None,
+    ahead: Mapping[str, Mapping[int, Validation]] | None = None,
+) -> None:
     """Write `folder`/fit.json, and `folder`/model.toml with the last fit's robot.
 
     Raises `OSError` if the folder cannot be written and `ValueError` for no fits.
     """
     folder = Path(folder)
-    write_json(folder / "fit.json", fit_document(fits, validation))
+    write_json(folder / "fit.json", fit_document(fits, validation, ahead))
     last = fits[-1]
     errors = {name: estimate.std_error for name, estimate in last.parameters.items()}
     robot = last.robot.alone if isinstance(last.robot, ClosedLoop) else last.robot

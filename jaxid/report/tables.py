@@ -233,6 +233,24 @@ def log_table(validations: Mapping[str, Validation]) -> Table:
     return Table("Normalised RMS of each held-out log", ("log", *map(title_of, validations)), tuple(rows))
 
 
+def ahead_table(ahead: Mapping[str, Mapping[int, Validation]], validations: Mapping[str, Validation]) -> Table:
+    """Normalised RMS by horizon of the models that predict from what was measured, and of their free simulations."""
+    horizons = next(iter(ahead.values()))
+    header = ("method", *(f"{k} sample{'s' * (k > 1)} ahead" for k in horizons), "free simulation")
+    rows = [
+        (
+            Cell(title_of(label)),
+            *(Cell(number(v.normalised_rms, 3)) for v in own.values()),
+            Cell(number(validations[label].normalised_rms, 3)),
+        )
+        for label, own in ahead.items()
+    ]
+    note = (
+        "Predictions start from what was measured until then; their floor lies above 1 where the motion is disturbed."
+    )
+    return Table("Normalised RMS of predictions of the held-out logs", header, tuple(rows), (note,))
+
+
 def _test(test: ResidualTest) -> Cell:
     p = test.p_value
     if math.isnan(p):

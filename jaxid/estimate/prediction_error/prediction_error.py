@@ -1,0 +1,252 @@
+"""Prediction error: maximum likelihood where the motion is disturbed as well as measured with noise.
+
+Parameters and both noises, of process and sensors, make the filter's innovations likeliest. Where there is no process noise
+this is output error; where a free simulation drifts or is unstable the filter still follows, since every prediction starts
+from what has been measured so far. Sources: Ljung, System Identification, 1999, chapters 7 and 13; Kristensen, Madsen &
+Jorgensen, Parameter estimation in stochastic grey-box models, Automatica 40, 2004 (CTSM).
+"""
+
+# ruff: noqa: F722
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from ..._compile import seldom_collected
+from ..._float64 import in_float64
+from ...logs import LogError, LogSet
+from ...parameters import ParameterError
+from ...robots.robot import Robot
+from ...simulation.rollout import Integrator
+from ..judge import judge, judged
+from ..linear.integral_least_squares import integral_least_squares
+from ..output_error.setup import InitialStates, start_values
+from ..result import Fit
+from ..uncertainty import combinations, estimates, spread
+from .disturbance import disturbance
+from .likelihood import Problem, Unknowns, flat, noise_at, parameters_at, unflat
+from .scoring import Optimum, costs_at, minimise_compiled
+from .setup import Task, build
+from .uncertainties import Whitened, doubts, expected, pseudo_inverse, sandwich, stated, whitened
+
+METHOD = "prediction_error"
+_LEVELS = np.linspace(-10.0, 0.0, 11)
+"""Logarithms of the process noise that are tried at the start, in units of its reference: from none to all."""
+_NOTHING = 0.02
+"""Likelihood ratio below which a noise is as good as absent and set to zero."""
+_STANDS_OUT = 3.0
+_DIVERGED = 1e29
+
+Start = Fit | Mapping[str, float] | None
+
+
+def _silent(message: str) -> None:
+    pass
+
+
+class _Found(NamedTuple):
+    """The problem (with the noises that are absent switched off) and its optimum."""
+
+    problem: Problem
+    optimum: Optimum
+    iterations: int
+
+
+def _candidates(robot: Robot, logs: LogSet, start: Start) -> list[dict[str, float]]:
+    """Values of the free parameters to start from: those given, or a fit's, the linear estimate's and the model's own."""
+    if start is not None and not isinstance(start, Fit):
+        return [start_values(robot, start)]
+    found = [] if start is None else [start_values(robot, start)]
+    try:
+        found.append(start_values(robot, integral_least_squares(robot, logs)))
+    except (ParameterError, LogError):
+        pass
+    return [*found, start_values(robot, None)]
+
+
+def _first(task: Task, candidates: Sequence[Mapping[str, float]]) -> list[Float[Array, " p"]]:
+    """Every candidate at the level of process noise that suits it best, the likeliest first."""
+    rows = []
+    for values in candidates:
+        z = (
+            jnp.clip(jnp.array([values[n] for n in task.names]), task.problem.lower, task.problem.upper)
+            / task.problem.scale
+        )
+        rows += [flat(Unknowns(z, jnp.full_like(task.start.process, level), task.start.sensor)) for level in _LEVELS]
+    costs = np.asarray(costs_at(task.names, task.model, task.problem, jnp.stack(rows)))
+    costs = costs.reshape(len(candidates), len(_LEVELS))
+    best = np.argmin(costs, axis=1)
+    order = np.argsort(costs[np.arange(len(candidates)), best])
+    return [rows[c * len(_LEVELS) + best[c]] for c in order if costs[c, best[c]] < _DIVERGED]
+
+
+def _minimised(task: Task, problem: Problem, x: Float[Array, " p"], max_steps: int) -> Optimum:
+    return minimise_compiled(task.names, task.model, problem, x, max_steps=max_steps)
+
+
+def _likeliest(task: Task, starts: Sequence[Float[Array, " p"]], max_steps: int) -> Optimum:
+    """The best optimum reached from the starts; further ones are tried where the first did not converge."""
+    best: Optimum | None = None
+    for x in starts:
+        found = _minimised(task, task.problem, x, max_steps)
+        if best is None or float(found.look.cost) < float(best.look.cost):
+            best = found
+        if bool(best.converged):
+            break
+    assert best is not None
+    return best
+
+
+def _without_noise(task: Task, found: _Found, max_steps: int) -> tuple[_Found, float, dict[str, float]]:
+    """The likelihood ratio of all process noise and of each velocity's own; noises that bring nothing are switched off."""
+    problem, optimum, steps = found
+    nv = len(task.model.noisy)
+    none = replace(problem, disturbed=jnp.zeros(nv, dtype=bool))
+    still = _minimised(task, none, optimum.x, max_steps)
+    steps += int(still.iterations)
+    gone = float(still.look.cost) > _DIVERGED
+    total = float("inf") if gone else 2.0 * (float(still.look.cost) - float(optimum.look.cost))
+    if total < _NOTHING:
+        return _Found(none, still, steps), 0.0, dict.fromkeys(task.model.noisy, 0.0)
+    if nv == 1:
+        return _Found(problem, optimum, steps), total, {task.model.noisy[0]: total}
+    ratios, best = {}, optimum
+    for i, name in enumerate(task.model.noisy):
+        off = replace(problem, disturbed=problem.disturbed.at[i].set(False))
+        other = _minimised(task, off, best.x, max_steps)
+        steps += int(other.iterations)
+        ratio = 2.0 * (float(other.look.cost) - float(best.look.cost))
+        ratios[name] = float("inf") if float(other.look.cost) > _DIVERGED else max(ratio, 0.0)
+        if ratio < _NOTHING:
+            problem, best = off, other
+    return _Found(problem, best, steps), total, ratios
+
+
+def _parameters_covariance(
+    task: Task, problem: Problem, covariance: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Covariance [n, n] of the physical parameters and a whitened Jacobian [n, n] that has it, from that of all
+    coordinates."""
+    n, slope = len(task.names), np.asarray(problem.scale)
+    physical = covariance[:n, :n] * np.outer(slope, slope)
+    information = pseudo_inverse(covariance[:n, :n])
+    values, vectors = np.linalg.eigh(information)
+    return physical, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T / slope
+
+
+def _status(logs: LogSet, problem: Problem, found: Whitened) -> dict[str, str]:
+    """What became of every log: one whose innovations are far larger than the others' stands out."""
+    count = np.maximum(np.asarray(problem.records.there).sum(axis=(1, 2)), 1)
+    rms = np.sqrt(np.sum(found.innovations**2, axis=(1, 2)) / count)
+    said = {}
+    for e, log in enumerate(logs):
+        usual = float(np.median(np.delete(rms, e))) if len(logs) > 2 else float("inf")
+        astray = rms[e] > _STANDS_OUT * usual
+        said[log.name] = (
+            f"stands out: its innovations are {rms[e] / usual:.3g} times the other logs'" if astray else "fitted"
+        )
+    return said
+
+
+@in_float64
+@seldom_collected()
+def prediction_error(
+    robot: Robot,
+    logs: LogSet,
+    *,
+    start: Start = None,
+    process_noise: Sequence[str] | None = None,
+    initial_states: InitialStates = "auto",
+    integrator: Integrator | None = None,
+    max_steps: int = 100,
+    report: Callable[[str], None] = _silent,
+) -> Fit:
+    """Fit all free parameters of `robot`, its process noise and its sensor noise to `logs` by maximum likelihood.
+
+    **Arguments:**
+
+    - `start`: values by symbol, or another `Fit`, beside which (or without which) the integral least-squares estimate and
+      the robot's own numbers are looked at: the likeliest of them goes on.
+    - `process_noise`: names of the states that the noise drives; by default the robot's velocities (`noisy_states`).
+    - `initial_states`: "known" (at rest, or as the log says), "estimate" (uncertain for every log), or "auto":
+      uncertain for logs that start in motion.
+    - `integrator`: step and dry-friction law; by default true sticking with steps that suit the robot.
+    - `report`: called with a sentence whenever a stage of the work is done.
+
+    Returns a `Fit` whose `noise` is the sensors' and whose `disturbance` tells process noise from sensor noise. Standard
+    errors are those of the Fisher information, or a sandwich (`uncertainties`) where tests reject the innovations; the
+    notes say which. Raises `ParameterError` for unknown or no free parameters, unknown states, effects on measurements
+    that remember earlier samples, and where the filter diverges at every start.
+    """
+    candidates = _candidates(robot, logs, start)
+    task = build(
+        robot, logs, start=candidates[0], initial=initial_states, process_noise=process_noise, integrator=integrator
+    )
+    starts = _first(task, candidates)
+    if not starts:
+        raise ParameterError(
+            f"the filter of {robot.name!r} diverges at the start values; check the logs' units and signs, or give other "
+            "start values"
+        )
+    report("start chosen")
+    optimum = _likeliest(task, starts, max_steps)
+    report("parameters and noises found")
+    found, ratio, ratios = _without_noise(task, _Found(task.problem, optimum, int(optimum.iterations)), max_steps)
+    report("compared with no process noise")
+    z = np.asarray(found.optimum.x[: len(task.names)])
+    scale = np.asarray(found.problem.scale)
+    at_bound = (z <= np.asarray(found.problem.lower) / scale) | (z >= np.asarray(found.problem.upper) / scale)
+
+    names, channels = task.names, logs[0].channels.measured
+    # Uncertainty with every parameter free: one that lies on its bound still widens the others' intervals.
+    white = whitened(names, task.model, found.problem, found.optimum.x)
+    information = np.asarray(found.optimum.look.information)
+    doubt = doubts(white, found.problem, channels)
+    covariance = sandwich(white, found.problem, information) if doubt else pseudo_inverse(information)
+    physical, jacobian = _parameters_covariance(task, found.problem, covariance)
+    theta = np.asarray(parameters_at(found.problem, found.optimum.x[: len(names)]))
+    magnitude = np.maximum(np.abs(theta), np.asarray(task.problem.scale))
+    certain = spread(jacobian, np.ones(len(names), dtype=bool), magnitude)._replace(covariance=physical)
+
+    values = dict(zip(names, theta.tolist(), strict=True))
+    identified = robot.with_values(**values)
+    told = disturbance(names, task.model, found.problem, found.optimum.x, covariance, ratio, ratios)
+    status = _status(logs, found.problem, white)
+    notes = [told.sentence, *(f"{name} {what}." for name, what in status.items() if what != "fitted")]
+    if doubt:
+        which = "; ".join(f"those of {channel} {what}" for channel, what in doubt.items())
+        notes.append(f"Innovations are not what the model promises ({which}): standard errors are the robust ones.")
+    judgement = judge(logs, expected(logs, white), stated(channels, white, found.problem))
+    converged = bool(found.optimum.converged)
+    noise = np.asarray(noise_at(found.problem, unflat(found.problem, found.optimum.x).sensor))
+    begin = np.asarray(task.problem.records.start.mean)
+    uncertain = np.asarray(task.problem.records.start.covariance)
+    fit = Fit(
+        method=METHOD,
+        robot=identified,
+        parameters=estimates(robot, values, names, certain, at_bound),
+        combinations=combinations(robot, identified.parameters.numbers, names, physical),
+        free_names=names,
+        covariance=physical,
+        noise={c: float(noise[i]) for i, c in enumerate(channels) if bool(found.problem.sensed[i])},
+        converged=converged,
+        reason="converged: no step makes the logs noticeably likelier"
+        if converged
+        else f"not converged in {max_steps} steps; start closer, free fewer parameters, or allow more steps",
+        iterations=found.iterations,
+        initial_states={
+            log.name: dict(zip(robot.states, begin[e].tolist(), strict=True))
+            for e, log in enumerate(logs)
+            if not uncertain[e].any()
+        },
+        notes=tuple(notes),
+        log_status=status,
+        disturbance=told,
+        standard_errors="robust" if doubt else "white",
+    )
+    return judged(fit, replace(judgement, better=""))

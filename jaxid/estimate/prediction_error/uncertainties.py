@@ -1,0 +1,118 @@
+"""Covariance of everything that was estimated, from the information or, where innovations are not white, a sandwich.
+
+Where the innovations are independent and Gaussian the scores of single samples add up to the information itself. Where a
+test rejects that, the covariance is I⁻¹ B I⁻¹ with B from the scores of blocks of time longer than the innovations
+remember (White, Econometrica 50, 1982; Newey & West, ibid. 55, 1987), and no standard error gets smaller by it.
+"""
+
+# ruff: noqa: F722
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Array, Float
+from numpy.typing import NDArray
+
+from ..._compile import compiled
+from ...logs import LogSet
+from ..output_error.robust_covariance import memory
+from ..residual_tests import normality, whiteness
+from .filter import Model
+from .likelihood import Problem, scores, sensitivities
+
+_MEMORIES, _SHORTEST, _FEWEST = 10.0, 10, 30
+_SINGULAR = 1e-13
+
+
+class Whitened(NamedTuple):
+    """Whitened innovations [E, T, ny], zero where nothing was measured, their stated standard deviations [E, T, ny], and the
+    scores [E, T, ny, p] of all samples."""
+
+    innovations: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+    scores: NDArray[np.float64]
+
+
+@partial(compiled, static_argnames=("names", "model"))
+def _all(names, model, problem, x):
+    def one(record):
+        white, level, d_white, d_level = sensitivities(names, model, problem, x, record)
+        return white, jnp.exp(0.5 * level), scores(white, level, d_white, d_level)[1]
+
+    return jax.vmap(one)(problem.records)
+
+
+def whitened(names: tuple[str, ...], model: Model, problem: Problem, x: Float[Array, " p"]) -> Whitened:
+    """Innovations and scores at `x`."""
+    return Whitened(*map(np.asarray, _all(names, model, problem, x)))
+
+
+def doubts(found: Whitened, problem: Problem, channels: tuple[str, ...]) -> dict[str, str]:
+    """What tests reject of the innovations by channel, in words; empty where nothing is."""
+    there = np.asarray(problem.records.there)
+    said: dict[str, str] = {}
+    for i, channel in enumerate(channels):
+        if not there[..., i].any():
+            continue
+        parts = [
+            np.where(m, w, np.nan)[: np.flatnonzero(m)[-1] + 1] if m.any() else np.empty(0)
+            for w, m in zip(found.innovations[..., i], there[..., i], strict=True)
+        ]
+        parts = [part for part in parts if part.size]
+        words = []
+        if whiteness(parts, channel).rejected:
+            words.append("are not white")
+        if normality(np.concatenate(parts), channel).rejected:
+            words.append("are not Gaussian")
+        if words:
+            said[channel] = " and ".join(words)
+    return said
+
+
+def expected(logs: LogSet, found: Whitened) -> list[NDArray[np.float64]]:
+    """Outputs [T, channels.measured] of each log that were expected one sample before; where none was measured, its last
+    neighbour's."""
+    outputs = []
+    for log, white, deviation in zip(logs, found.innovations, found.deviations, strict=True):
+        y = log.outputs - (white * deviation)[: len(log)]
+        outputs.append(pd.DataFrame(y).ffill().bfill().fillna(0.0).to_numpy())
+    return outputs
+
+
+def stated(channels: tuple[str, ...], found: Whitened, problem: Problem) -> dict[str, float]:
+    """Root mean square of the innovations' stated standard deviations by channel."""
+    there = np.asarray(problem.records.there)
+    count = np.maximum(there.sum(axis=(0, 1)), 1)
+    levels = np.sqrt(np.sum(np.where(there, found.deviations**2, 0.0), axis=(0, 1)) / count)
+    return {c: float(level) if level > 0 else 1.0 for c, level in zip(channels, levels, strict=True)}
+
+
+def pseudo_inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of the information on what it determines, whatever the units."""
+    diagonal = np.diag(information)
+    scale = np.where(diagonal > 0, 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 0.0)
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    kept = values > _SINGULAR * max(values.max(), 1e-300)
+    return (vectors[:, kept] / values[kept]) @ vectors[:, kept].T * np.outer(scale, scale)
+
+
+def sandwich(found: Whitened, problem: Problem, information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance [p, p] from the scores of blocks; every standard error at least that of the information."""
+    there = np.asarray(problem.records.there)
+    samples = int(there.any(axis=-1).sum())
+    length = int(
+        np.clip(np.ceil(_MEMORIES * memory(found.innovations, there)), _SHORTEST, max(samples // _FEWEST, _SHORTEST))
+    )
+    by_sample = found.scores.sum(axis=2)
+    starts = np.arange(0, by_sample.shape[1], length)
+    blocks = np.concatenate([np.add.reduceat(rows, starts, axis=0) for rows in by_sample])
+    blocks = blocks[np.any(blocks != 0.0, axis=1)]
+    inverse = pseudo_inverse(information)
+    covariance = inverse @ (blocks.T @ blocks) @ inverse
+    least, own = np.sqrt(np.diag(inverse)), np.sqrt(np.diag(covariance))
+    grow = np.where(own > 0, np.maximum(least, own) / np.where(own > 0, own, 1.0), 1.0)
+    return covariance * np.outer(grow, grow)

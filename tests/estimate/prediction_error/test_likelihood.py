@@ -1,0 +1,121 @@
+"""The filter's likelihood against the joint Gaussian density of all samples, written down without any filter."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import multivariate_normal
+
+from jaxid import AXIS, Axis, Log, LogSet
+from jaxid.estimate.prediction_error.likelihood import Unknowns, cost, flat, look
+from jaxid.estimate.prediction_error.setup import build
+
+M, FV, Q, R_V, R_Q = 1.5, 3.0, 0.3, 0.02, 0.005
+
+
+def discretised(interval):
+    """Transition, input gain and process noise of (q, v) over an interval (Van Loan 1978)."""
+    A = np.array([[0.0, 1.0], [0.0, -FV / M]])
+    noise = np.diag([0.0, Q**2])
+    block = expm(np.block([[-A, noise], [np.zeros((2, 2)), A.T]]) * interval)
+    transition = block[2:, 2:].T
+    held = expm(np.block([[A, np.array([[0.0], [1.0 / M]])], [np.zeros((1, 3))]]) * interval)
+    return transition, held[:2, 2], transition @ block[:2, 2:]
+
+
+def joint_density(log):
+    """-log of the density of everything measured in a log that starts at rest: mean and covariance, all samples at once."""
+    T = len(log.time)
+    mean, covariance = np.zeros((T, 2)), np.zeros((2 * T, 2 * T))
+    F = [discretised(interval) for interval in np.diff(log.time)]
+    for k, (A, b, N) in enumerate(F):
+        mean[k + 1] = A @ mean[k] + b * log.inputs[k, 0]
+        old, new = slice(2 * k, 2 * k + 2), slice(2 * k + 2, 2 * k + 4)
+        covariance[new, : 2 * k + 2] = A @ covariance[old, : 2 * k + 2]
+        covariance[: 2 * k + 2, new] = covariance[new, : 2 * k + 2].T
+        covariance[new, new] = A @ covariance[old, old] @ A.T + N
+    swap = np.array([[0.0, 1.0], [1.0, 0.0]])  # the channels are v, q
+    show = np.kron(np.eye(T), swap)
+    covariance = show @ covariance @ show.T + np.kron(np.eye(T), np.diag([R_V**2, R_Q**2]))
+    y = log.outputs.ravel()
+    there = np.isfinite(y)
+    expected = (mean @ swap.T).ravel()
+    return -multivariate_normal.logpdf(y[there], expected[there], covariance[np.ix_(there, there)])
+
+
+@pytest.fixture(scope="module")
+def sampled():
+    """Two logs of different lengths with uneven intervals and missing samples."""
+    random = np.random.default_rng(4)
+    logs = []
+    for number, samples in enumerate((14, 9)):
+        time = np.concatenate([[0.0], np.cumsum(random.uniform(0.005, 0.04, samples - 1))])
+        outputs = {name: random.normal(scale=0.1, size=samples) for name in ("v", "q")}
+        outputs["v"][0] = outputs["q"][0] = 0.0  # else the log is taken to start there
+        outputs["v"][3] = outputs["q"][5] = outputs["q"][6] = np.nan
+        logs.append(Log.from_arrays(str(number), time, random.normal(size=(samples, 1)), outputs, AXIS))
+    return LogSet(logs)
+
+
+@pytest.fixture(scope="module")
+def task(sampled):
+    """The problem and its coordinates at the constants above."""
+    from jaxid import float64
+
+    with float64():
+        robot = Axis().with_values(M=M, Fv=FV, Fc=0.0, offset=0.0)
+        robot = robot.with_parameters(robot.parameters.with_free("M", "Fv"))
+        task = build(robot, sampled, start={"M": M, "Fv": FV}, initial="known")
+        problem = replace(task.problem, process_reference=jnp.array([Q]), sensor_reference=jnp.array([R_V, R_Q]))
+        x = flat(Unknowns(task.start.z, jnp.zeros(1), jnp.zeros(2)))
+        return task._replace(problem=problem), x
+
+
+def test_the_likelihood_is_the_joint_density_of_all_samples(sampled, task, double_precision):
+    found, x = task
+    exact = sum(joint_density(log) for log in sampled)
+    assert float(cost(found.names, found.model, found.problem, x)) == pytest.approx(exact, abs=1e-3)
+    # The density must be able to tell: a tenth more of any noise, or of the mass, changes it more than ten times as much.
+    for i in range(5):
+        assert abs(float(cost(found.names, found.model, found.problem, x.at[i].add(0.1))) - exact) > 0.01
+
+
+def test_the_gradient_is_that_of_the_likelihood(task, double_precision):
+    found, x = task
+    x = x + jnp.array([0.1, -0.2, 0.3, 0.2, -0.1])
+    h = 1e-5
+    at = jax.jit(lambda x: cost(found.names, found.model, found.problem, x))
+    numeric = [float(at(x.at[i].add(h)) - at(x.at[i].add(-h))) / (2 * h) for i in range(5)]
+    np.testing.assert_allclose(look(found.names, found.model, found.problem, x).gradient, numeric, rtol=1e-5, atol=1e-5)
+
+
+def test_the_information_is_the_scatter_of_the_gradient(task, double_precision):
+    """At the truth the gradient of realisations has mean zero and the information as its covariance."""
+    found, x = task
+    dt = np.asarray(found.problem.records.dt)
+    there = np.asarray(found.problem.records.there)
+    inputs = np.asarray(found.problem.records.inputs)
+    E, T = dt.shape
+    random, N = np.random.default_rng(1), 400
+    outputs = np.zeros((N, E, T, 2))
+    for e in range(E):
+        state = np.zeros((N, 2))
+        for k in range(there[e].any(axis=-1).nonzero()[0].max() + 1):
+            outputs[:, e, k] = state[:, ::-1] + random.normal(size=(N, 2)) * [R_V, R_Q]
+            A, b, noise = discretised(dt[e, k])
+            state = state @ A.T + b * inputs[e, k, 0] + random.multivariate_normal(np.zeros(2), noise, N)
+
+    def one(y):
+        own = replace(found.problem, records=found.problem.records._replace(outputs=jnp.where(there, y, 0.0)))
+        seen = look(found.names, found.model, own, x)
+        return seen.gradient, seen.information
+
+    gradients, information = map(np.asarray, jax.jit(lambda ys: jax.lax.map(one, ys))(jnp.asarray(outputs)))
+    expected = information.mean(axis=0)
+    root = np.linalg.cholesky(np.linalg.inv(expected))
+    white = gradients @ root
+    np.testing.assert_allclose(white.mean(axis=0), 0.0, atol=4 / np.sqrt(N))
+    np.testing.assert_allclose(np.cov(white.T), np.eye(5), atol=5 * np.sqrt(2 / N))
