@@ -113,8 +113,9 @@ def _estimates_table(fits: Sequence[Fit]) -> Table:
         rows.append(tuple(cells))
     header = ("parameter", "unit", *(title_of(fit.method) for fit in fits))
     doubt = [] if all(fit.trustworthy for fit in fits) else [DOUBT]
-    notes = [f"{title_of(fit.method)}: {note}" for fit in fits for note in fit.notes]
-    notes += [f"{title_of(fit.method)}: {fit.reason}." for fit in fits if not (fit.converged or fit.judgement)]
+    said = {fit.judgement.sentence for fit in fits if fit.judgement}  # stands above the table
+    notes = [f"{title_of(fit.method)}: {note}" for fit in fits for note in fit.notes if note not in said]
+    notes += [f"{title_of(fit.method)}: {fit.reason}." for fit in fits if not (fit.converged or fit.failed)]
     return Table("Parameters", header, tuple(rows), ("± is one standard error.", *doubt, *notes, UNCHECKED))
 
 
@@ -125,7 +126,9 @@ def write_results(
     name = fits[-1].robot.name
     if check is None:
         table = _estimates_table(fits)
-        comparison, text, page = None, to_text([table]), to_html(table)
+        said = [f"{title_of(fit.method)}: {fit.judgement.sentence}" for fit in fits if fit.judgement]
+        page = "".join(f"<p><b>{html.escape(text)}</b></p>" for text in said) + to_html(table)
+        comparison, text = None, to_text([table], said)
         write_fit(out, fits)
     else:
         with step("Check on held-out logs"):

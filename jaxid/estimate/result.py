@@ -164,6 +164,11 @@ class Fit:
         """Whether an identified parameter may be shown without a qualifier."""
         return self.judgement is None or self.judgement.trustworthy
 
+    @property
+    def failed(self) -> bool:
+        """Whether the residual says that the model does not follow the logs."""
+        return self.judgement is not None and self.judgement.verdict == "failed"
+
     def status_of(self, name: str) -> str:
         """An estimate's status in words, with the qualifier that the judgement asks for."""
         status = self[name].status.replace("_", " ")

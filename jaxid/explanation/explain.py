@@ -59,7 +59,7 @@ def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: Held
         doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
     elif after.normalised_rms > MANY:
         doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
-    if final.judgement is not None and final.judgement.verdict == "failed":
+    if final.judgement is not None and final.failed:
         doubts.append(
             f"the model does not follow the logs it was fitted to ({final.judgement.sentences[0].rstrip('.')})"
         )

@@ -154,12 +154,11 @@ class Explanation:
             )
         if self.verdict == "unexplained":
             explain = "explain" if len(self.effects) > 1 else "explains"
-            judgement = self.baseline.judgement
             base = "Something is missing that has no name here"
-            if judgement is not None and judgement.verdict == "failed":
+            if self.baseline.failed:
                 base = "The fit that was to be explained failed, and nothing named here mends it"
             part = f"{names} {explain} part of it (to {after:.2f}), the rest" if names else "it"
-            why = f" No name is given, since {'; '.join(self.doubts)}." if self.doubts else ""
+            why = f" No name is given, since {'; '.join(self.doubts)}." if names and self.doubts else ""
             return f"{base}: the held-out error is {before:.4g} times the noise; {part} fits no known effect.{why}"
         closed = f"the held-out error falls from {before:.2f} to {after:.2f} times the noise"
         freely = self.after.simulated_freely

@@ -62,7 +62,7 @@ def _same_data(one: Log, other: Log) -> bool:
 def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[str, ...]:
     notes = []
     for label, found in fits.items():
-        if not found.converged and not (found.judgement and found.judgement.verdict == "failed"):
+        if not (found.converged or found.failed):
             notes.append(f"{tab.title_of(label)}: {found.reason}.")
         notes += [f"{tab.title_of(label)}: {note}" for note in found.notes]
     robot = next(iter(fits.values())).robot
