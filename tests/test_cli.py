@@ -64,7 +64,8 @@ def check_schema(document, robot, channels, checked):
     assert set(document) == {"robot", "methods"} and document["robot"] == robot
     assert list(document["methods"]) == ["integral_least_squares", "output_error"]
     for name, method in document["methods"].items():
-        keys = {"parameters", "combinations", "check"}
+        keys = {"judgement", "standard_errors", "parameters", "combinations", "check"}
+        assert method["judgement"]["verdict"] in ("sound", "coloured", "poor", "failed")
         own = {"converged", "iterations", "logs", "clock_offsets", "outliers"} if name == "output_error" else set()
         assert set(method) == keys | own
         for entry in (*method["parameters"].values(), *method["combinations"].values()):
@@ -261,7 +262,7 @@ def test_a_fit_that_fails_leaves_earlier_results_alone(jaxid, tmp_path, monkeypa
     out = tmp_path / "out"
     out.mkdir()
     (out / "fit.json").write_text("earlier")
-    monkeypatch.setattr("jaxid.report.files.json.dumps", lambda *a, **k: 1 / 0)
+    monkeypatch.setattr("jaxid._json.json.dumps", lambda *a, **k: 1 / 0)
     with pytest.raises(ZeroDivisionError):  # a bug keeps its traceback
         main(
             [

@@ -22,9 +22,8 @@ def _check(validation: Validation | None) -> dict[str, Any] | None:
     return {
         # A number that leaves logs out must not pass for one that does not.
         "normalised_rms": None if validation.diverged else validation.normalised_rms,
-        "diverged": list(validation.diverged),
         "fit_percent": dict(validation.fit_percent),
-    }
+    } | ({"diverged": list(validation.diverged)} if validation.diverged else {})
 
 
 def fit_document(

@@ -142,7 +142,7 @@ def _clock_offsets(logs, structure, problem, optimum, inner, covariance_z) -> di
 def _status(logs: LogSet, problem: Problem, squares: NDArray[np.float64], left_out: Sequence[str]) -> dict[str, str]:
     """What became of every log, by name."""
     counts = np.maximum(np.asarray(problem.mask).sum(axis=(1, 2)), 1)
-    rms = np.sqrt(np.sum(squares, axis=1) / counts)
+    rms = np.sqrt(np.sum(squares, axis=1) / counts)[: len(logs)]  # a fleet's members are filled up to equal numbers
     found = {}
     weighted = np.array([log.name not in left_out for log in logs])
     for e, log in enumerate(logs):
