@@ -146,6 +146,8 @@ def fit(
 
     options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset}
     options |= {"windows": window_option(windows)}
+    if controller is not None and intersample != "hold":
+        raise typer.BadParameter("--intersample linear is for measured inputs; a --controller holds its commands.")
     methods = tuple(dict.fromkeys(map(str, method or USUAL)))
     run_fit(robot, fit, check or [], model, mapping, out, options, intersample, controller, methods)
 

@@ -38,6 +38,8 @@ class Controller:
     - `states`: names of the controller's states (an integral, the last measurement), and `start`: their first values,
       zero by default.
     - `parameters`: gains by symbol; free ones are estimated.
+    - `fitted`: whether the logged commands are outputs to be followed beside the motion; False where what was logged is not
+      to the last digit what the law commanded.
     """
 
     law: Law
@@ -45,6 +47,7 @@ class Controller:
     states: tuple[str, ...] = ()
     start: Mapping[str, float] = field(default_factory=dict, hash=False, compare=False)
     parameters: Mapping[str, Parameter] = field(default_factory=dict, hash=False, compare=False)
+    fitted: bool = True
 
 
 class _Commands(tuple[Scalar, ...]):
@@ -66,7 +69,8 @@ class ClosedLoop(Robot):
     def channels(self) -> Channels:  # type: ignore[override]
         own = self.plant.channels
         inputs = (*self.controller.reference, SAMPLE)
-        return Channels(inputs, (*own.outputs, *own.inputs), own.optional, own.units, substitutes=own.substitutes)
+        outputs = (*own.outputs, *own.inputs) if self.controller.fitted else own.outputs
+        return Channels(inputs, outputs, own.optional, own.units, substitutes=own.substitutes)
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -143,7 +147,8 @@ class ClosedLoop(Robot):
     def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
         acting, _ = self._acting(state, inputs, p)
         seen, own = self.plant.observe(state, acting, p), self.plant.channels
-        return (*seen[: len(own.outputs)], *acting, *seen[len(own.outputs) :])
+        commands = acting if self.controller.fitted else ()
+        return (*seen[: len(own.outputs)], *commands, *seen[len(own.outputs) :])
 
     def rubbing(self, state: State, p: Numbers) -> Path:
         return self.plant.rubbing(state, p)
@@ -216,7 +221,7 @@ def _looped(log: Log, robot: ClosedLoop) -> Log:
         references[name] = values
     inputs = {**references, SAMPLE: np.arange(1.0, len(log) + 1.0)}
     outputs = {name: log.output(name) for name in log.channels.measured}
-    outputs |= {name: log.input(name) for name in log.channels.inputs}
+    outputs |= {name: log.input(name) for name in log.channels.inputs} if robot.controller.fitted else {}
     return Log.from_arrays(log.name, log.time, inputs, outputs, robot.channels, log.extra, log.source)
 
 

@@ -74,10 +74,12 @@ class Predictability:
     def sentence(self) -> str:
         """The same in words."""
         if self.kind == "unstable":
-            return (
-                f"the free simulation is unstable: errors double every {self.doubling_time:.2g} s, and after "
-                f"{self.horizon:.2g} s of the {self.duration:.3g} s of {self.log} it says nothing"
+            reach = (
+                f"after {self.horizon:.2g} s of the {self.duration:.3g} s of {self.log} it says nothing"
+                if self.horizon < self.duration
+                else f"over the {self.duration:.3g} s of {self.log} an error as small as the noise stays below the signal"
             )
+            return f"the free simulation is unstable: errors double every {self.doubling_time:.2g} s, and {reach}"
         if self.kind == "integrating":
             return (
                 "the free simulation integrates: what disturbs the motion stays in the outputs to the end of the log, and "
