@@ -1,5 +1,6 @@
 """The families: built-in robots, and robots as users write them with `jaxid.Custom`."""
 
+from dataclasses import replace
 from functools import cache
 
 import jax.numpy as jnp
@@ -423,9 +424,16 @@ def _drive_excite(rng: Rng, n: int, kind: str, p: Numbers) -> np.ndarray:
     return np.stack([common + turn, common - turn], 1)
 
 
-DRIVE_FAMILY = Family(
-    name="differential drive",
-    share=0.12,
+def _plain_model(p: Numbers, u: Units) -> jaxid.Robot:
+    return jaxid.DifferentialDrive().with_values(
+        M=p["M"] * u.mass, J=p["J"] * u.inertia, Fv=p["B"] * u.mass / u.time, Fc=p["Fc"] * u.force, b=p["L"] * u.length,
+        gain=p["kf"] * u.force / u.input, back_emf=p["ke"] * u.input / u.speed,
+    )  # fmt: skip
+
+
+RIM_FAMILY = Family(
+    name="differential drive, own",
+    share=0.06,
     draw=lambda rng: {
         "M": between(rng, 5.0, 20.0),
         "J": between(rng, 0.1, 0.5),
@@ -446,6 +454,7 @@ DRIVE_FAMILY = Family(
     forces=lambda p: (8.0, 1.0),
     effects=_mechanism_effects((3.0, 30.0), 0.08, "Fc", 3.0),
 )
+DRIVE_FAMILY = replace(RIM_FAMILY, name="differential drive", model=_plain_model)
 
 
 @cache
@@ -459,6 +468,7 @@ def families() -> dict[str, Family]:
         CRANE_FAMILY,
         TWO_FAMILY,
         VELOCITY_FAMILY,
+        RIM_FAMILY,
         DRIVE_FAMILY,
     )
     return {family.name: family for family in every}
