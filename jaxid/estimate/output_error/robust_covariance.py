@@ -140,7 +140,8 @@ def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
 
 
 def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns) -> Robust:
-    """Covariance of the physical parameters at the optimum `unknowns`, for coloured residuals. Call under float64."""
+    """Covariance of the physical parameters at the optimum `unknowns`, for coloured residuals, NaN where the sensitivities are
+    beyond all numbers. Call under float64."""
     residual, jacobian = (np.asarray(x) for x in _sensitivities(structure, problem, unknowns))
     mask = np.asarray(problem.mask)
     n, s = len(structure.names), len(structure.state_names)
@@ -165,7 +166,11 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
     u = np.concatenate(scores)
     u = u[np.any(u != 0.0, axis=1)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = information * np.outer(scale, scale)
+    if not np.isfinite(scaled).all():  # a simulation on the brink of diverging: there is no covariance
+        return Robust(np.full((n, n), np.nan), np.ones(n))
+    values, vectors = np.linalg.eigh(scaled)
     kept = values > _SINGULAR * values.max()
     inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T * np.outer(scale, scale)
     few = len(u) / max(len(u) - n, 1)  # the residuals have been fitted by n parameters
