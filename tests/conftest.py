@@ -3,15 +3,24 @@
 import os
 from pathlib import Path
 
-# Both test processes, the notebooks' kernels and the command line share what one of them has compiled. Set before JAX
-# is imported.
+# Both test processes, the notebooks' kernels and the command line share what one of them has compiled, small programs too.
+# Set before JAX is imported.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache/compiled"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+
+if os.environ.get("JAXID_CHECK_ANNOTATIONS"):
+    # Every annotation of jaxid, shapes of arrays included, is checked at every call. Before jaxid is imported.
+    import jaxtyping
+
+    import tests.annotations  # noqa: F401
+
+    jaxtyping.install_import_hook("jaxid", "tests.annotations.checked")
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
-from jaxid import Log, LogSet, float64, read_logs
-from jaxid.cli import main
+from jaxid import Log, LogSet, float64, read_logs  # noqa: E402
+from jaxid.cli import main  # noqa: E402
 
 DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
 

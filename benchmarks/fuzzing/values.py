@@ -216,7 +216,9 @@ def _units(column_unit: str, factor: float):
     """One column of that SI unit in another one."""
 
     def make(good: Good, rng: np.random.Generator) -> str | None:
-        names = [name for name in (*good.inputs, *good.outputs) if good.channels.units.get(name) == column_unit]
+        # An axis may slide or turn.
+        units = {column_unit, f"{column_unit} or rad/s", f"{column_unit} or rad"}
+        names = [name for name in (*good.inputs, *good.outputs) if good.channels.units.get(name) in units]
         if not names:
             return None
         name = _pick(names, rng)

@@ -78,8 +78,12 @@ def _clock(log: Log) -> Iterator[Finding]:
             "that the times are those of the measurement and not of its arrival"
         )
         yield finding(log, "t", int(np.argmax(uneven)), "warning", "clock_jitter", text)
-    if usual >= 0.5 or usual < 2e-5:
-        text = f"a sampling interval of {usual:.4g} s is unlikely for a robot; map t with the scale that gives seconds"
+    # Milliseconds make hours of a run, hours make an instant of it.
+    if (usual >= 0.5 and log.duration > 3600) or (usual < 2e-5 and log.duration < 0.1):
+        text = (
+            f"a sampling interval of {usual:.4g} s over {log.duration:.4g} s is unlikely for a robot; map t with the scale "
+            "that gives seconds"
+        )
         yield finding(log, "t", None, "warning", "time_unit", text)
 
 
@@ -147,7 +151,7 @@ def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Ite
         yield finding(log, name, int(changes[0]) + 1, "warning", "slow_sensor", text)
         return
     typical = np.quantile(held, 0.95) if len(held) else 1.0
-    enough = max(10.0, 8 * typical, 0.1 / log.sampling_interval)
+    enough = max(10.0, 8 * typical)
     step = np.median(np.abs(np.diff(values)[changes]))
     found = []
     for start, length in zip(starts, lengths, strict=True):
@@ -182,7 +186,9 @@ def _saturated(log: Log, name: str, values: Array) -> Iterator[Finding]:
             f"{at.mean():.0%} of the samples lie at exactly ±{extreme:.4g}; if that is a limit of the supply or "
             "sensor, log what was really applied or measured, or drive less hard"
         )
-        yield finding(log, name, int(starts[0]), "warning", "saturated", text)
+        # A command may well be held at its largest value; a sensor that keeps returning to one exact value is clipped.
+        commanded = name in log.channels.inputs
+        yield finding(log, name, int(starts[0]), "note" if commanded else "warning", "saturated", text)
 
 
 def _resolution(log: Log, name: str, values: Array) -> Iterator[Finding]:
@@ -243,12 +249,15 @@ def _inputs(log: Log) -> Iterator[Finding]:
 
 def check_samples(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:
     """Findings about the clock, the inputs, and each measured column (and each of `also`, extra columns)."""
-    if len(log) < _FEW or log.duration < _BRIEF:
+    if len(log) < _FEW:
         text = (
             f"{len(log)} samples over {log.duration:.3g} s are too few to look for faults, and to identify much from; "
-            "record a longer run, or correct the clock's unit"
+            "record a longer run"
         )
         yield finding(log, None, None, "warning", "short_log", text)
+    elif log.duration < _BRIEF:
+        text = f"the run lasts {log.duration:.3g} s only; if that is not so, map t with the scale that gives seconds"
+        yield finding(log, None, None, "note", "short_log", text)
     yield from _clock(log)
     yield from _inputs(log)
     yield from _idle(log)

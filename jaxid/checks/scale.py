@@ -10,23 +10,24 @@ from numpy.typing import NDArray
 
 from ..logs.finding import Finding
 from ..logs.log import Log
-from .response import excited, speed_windows
+from .motion import is_planar, response
 from .samples import finding, noise
+from .windows import excited, speed_windows
 
 Array = NDArray[np.float64]
 
 _RANGE = {
-    "m/s": (2e-3, 30.0),
-    "rad/s": (2e-3, 40.0),
     "m": (1e-6, 1e5),
     "V": (0.02, 500.0),
     "A": (1e-6, 1000.0),
     "N": (1e-4, 1e5),
     "V or N": (1e-4, 5000.0),
+    "m/s or rad/s": (2e-3, 30.0),
 }
-"""What a signal that is not noise usually lies in, by unit: a yaw rate of 40 rad/s is six turns a second."""
+"""What a signal that is not noise usually lies in, by unit."""
+_ON_A_FLOOR = {"m/s": (2e-3, 30.0), "rad/s": (2e-3, 40.0)}
+"""The same for the body of a robot on a floor: a yaw rate of 40 rad/s is six turns a second."""
 _ANY = (1e-9, 1e9)
-_WINDOW = 0.5  # s
 
 
 def _usual_peak(values: Array) -> float:
@@ -41,7 +42,7 @@ def _units(log: Log) -> Iterator[Finding]:
     for name in (*log.channels.inputs, *log.measured):
         values = log.input(name) if name in log.channels.inputs else log.output(name)
         unit = log.channels.units.get(name, "")
-        least, largest = _RANGE.get(unit, _ANY)
+        least, largest = (_RANGE | _ON_A_FLOOR if is_planar(log) else _RANGE).get(unit, _ANY)
         peak = _usual_peak(values)
         # A speed that was not driven holds nothing but noise, or a simulation's rounding.
         rests = name in log.channels.mixing and name not in driven
@@ -50,7 +51,8 @@ def _units(log: Log) -> Iterator[Finding]:
                 f"{peak:.3g} is usual here, which is {'much' if peak > largest else 'little'} for {unit or 'any unit'}; "
                 "map the column with the scale that gives SI units"
             )
-            yield finding(log, name, None, "warning", "unit", text)
+            # A column that may hold either of two quantities has no size of its own.
+            yield finding(log, name, None, "note" if " or " in unit else "warning", "unit", text)
 
 
 def _contradictions(log: Log) -> Iterator[Finding]:
@@ -59,7 +61,7 @@ def _contradictions(log: Log) -> Iterator[Finding]:
         if not {name, substitute} <= set(log.measured):
             continue
         speed, position = log.output(name), log.output(substitute)
-        width = max(1, round(_WINDOW / log.sampling_interval))
+        width = min(max(1, 2 * response(log)), max(1, len(log) // 10))
         travelled = np.concatenate([[0.0], np.cumsum((speed[:-1] + speed[1:]) / 2 * np.diff(log.time))])
         path = travelled[width::width] - travelled[:-width:width]
         moved = position[width::width] - position[:-width:width]

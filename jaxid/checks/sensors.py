@@ -10,8 +10,9 @@ from scipy.signal import lfilter
 
 from ..logs.finding import Finding
 from ..logs.log import Log
-from .response import WINDOW, Windows, excited, speed_windows
+from .motion import is_position, response, speed
 from .samples import finding, noise
+from .windows import Windows, excited, speed_windows
 
 Array = NDArray[np.float64]
 
@@ -25,10 +26,10 @@ def _smooth(values: Array, width: int) -> Array:
 
 
 def _lagged(log: Log, signals: Array) -> Array:
-    """`signals [T, n]` and two first-order lags of each (0.1 and 0.4 s), side by side."""
+    """`signals [T, n]` and two first-order lags of each (a third of the response time and once it), side by side."""
     columns = [signals]
-    for constant in (0.1, 0.4):
-        decay = np.exp(-log.sampling_interval / constant)
+    for samples in (response(log) / 3, 1.0 * response(log)):
+        decay = np.exp(-1 / samples)
         columns.append(np.asarray(lfilter([1 - decay], [1, -decay], signals, axis=0)))
     return np.concatenate(columns, axis=1)
 
@@ -69,7 +70,7 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
     # Rows that repeat the row before say nothing about an answer, and their mean differs for many a broken sensor.
     rows = np.concatenate([log.inputs, np.nan_to_num(log.outputs)], axis=1)
     active = np.concatenate([[True], np.any(np.diff(rows, axis=0) != 0, axis=1)])
-    width = max(1, min(round(0.25 / log.sampling_interval), active.sum() // 48))
+    width = max(1, min(response(log) // 2, int(active.sum()) // 48))
     if active.sum() < 60 or not np.ptp(log.inputs, axis=0).any():
         return
     for name, values in columns.items():
@@ -102,11 +103,13 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
 
 def _moved(log: Log, names: list[str]) -> Iterator[Finding]:
     """Whether any speed rose above its noise."""
-    width = max(1, round(WINDOW / log.sampling_interval))
+    width = max(1, response(log) // 3)
     if not names or len(log) < 3 * width:
         return
     for name in names:
         values = log.output(name)
+        if is_position(log, name):
+            values = values - np.nanmedian(values)  # at rest anywhere is at rest
         smooth = _smooth(values, width)
         loud = np.sqrt(np.mean(smooth**2)) > 3 * noise(values) / np.sqrt(width)
         # Whatever its spectrum within a window, noise does not carry from one window to the next; motion does.
@@ -121,7 +124,10 @@ def _moved(log: Log, names: list[str]) -> Iterator[Finding]:
 def _start(log: Log, names: list[str]) -> Iterator[Finding]:
     """Whether the log begins in motion, where a run is taken to begin at rest."""
     for name in names:
-        values = log.output(name)
+        # Without a unit it may be a position, which rests anywhere.
+        if not log.channels.units.get(name):
+            continue
+        values = speed(log, name)
         there = np.flatnonzero(np.isfinite(values))[:3]
         peak = np.nanmax(np.abs(values))
         if np.min(np.abs(values[there])) > max(0.1 * peak, 6 * noise(values)):

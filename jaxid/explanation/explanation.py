@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 from .._json import plain, write_json
 from ..estimate.result import Estimate, Fit
@@ -82,6 +82,7 @@ def _worded(name: str, estimate: Estimate) -> str:
     return f"{name.replace('_', ' ')} {estimate.value:.3g} ± {estimate.std_error:.1g}{unit}"
 
 
+@runtime_checkable
 class Display(Protocol):
     """How explanations are shown to people."""
 

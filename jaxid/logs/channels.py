@@ -114,7 +114,7 @@ AXIS = Channels(
     inputs=("u",),
     outputs=("v",),
     optional=("q",),
-    units={"u": "V or N", "v": "m/s", "q": "m"},
+    units={"u": "V or N", "v": "m/s or rad/s", "q": "m or rad"},
     mixing={"v": (1,)},
     substitutes={"v": "q"},
 )

@@ -6,6 +6,7 @@ import pytest
 
 from jaxid.checks.preflight import preflight
 from jaxid.logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet
+from tests.checks.any_scale import ROBOTS, make
 
 T = 1000
 TIME = 0.02 * np.arange(T)
@@ -151,6 +152,7 @@ def _faults(log):
         "clock_jitter": (_wrong(log, time=uneven), "t", None),
         "time_unit": (_wrong(log, time=1000 * log.time), "t", None),
         "saturated": (_wrong(log, inputs=clipped), "V2", None),
+        "saturated sensor": (one(0, np.clip(eta[:, 0], -0.6, 0.6)), "eta1", None),
         "missing_samples": (one(1, np.where((rows > 200) & (rows < 240), np.nan, eta[:, 1])), "eta2", 201),
         "slow_sensor": (one(0, eta[held_rows, 0]), "eta1", None),
         "frozen_sensor": (one(1, frozen), "eta2", 500),
@@ -166,7 +168,7 @@ def _faults(log):
     }
 
 
-FAULTS = ["time_gap", "clock_jitter", "time_unit", "saturated", "missing_samples", "slow_sensor", "frozen_sensor", "frozen_sensor at zero", "spike", "dead_sensor", "dead_sensor constant", "moving_start", "idle", "doubtful_clock", "never_moved", "never_moved constant"]  # fmt: skip  # noqa: E501
+FAULTS = ["time_gap", "clock_jitter", "time_unit", "saturated", "saturated sensor", "missing_samples", "slow_sensor", "frozen_sensor", "frozen_sensor at zero", "spike", "dead_sensor", "dead_sensor constant", "moving_start", "idle", "doubtful_clock", "never_moved", "never_moved constant"]  # fmt: skip  # noqa: E501
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -175,7 +177,9 @@ def test_each_fault_is_named_with_file_column_and_sample(pioneer, fault):
     check = fault.split()[0]
     found = [f for f in preflight(log) if f.check == check and f.column == column]
     assert len(found) == 1, [str(f) for f in preflight(log)]
-    assert found[0].severity == ("error" if check == "never_moved" else "warning")
+    # A command that stays at its largest value may be meant; a sensor that keeps returning to one value is clipped.
+    severity = {"never_moved": "error", "saturated": "note" if column == "V2" else "warning"}.get(check, "warning")
+    assert found[0].severity == severity
     assert found[0].file == log.name and found[0].message.startswith(log.name) and "\n" not in found[0].message
     assert column is None or repr(column) in found[0].message
     if sample is not None:
@@ -244,3 +248,80 @@ def test_a_set_collects_the_findings_of_its_logs(pioneer):
     logs = LogSet([pioneer, _wrong(pioneer, outputs=pioneer.outputs * [1, -1])])
     assert {f.file for f in logs.preflight() if f.severity == "warning"} == {"wrong.csv"}
     assert "swapped" in repr(logs) or "sign_flipped" in repr(logs)
+
+
+# -- any robot, any units, any sampling rate ----------------------------------------------------------------------------
+def _doubts(log):
+    return [f"{f.check}: {f.message}" for f in preflight(log) if f.severity != "note"]
+
+
+@pytest.mark.parametrize("robot", list(ROBOTS))
+def test_clean_logs_of_any_scale_raise_no_warning(robot):
+    said = {made.log.name: _doubts(made.log) for made in make(50, seed=17, robots=(robot,))}
+    assert not {name: doubts for name, doubts in said.items() if doubts}
+
+
+# Trapezoids that all inputs follow together may leave one output out.
+SIGNS = ("levels", "two levels", "sines", "straight and turning")
+
+
+def _flipped(log, *, output=None, input=None):
+    inputs, outputs = np.array(log.inputs), np.array(log.outputs)
+    if output is not None:
+        outputs[:, log.channels.measured.index(output)] *= -1
+    if input is not None:
+        inputs[:, log.channels.inputs.index(input)] *= -1
+    return _wrong(log, inputs=inputs, outputs=outputs)
+
+
+@pytest.mark.parametrize("robot", list(ROBOTS))
+def test_a_sensor_of_the_wrong_sign_is_named_at_any_scale(robot):
+    """A gyro on straight and turning runs among them: each log excites all of its outputs."""
+    missed = []
+    for made in make(16, seed=23, robots=(robot,), runs=SIGNS):
+        for name in made.log.channels.mixing:
+            found = [f for f in preflight(_flipped(made.log, output=name)) if f.check in ("sign_flipped", "swapped")]
+            if not any(repr(name) in f.message for f in found):
+                missed.append((made.run, name))
+    assert not missed
+
+
+@pytest.mark.parametrize("robot", ["body", "wheels", "three"])
+def test_an_input_of_the_wrong_sign_is_named_at_any_scale(robot):
+    missed = []
+    for made in make(8, seed=29, robots=(robot,), runs=("levels", "two levels")):
+        for name in made.log.channels.inputs:
+            found = [f for f in preflight(_flipped(made.log, input=name)) if f.check in ("sign_flipped", "swapped")]
+            if not any(repr(name) in f.message for f in found):
+                missed.append((made.run, name))
+    assert not missed
+
+
+def test_a_position_that_rests_anywhere_is_at_rest(axis_log):
+    """A log that holds the position alone, far from zero; and the same log from its middle, where it moves."""
+    inputs = np.repeat(np.random.default_rng(3).choice([-5.0, 3.0, 5.0], 25), 20)
+    inputs[:40] = 0
+    whole = axis_log("rests.csv", inputs, noise=1e-3, seed=1, q=700.0)
+    alone = Log.from_arrays("rests.csv", whole.time, whole.inputs, {"q": whole.output("q")}, AXIS)
+    assert not _doubts(whole) and not _doubts(alone)
+    angle = Channels(("u",), ("angle",), units={"angle": "rad"}, mixing={"angle": (1,)})
+    for log, moving in ((whole, False), (whole.window(2.5), True)):
+        turned = Log.from_arrays("arm.csv", log.time, log.inputs, {"angle": log.output("q")}, angle)
+        assert ("moving_start" in _checks(turned)) == moving
+
+
+def test_a_motor_may_turn_fast(axis_log):
+    """Thousands of rad/s and rad/s^2 are usual for a motor's axis, whose unit is not metres."""
+    inputs = np.repeat(np.random.default_rng(3).choice([-5.0, 3.0, 5.0], 25), 20)
+    slow = axis_log("motor.csv", inputs, noise=1e-3, seed=1)
+    motor = Log.from_arrays("motor.csv", 0.01 * slow.time, slow.inputs, 2000 * slow.outputs, AXIS)
+    motor = Log.from_arrays("motor.csv", motor.time, motor.inputs, motor.outputs * [1, 0.01], AXIS)
+    assert not _doubts(motor)
+
+
+def test_a_sign_is_not_read_from_a_motion_that_the_inputs_did_not_ask_for(held, pioneer_log):
+    """Driven straight with wheels that differ, the robot turns a little: that says nothing of the gyro."""
+    log = pioneer_log(_pioneer_inputs(held, "straight"), seed=5)
+    for sign in (1, -1):
+        turning = sign * 0.05 * log.output("eta1") + 0.01 * np.random.default_rng(1).normal(size=T)
+        assert not _checks(_wrong(log, outputs=np.stack([log.output("eta1"), turning], axis=-1)))

@@ -73,7 +73,8 @@ def _robotrace(name, kind, unit, sign=1.0):
 def test_robotrace_disturbed_stretches_are_found_where_they_are():
     """tra_B: 2.1-3.1 s and 5.1-6.1 s fit 43-47 %, the rest 79-95 %. The others have none."""
     (found,) = [f for f in preflight(_robotrace("tra_B_fan", "velocity", "m/s")) if f.check == "disturbed"]
-    assert "t = 2, 5 s" in found.message
+    times = [float(time) for time in found.message.split("from t = ")[1].split(" s ")[0].split(",")]
+    assert {int(time) for time in times} >= {2, 5} and all(2 <= t <= 3.1 or 5 <= t <= 6.1 for t in times)
     for name, kind in (("tra_A", "velocity"), ("tra_C_fan", "velocity"), ("rot_A", "gyro"), ("rot_B", "gyro")):
         assert "disturbed" not in {f.check for f in preflight(_robotrace(name, kind, "m/s"))}
 

@@ -1,0 +1,91 @@
+"""What the checks need to know of any robot's motion: which outputs are positions, the speed of each, how fast it responds.
+
+Nothing here is in seconds or metres of its own: times are counted in the log's own response time and sizes in the log's own
+noise, so that a watch's motor and a mining truck are looked at alike.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..logs.log import Log
+from .samples import noise
+
+Array = NDArray[np.float64]
+
+_LENGTHS_AND_ANGLES = {"m", "cm", "mm", "um", "km", "in", "ft", "rad", "mrad", "deg", "rev", "turn", "turns"}
+
+
+def is_position(log: Log, name: str) -> bool:
+    """Whether an output is a length or an angle, by its stated unit; an output without a unit is taken for a speed."""
+    unit = log.channels.units.get(name, "").replace(" or ", " ").split()
+    return bool(unit) and set(unit) <= _LENGTHS_AND_ANGLES
+
+
+def is_planar(log: Log) -> bool:
+    """Whether the outputs are speeds of a body on a floor: metres a second beside radians a second, as stated."""
+    units = {log.channels.units.get(name) for name in log.channels.mixing if name in log.measured}
+    return {"m/s", "rad/s"} <= units
+
+
+def _slope(log: Log, values: Array, width: int) -> Array:
+    """Derivative of a position by a straight line through `width` samples on either side of each."""
+    there = np.isfinite(values)
+    if there.sum() < 3:
+        return np.full_like(values, np.nan)
+    filled = np.interp(log.time, log.time[there], values[there])
+    after = np.minimum(np.arange(len(log)) + width, len(log) - 1)
+    before = np.maximum(np.arange(len(log)) - width, 0)
+    slope = (filled[after] - filled[before]) / (log.time[after] - log.time[before])
+    return np.where(there, slope, np.nan)
+
+
+def speed(log: Log, name: str) -> Array:
+    """The speed that an output shows, `[T]`, NaN where not measured: itself, or a position's slope."""
+    values = log.output(name)
+    if not is_position(log, name):
+        return values
+    # The slope of noise falls with the width: wide enough for the slope to stand out, as far as the log is long.
+    spread, width = noise(values), 1
+    while width < len(log) // 50 and spread > 0.05 * np.nanstd(values[width:] - values[:-width]):
+        width *= 2
+    return _slope(log, values, width)
+
+
+def _halfway(values: Array) -> float:
+    """Samples after which a signal has forgotten half of where it was (its structure function, noise taken off)."""
+    values = values[np.isfinite(values)]
+    if len(values) < 20:
+        return np.nan
+    variance, white = float(np.var(values)), noise(values) ** 2
+    if variance <= 4 * white or variance == 0:
+        return np.nan
+    lags = np.unique(np.geomspace(1, len(values) // 2, 40).astype(int))
+    apart = np.array([0.5 * np.mean((values[lag:] - values[:-lag]) ** 2) for lag in lags]) - white
+    reached = np.flatnonzero(apart >= 0.5 * (variance - white))
+    return float(lags[reached[0]]) if len(reached) else float(lags[-1])
+
+
+def response(log: Log) -> int:
+    """Samples in which the robot's speeds change noticeably, at least 4: the unit of time of the checks."""
+    found = [_halfway(speed(log, name)) for name in log.channels.mixing if name in log.measured]
+    found = [lag for lag in found if np.isfinite(lag)]
+    return max(4, round(float(np.median(found)))) if found else max(4, len(log) // 50)
+
+
+@dataclass(frozen=True)
+class Even:
+    """A log at even intervals, inputs held and outputs taken from the nearest sample before."""
+
+    interval: float
+    inputs: Array  # [N, nu]
+    rows: NDArray[np.int_]  # [N] sample of the log
+
+
+def even(log: Log, most: int = 20_000) -> Even:
+    """At the usual sampling interval, or coarser so that there are at most `most` rows."""
+    interval = max(log.sampling_interval, log.duration / most)
+    grid = log.time[0] + interval * np.arange(int(log.duration / interval * (1 + 1e-9)) + 1)
+    rows = np.clip(np.searchsorted(log.time, grid + 1e-6 * interval, side="right") - 1, 0, len(log) - 1)
+    return Even(interval, log.inputs[rows], rows)

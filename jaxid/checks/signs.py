@@ -1,0 +1,230 @@
+"""Pre-flight checks of the wiring: does each output answer the inputs with the sign that the robot's mixing says, and do
+sensors of one motion agree?
+
+The changes of an output over short windows are compared with the inputs (`windows`), and where they show nothing, the output
+itself with the inputs after a first-order lag and a short delay, the lag that suits it best: what any robot does that
+friction or a motor holds back, which tells a sign at steady speed as well. No estimate comes of either.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from ..logs.finding import Finding
+from ..logs.log import Log
+from .motion import Even, even, is_position, response, speed
+from .samples import finding
+from .windows import excited, speed_windows
+
+Array = NDArray[np.float64]
+
+_CLAIM = 0.15
+"""Share of the variance, summed over the outputs, by which another wiring has to explain more."""
+_DRIVEN, _WELL_DRIVEN = 0.1, 0.3
+"""An output's combination of the inputs against the most that they could form: below, wheels that differ drive it too."""
+_DELAYS = (1, 2, 4)  # samples; the input held from one sample shows at the next
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One output against the lagged inputs: all that is needed to judge any mixing, for each lag and delay."""
+
+    name: str
+    mixing: Array  # [nu]
+    gram: Array  # [lags, nu, nu] of the lagged inputs
+    product: Array  # [lags, nu] of the lagged inputs with the output
+    energy: Array  # [lags] of the output
+    independent: float  # samples' worth of evidence: how often the output changed
+    weight: float  # 1 where the inputs drove this output well, less where its motion may be the leak of another's
+
+    def share(self, mixing: Array) -> float:
+        """Share of the output's variance that the inputs explain with this mixing and a positive gain, at the lag where
+        that is largest; negative where only a negative gain explains any."""
+        push = np.einsum("i,lij,j->l", mixing, self.gram, mixing)
+        product = self.product @ mixing
+        usable = push > 1e-9 * np.trace(self.gram, axis1=1, axis2=2) * (mixing @ mixing)
+        shares = np.sign(product) * product**2 / np.where(usable, push * self.energy, np.inf)
+        return float(shares.max(initial=-1.0))
+
+
+def _lagged(inputs: Array, lag: float, delay: int) -> Array:
+    """First-order lag of `lag` samples, then `delay` samples late."""
+    decay = np.exp(-1 / lag) if lag > 0 else 0.0
+    slow = np.asarray(lfilter([1 - decay], [1, -decay], inputs, axis=0))
+    return np.concatenate([np.zeros((delay, inputs.shape[1])), slow[:-delay]])
+
+
+def _without(values: Array, nuisance: Array, weight: NDArray[np.bool_]) -> Array:
+    q, _ = np.linalg.qr(nuisance[weight])
+    return values[weight] - q @ (q.T @ values[weight])
+
+
+def _answer(log: Log, rows: Even, name: str, speeds: dict[str, Array]) -> Answer | None:
+    values = speeds[name]
+    there = np.isfinite(values)
+    if there.sum() < 40 or np.ptp(values[there]) == 0:
+        return None
+    mixing = np.asarray(log.channels.mixing[name])
+    moved = rows.inputs - rows.inputs.mean(axis=0)
+    excitation = float(np.std(moved @ mixing) / max(np.std(moved, axis=0) @ np.abs(mixing), 1e-300))
+    if excitation < _DRIVEN:
+        return None
+    # Turning frames and inertia that varies couple the speeds by products (the papers' coupled equations); where the
+    # robot only drives straight, they cannot be told from the drive itself and are left alone.
+    others = [np.nan_to_num(speeds[other]) for other in speeds if other != name]
+    products = [a * b for k, a in enumerate(others) for b in [*others[k:], np.nan_to_num(values)]]
+    lags = [0.0, *np.geomspace(1, max(2, len(values) / 4), 14)]
+    grams, pushes, energies = [], [], []
+    for lag in lags:
+        for delay in _DELAYS:
+            drive = _lagged(rows.inputs, lag, delay)
+            one = np.ones((len(values), 1))
+            plain = _without(drive, one, there)
+            target, drive_left = _without(values, one, there), plain
+            if products:
+                coupled = np.concatenate([one, _lagged(np.stack(products, axis=-1), lag, delay)], axis=1)
+                left = _without(drive, coupled, there)
+                if np.sum((left @ mixing) ** 2) > 0.3 * np.sum((plain @ mixing) ** 2):
+                    target, drive_left = _without(values, coupled, there), left
+            grams.append(drive_left.T @ drive_left)
+            pushes.append(drive_left.T @ target)
+            energies.append(max(float(target @ target), 1e-300))
+    return Answer(
+        name,
+        mixing,
+        np.array(grams),
+        np.array(pushes),
+        np.array(energies),
+        len(values) / response(log),
+        min(1.0, excitation / _WELL_DRIVEN),
+    )
+
+
+@dataclass(frozen=True)
+class Change:
+    """The same for the changes of one output over short windows, once friction and coupling are projected out."""
+
+    name: str
+    mixing: Array  # [nu]
+    change: Array  # [N]
+    drive: Array  # [N, nu]
+    weight: float = 1.0
+
+    @property
+    def independent(self) -> float:
+        """Windows, of which twice as many are needed as of response times."""
+        return len(self.change) / 2
+
+    def share(self, mixing: Array) -> float:
+        """Share of the change's variance that the drive explains with this mixing and a positive gain (else negative)."""
+        push = self.drive @ mixing
+        energy = float(push @ push) * float(self.change @ self.change)
+        product = float(push @ self.change)
+        return 0.0 if energy <= 0 else float(np.sign(product)) * product**2 / energy
+
+
+def _changes(log: Log) -> list[Change]:
+    return [
+        Change(windows.name, windows.mixing, *windows.projected())
+        for windows in speed_windows(log)
+        if excited(windows, 0.05)
+    ]
+
+
+def _wiring(log: Log, answers: Sequence[Answer | Change]) -> Iterator[Finding]:
+    """Swapped and sign-flipped channels: the few changes of the wiring that make the data fit its mixing."""
+    names, inputs = [answer.name for answer in answers], log.channels.inputs
+    driven = [k for k in range(len(inputs)) if np.ptp(log.inputs[:, k]) > 0]
+
+    def score(mixing: Array) -> float:
+        return sum(answer.weight * answer.share(row) for answer, row in zip(answers, mixing, strict=True))
+
+    def changes(mixing: Array) -> Iterator[tuple[str, str, Array]]:
+        for j, name in enumerate(names):
+            flip = np.ones((len(names), 1))
+            flip[j] = -1
+            yield f"output {name!r} has the opposite sign", name, mixing * flip
+        for k in driven:
+            flip = np.ones(len(inputs))
+            flip[k] = -1
+            yield f"input {inputs[k]!r} has the opposite sign", inputs[k], mixing * flip
+        for a, b in combinations(range(len(inputs)), 2):
+            order = np.arange(len(inputs))
+            order[[a, b]] = b, a
+            yield f"inputs {inputs[a]!r} and {inputs[b]!r} are swapped", inputs[a], mixing[:, order]
+        for a, b in combinations(range(len(names)), 2):
+            order = np.arange(len(names))
+            order[[a, b]] = b, a
+            yield f"outputs {names[a]!r} and {names[b]!r} are swapped", names[a], mixing[order]
+
+    mixing = np.stack([answer.mixing for answer in answers])
+    total = sum(answer.weight for answer in answers)
+    now = score(mixing)
+    # Chance alone moves a share by a few over the number of independent samples.
+    claim = max(_CLAIM, 6 / min(answer.independent for answer in answers))
+    for _ in range(4):
+        tried = [(score(changed), text, name, changed) for text, name, changed in changes(mixing)]
+        best = max(entry[0] for entry in tried)
+        if best - now < claim:
+            return
+        equal = [entry for entry in tried if entry[0] > best - 0.02 * abs(best)]
+        text = (
+            f"the response fits only if {' or '.join(text for _, text, *_ in equal)} (the inputs then explain "
+            f"{best / total:.0%} of the speeds, else {max(now, 0) / total:.0%}); check the wiring, "
+            "then map the column with scale = -1 or the other column's name"
+        )
+        check = "sign_flipped" if "sign" in equal[0][1] else "swapped"
+        yield finding(log, equal[0][2], None, "warning", check, text)
+        now, mixing = equal[0][0], equal[0][3]
+
+
+def _same_motion(log: Log, speeds: dict[str, Array], named: set[str | None]) -> Iterator[Finding]:
+    """Outputs whose mixing is a combination of others' in the same unit, such as a gyro beside the wheels' encoders."""
+    for name, values in speeds.items():
+        unit = log.channels.units.get(name)
+        others = [other for other in speeds if other != name and log.channels.units.get(other) == unit]
+        if not others or name in named or is_position(log, name):
+            continue
+        rows = np.array([log.channels.mixing[other] for other in others])
+        own = np.asarray(log.channels.mixing[name])
+        gains, *_ = np.linalg.lstsq(rows.T, own, rcond=None)
+        parts = [other for other, gain in zip(others, gains, strict=True) if abs(gain) > 1e-9]
+        if np.abs(gains @ rows - own).max() > 1e-9 or len(parts) < 2 or named & set(parts):
+            continue
+        signals = np.stack([speeds[part] for part in parts], axis=-1)
+        both = np.isfinite(signals).all(axis=1) & np.isfinite(values)
+        if both.sum() < 40:
+            continue
+        # The columns' scales are not known: a regression finds them, and only its signs count.
+        signals, own_values = signals[both] - signals[both].mean(axis=0), values[both] - values[both].mean()
+        found, *_ = np.linalg.lstsq(signals, own_values, rcond=None)
+        left = own_values - signals @ found
+        expected = np.sign([gain for gain in gains if abs(gain) > 1e-9])
+        weight = np.abs(found) * signals.std(axis=0)
+        if np.var(left) < 0.3 * np.var(own_values) and np.all(-expected * np.sign(found) * weight > 0.2 * weight.max()):
+            text = (
+                f"runs opposite to what {' and '.join(map(repr, parts))} say of the same motion; map the column with "
+                "scale = -1, or check which of those columns is which"
+            )
+            yield finding(log, name, None, "warning", "sign_flipped", text)
+
+
+def check_signs(log: Log) -> Iterator[Finding]:
+    """Findings about signs and exchanged columns, against what `Channels.mixing` says."""
+    names = [name for name in log.channels.mixing if name in log.measured]
+    if len(log) < 60 or not names:
+        return
+    rows = even(log)
+    speeds = {name: speed(log, name)[rows.rows] for name in names}
+    answers = [answer for name in names if (answer := _answer(log, rows, name, speeds)) is not None]
+    # Changes over short windows tell columns apart best; where noise hides them, the speeds themselves tell signs.
+    changes = _changes(log)
+    found = list(_wiring(log, changes)) if changes else []
+    if not found and answers:
+        found = list(_wiring(log, answers))
+    yield from found
+    yield from _same_motion(log, speeds, {entry.column for entry in found})
