@@ -107,6 +107,14 @@ def test_emps_integral_least_squares_gives_the_committed_figures(record, figures
 
 
 @needs_data
+@pytest.mark.slow
+def test_emps_force_and_position_in_windows_come_within_a_percent_of_the_published_values(record):
+    fit = emps.by_command(record)
+    assert fit.window is not None and fit.converged
+    assert emps.furthest(fit) <= 1.0
+
+
+@needs_data
 def test_emps_closed_loop_simulated_with_the_committed_estimates_has_the_committed_errors(record, figures):
     committed = figures["emps"]["output_error_closed_loop"]
     fit = emps.integral(record, starts=1)

@@ -7,12 +7,14 @@ that falls over.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 
-from jaxid import Channels, Custom, Log, LogSet
+from jaxid import Channels, Controller, Custom, Log, LogSet
 
 from . import bam
 
@@ -56,4 +58,22 @@ def robot() -> Custom:
         table=plain.table,
         dry_friction=plain.dry_friction,
         title="servo with pendulum and controller",
+    )
+
+
+def _law(reference, measured, state, p):
+    duty = jnp.clip(reference["stiffness"] * (reference["goal"] - measured["q"]), -1.0, 1.0)
+    return {"u": duty * reference["supply"], "on": reference["enabled"]}
+
+
+CONTROLLER = Controller(_law, ("goal", "stiffness", "supply", "enabled"), fitted=False)
+"""The same controller for `jaxid.output_error(bam.robot(), logs, controller=CONTROLLER)`: once a sample, and held."""
+
+
+def with_reference(folder: Path) -> LogSet:
+    """The logs of `bam.robot`, with the controller's reference in further columns."""
+    names = {"goal": "goal", "stiffness": "stiffness", "supply": "supply", "on": "enabled"}
+    return LogSet(
+        replace(log, extra=pd.DataFrame({own: loop.input(name) for name, own in names.items()}))
+        for log, loop in zip(bam.load(folder), load(folder), strict=True)
     )

@@ -7,9 +7,9 @@ intervals of a few samples, each with its own initial speed.
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 from jaxid import AXIS, Axis, Fit, Log, LogSet, integral_least_squares, output_error
+from jaxid.logs.intersample import between_samples
 
 from . import PICTURE_WIDTH, Row, Section, save, table, values
 from .emps_loop import CUTOFF, FIRST, SAMPLING, Array, Record, closed_loop, controller_error, load, simulation
@@ -33,14 +33,13 @@ def force_logs(record: Record, interval: int, *, starts: int = _STARTS, hold: bo
     record is cut. The input is the mean of the voltages at both ends of a sample, which pairs force and motion of the
     same instant as the published treatment does; with `hold` it is the voltage at the beginning, held.
     """
-    middle = record.vir if hold else 0.5 * (record.vir + np.append(record.vir[1:], record.vir[-1]))
     logs = []
     for shift in range(0, starts * max(interval // _STARTS, 1), max(interval // _STARTS, 1)):
         k = slice(FIRST + shift, len(record.t) - FIRST)
         logs.append(
-            Log.from_arrays(f"from {shift}", record.t[k], middle[k], {"v": record.v[k], "q": record.q[k]}, AXIS)
+            Log.from_arrays(f"from {shift}", record.t[k], record.vir[k], {"v": record.v[k], "q": record.q[k]}, AXIS)
         )
-    return LogSet(logs)
+    return between_samples(LogSet(logs), "hold" if hold else "linear")
 
 
 def axis(record: Record) -> Axis:
@@ -58,11 +57,17 @@ def integral(record: Record, interval: int = INTERVAL, *, starts: int = _STARTS,
 
 
 def windows(record: Record, length: float) -> Fit:
-    """Output error on the position, open loop: windows of `length` seconds, each with its own initial state."""
-    log = Log.from_arrays("record", record.t, record.vir, {"q": record.q}, AXIS)
-    cuts = np.arange(SAMPLING * FIRST, record.t[-1] - length / 2, length)
-    cut = LogSet([log.window(start, start + length - SAMPLING / 2) for start in cuts])
-    return output_error(axis(record), cut, start=PUBLISHED, initial_states="estimate")
+    """Output error on the position, open loop, voltage held: windows of `length` seconds with their own initial states."""
+    k = slice(FIRST, None)
+    log = Log.from_arrays("record", record.t[k], record.vir[k], {"q": record.q[k]}, AXIS)
+    return output_error(axis(record), LogSet([log]), start=PUBLISHED, windows=length)
+
+
+def by_command(record: Record) -> Fit:
+    """What `jaxid fit axis --intersample linear --windows 0.006` does with the record's force and position."""
+    log = Log.from_arrays("record", record.t, record.gain * record.vir, {"q": record.q}, AXIS)
+    logs = between_samples(LogSet([log]), "linear")
+    return output_error(Axis(), logs, start={"M": 80.0, "Fv": 150.0, "Fc": 15.0, "offset": 0.0}, windows=0.006)
 
 
 def deviations(fit: Fit) -> dict[str, float]:
@@ -133,6 +138,7 @@ def measure(folder: Path, pictures: Path) -> Section:
 
     rows = (
         _row(f"integral least squares over {INTERVAL} ms", least_squares),
+        _row("`jaxid fit axis --intersample linear`, position only", by_command(record)),
         _row("output error, closed loop", output),
         _row("output error, closed loop, voltage held over its sample", output_held),
         _error_row("estimation record", errors, PUBLISHED_ERRORS["estimation"]),
