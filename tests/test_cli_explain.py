@@ -34,13 +34,15 @@ def test_from_logs_to_a_model_with_its_effect(jaxid, hidden_drag, explained, tmp
     fits = json.loads((out / "fit.json").read_text())["methods"]
     assert set(fits) == {"integral_least_squares", "output_error"}
     assert fits["output_error"]["parameters"]["Fv"]["value"] == pytest.approx(explained.baseline["Fv"].value, rel=1e-6)
+    # One noise and one judge in both files.
+    assert fits["output_error"]["check"]["normalised_rms"] == pytest.approx(document["gap"]["before"], rel=1e-9)
     page = (out / "report.html").read_text()
     assert page.startswith("<!doctype html>") and page.rstrip().endswith("</html>") and "quadratic drag" in page
     assert {"ranking.png", "before_after.png", "localisation.png"} <= {path.name for path in out.glob("*.png")}
     assert not list(out.glob(".*"))
 
     # The model predicts the held-out logs as well as the explanation says it does.
-    noise = noise_level(read_logs([*fit, *check], "axis"))["v"]
+    noise = noise_level(read_logs(check, "axis"))["v"]
     errors = []
     for path in check:
         predicted = tmp_path / path.name
@@ -104,7 +106,7 @@ def test_the_uncoupled_baseline_lacks_the_turning_frames_terms(jaxid, tmp_path, 
         without_coupling(robot + effect_by_id(robot, "coriolis_coupling"))
     started = []
 
-    def stop(robot, logs):
+    def stop(robot, logs, *more):
         started.append(robot)
         raise UnusableInput("Enough.")
 
