@@ -34,7 +34,8 @@ forget what the whole record says; its bias is up to {ls_bias} standard deviatio
 {ls_cover} %.
 
 With coloured noise the bound of the table is that of white noise of the same variance, so that the variance ratio is above
-one by what the colour takes away; the intervals of output error there are those of `covariance="robust"`.
+one by what the colour takes away; the intervals of output error there are those of
+`covariance="robust"`, which a fit takes by itself where its residual is not white.
 """
 
 
