@@ -18,7 +18,9 @@ from .estimate.confidence.identifiability import Identifiability, identifiabilit
 from .estimate.confidence.posterior import Posterior, posterior
 from .estimate.confidence.profile_likelihood import Profiles, profile_likelihood
 from .estimate.confidence.repeatability import Repeatability, repeatability
+from .estimate.linear.instrumental_variables import instrumental_variables
 from .estimate.linear.integral_least_squares import integral_least_squares
+from .estimate.linear.recursive_least_squares import RecursiveLeastSquares, recursive_least_squares
 from .estimate.output_error.fleet import Fleet, fit_fleet
 from .estimate.output_error.multi_start import MultiStart, multi_start
 from .estimate.output_error.output_error import output_error
@@ -81,6 +83,7 @@ __all__ = [
     "Posterior",
     "Profiles",
     "Repeatability",
+    "RecursiveLeastSquares",
     "Robot",
     "Smooth",
     "Sticking",
@@ -92,6 +95,7 @@ __all__ = [
     "fit_fleet",
     "float64",
     "identifiability",
+    "instrumental_variables",
     "integral_least_squares",
     "multi_start",
     "noise_level",
@@ -100,6 +104,7 @@ __all__ = [
     "prediction_error",
     "profile_likelihood",
     "read_logs",
+    "recursive_least_squares",
     "repeatability",
     "simulate",
 ]

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .._atomic import write_text
+from ..estimate.linear.instrumental_variables import instrumental_variables
 from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
 from ..estimate.prediction_error.prediction_error import prediction_error
@@ -59,6 +60,15 @@ def _integral_least_squares(robot: Robot, logs: LogSet, start: Fit | None, optio
     return None
 
 
+def _instrumental_variables(robot: Robot, logs: LogSet, start: Fit | None, options: Mapping[str, Any]) -> Fit | None:
+    with step("Instrumental variables"):
+        try:
+            return instrumental_variables(robot, logs, start)
+        except (ParameterError, LogError) as error:
+            say(f"warning: instrumental variables are left out: {error}", style="yellow")
+    return None
+
+
 def _output_error(robot: Robot, logs: LogSet, start: Fit | None, options: Mapping[str, Any]) -> Fit:
     with step("Output error") as report:
         found = output_error(robot, logs, start=start, report=report, **options)
@@ -80,6 +90,7 @@ def _prediction_error(robot: Robot, logs: LogSet, start: Fit | None, options: Ma
 
 METHODS: dict[str, Callable[[Robot, LogSet, Fit | None, Mapping[str, Any]], Fit | None]] = {
     "integral_least_squares": _integral_least_squares,
+    "instrumental_variables": _instrumental_variables,
     "output_error": _output_error,
     "prediction_error": _prediction_error,
 }

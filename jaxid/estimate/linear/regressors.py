@@ -78,9 +78,12 @@ def _mass_times(robot: Robot, names: tuple[str, ...], state, inputs, p):
     return B.T @ K.T @ _solved(K @ K.T, v)
 
 
-@partial(compiled, static_argnames=("robot", "names", "positions", "free", "form", "mass", "substeps"))
-def _integrals(robot, names, positions, free, form, mass, substeps, numbers, theta, rows):
-    """Per sample: P, dP/dtheta; per interval: impulse, d(impulse)/dtheta; rubbing speeds; the friction axes' shares."""
+@partial(compiled, static_argnames=("robot", "names", "positions", "free", "form", "mass", "substeps", "slopes"))
+def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numbers, theta, rows):
+    """Per sample: P, dP/dtheta; per interval: impulse, d(impulse)/dtheta; rubbing speeds; the friction axes' shares.
+
+    With `slopes` also d(impulse)/d(speeds at the interval's start) and at its end.
+    """
     dt, inputs, speeds, ahead, first, start, moved = rows
     p0 = {**numbers, **dict(zip(free, theta, strict=True))}
     h = dt / substeps
@@ -164,7 +167,7 @@ def _integrals(robot, names, positions, free, form, mass, substeps, numbers, the
         signs = (a + b) / jnp.maximum(jnp.abs(a) + jnp.abs(b), 1e-300)
         shares = (2 * jnp.arange(substeps) + 1) / (2 * substeps)
 
-        def impulse(x):
+        def impulse(x, v=v, w=w):
             p = numbers_with(x)
 
             def middle(place, share, sign):
@@ -176,6 +179,8 @@ def _integrals(robot, names, positions, free, form, mass, substeps, numbers, the
         here = state_of(places[0], v)
         both = jax.jacfwd(lambda d: force(here, u, tuple(d), p0))(jnp.zeros(len(zero_dry)))
         levels = jnp.array([0.0, *(0.5 * (b + f) for b, f in robot.coulomb(here, p0))])[1:]
+        # What an error of the speeds at either end does to the impulse; needed where that error is to be filtered out.
+        of_speeds = jax.jacfwd(lambda v, w: impulse(theta, v, w), argnums=(0, 1))(v, w) if slopes else ()
         return (
             momentum(here, u, p0),
             jax.jacfwd(lambda x: momentum(here, u, numbers_with(x)))(theta),
@@ -183,6 +188,7 @@ def _integrals(robot, names, positions, free, form, mass, substeps, numbers, the
             jax.jacfwd(impulse)(theta),
             edges[0],
             jnp.abs(both) * levels,
+            *of_speeds,
         )
 
     return jax.vmap(interval)(nodes, inputs, speeds, ahead, bends, h)
@@ -232,7 +238,7 @@ class WindowEquations:
         return len(self.targets)
 
 
-def _noise_of(values: Array) -> float:
+def noise_of(values: Array) -> float:
     """Standard deviation of the white noise on a smooth sampled signal [n], from its third differences (robust)."""
     third = np.diff(values, n=3)
     if not len(third):
@@ -240,7 +246,7 @@ def _noise_of(values: Array) -> float:
     return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
 
 
-def _still(speeds: Array, log: NDArray[np.int64]) -> NDArray[np.bool_]:
+def still_at(speeds: Array, log: NDArray[np.int64]) -> NDArray[np.bool_]:
     """[N, axes]: the rubbing speed here is not told from zero."""
     still = np.zeros(speeds.shape, bool)
     for number in np.unique(log):
@@ -249,10 +255,17 @@ def _still(speeds: Array, log: NDArray[np.int64]) -> NDArray[np.bool_]:
             own = speeds[rows, axis]
             padded = np.pad(own, len(_SMOOTH) // 2, mode="edge")
             smooth = np.convolve(padded, _SMOOTH, mode="valid")
-            limit = 3.0 * _noise_of(own) / np.sqrt(len(_SMOOTH)) + 1e-3 * np.quantile(np.abs(own), 0.95)
+            limit = 3.0 * noise_of(own) / np.sqrt(len(_SMOOTH)) + 1e-3 * np.quantile(np.abs(own), 0.95)
             # Either view may show the standstill: the smoothed one misses a stop of one sample, the raw one is noisy.
             still[rows, axis] = (np.abs(smooth) <= limit) | (np.abs(own) <= 1e-3 * np.quantile(np.abs(own), 0.95))
     return still
+
+
+def axes_that_matter(shares: Array) -> NDArray[np.bool_]:
+    """[equations, axes] from the friction's shares [N, equations, axes]: a tenth of the largest, or more."""
+    share = np.median(shares, axis=0)
+    most = np.max(share, axis=1, initial=0.0)
+    return np.asarray(share >= 0.1 * np.maximum(most, 1e-300)[:, None])
 
 
 def _stretches(
@@ -276,14 +289,16 @@ def _stretches(
     return sample[order], number[order]
 
 
-def _evaluate(robot: Robot, rows: Rows, names: tuple[str, ...], form: Form, theta: Array) -> list[Array]:
+def evaluate(
+    robot: Robot, rows: Rows, names: tuple[str, ...], form: Form, theta: Array, slopes: bool = False
+) -> list[Array]:
     """`_integrals` of the rows, which are padded so that logs of similar length share a compiled program."""
     N = len(rows.dt)
     arrays = (rows.dt, rows.inputs, rows.speeds, rows.ahead, rows.first, rows.start, rows.moved)
     arrays = tuple(np.concatenate([x, np.repeat(x[-1:], -N % _PAD, axis=0)]) for x in arrays)
     free, numbers = robot.parameters.free_names, robot.parameters.numbers
     positions, mass = positions_of(robot, names), _has_mass_matrix(robot, names)
-    results = _integrals(robot.structure, names, positions, free, form, mass, _SUBSTEPS, numbers, theta, arrays)
+    results = _integrals(robot.structure, names, positions, free, form, mass, _SUBSTEPS, slopes, numbers, theta, arrays)
     return [np.asarray(x)[:N] for x in results]
 
 
@@ -295,7 +310,7 @@ def check_linear(robot: Robot, logs: Iterable[Log]) -> None:
     numbers, free = robot.parameters.numbers, robot.parameters.free_names
     theta = np.array([numbers[name] for name in free], dtype=float)
     elsewhere = np.where(theta == 0, 0.1, theta * (1.1 + 0.05 * np.arange(len(theta))))
-    here, there = (_evaluate(robot, rows, names, "momentum", at) for at in (theta, elsewhere))
+    here, there = (evaluate(robot, rows, names, "momentum", at) for at in (theta, elsewhere))
     slopes = (1, 3)  # of momentum and of impulse, in `_integrals`
     size = np.max([np.max(np.abs(here[j]), axis=(0, 1)) for j in slopes], axis=0)
     change = np.max([np.max(np.abs(there[j] - here[j]), axis=(0, 1)) for j in slopes], axis=0)
@@ -336,15 +351,12 @@ def window_equations(
     remembered = memory(rows)
     window = remembered if window is None else window
     theta = np.array([numbers[name] for name in free], dtype=float)
-    P, dP, impulse, dimpulse, rubbing, shares = _evaluate(robot, rows, names, form, theta)
+    P, dP, impulse, dimpulse, rubbing, shares = evaluate(robot, rows, names, form, theta)
 
     balance = P - np.concatenate([np.zeros_like(impulse[:1]), np.cumsum(impulse, axis=0)[:-1]])
     slope = dP - np.concatenate([np.zeros_like(dimpulse[:1]), np.cumsum(dimpulse, axis=0)[:-1]])
-    still = _still(rubbing, rows.log)
-    share = np.median(shares, axis=0)  # [equations, axes]
-    most = np.max(share, axis=1, initial=0.0)
-    matters = np.asarray(share >= 0.1 * np.maximum(most, 1e-300)[:, None])
-    complete = rows.seen.all(axis=1)
+    still, matters = still_at(rubbing, rows.log), axes_that_matter(shares)
+    complete = np.asarray(np.all(rows.seen, axis=1))
 
     parts, count, dropped = [], 0, []
     for i in range(len(names)):
@@ -356,7 +368,7 @@ def window_equations(
         dropped.append(1.0 - whole.sum() / max(np.sum(rows.dt > 0), 1))
         sample, stretch = _stretches(whole, rows.log, window)
         sizes = np.bincount(stretch, weights=complete[sample])
-        used = np.asarray(complete[sample] & rows.moved[sample, i] & (sizes[stretch] >= 2))
+        used = complete[sample] & rows.moved[sample, i] & (sizes[stretch] >= 2)
         sample, stretch = sample[used], np.unique(stretch[used], return_inverse=True)[1]
         sizes = np.maximum(np.bincount(stretch), 1)
         both = np.concatenate([slope[sample, i], balance[sample, i, None]], axis=1)

@@ -18,13 +18,17 @@ Array = NDArray[np.float64]
 _SHARE, _POWER = 0.41, 2.0 / 3.0
 """Cosines for T samples, at most 0.41 T^(2/3): section 4 of that paper."""
 
+_TOLD = 2.0
+"""Standard deviations by which an autocorrelation of white noise is exceeded: then it is none."""
+
 
 def score_covariance(scores: Array, log: NDArray[np.int64], memory: int) -> tuple[Array, float]:
     """Covariance [n, n] of `scores.sum(axis=0)` and its degrees of freedom.
 
     `scores` [N, n] are those of each sample, in order of time, zero where a sample says nothing; `log` [N] numbers
     the logs, which are independent of one another. What correlates over less than `memory` samples is accounted for.
-    No degrees of freedom: too few samples to tell.
+    The estimate has set n combinations of the scores to zero, which are counted out. No degrees of freedom: too few
+    samples to tell.
     """
     n = scores.shape[1]
     total, freedom = np.zeros((n, n)), 0
@@ -40,9 +44,64 @@ def score_covariance(scores: Array, log: NDArray[np.int64], memory: int) -> tupl
         transformed = waves @ own  # each has the variance of the plain sum
         total += transformed.T @ transformed / count
         freedom += count
-    return total, float(freedom)
+    left = max(freedom - n, 0)
+    return total * (freedom / max(left, 1)), float(left)
 
 
 def widened(covariance: Array, freedom: float) -> Array:
     """The covariance whose normal 95 % interval is as wide as Student's with that many degrees of freedom."""
     return covariance * (float(student.ppf(0.975, max(freedom, 1.0))) / NORMAL_95) ** 2
+
+
+def _autocovariance(residual: Array, seen: NDArray[np.bool_], log: NDArray[np.int64]) -> Array:
+    """Autocovariance of a residual [N] from lag zero on, up to where it is no longer told from white noise."""
+    clean, memory = np.where(seen, residual, 0.0), []
+    count = max(int(seen.sum()), 1)
+    level = float(clean @ clean) / count
+    for lag in range(1, len(residual) // 8):
+        pair = seen[lag:] & seen[:-lag] & (log[lag:] == log[:-lag])
+        pairs = int(pair.sum())
+        value = float(clean[lag:][pair] @ clean[:-lag][pair]) / max(pairs, 1)
+        # Parameters and starts have taken up slow noise, which leaves a little negative correlation: that counts as none.
+        if pairs == 0 or value <= _TOLD * level / np.sqrt(pairs):
+            break
+        memory.append(value)
+    return np.array([level, *memory])
+
+
+def stationary_covariance(
+    instruments: Array,
+    residual: Array,
+    equation: NDArray[np.int64],
+    sample: NDArray[np.int64],
+    logs: NDArray[np.int64],
+    taken: Array,
+) -> Array:
+    """Covariance [n, n] of `instruments.T @ residual` for residuals whose correlation depends on the lag alone.
+
+    `instruments` [K, n] and `residual` [K] of `equation` [K] at `sample` [K]; `logs` [N] is the log of each sample. Exact
+    for white residuals; coloured ones have the power that their autocovariance gives, channel by channel. `taken`: how
+    many numbers were fitted to each equation's residual, which took up as much of its slow noise.
+    """
+    N, n = len(logs), instruments.shape[1]
+    total = np.zeros((n, n))
+    for kind in np.unique(equation):
+        rows = equation == kind
+        Z, r, seen = np.zeros((N, n)), np.zeros(N), np.zeros(N, bool)
+        Z[sample[rows]], r[sample[rows]], seen[sample[rows]] = instruments[rows], residual[rows], True
+        covariance = _autocovariance(r, seen, logs)
+        independent = seen.sum() / (2.0 * covariance.sum() / max(covariance[0], 1e-300) - 1.0)
+        covariance *= independent / max(independent - taken[kind], 0.25 * independent)
+        if len(covariance) == 1:
+            total += covariance[0] * Z.T @ Z
+            continue
+        for number in np.unique(logs):
+            own = Z[logs == number]
+            size, lags = 2 * len(own), min(len(covariance), len(own))
+            wave = np.zeros(size)
+            wave[:lags] = covariance[:lags]
+            wave[-lags + 1 :] = covariance[lags - 1 : 0 : -1]
+            power = np.maximum(np.fft.fft(wave).real, 0.0)
+            transformed = np.fft.fft(own, size, axis=0)
+            total += np.real(np.conj(transformed).T @ (power[:, None] * transformed)) / size
+    return total

@@ -96,7 +96,7 @@ def _full_covariance(F: Array, prior: Array) -> Array:
     return (Vt.T * inverse) @ Vt / np.outer(scale, scale)
 
 
-def _known_size(theta: Array, default: Array, F: Array, y: Array) -> Array:
+def known_size(theta: Array, default: Array, F: Array, y: Array) -> Array:
     """What a standard error [n] must stay below to say anything: the estimate or the table's value, whichever is larger.
 
     A table's value that would explain more than all there is comes from other units and is cut down to that. A value of
@@ -167,7 +167,7 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_], jud
         own = _covariance(weighted[:, moving], residuals / noise[kind], equations, prior[moving])
         covariance[np.ix_(moving, moving)] = own
         full = _full_covariance(weighted, prior)
-        share = np.sqrt(np.diag(own)) / _known_size(theta, default, weighted, target)[moving]
+        share = np.sqrt(np.diag(own)) / known_size(theta, default, weighted, target)[moving]
         if not judge or not len(share) or share.max() <= USELESS:
             break
         held[moving[np.argmax(share)]] = True

@@ -1,0 +1,285 @@
+r"""Instrumental variables: least squares' honest form where noise is in the regressors.
+
+Measured speeds stand in the regressors of the linear equations, and their noise biases least squares. The regressors of a
+*simulated* motion are right as well, up to the model's errors, and know nothing of the noise: as instruments Z they
+give theta from Z^T (y - F theta) = 0 without bias (A. Janot, P. O. Vandanjon and M. Gautier, "A generic instrumental
+variable approach for industrial robot identification", IEEE Transactions on Control Systems Technology 22, 2014). The
+model that is simulated is the last pass's; least squares starts. `refined_instruments` has the equations.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr as pivoted_qr
+from scipy.stats import chi2
+
+from ..._float64 import in_float64
+from ...logs import Log, LogError, LogSet
+from ...parameters import ParameterError
+from ...robots.robot import Robot
+from ...simulation.simulate import simulate
+from ..result import Estimate, Fit, Status
+from ..uncertainty import combinations
+from .integral_least_squares import integral_least_squares
+from .linear_steps import estimates_of, with_estimate
+from .log_rows import gather, measured_speeds
+from .memory import memory
+from .refined_instruments import Instruments, refined_instruments
+from .regressors import check_linear
+from .score_covariance import score_covariance, stationary_covariance
+from .weighted_least_squares import USELESS, known_size
+
+Array = NDArray[np.float64]
+METHOD = "instrumental_variables"
+_PASSES = 12
+_CHOSEN = 3
+"""Passes after which the intervals stay those of the last one."""
+_SETTLED = 0.02
+"""Standard errors that the estimate may still move by."""
+_RANK = 1e-7
+_WEAK = 0.5
+"""Share of a combination of the measured regressors that the instruments must explain: with half or less, as much of what
+is compared is noise as is motion, and the estimate leans towards least squares (Staiger and Stock, Econometrica 65, 1997)."""
+
+_FEW = 3
+"""Degrees of freedom for each parameter, below which the scores' scatter is no measure of the uncertainty."""
+_CHANCE = 0.05
+
+
+@dataclass(frozen=True)
+class _Solved:
+    theta: Array
+    covariance: Array  # NaN where there is none
+    status: tuple[Status, ...]
+    noise: Array  # by measured speed
+    relevance: float
+    weakest: int
+
+
+def _without_starts(table: Array, found: Instruments) -> Array:
+    """Columns [K, m] with what the noise at the start of every run explains taken out."""
+    runs = int(found.run.max()) + 1
+    power = np.bincount(found.run, weights=found.start**2, minlength=runs)
+    taken = [np.bincount(found.run, weights=found.start * column, minlength=runs) / power for column in table.T]
+    return table - found.start[:, None] * np.stack(taken, axis=1)[found.run]
+
+
+def _relevance(F: Array, Z: Array) -> tuple[float, int]:
+    """Smallest squared canonical correlation between regressors and instruments, and the column that it is about most."""
+    QF, RF = np.linalg.qr(F / np.maximum(np.linalg.norm(F, axis=0), 1e-300))
+    QZ, _ = np.linalg.qr(Z / np.maximum(np.linalg.norm(Z, axis=0), 1e-300))
+    U, singular, _ = np.linalg.svd(QF.T @ QZ)
+    direction = np.linalg.lstsq(RF, U[:, -1], rcond=None)[0]
+    return float(singular[-1] ** 2), int(np.argmax(np.abs(direction)))
+
+
+def _covariance(
+    found: Instruments, Z: Array, residual: Array, prior: Array, inverse: Array, remembered: int, taken: Array
+) -> Array:
+    """Sandwich [n, n] around the covariance of Z^T residual: that of a stationary residual, widened where the scores' own
+    scatter in time is larger (residuals that depend on what the robot does)."""
+    middle = stationary_covariance(Z, residual, found.equation, found.sample, found.logs, taken)
+    middle += np.diag(prior)
+    spread = inverse @ middle @ inverse.T
+    scores = np.zeros((len(found.logs), Z.shape[1]))
+    np.add.at(scores, found.sample, Z * residual[:, None])
+    scatter, degrees = score_covariance(scores, found.logs, remembered)
+    if degrees < _FEW * Z.shape[1]:
+        return spread
+    other = inverse @ (scatter + np.diag(prior)) @ inverse.T
+    # The scatter is roughly known, so it counts where it is larger by more than chance.
+    chance = degrees / float(chi2.ppf(_CHANCE, degrees))
+    ratio = np.sqrt(np.maximum(np.diag(other) / np.maximum(np.diag(spread), 1e-300) / chance, 1.0))
+    return spread * np.outer(ratio, ratio)
+
+
+def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Array, remembered: int) -> _Solved:
+    """Solve Z^T (y - F theta) = 0 with bounds and priors; what the instruments do not tell stays at the table's value."""
+    table = [robot.parameters[name] for name in names]
+    default = np.array([p.value for p in table])
+    lower, upper = np.array([p.lower for p in table]), np.array([p.upper for p in table])
+    mean = np.array([p.prior[0] if p.prior else 0.0 for p in table])
+    prior = np.array([p.prior[1] ** -2.0 if p.prior else 0.0 for p in table])
+    n, kinds = len(names), len(noise)
+    held, bound = np.zeros(n, bool), np.zeros(n, bool)
+    theta, covariance = default.copy(), np.full((n, n), np.nan)
+    relevance, weakest, settled = 0.0, 0, False
+    table_of_rows = np.concatenate([found.regressors, found.instruments, found.targets[:, None]], axis=1)
+    table_of_rows = _without_starts(table_of_rows, found)
+    for _ in range(4 * n + 12):
+        columns = table_of_rows / noise[found.equation, None]
+        F, Z, y = columns[:, :n], columns[:, n : 2 * n], columns[:, -1]
+        scale = np.sqrt(np.sum(Z * Z, axis=0) + prior)
+        held |= scale == 0
+        free = np.flatnonzero(~held & ~bound)
+        stacked = np.concatenate([Z, np.diag(np.sqrt(prior))])[:, free] / np.where(scale > 0, scale, 1.0)[free]
+        if len(free):
+            R, order = pivoted_qr(stacked, mode="r", pivoting=True)[-2:]
+            diagonal = np.abs(np.diag(R))
+            follows = free[np.asarray(order)[: len(diagonal)][diagonal < _RANK]]
+            if len(follows):
+                held[follows] = True
+                continue
+        fixed = held | bound
+        s = scale[free]
+        matrix = (Z[:, free].T @ F[:, free] + np.diag(prior[free])) / np.outer(s, s)
+        right = (Z[:, free].T @ (y - F[:, fixed] @ theta[fixed]) + prior[free] * mean[free]) / s
+        if len(free) and (not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1.0 / _RANK**2):
+            held[free[np.argmin(np.abs(np.diag(matrix)))]] = True
+            continue
+        theta = theta.copy()
+        theta[free] = np.linalg.solve(matrix, right) / s if len(free) else theta[free]
+        outside = free[(theta[free] < lower[free]) | (theta[free] > upper[free])]
+        if len(outside):
+            theta[outside] = np.clip(theta[outside], lower[outside], upper[outside])
+            bound[outside] = True
+            continue
+        residual = y - F @ theta
+        before = noise
+        runs = [len(np.unique(found.run[found.equation == i])) for i in range(kinds)]
+        count = np.array([np.sum(found.equation == i) for i in range(kinds)])
+        squares = np.array([np.sum(residual[found.equation == i] ** 2) for i in range(kinds)])
+        freedom = np.maximum(count - runs - len(free) * count / max(count.sum(), 1), 1.0)
+        noise = np.where(squares > 0, noise * np.sqrt(squares / freedom), noise)
+        if not settled and np.max(np.abs(noise / before - 1.0)) > 0.02:
+            continue
+        covariance = np.full((n, n), np.nan)
+        if not len(free):
+            break
+        inverse = np.linalg.inv(matrix) / s[:, None]
+        spread = _covariance(found, Z[:, free] / s, residual, prior[free] / s**2, inverse, remembered, count - freedom)
+        covariance[np.ix_(free, free)] = spread
+        relevance, weakest = _relevance(F[:, free], Z[:, free])
+        weakest = int(free[weakest])
+        share = np.sqrt(np.diag(spread)) / known_size(theta, default, F, y)[free]
+        if share.max() <= USELESS:
+            break
+        # One at a time, and a bound that it may have pushed another to is tried anew.
+        held[free[np.argmax(share)]] = True
+        theta[held], bound[:], settled = default[held], False, True
+    status: list[Status] = [
+        "not_identifiable" if h else "at_bound" if b else "identified" for h, b in zip(held, bound, strict=True)
+    ]
+    return _Solved(theta, covariance, tuple(status), noise, relevance, weakest)
+
+
+def _simulated(robot: Robot, logs: LogSet) -> list[Array] | None:
+    outputs = simulate(robot, logs)
+    speeds = [np.nanmax(np.abs(log.outputs)) for log in logs]
+    fine = all(np.isfinite(y).all() and np.abs(y).max() <= 1e3 * most for y, most in zip(outputs, speeds, strict=True))
+    return outputs if fine else None
+
+
+def _followed(logs: LogSet, simulated: list[Array], moving: tuple[str, ...]) -> float:
+    """Share of the measured speeds' squares that the simulation explains, of the worst speed that moves."""
+    shares = []
+    for name in moving:
+        column = logs.channels.measured.index(name)
+        measured = np.concatenate([log.outputs[:, column] for log in logs])
+        seen = np.isfinite(measured)
+        error = (np.concatenate([y[:, column] for y in simulated]) - measured)[seen]
+        if seen.any():
+            shares.append(1.0 - float(error @ error) / float(measured[seen] @ measured[seen]))
+    return max(min(shares, default=0.0), 0.0)
+
+
+@in_float64
+def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None = None) -> Fit:
+    """Fit the free parameters of `robot` to `logs` by refined instrumental variables.
+
+    Needs what `integral_least_squares` needs: measured states, and parameters that enter the equations of motion
+    linearly. `start` is an estimate to begin from (integral least squares by default). Each pass simulates the last
+    one's model with the logs' inputs, takes its regressors as instruments for the measured ones, and solves; it ends
+    when the estimate moves by less than 0.02 standard errors.
+
+    Unbiased with noise in the regressors, as long as the simulation follows the motion: instruments that explain half
+    of the measured regressors or less are weak, and the result says so and is not converged. Standard errors hold for
+    coloured residuals (`score_covariance`). Status of a parameter as in `integral_least_squares`.
+
+    Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
+    one does not enter linearly.
+    """
+    logs = LogSet(logs)
+    names = robot.parameters.free_names
+    if not names:
+        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
+    check_linear(robot, logs)
+    start = integral_least_squares(robot, logs) if start is None else start
+    speeds = measured_speeds(robot)
+    rows = gather(robot, logs, speeds)
+    remembered = memory(rows)
+    moving = tuple(name for name, moved in zip(speeds, rows.moved.any(axis=0), strict=True) if moved)
+    theta = np.array([start.robot.parameters[name].value for name in names])
+    noise = np.array([start.noise.get(name) or 1.0 for name in speeds])
+    solved, found, simulated, converged, reason, passes = None, None, None, False, "", 0
+    for passes in range(1, _PASSES + 1):
+        simulated = _simulated(with_estimate(robot, names, theta), logs)
+        if simulated is None:
+            reason = f"the simulation with the estimate of pass {passes - 1} diverges, so that it gives no instruments"
+            break
+        # What slides depends on the estimate; in the end the same intervals must be used, or the passes never settle.
+        same = found.usable if found is not None and passes > _CHOSEN else None
+        found = refined_instruments(with_estimate(robot, names, theta), list(logs), simulated, speeds, theta, same)
+        if not len(found.targets):
+            raise LogError(
+                f"nowhere in the logs {', '.join(log.name for log in logs)} do the robot and its simulation both slide; "
+                "give logs with steady motion, or use output error."
+            )
+        solved = _solve(found, robot, names, noise, remembered)
+        noise, moved, theta = solved.noise, np.abs(solved.theta - theta), solved.theta
+        error = np.nan_to_num(np.sqrt(np.diag(solved.covariance)))
+        if np.all(moved <= np.maximum(_SETTLED * error, 1e-7 * np.abs(theta))):
+            converged, reason = True, f"settled in {passes} passes"
+            break
+    else:
+        reason = f"the estimate did not settle in {_PASSES} passes"
+    if solved is None or simulated is None:
+        # An estimate whose model runs away says nothing; the one it began from is at least that of a known method.
+        n, found = len(names), None
+        theta = np.array([start.robot.parameters[name].value for name in names])
+        solved = _Solved(theta, np.full((n, n), np.nan), ("not_identifiable",) * n, noise, 1.0, 0)
+        reason += "; the values are those of the start"
+    notes = []
+    if found is not None and simulated is not None:
+        solved = replace(solved, relevance=min(solved.relevance, _followed(logs, simulated, moving)))
+        notes.append(
+            f"The simulated motion explains {100 * solved.relevance:.0f} % of the measured speeds and regressors or more; "
+            f"{100 * found.dropped:.1f} % of the intervals were left out because something may have stood still or turned "
+            "round, or was not measured."
+        )
+        if solved.relevance <= _WEAK:
+            converged = False
+            reason = f"weak instruments: the simulated motion has too little to do with the measured one ({reason})"
+            notes.append(
+                f"The instruments are weak, most of all for {names[solved.weakest]}. Estimates and intervals are not to be "
+                "trusted; look for missing effects or a wrong channel, or excite the robot more."
+            )
+    for kind, text in (
+        ("not_identifiable", "not determined by these logs and kept at the table's value"),
+        ("at_bound", "at a bound of the table: the unbounded estimate lies outside"),
+    ):
+        some = [name for name, s in zip(names, solved.status, strict=True) if s == kind]
+        if some:
+            notes.append(f"{', '.join(some)}: {text}.")
+    identified = with_estimate(robot, names, solved.theta)
+    errors = np.sqrt(np.diag(solved.covariance))
+    own = {
+        name: Estimate.of(solved.theta[i], errors[i], robot.parameters[name].unit, solved.status[i])
+        for i, name in enumerate(names)
+    }
+    known = np.where(np.isfinite(solved.covariance), solved.covariance, 0.0)
+    return Fit(
+        method=METHOD,
+        robot=identified,
+        parameters=estimates_of(identified, own),
+        combinations=combinations(identified, identified.parameters.numbers, names, known),
+        free_names=names,
+        covariance=solved.covariance,
+        noise={name: float(solved.noise[i]) for i, name in enumerate(speeds)},
+        converged=converged,
+        reason=reason,
+        iterations=passes,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,167 @@
+"""Instrumental variables: unbiased where noise is in the regressors, with intervals that hold the truth; against a drive
+axis in closed form and the independent simulator."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Channels, Custom, Log, LogError, Omni, Parameter, ParameterError, instrumental_variables
+from jaxid.estimate.linear.integral_least_squares import integral_least_squares
+from reference.excitation import experiment
+from reference.logs import simulate_log
+from reference.omni import OMNI
+
+TRUTH = {"M": 1.0, "Fv": 2.0, "Fc": 0.5, "offset": 0.1}
+SAMPLES = 500
+
+
+def levels(seed):
+    return experiment("axis", "multilevel", SAMPLES, seed)[:, 0]
+
+
+@pytest.fixture(scope="module")
+def clean(axis_log):
+    return axis_log("clean", levels(3), **TRUTH)
+
+
+def measured(log, sigma, seed, colour=0.0):
+    rng = np.random.default_rng(seed)
+    noise = rng.normal(size=log.outputs.shape)
+    for k in range(1, len(noise)):
+        noise[k] = colour * noise[k - 1] + np.sqrt(1 - colour**2) * noise[k]
+    return Log.from_arrays(log.name, log.time, log.inputs, log.outputs + sigma * noise, log.channels)
+
+
+def repeated(estimator, log, sigma, colour=0.0):
+    fits = [estimator(Axis(), [measured(log, sigma, seed, colour)]) for seed in range(40)]
+    off = np.array([[fit[name].value - truth for name, truth in TRUTH.items()] for fit in fits])
+    errors = np.array([[fit[name].std_error for name in TRUTH] for fit in fits])
+    return fits, off, errors
+
+
+def test_without_noise_it_is_the_truth(clean):
+    fit = instrumental_variables(Axis(), [clean])
+    assert fit.converged and fit.method == "instrumental_variables"
+    for name, truth in TRUTH.items():
+        assert fit[name].value == pytest.approx(truth, rel=2e-3)
+        assert fit[name].status == "identified"
+    assert fit["gain"].status == "fixed"
+    assert fit.robot.parameters["M"].value == fit["M"].value
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.6])
+def test_unbiased_and_covered_where_the_regressors_are_noisy(clean, colour):
+    fits, off, errors = repeated(instrumental_variables, clean, 0.05, colour)
+    assert np.mean([fit.converged for fit in fits]) == 1.0
+    scatter = off.std(axis=0, ddof=1)
+    assert np.all(np.abs(off.mean(axis=0)) < 3.5 * scatter / np.sqrt(len(fits)))  # 3.5 standard errors of a mean
+    assert 0.88 <= np.mean(np.abs(off) <= 1.96 * errors) <= 0.99
+    assert max(fit.iterations for fit in fits) <= 8
+
+
+def first_order(a, b, h, sigma, seed):
+    """A log of dw/dt = -a w + b u, exact at the samples, with white noise on w; and its robot."""
+    robot = Custom(
+        dynamics=lambda s, u, p: {"w": -p["a"] * s["w"] + p["b"] * u["u"]},
+        state_names=("w",),
+        own_channels=Channels(inputs=("u",), outputs=("w",)),
+        table={name: Parameter(1.0, free=True) for name in "ab"},
+    )
+    u = np.repeat(np.random.default_rng(11).uniform(-1, 1, SAMPLES // 10), 10)
+    w, decay = np.zeros(SAMPLES), np.exp(-a * h)
+    for k in range(SAMPLES - 1):
+        w[k + 1] = decay * w[k] + (1 - decay) * b / a * u[k]
+    noisy = w + sigma * np.random.default_rng(seed).normal(size=SAMPLES)
+    return robot, Log.from_arrays("first order", h * np.arange(SAMPLES), u, noisy, robot)
+
+
+def test_least_squares_is_what_it_mends():
+    """A fast system, whose measured output is itself the regressor: least squares is off by a standard
+    deviation of one fit, which no longer record mends, instrumental variables by none."""
+    truth = np.array([8.0, 24.0])
+    fits = {"iv": [], "ls": []}
+    for seed in range(30):
+        robot, log = first_order(*truth, 0.02, 0.3, seed)
+        linear = integral_least_squares(robot, [log])
+        fits["ls"].append(linear)
+        fits["iv"].append(instrumental_variables(robot, [log], linear))
+    off = {key: np.array([[fit[n].value for n in "ab"] for fit in own]) - truth for key, own in fits.items()}
+    errors = np.array([[fit[n].std_error for n in "ab"] for fit in fits["iv"]])
+    bias = {key: values.mean(axis=0) / values.std(axis=0, ddof=1) for key, values in off.items()}
+    assert np.all(np.abs(bias["ls"]) > 0.7)
+    assert np.all(np.abs(bias["iv"]) < 3.5 / np.sqrt(30))
+    assert 0.85 <= np.mean(np.abs(off["iv"]) <= 1.96 * errors)
+
+
+def test_omni_against_the_independent_simulator():
+    rng = np.random.default_rng(4)
+    logs = []
+    for seed, kind in enumerate(("multilevel", "turning")):
+        frame = simulate_log(OMNI, experiment("omni", kind, SAMPLES, seed), 0.02)
+        outputs = frame[["V", "Vn", "W"]].to_numpy() + rng.normal(size=(len(frame), 3)) * [0.02, 0.02, 0.04]
+        logs.append(Log.from_arrays(kind, frame["t"], frame[list(Omni.channels.inputs)].to_numpy(), outputs, Omni()))
+    wrong = Omni().with_values(J=2.0, Bv=1.0, Bvn=1.0, Bw=2.0, Cv=10.0, Cvn=10.0, Cw=1.0)
+    fit = instrumental_variables(wrong, logs)
+    assert fit.converged
+    for name in fit.free_names:
+        assert abs(fit[name].value - OMNI.parameters[name]) < 3.5 * fit[name].std_error, name
+        assert fit[name].std_error < 0.5 * OMNI.parameters[name]
+    assert fit.noise["V"] == pytest.approx(0.02, rel=0.15) and fit.noise["W"] == pytest.approx(0.04, rel=0.15)
+
+
+@pytest.mark.parametrize("units", [(1e3, 1.0, 1.0), (1.0, 1e3, 1e-3)])
+def test_units_do_not_matter(clean, units):
+    second, metre, newton = units
+    one = measured(clean, 0.05, 1)
+    speed_and_position = np.array([metre / second, metre])
+    two = Log.from_arrays("two", second * one.time, newton * one.inputs, one.outputs * speed_and_position, one.channels)
+    scale = {"M": newton * second**2 / metre, "Fv": newton * second / metre, "Fc": newton, "offset": newton}
+    here, there = (instrumental_variables(Axis(), [log]) for log in (one, two))
+    for name, factor in scale.items():
+        assert there[name].value == pytest.approx(factor * here[name].value, abs=2e-2 * factor * here[name].std_error)
+        assert there[name].std_error == pytest.approx(factor * here[name].std_error, rel=1e-2)
+        assert there[name].status == here[name].status
+    assert there.converged == here.converged
+
+
+@pytest.mark.parametrize("seed", [8, 9, 5])
+def test_weak_instruments_are_recognised(axis_log, clean, seed):
+    """Inputs of another run: what is simulated has nothing to do with what was measured."""
+    other = axis_log("other", levels(seed), **TRUTH)
+    mixed = Log.from_arrays("mixed", clean.time, other.inputs, measured(clean, 0.05, 0).outputs, clean.channels)
+    fit = instrumental_variables(Axis(), [mixed])
+    assert not fit.converged
+    assert "weak" in fit.reason or "diverges" in fit.reason
+    if "weak" in fit.reason:
+        assert any("not to be trusted" in note for note in fit.notes)
+    else:
+        assert all(fit[name].status == "not_identifiable" for name in TRUTH)
+
+
+def test_a_simulation_that_diverges_is_said():
+    """dw/dt = a w + b u with a > 0 runs away from any error of its start."""
+    robot = Custom(
+        dynamics=lambda s, u, p: {"w": p["a"] * s["w"] + p["b"] * u["u"]},
+        state_names=("w",),
+        own_channels=Channels(inputs=("u",), outputs=("w",)),
+        table={name: Parameter(1.0, free=True) for name in "ab"},
+    )
+    rng, w, h = np.random.default_rng(0), np.zeros(SAMPLES), 0.02
+    u = np.zeros(SAMPLES)
+    grow = np.exp(3.0 * h)
+    for k in range(SAMPLES - 1):  # a controller holds it about zero
+        u[k] = -5.0 * w[k] + 20.0 * rng.normal()
+        w[k + 1] = grow * w[k] + (grow - 1) / 3.0 * u[k]
+    log = Log.from_arrays("held", h * np.arange(SAMPLES), u, w + 0.05 * rng.normal(size=SAMPLES), robot)
+    fit = instrumental_variables(robot, [log])
+    assert not fit.converged
+    assert "diverges" in fit.reason or "weak" in fit.reason or "settle" in fit.reason
+
+
+def test_bad_input(clean):
+    with pytest.raises(ParameterError, match="no parameter is free"):
+        instrumental_variables(Axis().with_parameters(Axis().parameters.with_free()), [clean])
+    with pytest.raises(ParameterError, match="not linear"):
+        instrumental_variables(Axis().change("gain", free=True).change("back_emf", free=True), [clean])
+    still = Log.from_arrays("still", clean.time, clean.inputs, np.zeros((SAMPLES, 2)), clean.channels)
+    with pytest.raises(LogError):
+        instrumental_variables(Axis(), [still])
