@@ -48,6 +48,7 @@ class Method(StrEnum):
     """Estimators by the name that they have in fit.json."""
 
     integral_least_squares = "integral_least_squares"
+    instrumental_variables = "instrumental_variables"
     output_error = "output_error"
     prediction_error = "prediction_error"
 
@@ -100,7 +101,7 @@ def fit(
             "--method",
             metavar="METHOD...",
             help="Estimators, each started from the one before (integral_least_squares output_error by default): "
-            "integral_least_squares, output_error, prediction_error (the motion is disturbed, too).",
+            "integral_least_squares, instrumental_variables, output_error, prediction_error (the motion is disturbed, too).",
         ),
     ] = None,
     loss: Annotated[

@@ -204,7 +204,7 @@ def in_regressors(fit: Fit, logs: LogSet, noise: Mapping[str, float]) -> str:
     )
 
 
-def judged_equations(fit: Fit, logs: LogSet) -> Fit:
+def judged_equations(fit: Fit, logs: LogSet, *, errors_in_variables: bool = True) -> Fit:
     """A linear fit with its judgement, by the scatter of its equations in units of the sensors' noise.
 
     `Fit.noise` is that of the speeds that the equations predict over their stretches; what more there is than the sensors
@@ -217,7 +217,7 @@ def judged_equations(fit: Fit, logs: LogSet) -> Fit:
     if pooled > _ABOVE:
         sentences.append(f"The equations are off by {_times(pooled)} times the noise that the sensors show (RMS).")
     verdict: Verdict = "poor" if pooled > POOR else "coloured" if pooled > _ABOVE else "sound"
-    better = in_regressors(fit, logs, noise)
+    better = in_regressors(fit, logs, noise) if errors_in_variables else ""
     judgement = Judgement(verdict, pooled, by_channel, None, tuple(sentences), better)
     return judged(replace(fit, standard_errors="scatter"), judgement)
 

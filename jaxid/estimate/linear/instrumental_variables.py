@@ -20,6 +20,7 @@ from ...logs import Log, LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.simulate import simulate
+from ..judge import judged_equations
 from ..result import Estimate, Fit, Status
 from ..uncertainty import combinations
 from .integral_least_squares import integral_least_squares
@@ -35,7 +36,7 @@ Array = NDArray[np.float64]
 METHOD = "instrumental_variables"
 _PASSES = 12
 _CHOSEN = 3
-"""Passes after which the intervals stay those of the last one."""
+"""Passes after which the simulated motion and the intervals stay those of the last one."""
 _SETTLED = 0.02
 """Standard errors that the estimate may still move by."""
 _RANK = 1e-7
@@ -116,9 +117,9 @@ def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Arra
         free = np.flatnonzero(~held & ~bound)
         stacked = np.concatenate([Z, np.diag(np.sqrt(prior))])[:, free] / np.where(scale > 0, scale, 1.0)[free]
         if len(free):
-            R, order = pivoted_qr(stacked, mode="r", pivoting=True)[-2:]
-            diagonal = np.abs(np.diag(R))
-            follows = free[np.asarray(order)[: len(diagonal)][diagonal < _RANK]]
+            order = np.asarray(pivoted_qr(stacked, mode="economic", pivoting=True)[-1], dtype=int)
+            diagonal = np.abs(np.diag(np.linalg.qr(stacked[:, order], mode="r")))
+            follows = free[order[: len(diagonal)][diagonal < _RANK]]
             if len(follows):
                 held[follows] = True
                 continue
@@ -210,17 +211,19 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
     speeds = measured_speeds(robot)
     rows = gather(robot, logs, speeds)
     remembered = memory(rows)
-    moving = tuple(name for name, moved in zip(speeds, rows.moved.any(axis=0), strict=True) if moved)
+    moving = tuple(name for i, name in enumerate(speeds) if rows.moved[:, i].any())
     theta = np.array([start.robot.parameters[name].value for name in names])
     noise = np.array([start.noise.get(name) or 1.0 for name in speeds])
     solved, found, simulated, converged, reason, passes = None, None, None, False, "", 0
     for passes in range(1, _PASSES + 1):
-        simulated = _simulated(with_estimate(robot, names, theta), logs)
+        # Instruments need not be those of the very last digits, and what slides where depends on the estimate in steps: in
+        # the end the same motion and the same intervals are used, or the passes never settle.
+        same = found if passes > _CHOSEN else None
+        if same is None:
+            simulated = _simulated(with_estimate(robot, names, theta), logs)
         if simulated is None:
             reason = f"the simulation with the estimate of pass {passes - 1} diverges, so that it gives no instruments"
             break
-        # What slides depends on the estimate; in the end the same intervals must be used, or the passes never settle.
-        same = found.usable if found is not None and passes > _CHOSEN else None
         found = refined_instruments(with_estimate(robot, names, theta), list(logs), simulated, speeds, theta, same)
         if not len(found.targets):
             raise LogError(
@@ -270,7 +273,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         for i, name in enumerate(names)
     }
     known = np.where(np.isfinite(solved.covariance), solved.covariance, 0.0)
-    return Fit(
+    fit = Fit(
         method=METHOD,
         robot=identified,
         parameters=estimates_of(identified, own),
@@ -283,3 +286,4 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         iterations=passes,
         notes=tuple(notes),
     )
+    return replace(judged_equations(fit, logs, errors_in_variables=False), standard_errors="robust")

@@ -4,7 +4,7 @@ Over one interval, measured speeds v = v_true + n give v(t_k+1) - v(t_k) - integ
 that is coloured by the robot's own dynamics a. Filtered with their inverse (x_(k+1) = a_k x_k + e_k, linearised along
 the simulated motion, speed by speed), the equation's error is n itself, white when the sensors' noise is: the prefilter
 of refined instrumental variables (Young, "Refined instrumental variable estimation", Automatica 52, 2015), for a robot.
-The unknown n at the start of every run of intervals is eliminated.
+The unknown n at the start of every run of intervals is eliminated. Friction takes the simulated motion's direction.
 """
 
 from dataclasses import dataclass, replace
@@ -30,7 +30,8 @@ class Instruments:
 
     `equation` [K]: index of the measured speed; `sample` [K]: place among the samples of all logs, whose log is
     `logs` [N]; `run` [K]: number of the run that the row belongs to, and `start` [K] what one unit of noise at its
-    start does here. `usable` [N, nv]: intervals that were used; `dropped`: share of those that were not.
+    start does here. `usable` [N, nv]: intervals that were used, `sliding`: directions of friction there;
+    `dropped`: share of intervals that were not used.
     """
 
     regressors: Array
@@ -42,6 +43,7 @@ class Instruments:
     logs: NDArray[np.int64]
     start: Array
     usable: NDArray[np.bool_]
+    sliding: Array
     dropped: float
 
 
@@ -81,25 +83,28 @@ def refined_instruments(
     simulated: list[Array],
     names: tuple[str, ...],
     theta: Array,
-    usable: NDArray[np.bool_] | None = None,
+    before: Instruments | None = None,
 ) -> Instruments:
     """Equations of the measured motion and instruments of the `simulated` one ([T, measured channels] by log), both
-    linearised about `theta`. Without `usable` [N, nv] intervals are used in which both motions slide."""
+    linearised about `theta`. Intervals are used in which both motions slide, or those of `before`."""
     rows = gather(robot, logs, names)
     twins = [replace(log, outputs=outputs) for log, outputs in zip(logs, simulated, strict=True)]
     other = gather(robot, twins, names)
     own = {name: np.where(rows.moved, getattr(other, name), 0.0) for name in ("speeds", "ahead")}
     other = replace(other, **own, moved=rows.moved)
-    _, _, impulse, slope, rubbing, shares = evaluate(robot, rows, names, "speed", theta)
-    _, _, _, instrument, rubbing_there, _, at_start, at_end = evaluate(robot, other, names, "speed", theta, slopes=True)
+    unknown = np.array(np.nan)
+    there = evaluate(robot, other, names, "speed", theta, unknown)
+    _, _, _, instrument, rubbing_there, _, at_start, at_end, sliding = there
+    sliding = sliding if before is None else before.sliding
+    # The noise of a light axis, such as a caster, turns its measured direction, which no instrument puts right.
+    _, _, impulse, slope, rubbing, shares, *_ = evaluate(robot, rows, names, "speed", theta, sliding)
     n, nv = len(theta), len(names)
     error = rows.ahead - rows.speeds - impulse + slope @ theta
     columns = np.concatenate([slope, instrument, error[:, :, None]], axis=2)
-    before, after = (np.diagonal(s, axis1=1, axis2=2) for s in (at_start, at_end))
-    columns, growth = columns / (1.0 - after)[:, :, None], (1.0 + before) / (1.0 - after)
-    if usable is None:
-        usable = _sliding(rubbing, rubbing_there, shares, rows)
-        usable &= np.isfinite(columns).all(axis=2) & np.isfinite(growth)
+    first, last = (np.diagonal(s, axis1=1, axis2=2) for s in (at_start, at_end))
+    columns, growth = columns / (1.0 - last)[:, :, None], (1.0 + first) / (1.0 - last)
+    usable = _sliding(rubbing, rubbing_there, shares, rows) if before is None else before.usable
+    usable = usable & np.isfinite(columns).all(axis=2) & np.isfinite(growth)
 
     parts, count = [], 0
     for i in range(nv):
@@ -120,5 +125,6 @@ def refined_instruments(
         logs=rows.log,
         start=start,
         usable=usable,
+        sliding=sliding,
         dropped=1.0 - float(np.mean(used)) if len(used) else 1.0,
     )

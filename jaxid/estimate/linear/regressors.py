@@ -82,9 +82,10 @@ def _mass_times(robot: Robot, names: tuple[str, ...], state, inputs, p):
 def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numbers, theta, rows):
     """Per sample: P, dP/dtheta; per interval: impulse, d(impulse)/dtheta; rubbing speeds; the friction axes' shares.
 
-    With `slopes` also d(impulse)/d(speeds at the interval's start) and at its end.
+    With `slopes` also d(impulse)/d(speeds at the interval's start) and at its end, and the directions of sliding
+    [intervals, substeps, axes]; `rows` then has those to take at its end, NaN for the rows' own.
     """
-    dt, inputs, speeds, ahead, first, start, moved = rows
+    dt, inputs, speeds, ahead, first, start, moved, *prescribed = rows
     p0 = {**numbers, **dict(zip(free, theta, strict=True))}
     h = dt / substeps
     zero_dry = (0.0,) * len(robot.rubbing({**dict.fromkeys(robot.states, 0.0)}, p0))
@@ -154,7 +155,7 @@ def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numb
         levels = robot.coulomb(state, p)
         return tuple(jnp.where(s > 0, f, b) * s for s, (b, f) in zip(signs, levels, strict=True))
 
-    def interval(places, u, v, w, bend, step):
+    def interval(places, u, v, w, bend, step, *prescribed):
         u = tuple(u)
 
         def rub(j):
@@ -165,6 +166,7 @@ def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numb
         # Mean of sgn over a speed that runs linearly from one edge to the next, through zero or not.
         a, b = edges[:-1], edges[1:]
         signs = (a + b) / jnp.maximum(jnp.abs(a) + jnp.abs(b), 1e-300)
+        signs = jnp.where(jnp.isnan(prescribed[0]), signs, prescribed[0]) if slopes else signs
         shares = (2 * jnp.arange(substeps) + 1) / (2 * substeps)
 
         def impulse(x, v=v, w=w):
@@ -181,6 +183,7 @@ def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numb
         levels = jnp.array([0.0, *(0.5 * (b + f) for b, f in robot.coulomb(here, p0))])[1:]
         # What an error of the speeds at either end does to the impulse; needed where that error is to be filtered out.
         of_speeds = jax.jacfwd(lambda v, w: impulse(theta, v, w), argnums=(0, 1))(v, w) if slopes else ()
+        directions = (signs,) if slopes else ()
         return (
             momentum(here, u, p0),
             jax.jacfwd(lambda x: momentum(here, u, numbers_with(x)))(theta),
@@ -189,9 +192,10 @@ def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numb
             edges[0],
             jnp.abs(both) * levels,
             *of_speeds,
+            *directions,
         )
 
-    return jax.vmap(interval)(nodes, inputs, speeds, ahead, bends, h)
+    return jax.vmap(interval)(nodes, inputs, speeds, ahead, bends, h, *prescribed)
 
 
 def _has_mass_matrix(robot: Robot, names: tuple[str, ...]) -> bool:
@@ -290,11 +294,18 @@ def _stretches(
 
 
 def evaluate(
-    robot: Robot, rows: Rows, names: tuple[str, ...], form: Form, theta: Array, slopes: bool = False
+    robot: Robot, rows: Rows, names: tuple[str, ...], form: Form, theta: Array, sliding: Array | None = None
 ) -> list[Array]:
-    """`_integrals` of the rows, which are padded so that logs of similar length share a compiled program."""
+    """`_integrals` of the rows, which are padded so that logs of similar length share a compiled program.
+
+    With `sliding`, directions of sliding to take (NaN: the rows' own), there are slopes and these directions as well.
+    """
     N = len(rows.dt)
     arrays = (rows.dt, rows.inputs, rows.speeds, rows.ahead, rows.first, rows.start, rows.moved)
+    slopes = sliding is not None
+    if sliding is not None:
+        axes = len(robot.rubbing(robot.initial_state(), robot.parameters.numbers))
+        arrays += (np.broadcast_to(sliding, (N, _SUBSTEPS, axes)),)
     arrays = tuple(np.concatenate([x, np.repeat(x[-1:], -N % _PAD, axis=0)]) for x in arrays)
     free, numbers = robot.parameters.free_names, robot.parameters.numbers
     positions, mass = positions_of(robot, names), _has_mass_matrix(robot, names)
