@@ -36,7 +36,7 @@ class DeadZone(Effect):
     formula: ClassVar[str] = "u' = u - clip(u, -threshold, threshold)"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "threshold", input_unit(robot), 0.05 * robot.scales.input)
+        return positive(self, "threshold", input_unit(robot), 0.03 * robot.scales.input)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         threshold = p[self.key("threshold")]
@@ -52,7 +52,7 @@ class VoltageSaturation(Effect):
     formula: ClassVar[str] = "u' = clip(u, -limit, limit), limit = 1 / inverse_limit"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "inverse_limit", f"1/{input_unit(robot)}", 0.6 / robot.scales.input)
+        return positive(self, "inverse_limit", f"1/{input_unit(robot)}", 1.0 / robot.scales.input)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         limited = inputs / jnp.maximum(1.0, jnp.abs(inputs) * p[self.key("inverse_limit")])
@@ -181,7 +181,7 @@ class MotorHeating(Effect):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         scales, winding = robot.scales, robot.parameters[robot.winding].value
         energy = scales.input**2 / winding * scales.duration
-        return positive(self, "coefficient", "1/J", 0.1 / energy)
+        return positive(self, "coefficient", "1/J", 0.3 / energy)
 
     def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: Robot) -> Path:
         # A resistance higher by a factor f passes the current of a voltage lowered to emf + (u - emf) / f.

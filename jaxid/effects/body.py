@@ -24,7 +24,7 @@ class GroundSlope(Effect):
     needs: ClassVar[tuple[str, ...]] = ("pose", "weight")
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        typical = 0.08 * robot.scales.acceleration / GRAVITY
+        typical = 0.03 * robot.scales.acceleration / GRAVITY
         return signed(self, "slope_x", "rad", typical) | signed(self, "slope_y", "rad", typical)
 
     def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
@@ -44,7 +44,7 @@ class QuadraticDrag(Effect):
     needs: ClassVar[tuple[str, ...]] = ("translation",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "coefficient", drag_unit(robot), 0.01 * robot.scales.force / robot.scales.speed**2)
+        return signed(self, "coefficient", drag_unit(robot), 0.025 * robot.scales.force / robot.scales.speed**2)
 
     def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
         linear = robot.translations

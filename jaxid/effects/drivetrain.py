@@ -29,9 +29,9 @@ class StribeckFriction(_OnDriveAxes):
     finer: ClassVar[float] = 2.0  # friction falls off within a step or two of starting to slide
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        typical = 0.05 * robot.scales.friction
+        typical = 0.02 * robot.scales.friction
         return positive(self, "amplitude", robot.friction_unit, typical) | shape(
-            self, "speed", robot.rim_unit, 0.1 * robot.scales.speed
+            self, "speed", robot.rim_unit, 0.05 * robot.scales.speed
         )
 
     def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: Robot) -> Levels:
@@ -95,7 +95,7 @@ class SublinearViscousFriction(_OnDriveAxes):
     formula: ClassVar[str] = "F = B s (|s| / reference)^-deficit"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        reference = shape(self, "reference", robot.rim_unit, robot.scales.speed, free=False)
+        reference = shape(self, "reference", robot.rim_unit, 0.5 * robot.scales.speed, free=False)
         return signed(self, "deficit", "", 0.1) | reference
 
     def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers, robot: Robot) -> Path:
@@ -118,7 +118,7 @@ class CoggingTorque(_OnDriveAxes):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
-        unit, typical = robot.torque_unit, 0.035 * robot.scales.torque
+        unit, typical = robot.torque_unit, 0.02 * robot.scales.torque
         for angle in robot.angles:
             found |= signed(self, f"sine_{angle}", unit, typical) | signed(self, f"cosine_{angle}", unit, typical)
         return found | shape(self, "periods", f"1/{robot.angle_unit}", 6.0 / robot.scales.angle)

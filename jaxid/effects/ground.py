@@ -31,7 +31,7 @@ class TractionLimit(Effect):
     formula: ClassVar[str] = "f' = clip(f, -limit, limit), limit = 1 / inverse_limit"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "inverse_limit", f"1/{robot.ground_force_unit}", 0.7 / robot.scales.force)
+        return positive(self, "inverse_limit", f"1/{robot.ground_force_unit}", 1.1 / robot.scales.force)
 
     def torque(self, torques: Path, state: State, p: Numbers, robot: Robot) -> Path:
         forces = robot.drive_forces(torques, p)
@@ -68,8 +68,8 @@ class SurfaceChange(Effect):
             signed(self, "coulomb", "", 0.3)
             | signed(self, "viscous", "", 0.3)
             | signed(self, "angle", "rad", 1.0)
-            | signed(self, "offset", "m", scales.length)
-            | shape(self, "width", "m", 0.5 * scales.speed * scales.interval, free=False)
+            | signed(self, "offset", "m", 0.15 * scales.length)
+            | shape(self, "width", "m", 0.25 * scales.speed * scales.interval, free=False)
         )
 
     def _beyond(self, state: State, p: Numbers):

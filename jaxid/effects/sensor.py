@@ -43,7 +43,7 @@ class SensorBias(_OnOutputs):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
         for name in robot.channels.outputs:
-            found |= signed(self, f"bias_{name}", robot.channels.units.get(name, ""), 0.04 * robot.scales.output(name))
+            found |= signed(self, f"bias_{name}", robot.channels.units.get(name, ""), 0.02 * robot.scales.output(name))
         return found
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):

@@ -8,14 +8,13 @@ robot did in all logs of the set together: `fastest` is the speed that a drive a
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .._float64 import in_float64
 from ..logs import Log, LogSet, noise_level
 from ..robots.robot import Robot
 from ..simulation.reckoning import measured_velocities, reckoned
+from ..simulation.scaled import axis_map
 
 Mask = NDArray[np.bool_]
 Signal = NDArray[np.float64]
@@ -223,22 +222,6 @@ def _speeds(robot: Robot, log: Log) -> dict[str, Signal]:
     return {name: _averaged(values, window) for name, values in found.items()}
 
 
-@in_float64
-def _axis_map(robot: Robot, names: tuple[str, ...]) -> NDArray[np.float64]:
-    """Matrix [velocities, axes] from the velocities to the drive axes' speeds at the rim, which are linear in them.
-
-    The velocities themselves where a robot names no drive axes.
-    """
-    unit = np.eye(len(names))
-    if not robot.drive_axes:
-        return unit
-    state = {name: jnp.zeros(len(names)) for name in robot.states}
-    state |= {name: jnp.asarray(unit[i]) for i, name in enumerate(names)}
-    p = robot.parameters.numbers
-    rims = robot.rim_speeds(robot.rubbing(state, p), p)
-    return np.stack([np.asarray(rims[i]) for i in robot.drive_axes], axis=1)
-
-
 def _axis_names(robot: Robot, axes: Signal) -> tuple[str, ...]:
     """Names of the axes where the robot tells them apart in words; a Pioneer's two wheels are alike."""
     return robot.axis_words if axes.shape[1] == len(robot.axis_words) else ()
@@ -260,7 +243,7 @@ def motions(robot: Robot, logs: LogSet) -> tuple[Motion, ...]:
     noise = noise_level(logs)
     speeds = [_speeds(robot, log) for log in logs]
     names = list(speeds[0])
-    to_axes = _axis_map(robot, tuple(names))
+    to_axes = axis_map(robot, names)
     axes = [np.stack([own[name] for name in names], axis=1) @ to_axes for own in speeds]
     fastest = _fastest(axes)
     # What is left of the noise on an axis after the mean over time.

@@ -14,6 +14,7 @@ import numpy as np
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from ..robots.scales import Scales
 from .conditions import motions
 
 
@@ -45,21 +46,31 @@ def _lines(robot: Robot, logs: LogSet) -> list[dict[str, float]]:
     return lines
 
 
-_TIMES = (0.01, 0.03, 0.08)
+_SHARES = (0.09, 0.14, 0.21, 0.3, 0.43, 0.6, 0.86, 1.2)
+"""Limits of traction that are tried, in shares of the drive force at the largest input."""
 _PERIODS = (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24)
+"""Periods of a ripple in a turn of the wheel over 2 pi."""
+_CYCLES = tuple(range(2, 61))
+"""The same along a line, in cycles over the driven way."""
+
+
+def _times(scales: Scales) -> tuple[float, ...]:
+    """Delays and time constants that are tried: from half a sample to what the robot's own time constant would hide."""
+    first, last = 0.5 * scales.interval, max(0.4 * scales.time, 4.0 * scales.interval)
+    return first, float(np.sqrt(first * last)), last
 
 
 def groups(effect: Effect, robot: Robot, logs: LogSet) -> list[Group]:
     """The probes of one effect on `robot` (which already carries it), for these logs."""
     own = [name for name in robot.parameters if name.startswith(f"{effect.id}.")] + list(effect.frees(robot))
     typical = {name: robot.parameters[name].typical or 1.0 for name in own}
-    key = effect.key
+    key, scales, times = effect.key, robot.scales, _times(robot.scales)
     one_by_one: dict[str, tuple[str, tuple[float, ...]]] = {
         "actuator_dead_zone": ("threshold", tuple(s * _largest(logs) for s in (0.01, 0.03, 0.08, 0.2, 0.4))),
-        "motor_lag": ("time_constant", _TIMES),
-        "input_delay": ("delay", _TIMES),
-        "sensor_lag": ("time_constant", _TIMES),
-        "sensor_delay": ("delay", _TIMES),
+        "motor_lag": ("time_constant", times),
+        "input_delay": ("delay", times),
+        "sensor_lag": ("time_constant", times),
+        "sensor_delay": ("delay", times),
     }
     if effect.id in one_by_one:
         name, values = one_by_one[effect.id]
@@ -68,17 +79,17 @@ def groups(effect: Effect, robot: Robot, logs: LogSet) -> list[Group]:
         largest, shares = _largest(logs), (0.98, 0.93, 0.85, 0.7, 0.55)
         return [Group(effect, {}, {key("inverse_limit"): 1 / (s * largest)}, largest) for s in shares]
     if effect.id == "traction_limit":
-        forces = (5.0, 8.0, 12.0, 17.0, 24.0, 34.0, 48.0, 68.0)
+        forces = [share * scales.force for share in _SHARES]
         return [Group(effect, {}, {key("inverse_limit"): 1 / force}, 1.2 * force) for force in forces]
     if effect.id == "stribeck_friction":
         return [
             Group(effect, {key("speed"): speed}, {key("amplitude"): typical[key("amplitude")]})
-            for speed in (0.02, 0.05, 0.12)
+            for speed in (0.02 * scales.speed, 0.05 * scales.speed, 0.12 * scales.speed)
         ]
     if effect.id == "cogging_torque":
         strengths = {name: typical[name] for name in own if not name.endswith("periods")}
-        scale = 1.0 if robot.name != "axis" else 2 * np.pi
-        return [Group(effect, {key("periods"): n * scale}, strengths) for n in _PERIODS]
+        counts = _PERIODS if robot.angle_unit == "rad" else _CYCLES
+        return [Group(effect, {key("periods"): n / scales.angle}, strengths) for n in counts]
     if effect.id == "surface_change":
         strengths = {key("coulomb"): 0.3, key("viscous"): 0.3}
         return [Group(effect, {key(n): v for n, v in line.items()}, strengths) for line in _lines(robot, logs)]

@@ -10,6 +10,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from ..simulation.scaled import scaled_to
 from .heldout import HeldOut, held_out
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
@@ -269,6 +270,7 @@ def search(
 ) -> Search:
     """Add effects to a fitted model as long as they explain something. `effects` are further candidates."""
     noise = noise_scale(check, otherwise=logs)
+    fit = replace(fit, robot=scaled_to(fit.robot, logs))
     state = held_out(fit.robot, check, noise)
     if state.adequate:
         return Search(state, state, None, (), ())

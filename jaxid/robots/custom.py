@@ -288,7 +288,11 @@ class Custom(Robot):
 
     def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
         """The drive torques as the user gives them; what effects change of them is all that `motion` uses."""
-        if not self._acts("torque"):
+        return self.drive_torques(volts, state, p) if self._acts("torque") else ()
+
+    def drive_torques(self, inputs: Path, state: State, p: Numbers) -> Path:
+        volts = inputs
+        if "torque" not in self.stages:
             return ()
         given, own = self._inputs(volts), self._own(state)
         found = (self.axes[i][1].torque for i in self.drive_axes)

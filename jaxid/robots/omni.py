@@ -60,7 +60,7 @@ class Omni(Robot):
     winding: ClassVar[str] = "Ra"
     supply_voltage: ClassVar[str] = "supply"
     nominal: ClassVar[Scales] = Scales(
-        input=8.0, speed=0.5, torque=4.0, friction=160.0, force=80.0, time=0.2, acceleration=3.0
+        input=12.0, speed=1.0, torque=6.0, friction=240.0, force=118.0, time=0.14, acceleration=6.0
     )
     mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {

@@ -81,8 +81,9 @@ class Pioneer(Robot):
     in_plane: ClassVar[bool] = True
     winding: ClassVar[str] = "Ra"
     supply_voltage: ClassVar[float] = 12.0
+    steps_per_time_constant: ClassVar[float] = 19.0  # the caster turns faster than the speeds change
     nominal: ClassVar[Scales] = Scales(
-        input=6.0, speed=0.5, torque=2.8, friction=2.8, force=34.0, time=0.2, acceleration=2.5
+        input=10.0, speed=1.0, torque=4.7, friction=5.0, force=56.0, time=0.19, acceleration=6.0
     )
     mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {"lateral_com_offset": ("xm",), "wheel_radius_mismatch": ("radius_mismatch",)}

@@ -98,8 +98,10 @@ class Robot:
     prior_spreads: ClassVar[Mapping[str, float]] = MappingProxyType({})
     """Prior standard deviations of initial states that no sensor shows, such as a caster's angle [rad], about their usual
     value, by state."""
-    max_step: ClassVar[float] = 0.01
-    """Longest integration step [s] for which the default integrator's error stays below usual sensor noise."""
+    steps_per_time_constant: ClassVar[float] = 13.0
+    """Integration steps in the shortest time constant for which the integrator's error stays below usual sensor noise."""
+    max_step: ClassVar[float | None] = None
+    """Longest integration step in the logs' unit of time, where the robot's time constants do not say it."""
 
     def __post_init__(self) -> None:
         if self.parameters is None:
@@ -230,6 +232,11 @@ class Robot:
     def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
         """Time derivative of every state under the given inputs and dry-friction torques (positive resists positive speed)."""
         return signal_path.rates(self, state, inputs, dry, p)
+
+    def drive_torques(self, inputs: Path, state: State, p: Numbers) -> Path:
+        """Drive torques at these inputs, effects apart."""
+        volts = self.driver(inputs, state, p)
+        return self.gear(self.motor(volts, state, p), volts, state, p) if "torque" in self.traits else ()
 
     def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
         """The Delassus matrix: -d(rubbing acceleration i) / d(dry-friction torque j), positive semidefinite."""

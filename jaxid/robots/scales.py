@@ -5,7 +5,16 @@ these, so that they do not depend on the units in which somebody logs.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .._float64 import in_float64
+
+if TYPE_CHECKING:
+    from .robot import Robot
 
 
 @dataclass(frozen=True)
@@ -15,19 +24,47 @@ class Scales:
     `time` constant; `acceleration`, speed over time constant; `interval` between samples and `duration` of a log; `length`
     of the driven path; `angle` through which one period of a ripple may go; `outputs`: amplitude by channel."""
 
-    input: float = 1.0
-    speed: float = 0.5
-    torque: float = 10.0
-    force: float = 10.0
-    friction: float = 20.0
+    input: float = 10.0
+    speed: float = 1.0
+    torque: float = 25.0
+    force: float = 50.0
+    friction: float = 50.0
     time: float = 0.2
-    acceleration: float = 2.5
+    acceleration: float = 6.0
     interval: float = 0.02
     duration: float = 20.0
-    length: float = 1.0
+    length: float = 7.0
     angle: float = 1.0
     outputs: Mapping[str, float] = field(default_factory=dict)
 
     def output(self, channel: str) -> float:
         """Amplitude of an output."""
         return self.outputs.get(channel, self.speed)
+
+
+_STEP = 1e-6
+"""Step of the central differences; at rest the rates are all but linear."""
+
+
+@lru_cache(512)
+@in_float64
+def time_constant(robot: "Robot") -> float:
+    """The shortest time constant of the robot's own motion at rest, without dry friction and without its effects.
+
+    One over the largest magnitude among the eigenvalues of its linearised rates; infinite for what only coasts.
+    """
+    bare = replace(robot, effects=())
+    p, names, rest = bare.parameters.numbers, bare.own_states, bare.initial_state()
+    idle = (0.0,) * len(bare.channels.inputs)
+    dry = (0.0,) * len(bare.rubbing(rest, p))
+
+    def rates(name: str, step: float) -> np.ndarray:
+        found = bare.rates({**rest, name: rest[name] + step}, idle, dry, p)
+        return np.array([float(np.asarray(found[n])) for n in names])
+
+    with np.errstate(all="ignore"):
+        matrix = np.stack([(rates(n, _STEP) - rates(n, -_STEP)) / (2 * _STEP) for n in names], axis=1)
+    if not np.all(np.isfinite(matrix)):
+        return float("inf")
+    fastest = float(np.max(np.abs(np.linalg.eigvals(matrix)), initial=0.0))
+    return 1.0 / fastest if fastest > 0 else float("inf")

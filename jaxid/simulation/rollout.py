@@ -16,9 +16,15 @@ from jaxtyping import Array, Float
 
 from ..robots.effect import Numbers, Path, State
 from ..robots.robot import Robot
+from ..robots.scales import time_constant
 from ..robots.signal_path import overrides, passed
 from .friction import DryFriction, Sticking
 from .machine_rollout import machine_rollout
+
+_RESOLVED = 0.015
+"""Sampling interval in time constants up to which one step a sample does."""
+_MOST_STEPS = 40
+"""Steps a sample beyond which only stability counts."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +36,22 @@ class Integrator:
 
     @staticmethod
     def suited(robot: Robot, sampling_interval: float, friction: DryFriction | None = None) -> "Integrator":
-        """The integrator whose steps are no longer than the robot's `max_step`, or shorter where an effect asks for it or a
-        fit found that they must be (`longest_step`)."""
-        longest = robot.max_step / max((effect.finer for effect in robot.effects), default=1.0)
-        longest = min(longest, robot.longest_step)
-        substeps = max(1, math.ceil(sampling_interval / longest - 1e-6))
-        return Integrator(substeps, friction or Sticking())
+        """The integrator whose steps suit the robot's time constants (`steps_per_time_constant`, or its own `max_step`), or
+        shorter ones where an effect asks for it or a fit found that they must be (`longest_step`).
+
+        One step a sample where samples are a hundredth of the time constant apart or less, else at least two: a step
+        through a reversal is of second order. Stiff states (a filter far faster than the samples) get no more steps
+        than make the integrator stable.
+        """
+        if robot.max_step is not None:
+            steps = math.ceil(sampling_interval / robot.max_step - 1e-6)
+        else:
+            share = sampling_interval / time_constant(robot)
+            steps = max(math.ceil(share * robot.steps_per_time_constant - 1e-6), 2 if share > _RESOLVED else 1)
+            steps = min(steps, max(_MOST_STEPS, math.ceil(share)))
+        finer = max((effect.finer for effect in robot.effects), default=1.0)
+        found = math.ceil(sampling_interval / robot.longest_step - 1e-6)
+        return Integrator(max(1, found, math.ceil(finer * steps - 1e-6)), friction or Sticking())
 
 
 def _plus(state: State, h, rates: State) -> State:

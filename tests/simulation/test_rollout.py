@@ -121,5 +121,12 @@ def test_pose_and_wheel_angles_ride_along_without_changing_the_speeds():
 
 
 def test_the_suited_integrator_steps_no_longer_than_the_robot_allows():
-    for interval, substeps in ((0.02, 2), (0.021, 3), (0.005, 1), (0.001, 1), (0.1, 10)):
+    for interval, substeps in ((0.02, 2), (0.021, 3), (0.005, 2), (0.001, 1), (0.1, 10)):
         assert Integrator.suited(Pioneer(), interval) == Integrator(substeps, Sticking())
+
+
+def test_integration_steps_do_not_depend_on_the_unit_of_time():
+    for unit in (1e-3, 1.0, 1e3):
+        robot = Axis().with_values(M=1.3, Fv=2.6 / unit)  # a time constant of half a second
+        for interval, substeps in ((0.02, 2), (0.1, 3), (0.005, 1)):
+            assert Integrator.suited(robot, interval * unit).substeps == substeps

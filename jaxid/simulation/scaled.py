@@ -1,0 +1,124 @@
+"""A robot with the orders of magnitude of its logs, so that first guesses of effects do not depend on anybody's units."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._float64 import in_float64
+from ..logs import Log, LogSet
+from ..robots.robot import Robot
+from ..robots.scales import Scales, time_constant
+from .reckoning import measured_velocities, reckoned
+
+_FASTEST = 0.95
+"""Quantile of a speed that counts as its largest."""
+
+
+def _level(values: Sequence[NDArray[np.float64]], otherwise: float) -> float:
+    """What the magnitudes exceed in 5 % of the samples; `otherwise` where there is nothing to see."""
+    pooled = np.abs(np.concatenate([v[np.isfinite(v)] for v in values])) if values else np.empty(0)
+    found = float(np.quantile(pooled, _FASTEST)) if pooled.size else 0.0
+    return found if found > 0 else otherwise
+
+
+@in_float64
+def axis_map(robot: Robot, names: Sequence[str]) -> NDArray[np.float64]:
+    """Matrix [velocities, drive axes] from the velocities to the drive axes' speeds at the rim, which are linear in them.
+
+    The velocities themselves where a robot names no drive axes.
+    """
+    unit = np.eye(len(names))
+    if not robot.drive_axes:
+        return unit
+    p, rest = robot.parameters.numbers, robot.initial_state()
+    columns = []
+    for i in range(len(names)):
+        state = {**rest, **dict(zip(names, unit[i].tolist(), strict=True))}
+        rims = robot.rim_speeds(robot.rubbing(state, p), p)
+        columns.append([float(np.asarray(rims[k])) for k in robot.drive_axes])
+    return np.array(columns)
+
+
+def _rims(robot: Robot, speeds: list[dict[str, NDArray[np.float64]]]) -> list[NDArray[np.float64]]:
+    """Speeds of the drive axes at the rim, one array a log."""
+    names = list(speeds[0])
+    to_axes = axis_map(robot, names)
+    return [np.nan_to_num(np.stack([own[name] for name in names], axis=1)) @ to_axes for own in speeds]
+
+
+@in_float64
+def _efforts(robot: Robot, largest: float) -> tuple[float, float, float]:
+    """Drive torque of a wheel, force at the ground, and friction that would hold a drive axis, at the largest input."""
+    p, rest = robot.parameters.numbers, robot.initial_state()
+    bare = replace(robot, effects=())
+    count = len(bare.channels.inputs)
+    full = tuple(largest if i in bare.drive_inputs else 0.0 for i in range(count))
+    torques = bare.drive_torques(full, rest, p)
+    torque = max((abs(float(np.asarray(t))) for t in torques), default=0.0)
+    forces = bare.drive_forces(torques, p) if torques else ()
+    force = max((abs(float(np.asarray(f))) for f in forces), default=0.0)
+    if not bare.drive_axes:
+        return torque, force, 0.0
+    axis = bare.drive_axes[0]
+    none = (0.0,) * len(bare.rubbing(rest, p))
+
+    def pulled(inputs: tuple[float, ...]) -> float:
+        rates = {name: np.float64(rate) for name, rate in bare.rates(rest, inputs, none, p).items()}
+        return float(np.asarray(bare.rubbing_rates({n: np.float64(v) for n, v in rest.items()}, rates, p)[axis]))
+
+    idle = pulled((0.0,) * count)
+    each = (pulled(tuple(u if i == j else 0.0 for i, u in enumerate(full))) - idle for j in range(count))
+    own = float(np.asarray(bare.compliance(rest, p)[axis][axis]))
+    return torque, force, sum(map(abs, each)) / own if own > 0 else 0.0
+
+
+def scales_of(robot: Robot, logs: LogSet) -> Scales:
+    """Orders of magnitude of what `robot`, at its parameters, does in `logs`."""
+    largest = max(float(np.max(np.abs(log.inputs[:, list(robot.drive_inputs)]))) for log in logs) or 1.0
+    interval = float(np.median([log.sampling_interval for log in logs]))
+    duration = float(np.median([log.duration for log in logs]))
+    measured = {n: _level([log.output(n) for log in logs], 0.0) for n in robot.channels.outputs}
+    outputs = {name: level or max(measured.values()) or 1.0 for name, level in measured.items()}
+    velocities = [measured_velocities(robot, log) for log in logs]
+    speed = _level([rim.ravel() for rim in _rims(robot, velocities)], max(outputs.values()))
+    time = time_constant(robot)
+    time = min(max(time, 2.0 * interval), 0.1 * duration)
+    torque, force, friction = _efforts(robot, largest)
+    friction = friction or force or speed / time
+    return Scales(
+        input=largest,
+        speed=speed,
+        torque=torque or friction,
+        force=force or friction,
+        friction=friction,
+        time=time,
+        acceleration=speed / time,
+        interval=interval,
+        duration=duration,
+        length=_length(robot, logs, velocities) or speed * time,
+        angle=1.0 if robot.angle_unit == "rad" else (_length(robot, logs, velocities) or speed * time) / (2 * np.pi),
+        outputs=outputs,
+    )
+
+
+def _length(robot: Robot, logs: Sequence[Log], velocities) -> float:
+    """The largest extent of a driven path; 0 for a robot of which it is not known."""
+    extents = []
+    for log, own in zip(logs, velocities, strict=True):
+        known = {name: np.nan_to_num(values) for name, values in own.items()}
+        path = reckoned(robot, known, np.diff(log.time))[1]
+        extents += [float(np.max(np.ptp(path, axis=0)))] if path is not None else []
+    return max(extents, default=0.0)
+
+
+def scaled_to(robot: Robot, logs: LogSet) -> Robot:
+    """The robot with the scales of its logs; what its effects expect of their parameters follows them."""
+    robot = replace(robot, scales=scales_of(robot, logs))
+    table = robot.parameters
+    for effect in robot.effects:
+        for name, parameter in effect.parameters(robot).items():
+            if name in table and parameter.typical is not None:
+                table = table.change(name, typical=parameter.typical)
+    return robot.with_parameters(table)
