@@ -77,8 +77,12 @@ class ClosedLoop(Robot):
         return f"{self.plant.name} in closed loop"
 
     @property
-    def max_step(self) -> float:  # type: ignore[override]
+    def max_step(self) -> float | None:  # type: ignore[override]
         return self.plant.max_step
+
+    @property
+    def steps_per_time_constant(self) -> float:  # type: ignore[override]
+        return self.plant.steps_per_time_constant
 
     @property
     def combinations(self) -> dict[str, Any]:  # type: ignore[override]

@@ -119,6 +119,11 @@ class Robot:
         return self
 
     @property
+    def alone(self) -> "Robot":
+        """The plant, where a controller drives it."""
+        return self
+
+    @property
     def translations(self) -> tuple[str, ...]:
         """The velocities that are not the yaw rate."""
         return tuple(name for name in self.velocities if name != self.turning)

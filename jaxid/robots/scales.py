@@ -53,7 +53,7 @@ def time_constant(robot: "Robot") -> float:
 
     One over the largest magnitude among the eigenvalues of its linearised rates; infinite for what only coasts.
     """
-    bare = replace(robot, effects=())
+    bare = replace(robot.alone, effects=())
     p, names, rest = bare.parameters.numbers, bare.own_states, bare.initial_state()
     idle = (0.0,) * len(bare.channels.inputs)
     dry = (0.0,) * len(bare.rubbing(rest, p))
