@@ -11,6 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from ..robots import Robot
+    from ..robots.closed_loop import Controller, Law
 
 
 class UnusableInput(ValueError):
@@ -78,13 +79,13 @@ def _import(module: str, spec: str) -> object:
         ) from None
 
 
-def load_controller(spec: str) -> object:
+def load_controller(spec: str) -> "Controller | Law":
     """The controller that `--controller module:attribute` names: a `Controller`, or a law.
 
     Raises `typer.BadParameter` (exit status 2) if it names nothing and `UnusableInput` if that is no controller.
     """
     from ..logs.log import did_you_mean
-    from ..robots import Controller
+    from ..robots.closed_loop import Controller
 
     module, colon, attribute = spec.partition(":")
     if not (colon and module and attribute):
@@ -98,9 +99,9 @@ def load_controller(spec: str) -> object:
                 f"{module} has no {attribute!r}{did_you_mean(part, dir(found))}; name a controller."
             )
         found = getattr(found, part)
-    if not isinstance(found, Controller) and not callable(found):
-        raise UnusableInput(f"{spec} is a {type(found).__name__}, no controller; give a Controller or a function.")
-    return found
+    if isinstance(found, Controller) or callable(found):
+        return found
+    raise UnusableInput(f"{spec} is a {type(found).__name__}, no controller; give a Controller or a function.")
 
 
 def load_robot(spec: str) -> "Robot":

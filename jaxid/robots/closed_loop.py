@@ -190,9 +190,10 @@ def _check_effects(plant: Robot) -> None:
 def _check_law(plant: Robot, controller: Controller) -> None:
     """Raise `ParameterError` for a law that does not give every command and state."""
     numbers = {**plant.parameters.numbers, **{name: p.value for name, p in controller.parameters.items()}}
-    at = [dict.fromkeys(names, 0.0) for names in (controller.reference, plant.channels.measured, controller.states)]
+    named = (controller.reference, plant.channels.measured, controller.states)
+    reference, measured, state = (dict.fromkeys(names, 0.0) for names in named)
     try:
-        found = controller.law(*at, numbers)
+        found = controller.law(reference, measured, state, numbers)
     except KeyError as error:
         raise ParameterError(
             f"the controller asks for {error.args[0]!r}; it is given the reference {list(controller.reference)}, the measured "
