@@ -8,6 +8,7 @@ stopped goes on where it was. `--report` writes `docs/silent.md`.
 
 import argparse
 import json
+import math
 import time
 from collections import Counter
 from pathlib import Path
@@ -33,6 +34,17 @@ def rows_of(path: Path) -> list[dict]:
         return []
     rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     return sorted(rows, key=lambda row: row["number"])
+
+
+def finite(value):
+    """The value with None for every number that is not finite, as JSON can hold it."""
+    if isinstance(value, dict):
+        return {name: finite(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def main() -> None:
@@ -68,7 +80,7 @@ def main() -> None:
             continue
         row = run(case, estimate)
         with arguments.out.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
+            file.write(json.dumps(finite(row), allow_nan=False) + "\n")
         count[row["outcome"]] += 1
         print(
             f"{number} {row['family']}, {row['condition']}: {row['outcome']} {' '.join(row.get('why', []))} "
