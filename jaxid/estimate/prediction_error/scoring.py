@@ -134,15 +134,16 @@ def costs_at(names, model, problem, xs: Float[Array, "L p"]) -> Float[Array, " L
 
 
 @partial(compiled, static_argnames=("names", "model", "lanes", "max_steps"))
-def minimise_lanes(names, model, problem, outputs, starts: Float[Array, "N p"], *, lanes=32, max_steps=60) -> Optimum:
-    """N problems that differ from `problem` in what was measured, `outputs` [N, E, T, ny], `lanes` of them at a time."""
+def minimise_lanes(names, model, problem, own, starts: Float[Array, "N p"], *, lanes=32, max_steps=60) -> Optimum:
+    """N problems that differ from `problem` in the fields `own` of their records (leading axis N), `lanes` at a time."""
     N = starts.shape[0]
     chunks = -(-N // lanes)
     numbers = jnp.arange(chunks * lanes).reshape(chunks, lanes) % N
 
     def one(number):
-        own = replace(problem, records=problem.records._replace(outputs=outputs[number]))
-        return minimise(names, model, own, starts[number], max_steps=max_steps)
+        fields = {name: leaf[number] for name, leaf in own.items()}
+        mine = replace(problem, records=problem.records._replace(**fields))
+        return minimise(names, model, mine, starts[number], max_steps=max_steps)
 
     found = jax.lax.map(jax.vmap(one), numbers)
     return jax.tree.map(lambda leaf: leaf.reshape(chunks * lanes, *leaf.shape[2:])[:N], found)
