@@ -22,8 +22,12 @@ from .estimate.linear.instrumental_variables import instrumental_variables
 from .estimate.linear.integral_least_squares import integral_least_squares
 from .estimate.linear.recursive_least_squares import RecursiveLeastSquares, recursive_least_squares
 from .estimate.output_error.fleet import Fleet, fit_fleet
+from .estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt
+from .estimate.output_error.losses import Cauchy, Huber, Loss, Squares, StudentT
 from .estimate.output_error.multi_start import MultiStart, multi_start
+from .estimate.output_error.optimum import Outcome
 from .estimate.output_error.output_error import output_error
+from .estimate.output_error.pure import Minimum, OutputErrorProblem, minimise, output_error_problem
 from .estimate.prediction_error.prediction_error import prediction_error
 from .estimate.result import Disturbance, Estimate, Fit, Outlier
 from .explanation.explain import explain
@@ -53,6 +57,8 @@ __all__ = [
     "OMNI",
     "PIONEER",
     "Axis",
+    "BestDampingLevenbergMarquardt",
+    "Cauchy",
     "Channels",
     "Comparison",
     "Controller",
@@ -68,14 +74,19 @@ __all__ = [
     "Explanation",
     "Fit",
     "Fleet",
+    "Huber",
     "Identifiability",
     "Integrator",
     "Log",
     "LogError",
     "LogSet",
+    "Loss",
+    "Minimum",
     "MultiStart",
     "Omni",
+    "Outcome",
     "Outlier",
+    "OutputErrorProblem",
     "Parameter",
     "ParameterError",
     "ParameterTable",
@@ -86,7 +97,9 @@ __all__ = [
     "RecursiveLeastSquares",
     "Robot",
     "Smooth",
+    "Squares",
     "Sticking",
+    "StudentT",
     "catalogue",
     "closed_loop",
     "compare",
@@ -97,9 +110,11 @@ __all__ = [
     "identifiability",
     "instrumental_variables",
     "integral_least_squares",
+    "minimise",
     "multi_start",
     "noise_level",
     "output_error",
+    "output_error_problem",
     "posterior",
     "prediction_error",
     "profile_likelihood",

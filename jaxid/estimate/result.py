@@ -133,6 +133,7 @@ class Fit:
     - `clock_offsets`: per log name, how far the inputs' clock is ahead of the outputs' [s], where that was estimated.
     - `outliers`: what a robust loss gave little weight.
     - `judgement`: what the residual says about all of this; None where there was nothing to simulate.
+    - `cost`: half the sum of squared residuals in units of the noise found, and `start_cost`: that of the start, so weighted.
     - `standard_errors`: what they hold for: "white" residuals, coloured ones ("robust"), or the "scatter" of stretches.
     - `window`: length [s] of the windows in which output error simulated, None for free simulation. `initial_states` are
       then those of the windows (`logs.windows.in_windows`).
@@ -158,6 +159,8 @@ class Fit:
     standard_errors: StandardErrors = "white"
     window: float | None = None
     disturbance: Disturbance | None = None
+    cost: float = float("nan")
+    start_cost: float = float("nan")
 
     @property
     def trustworthy(self) -> bool:

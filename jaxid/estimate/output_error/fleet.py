@@ -1,8 +1,8 @@
 """Many robots, each with its own logs, fitted as the lanes of one compiled program.
 
-All members share the robot's structure and the table's constants; each has its own parameters, initial states and noise.
-A member on which the simulation diverges is named and does not touch the others. The same program serves studies of one
-robot: noise realisations, bootstraps, all recordings but one.
+Each member has its own parameters, constants, initial states, noise, and its own decisions on the way. One that cannot be
+fitted is named and does not touch the others. The same program serves studies of one robot: noise realisations,
+bootstraps, all recordings but one.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..._compile import compiled
@@ -21,15 +20,13 @@ from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
-from ...simulation.rollout import Integrator
 from ..result import Fit, estimate_text
-from .conclude import Covariance, conclude, no_priors
-from .from_optimum import channel_noise, on_bounds, unknown_count
-from .globalise import ambiguous_index
+from .from_optimum import channel_noise, unknown_count
+from .lanes import in_lanes
 from .optimum import Optimum
-from .output_error import output_error
+from .output_error import Start, output_error
 from .problem import Problem, Structure, Unknowns
-from .setup import InitialStates, build, start_values
+from .setup import start_values
 from .solvers import minimise
 
 _WEIGHT_ROUNDS = 3
@@ -38,8 +35,6 @@ _SHOWN = 20
 """Members that a representation holds."""
 _LANES = 64
 """Members that are fitted at a time: more would not fit into the processor's cache."""
-_BY_LOG = ("dt", "inputs", "outputs", "start", "mask", "state_free")
-"""Fields of a problem that have one row for every log."""
 
 
 class Fitted(NamedTuple):
@@ -127,89 +122,51 @@ class Fleet:
         return html_table(self._rows(), [self.sentence], self._after())
 
 
-def _members(fleet: Mapping[str, LogSet], problem: Problem) -> dict[str, Any]:
-    """Fields of each member's problem, cut out of the problem of all logs together; missing logs have no weight."""
-    most = max(len(logs) for logs in fleet.values())
-    index = np.zeros((len(fleet), most), dtype=int)
-    there = np.zeros((len(fleet), most), dtype=bool)
-    first = 0
-    for row, logs in enumerate(fleet.values()):
-        index[row] = first
-        index[row, : len(logs)] = np.arange(first, first + len(logs))
-        there[row, : len(logs)] = True
-        first += len(logs)
-    N = len(fleet)
-    by_log = {name: jax.tree.map(lambda leaf: leaf[index], getattr(problem, name)) for name in _BY_LOG}
-    by_log["mask"] = by_log["mask"] & jnp.asarray(there)[..., None, None]
-    by_log["state_free"] = by_log["state_free"] & jnp.asarray(there)[..., None]
-    by_log["sigma"] = jnp.broadcast_to(problem.sigma, (N, *problem.sigma.shape))
-    return by_log
-
-
-def _one_by_one(robot: Robot, fleet: Mapping[str, LogSet], report: Callable[[str], None], **options: Any) -> Fleet:
-    """Members whose casters start at unknown angles: these angles need a search that is no lane's work."""
-    fits: dict[str, Fit] = {}
-    failed: dict[str, str] = {}
-    for name, logs in fleet.items():
-        try:
-            fits[name] = output_error(robot, logs, windows=None, **options)
-            report(name)
-        except (ParameterError, LogError) as error:
-            failed[name] = str(error)
-    return Fleet(fits, failed)
+def _of(name: str, every: Any, members: Mapping[str, LogSet]) -> Any:
+    """A member's own among values given by member, or the one given for all."""
+    return every[name] if isinstance(every, Mapping) and set(every) == set(members) else every
 
 
 @in_float64
 def fit_fleet(
-    robot: Robot,
+    robot: Robot | Mapping[str, Robot],
     fleet: Mapping[str, LogSet],
     *,
-    start: Fit | Mapping[str, float] | None = None,
-    initial_states: InitialStates = "auto",
-    integrator: Integrator | None = None,
-    covariance: Covariance = "auto",
-    max_steps: int = 100,
+    start: Start | Mapping[str, Start] = None,
     report: Callable[[str], None] = lambda message: None,
+    **options: Any,
 ) -> Fleet:
     """Output error for every member of `fleet` (its logs by name) on its own, all in one compiled batch.
 
-    The arguments are those of `output_error`; all members start at the same values. Raises `LogError` for an empty fleet
-    or a member without logs and `ParameterError` for unknown or no free parameters.
+    Every member gets exactly the fit that `output_error` gives it alone. `robot` and `start` are the same for all, or
+    given by member: robots of one structure may differ in their numbers. `options` are those of `output_error`; `report`
+    is told the member's name first. Members that cannot be fitted are in `Fleet.failed`.
+
+    Raises `LogError` for an empty fleet or a member without logs and `ParameterError` for unknown or no free parameters.
     """
     if not fleet:
         raise LogError("There is no member to fit; give at least one set of logs.")
     empty = [name for name, logs in fleet.items() if not len(logs)]
     if empty:
         raise LogError(f"{empty[0]} has no logs; give it some or leave it out.")
-    every = LogSet(
-        replace(log, name=f"{member}/{log.name}") for member, logs in fleet.items() for log in logs
-    )  # fmt: skip
-    structure, problem, unknowns = build(
-        robot, every, start=start_values(robot, start), initial=initial_states, integrator=integrator
-    )
-    if ambiguous_index(structure) is not None:
-        return _one_by_one(robot, fleet, report, start=start, initial_states=initial_states, integrator=integrator,
-                           covariance=covariance, max_steps=max_steps)  # fmt: skip
-    own = _members(fleet, problem)
-    N, E, s = own["state_free"].shape
-    starts = Unknowns(jnp.broadcast_to(unknowns.z, (N, *unknowns.z.shape)), jnp.zeros((N, E, s)))
-    shared = replace(problem, **jax.tree.map(lambda leaf: leaf[0], own))
-    report(f"{N} members as lanes of one program")
-    fitted = fit_lanes(structure, shared, own, starts, max_steps=max_steps, lanes=min(N, _LANES))
-    begin = jax.tree.map(lambda leaf: leaf[0], starts)
-    fits: dict[str, Fit] = {}
-    failed: dict[str, str] = {}
-    for row, (name, logs) in enumerate(fleet.items()):
-        optimum: Optimum = jax.tree.map(lambda leaf, row=row: leaf[row], fitted.optimum)
-        mine = replace(problem, **{field: jax.tree.map(lambda leaf, row=row: leaf[row], x) for field, x in own.items()})
-        mine = replace(mine, sigma=fitted.sigma[row])
-        if not np.isfinite(np.asarray(optimum.triangle.squares)).all():
-            failed[name] = "the simulation diverges at the start values; check the logs' units and signs"
-            continue
-        bounded = on_bounds(structure, mine, optimum, max_steps)
-        rivals = {"its own start": lambda begin=begin: begin} if no_priors(mine) else {}
-        fits[name] = conclude(
-            robot, logs, structure, mine, optimum, bounded, iterations=int(optimum.iterations), max_steps=max_steps,
-            covariance=covariance, rivals=rivals,
-        )  # fmt: skip
-    return Fleet(fits, failed)
+    jobs: dict[str, Callable[[], Fit]] = {}
+    for name, logs in fleet.items():
+        own, begin = _of(name, robot, fleet), _of(name, start, fleet)
+        if begin is None or isinstance(begin, Fit | Mapping):
+            start_values(own, begin)  # a mistake in the start is the caller's, not a member's failure
+        if not own.parameters.free_names:
+            raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
+        jobs[name] = partial(
+            output_error,
+            own,
+            logs,
+            start=begin,
+            report=lambda message, name=name: report(f"{name}: {message}"),
+            **options,
+        )
+    report(f"{len(jobs)} members as lanes of one program")
+    fits, failed = in_lanes(jobs)
+    for failure in failed.values():
+        if not isinstance(failure, ParameterError | LogError):
+            raise failure
+    return Fleet(fits, {name: str(failure) for name, failure in failed.items()})

@@ -64,6 +64,8 @@ def known_spread(problem: Problem, optimum: Optimum) -> Spread:
     matters = _MATTERS * matter_at(problem, optimum.triangle)
     unbounded, both = ~np.isfinite(lower) & ~np.isfinite(upper), np.isfinite(lower) & np.isfinite(upper)
     least = np.where(unbounded, matters, np.where(both, 0.5 * (upper - lower), 0.0))
+    # On its bound a parameter has no size of its own; its standard error says how far from there it may be.
+    least = np.where((theta <= lower) | (theta >= upper), np.inf, least)
     return spread(jacobian, np.ones(len(theta), dtype=bool), np.maximum(np.abs(theta), least))
 
 
@@ -171,10 +173,12 @@ def fit_at(
     noise: NDArray[np.float64] | None = None,
     left_out: Sequence[str] = (),
     outliers: tuple[Outlier, ...] = (),
+    start_cost: float = float("nan"),
 ) -> Fit:
     """The `Fit` at an optimum: `inner` with every parameter free and `bounded` with those that lie on a bound held.
 
-    `covariance` [n, n] and `noise` [ny] replace those of white residuals; `left_out` are names of logs without weight.
+    `covariance` [n, n] and `noise` [ny] replace those of white residuals; `left_out` are names of logs without weight;
+    `start_cost` is the cost at the start, weighted as at the optimum.
     """
     optimum, names = bounded.optimum, structure.names
     theta = np.asarray(parameters_at(bounded.problem, optimum.unknowns.z))
@@ -208,4 +212,6 @@ def fit_at(
         log_status=status,
         clock_offsets=_clock_offsets(logs, structure, problem, optimum, inner, covariance_z),
         outliers=outliers,
+        cost=float(optimum.cost),
+        start_cost=start_cost,
     )

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._compile import compiled
+from .lanes import Operation, ask
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns, simulate_all
 from .solvers import minimise_compiled
@@ -58,6 +59,29 @@ def search_state(structure: Structure, problem: Problem, unknowns: Unknowns, can
     return Unknowns(unknowns.z, unknowns.states.at[:, index].set(chosen)), jnp.min(costs, axis=0)
 
 
+@partial(compiled, static_argnums=(0, 1))
+def _search_many(structure: Structure, index: int, problems: Problem, unknowns: Unknowns, candidates):
+    # One lane after another: the candidates are lanes already.
+    def one(row):
+        return search_state(structure, row[0], row[1], row[2], index)
+
+    return jax.lax.map(one, (problems, unknowns, candidates))
+
+
+def _cut(found, logs: int, samples: int):
+    unknowns, costs = found
+    return unknowns._replace(states=unknowns.states[:logs]), costs[:logs]
+
+
+_SEARCH = Operation("search", _search_many, _cut)
+
+
+def searched(structure: Structure, problem: Problem, unknowns: Unknowns, candidates, index: int) -> Unknowns:
+    """`search_state`'s choice; of a fleet's members together."""
+    together = ask(_SEARCH, structure, index, problem, unknowns, candidates)
+    return (search_state(structure, problem, unknowns, candidates, index) if together is None else together)[0]
+
+
 def shortened(problem: Problem, seconds: float) -> Problem:
     """The problem with only the first `seconds` of every log counting."""
     time = jnp.cumsum(problem.dt, axis=1) - problem.dt
@@ -93,7 +117,7 @@ def globalise(
     def search(current: Problem, at: Unknowns) -> Unknowns:
         everywhere = jnp.broadcast_to(grid[:, None], (grid.shape[0], E))
         nearby = at.states[:, index] + jnp.asarray(_NUDGES)[:, None] / scale
-        return search_state(structure, current, at, jnp.concatenate([everywhere, nearby]), index)[0]
+        return searched(structure, current, at, jnp.concatenate([everywhere, nearby]), index)
 
     horizons = horizons_of(problem)
     warmed: list[tuple[float, Unknowns]] = []

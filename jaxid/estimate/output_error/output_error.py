@@ -12,37 +12,32 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..._compile import seldom_collected
 from ..._float64 import in_float64
-from ...logs import LogError, LogSet
+from ...logs import LogSet
 from ...logs.windows import in_windows
 from ...parameters import ParameterError
 from ...robots.closed_loop import Controller, Law, closed_loop
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
-from ..linear.integral_least_squares import integral_least_squares
 from ..result import Fit
 from .conclude import Covariance, conclude, no_priors
 from .from_optimum import channel_noise, on_bounds, unknown_count
 from .globalise import ambiguous_index, globalise
+from .losses import Loss, Squares, loss_named
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
-from .robust_loss import Loss, minimise_robustly
+from .pure import WEIGHT_FLOOR, WEIGHT_ROUNDS, WEIGHT_SETTLED
+from .rescue import diverging, linear_start, recovered
+from .robust_loss import minimise_robustly
 from .setup import InitialStates, build, start_values
-from .solvers import minimise_compiled, minimise_lanes
+from .solvers import DEFAULT, Solver, minimise_compiled, minimise_each
 from .step_check import with_steps_checked
 from .window_start import started
 from .windows import approached, choose, condensed
 
 Windows = float | Literal["auto"] | None
-_WEIGHT_ROUNDS = 6
-_WEIGHT_SETTLED = 0.01
-_POOR = 2.0
-"""Root mean square of the residual, in units of the noise, above which another start is tried."""
-_WORTH_A_RESCUE = 0.5
-
 Start = Fit | Mapping[str, float] | Sequence[Mapping[str, float]] | None
 Report = Callable[[str], None]
 
@@ -53,76 +48,31 @@ def _silent(message: str) -> None:
 
 def _from_many(structure: Structure, problem: Problem, starts: Unknowns) -> Unknowns:
     """The best of many starts, all minimised in one compiled batch."""
-    optima = minimise_lanes(structure, problem, starts, max_steps=60)
+    optima = minimise_each(structure, problem, starts, max_steps=60)
     costs = jnp.where(jnp.isfinite(optima.cost), optima.cost, jnp.inf)
     best = jnp.argmin(costs)
     return jax.tree.map(lambda x: x[best], optima.unknowns)
 
 
-def _poor(problem: Problem, optimum: Optimum) -> bool:
-    """Whether the residual is far above the noise that the data shows."""
-    squares, count = np.asarray(optimum.triangle.squares), int(jnp.sum(problem.mask))
-    return not float(np.sum(squares)) < _POOR**2 * count
-
-
-def _one_astray(problem: Problem, optimum: Optimum) -> bool:
-    """Whether a log's residual is far above the noise and above that of the others.
-
-    A caster that flips to the wrong side in one reversal holds all parameters where it does so.
-    """
-    counted = np.maximum(np.asarray(jnp.sum(problem.mask, axis=1)), 1)
-    worst = np.max(np.sqrt(np.asarray(optimum.triangle.squares) / counted), axis=1)
-    return bool(np.max(worst) > _POOR * max(float(np.median(worst)), 1.0))
-
-
-def _linear_start(robot: Robot, logs: LogSet, structure: Structure, problem: Problem):
-    """Coordinates [n] of the integral least-squares estimate, or None where the robot or its logs have none."""
-    try:
-        linear = integral_least_squares(robot, logs).robot.parameters.numbers
-    except (ParameterError, LogError):
-        return None
-    return problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))
-
-
-def _another_start(
-    robot: Robot, logs: LogSet, structure: Structure, problem: Problem, start: Start, optimum: Optimum
-) -> Float[Array, " n"] | None:
-    """Coordinates to try as well, from where `start` has led: the linear estimate's, or, after a fit, the model's own."""
-    astray = _one_astray(problem, optimum)
-    if not isinstance(start, Fit):
-        return _linear_start(robot, logs, structure, problem) if astray or _poor(problem, optimum) else None
-    values = start_values(robot, None)
-    return problem.bounds.coordinates(jnp.array([values[name] for name in structure.names])) if astray else None
-
-
-def _rescued(
-    structure: Structure, problem: Problem, optimum: Optimum, other: Unknowns, max_steps: int, report: Report
-) -> Optimum:
-    """The better of a poor minimum and the one reached from `other`.
-
-    From a start with too much dry friction the simulated robot never moves, and nothing tells the optimiser why.
-    """
-    found = minimise_compiled(structure, problem, other, max_steps=max_steps)
-    if not found.cost < optimum.cost - _WORTH_A_RESCUE:
-        return optimum
-    report("the start led to a poor minimum; went on from another one")
-    return found
-
-
 def reweighted(
-    structure: Structure, problem: Problem, optimum: Optimum, max_steps: int, report: Report = _silent
+    structure: Structure,
+    problem: Problem,
+    optimum: Optimum,
+    max_steps: int,
+    report: Report = _silent,
+    solver: Solver = DEFAULT,
 ) -> tuple[Problem, Optimum, int]:
     """Estimate every channel's noise from the residual and minimise again, until the weights settle."""
-    floor = np.asarray(problem.sigma) * 1e-3
+    floor = np.asarray(problem.sigma) * WEIGHT_FLOOR
     total = int(optimum.iterations)
-    for _ in range(_WEIGHT_ROUNDS):
+    for _ in range(WEIGHT_ROUNDS):
         noise = channel_noise(problem, optimum.triangle.squares, unknown_count(structure, problem))
         sigma = np.maximum(np.asarray(noise), floor)
         change = float(np.max(np.abs(sigma / np.asarray(problem.sigma) - 1.0)))
-        if change < _WEIGHT_SETTLED:
+        if change < WEIGHT_SETTLED:
             break
         problem = replace(problem, sigma=jnp.asarray(sigma))
-        optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
+        optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps, solver=solver)
         total += int(optimum.iterations)
         report("channel noise re-estimated")
     return problem, optimum, total
@@ -135,28 +85,23 @@ def _without(problem: Problem, logs: Sequence[int]) -> Problem:
     return replace(problem, mask=problem.mask & jnp.asarray(kept)[:, None, None])
 
 
-def _diverging(optimum: Optimum) -> list[int]:
-    """Numbers of the logs on which the simulation is not finite."""
-    return np.flatnonzero(~np.isfinite(np.asarray(optimum.triangle.squares)).all(axis=1)).tolist()
-
-
-def _first_minimum(structure: Structure, problem: Problem, unknowns: Unknowns, max_steps: int):
+def _first_minimum(structure: Structure, problem: Problem, unknowns: Unknowns, max_steps: int, solver: Solver):
     """The minimum, the problem, and the numbers of logs left out because the simulation diverges on them alone.
 
     Logs on which only the start diverges come back once the others have led to better parameters.
     """
-    optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps)
-    bad = _diverging(optimum)
+    optimum = minimise_compiled(structure, problem, unknowns, max_steps=max_steps, solver=solver)
+    bad = diverging(optimum)
     if not bad or len(bad) == problem.mask.shape[0]:
         return optimum, problem, []
     rest = _without(problem, bad)
-    optimum = minimise_compiled(structure, rest, unknowns, max_steps=max_steps)
-    again = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
-    bad = _diverging(again)
+    optimum = minimise_compiled(structure, rest, unknowns, max_steps=max_steps, solver=solver)
+    again = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps, solver=solver)
+    bad = diverging(again)
     if not bad:
         return again, problem, []
     rest = _without(problem, bad)
-    return minimise_compiled(structure, rest, optimum.unknowns, max_steps=max_steps), rest, bad
+    return minimise_compiled(structure, rest, optimum.unknowns, max_steps=max_steps, solver=solver), rest, bad
 
 
 def _fit(
@@ -167,6 +112,7 @@ def _fit(
     initial_states: InitialStates,
     integrator: Integrator | None,
     loss: Loss,
+    solver: Solver,
     covariance: Covariance,
     clock_offset: bool,
     max_steps: int,
@@ -191,7 +137,7 @@ def _fit(
         problem = started(robot.with_values(**first), whole, window, structure, problem)
         if many is None:
             unknowns = approached(structure, problem, unknowns)
-    if loss != "squares":
+    if not isinstance(loss, Squares):
         problem = replace(problem, weight=jnp.ones(problem.mask.shape))
     left_out: list[int] = []
     if many is not None:
@@ -201,24 +147,34 @@ def _fit(
         report(f"best of {len(many)} starts chosen")
 
     def linear_unknowns() -> Unknowns | None:
-        z = _linear_start(robot, whole, structure, problem)
+        z = linear_start(robot, whole, structure, problem)
         return None if z is None else unknowns._replace(z=z)
 
     index = ambiguous_index(structure)
     if index is not None:
         starts = [unknowns]
-        z = _linear_start(robot, whole, structure, problem)
+        z = linear_start(robot, whole, structure, problem)
         if z is not None:
             starts.append(unknowns._replace(z=z))
         optimum = globalise(structure, problem, starts, index, report=report)
     else:
-        optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps)
+        optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps, solver)
         report("first minimum found")
         if not left_out:
-            z = _another_start(robot, whole, structure, problem, start, optimum)
-            if z is not None:
-                optimum = _rescued(structure, problem, optimum, unknowns._replace(z=z), max_steps, report)
-    diverged = len(_diverging(optimum)) > len(left_out)
+            one = start if start is None or isinstance(start, Fit | Mapping) else first
+            optimum = recovered(
+                robot,
+                whole,
+                structure,
+                problem,
+                unknowns,
+                optimum,
+                one,
+                max_steps=max_steps,
+                solver=solver,
+                report=report,
+            )
+    diverged = len(diverging(optimum)) > len(left_out)
     if diverged and not isinstance(start, Fit):
         raise ParameterError(
             f"the simulation of {robot.name!r} diverges at the start values; check the logs' units and signs, or give "
@@ -228,11 +184,11 @@ def _fit(
         report(f"the simulation diverges at the result of {start.method}; starting from the model's own values")
         again = _fit(
             robot, whole, start=None, initial_states=initial_states, integrator=integrator, loss=loss,
-            covariance=covariance, clock_offset=clock_offset, max_steps=max_steps, report=report, window=window,
+            solver=solver, covariance=covariance, clock_offset=clock_offset, max_steps=max_steps, report=report, window=window,
         )  # fmt: skip
         note = f"The simulation diverges at the result of {start.method}; the fit started from the model's own values."
         return replace(again, notes=(*again.notes, note))
-    problem, optimum, iterations = reweighted(structure, problem, optimum, max_steps, report)
+    problem, optimum, iterations = reweighted(structure, problem, optimum, max_steps, report, solver)
     doubts = ""
     if integrator is None:
         checked = with_steps_checked(structure, problem, optimum, max_steps=max_steps, report=report)
@@ -241,22 +197,25 @@ def _fit(
             structure, optimum = checked.structure, checked.optimum
             interval = max(log.sampling_interval for log in logs)
             robot = replace(robot, longest_step=interval / structure.integrator.substeps)
-            problem, optimum, more = reweighted(structure, problem, optimum, max_steps, report)
+            problem, optimum, more = reweighted(structure, problem, optimum, max_steps, report, solver)
             iterations += more
     inner, noise, outliers, bread = optimum, None, (), 1.0
-    if loss != "squares":
-        lossy = minimise_robustly(structure, problem, optimum, logs, loss, max_steps=max_steps, report=report)
+    if not isinstance(loss, Squares):
+        lossy = minimise_robustly(
+            structure, problem, optimum, logs, loss, max_steps=max_steps, solver=solver, report=report
+        )
         problem, optimum, inner = lossy.problem, lossy.optimum, lossy.inner
         noise, outliers, bread = lossy.scale, lossy.outliers, lossy.bread
         iterations += lossy.iterations
-    bounded = on_bounds(structure, problem, optimum, max_steps)
+    bounded = on_bounds(structure, problem, optimum, max_steps, solver)
+    begun = minimise_compiled(structure, problem, unknowns, max_steps=0)
     rivals: dict[str, Callable[[], Unknowns | None]] = {}
-    if loss == "squares" and no_priors(problem):
+    if isinstance(loss, Squares) and no_priors(problem):
         rivals = {"its own start": lambda: unknowns, "the linear estimate": linear_unknowns}
     found = conclude(
         robot, logs, structure, problem, inner, bounded, iterations=iterations, max_steps=max_steps, bread=bread,
         covariance=covariance, rivals=rivals, noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
-        whole=None if window is None else (whole, window),
+        whole=None if window is None else (whole, window), start_cost=float(begun.cost),
     )  # fmt: skip
     if doubts:
         found = replace(found, notes=(*found.notes, doubts))
@@ -272,7 +231,8 @@ def output_error(
     start: Start = None,
     initial_states: InitialStates = "auto",
     integrator: Integrator | None = None,
-    loss: Loss = "squares",
+    loss: Loss | str = "squares",
+    solver: Solver = DEFAULT,
     covariance: Covariance = "auto",
     clock_offset: bool = False,
     windows: Windows = "auto",
@@ -290,7 +250,9 @@ def output_error(
       that start in motion.
     - `integrator`: step and dry-friction law; by default true sticking with steps that suit the robot, shortened where the
       estimates would move with shorter ones (`step_check`).
-    - `loss`: "squares", or "huber", "cauchy", "student_t" against outliers, which the result lists (`robust_loss`).
+    - `loss`: "squares", or "huber", "cauchy", "student_t" against outliers, which the result lists; or a `Loss` of your own
+      (`losses`).
+    - `solver`: the optimiser; any `optimistix` least-squares solver can take the place of jaxid's own (`solvers`).
     - `clock_offset`: whether inputs and outputs may run on different clocks; every log's offset is then estimated.
     - `covariance`: of the parameters, for "white" residuals, or "robust" against coloured ones (`robust_covariance`). By
       default the residual decides, and `Fit.standard_errors` says what it was.
@@ -308,7 +270,7 @@ def output_error(
     if controller is not None:
         robot, logs = closed_loop(robot, logs, controller)
     options: dict[str, Any] = dict(
-        initial_states=initial_states, integrator=integrator, loss=loss, covariance=covariance,
+        initial_states=initial_states, integrator=integrator, loss=loss_named(loss), solver=solver, covariance=covariance,
         clock_offset=clock_offset, max_steps=max_steps, report=report,
     )  # fmt: skip
     if windows != "auto":

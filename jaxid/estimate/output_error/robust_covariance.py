@@ -13,14 +13,17 @@ Neither sees what differs between recordings of one robot (a load, a temperature
 than the standard errors and by more than chance, these are widened to the scatter.
 """
 
+from functools import partial
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 from scipy import stats
 
 from ..._compile import compiled
+from .lanes import Operation, ask
 from .problem import Problem, Structure, Unknowns, sensitivities
 
 _MEMORIES = 10.0
@@ -38,6 +41,14 @@ _DISAGREE = 0.01
 _SINGULAR = 1e-13
 
 _sensitivities = compiled(sensitivities, static_argnums=0)
+
+
+@partial(compiled, static_argnums=(0, 1))
+def _sensitivities_many(structure: Structure, _: None, problems: Problem, unknowns: Unknowns, others: tuple[()]):
+    return jax.vmap(lambda problem, at: sensitivities(structure, problem, at))(problems, unknowns)
+
+
+_LOOK = Operation("look", _sensitivities_many, lambda both, logs, samples: tuple(x[:logs, :samples] for x in both))
 
 
 def memory(residual: Float[NDArray, "E T ny"], mask: Bool[NDArray, "E T ny"]) -> float:
@@ -142,7 +153,9 @@ def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
 def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns) -> Robust:
     """Covariance of the physical parameters at the optimum `unknowns`, for coloured residuals, NaN where the sensitivities are
     beyond all numbers. Call under float64."""
-    residual, jacobian = (np.asarray(x) for x in _sensitivities(structure, problem, unknowns))
+    together = ask(_LOOK, structure, None, problem, unknowns)
+    found = _sensitivities(structure, problem, unknowns) if together is None else together
+    residual, jacobian = (np.asarray(x) for x in found)
     mask = np.asarray(problem.mask)
     n, s = len(structure.names), len(structure.state_names)
     E, T = residual.shape[:2]

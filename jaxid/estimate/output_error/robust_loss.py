@@ -1,33 +1,29 @@
 """Robust losses: samples far off pull with less weight than their square.
 
 M-estimation by iteratively reweighted least squares (Holland & Welsch, Communications in Statistics 6, 1977). `u` is a
-residual in units of its channel's scale, the median absolute deviation; the weights are those of
-
-    huber      rho = u²/2 up to k, then linear                 w = min(1, k/|u|),      k = 1.345
-    cauchy     rho = c²/2 log(1 + (u/c)²)                      w = 1 / (1 + (u/c)²),   c = 2.385
-    student_t  minus the log density with nu degrees           w = (nu + 1) / (nu + u²), nu = 4
-
-at the constants usual for 95 % efficiency under normal noise (Student's t: a fixed nu).
+residual in units of its channel's scale, the median absolute deviation; the weights are those of a loss (`losses`).
 """
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from ..._compile import compiled
 from ...logs import LogSet
 from ..result import Outlier
+from .lanes import Operation, ask
+from .losses import Loss
 from .optimum import Optimum
-from .problem import Problem, Structure, simulate_all
-from .solvers import minimise_compiled
+from .problem import Problem, Structure, Unknowns, simulate_all
+from .solvers import DEFAULT, Solver, minimise_compiled
 
-Loss = Literal["squares", "huber", "cauchy", "student_t"]
-_HUBER, _CAUCHY, _NU = 1.345, 2.385, 4.0
 _NORMAL_MAD = 1.482602218505602
 _ROUNDS = 40
 _SETTLED = 0.02
@@ -35,31 +31,21 @@ _SETTLED = 0.02
 _FAR_OFF = 4.5
 """Robust standard deviations beyond which a sample is listed: one normal sample in 150 000 is."""
 
-simulated = compiled(simulate_all, static_argnums=0)
-"""Simulated outputs [E, T, ny] of all experiments, as one compiled program."""
+_simulated = compiled(simulate_all, static_argnums=0)
 
 
-def weights(loss: Loss, u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weight psi(u)/u of residuals in units of their scale."""
-    if loss == "huber":
-        return np.minimum(1.0, _HUBER / np.maximum(np.abs(u), 1e-12))
-    if loss == "cauchy":
-        return 1.0 / (1.0 + (u / _CAUCHY) ** 2)
-    if loss == "student_t":
-        return (_NU + 1.0) / (_NU + u**2)
-    return np.ones_like(u)
+@partial(compiled, static_argnums=(0, 1))
+def _simulated_many(structure: Structure, _: None, problems: Problem, unknowns: Unknowns, others: tuple[()]):
+    return jax.vmap(lambda problem, at: simulate_all(structure, problem, at))(problems, unknowns)
 
 
-def slopes(loss: Loss, u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of psi(u) = u w(u)."""
-    if loss == "huber":
-        return (np.abs(u) < _HUBER).astype(float)
-    if loss == "cauchy":
-        q = (u / _CAUCHY) ** 2
-        return (1.0 - q) / (1.0 + q) ** 2
-    if loss == "student_t":
-        return (_NU + 1.0) * (_NU - u**2) / (_NU + u**2) ** 2
-    return np.ones_like(u)
+_SIMULATE = Operation("simulate", _simulated_many, lambda outputs, logs, samples: outputs[:logs, :samples])
+
+
+def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, "E T ny"]:
+    """Simulated outputs of all experiments, as one compiled program."""
+    together = ask(_SIMULATE, structure, None, problem, unknowns)
+    return _simulated(structure, problem, unknowns) if together is None else together
 
 
 class Robust(NamedTuple):
@@ -112,6 +98,7 @@ def minimise_robustly(
     loss: Loss,
     *,
     max_steps: int,
+    solver: Solver = DEFAULT,
     report: Callable[[str], None],
 ) -> Robust:
     """Go on from the least-squares `optimum` with a robust loss. `problem.weight` must be there (ones)."""
@@ -123,7 +110,7 @@ def minimise_robustly(
         residual = np.asarray(simulated(structure, problem, optimum.unknowns)) - measured
         scale = _scales(residual, mask, floor)
         u = residual / scale
-        squares, slope = weights(loss, u) ** 2 * u**2, slopes(loss, u)
+        squares, slope = loss.weight(u) ** 2 * u**2, loss.slope(u)
         mean_square, mean_slope = (
             np.array([np.mean(x[..., y][mask[..., y]]) if mask[..., y].any() else 1.0 for y in range(mask.shape[-1])])
             for x in (squares, slope)
@@ -132,10 +119,10 @@ def minimise_robustly(
         # With these units the scores' covariance is the expected curvature, channel by channel.
         sigma = scale * np.sqrt(mean_square / mean_slope)
         efficient = scale * np.sqrt(mean_square) / mean_slope
-        weight = np.where(mask, np.sqrt(weights(loss, u)), 1.0)
+        weight = np.where(mask, np.sqrt(loss.weight(u)), 1.0)
         problem = replace(problem, sigma=jnp.asarray(sigma), weight=jnp.asarray(weight))
         before = optimum
-        optimum = minimise_compiled(structure, problem, before.unknowns, max_steps=max_steps)
+        optimum = minimise_compiled(structure, problem, before.unknowns, max_steps=max_steps, solver=solver)
         total += int(optimum.iterations)
         step = np.asarray(optimum.triangle.shared) @ np.asarray(optimum.unknowns.z - before.unknowns.z)
         if number and float(np.max(np.abs(step))) < _SETTLED:
@@ -143,7 +130,7 @@ def minimise_robustly(
     plain = replace(problem, sigma=jnp.asarray(efficient), weight=jnp.ones(mask.shape))
     inner = minimise_compiled(structure, plain, optimum.unknowns, max_steps=0)
     w = np.where(mask, np.asarray(problem.weight) ** 2, 0.0).sum() / max(mask.sum(), 1)
-    bread = float(w / max(np.where(mask, slopes(loss, u), 0.0).sum() / max(mask.sum(), 1), 1e-3))
+    bread = float(w / max(np.where(mask, loss.slope(u), 0.0).sum() / max(mask.sum(), 1), 1e-3))
     outliers = list_outliers(logs, u, mask)
-    report(f"{loss} loss: {sum(o.samples for o in outliers)} samples far off")
+    report(f"{type(loss).__name__} loss: {sum(o.samples for o in outliers)} samples far off")
     return Robust(problem, optimum, inner, scale, bread, total, outliers)

@@ -21,6 +21,7 @@ from jaxtyping import Array, Int, PyTree, Scalar
 from ..._compile import compiled, forget_programs
 from .bounds import Unconstrained
 from .chart import chart_at
+from .lanes import Operation, ask, in_batch
 from .levenberg_marquardt import KINK, BestDampingLevenbergMarquardt, promise_of
 from .optimum import Optimum, Outcome
 from .problem import Problem, Structure, Unknowns, linearise, reduced_residual
@@ -136,13 +137,48 @@ def compile_ahead(tasks: Sequence[tuple[Structure, Problem, Unknowns]], solver: 
     _programs.update(found)
 
 
+def _cut(optimum: Optimum, logs: int, samples: int) -> Optimum:
+    triangle = optimum.triangle
+    names = ("crossed", "local", "residual_local", "squares")
+    own = {name: getattr(triangle, name)[:logs] for name in names}
+    unknowns = optimum.unknowns._replace(states=optimum.unknowns.states[:logs])
+    return optimum._replace(unknowns=unknowns, triangle=triangle._replace(**own))
+
+
+@partial(compiled, static_argnames=("structure", "solver"))
+def _minimise_many(
+    structure: Structure, solver: Solver, problems: Problem, starts: Unknowns, max_steps: Any
+) -> Optimum:
+    def one(problem: Problem, start: Unknowns, limit: Any) -> Optimum:
+        return minimise(structure, problem, start, max_steps=limit, solver=solver)
+
+    return jax.vmap(one)(problems, starts, max_steps)
+
+
+_MINIMISE = Operation("minimise", _minimise_many, _cut)
+
+
 def minimise_compiled(
     structure: Structure, problem: Problem, start: Unknowns, *, max_steps: int = 100, solver: Solver = DEFAULT
 ) -> Optimum:
-    """`minimise`, compiled once for all problems of the same structure and shapes."""
+    """`minimise`, compiled once for all problems of the same structure and shapes; of a fleet's members as lanes."""
+    together = ask(_MINIMISE, structure, solver, problem, start, np.int64(max_steps))
+    if together is not None:
+        return together
     compile_ahead([(structure, problem, start)], solver)
     program = _programs[_key(structure, problem, start, solver)]
     return program(problem, start, max_steps=np.int64(max_steps))
+
+
+def minimise_each(
+    structure: Structure, problem: Problem, starts: Unknowns, *, max_steps: int = 100, solver: Solver = DEFAULT
+) -> Optimum:
+    """`minimise_lanes`; in a fleet, whose lanes are its members, one start after another."""
+    if not in_batch():
+        return minimise_lanes(structure, problem, starts, max_steps=max_steps, solver=solver)
+    each = [jax.tree.map(lambda leaf, k=k: leaf[k], starts) for k in range(starts.z.shape[0])]
+    found = [minimise_compiled(structure, problem, y, max_steps=max_steps, solver=solver) for y in each]
+    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *found)
 
 
 @partial(compiled, static_argnames=("structure", "solver"))

@@ -21,8 +21,8 @@ from jaxid import (
     catalogue,
     output_error,
 )
-from jaxid.estimate.output_error.output_error import _linear_start
 from jaxid.estimate.output_error.problem import parameters_at
+from jaxid.estimate.output_error.rescue import linear_start
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.solvers import minimise
 
@@ -275,10 +275,10 @@ def test_the_covariance_is_that_of_sixty_repetitions(axis_logs):
     assert abs(distances - degrees) < 4 * np.sqrt(2 * degrees)
 
 
-def test_a_robot_that_is_not_linear_in_what_is_free_simply_has_no_linear_start(axis_logs):
+def test_a_robot_that_is_not_linear_in_what_is_free_simply_has_nolinear_start(axis_logs):
     logs = axis_logs()
     effect = {type(e).id: e for e in catalogue(Axis())}["asymmetric_viscous_friction"]
     robot = (Axis() + effect).change("asymmetric_viscous_friction.asymmetry", free=True)
     for model, there in ((Axis(), True), (robot, False)):
         structure, problem, _ = build(model, logs, start={}, initial="known", integrator=STEP)
-        assert (_linear_start(model, logs, structure, problem) is not None) == there
+        assert (linear_start(model, logs, structure, problem) is not None) == there

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Log, LogSet, output_error
-from jaxid.estimate.output_error.robust_loss import slopes, weights
+from jaxid.estimate.output_error.losses import loss_named
 
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
 ROBOT = Axis().change("offset", free=False).with_values(**TRUE)
@@ -23,9 +23,9 @@ LOSSES = {
 def test_weights_and_slopes_are_those_of_the_loss(loss):
     u = np.array([-30.0, -2.5, -1.0, -1e-3, 0.2, 1.2, 1.5, 7.0])
     psi = jax.vmap(jax.grad(LOSSES[loss]))(jnp.asarray(u))
-    assert weights(loss, u) * u == pytest.approx(np.asarray(psi), rel=1e-9)
+    assert loss_named(loss).weight(u) * u == pytest.approx(np.asarray(psi), rel=1e-9)
     slope = jax.vmap(jax.grad(jax.grad(LOSSES[loss])))(jnp.asarray(u))
-    assert slopes(loss, u) == pytest.approx(np.asarray(slope), rel=1e-9)
+    assert loss_named(loss).slope(u) == pytest.approx(np.asarray(slope), rel=1e-9)
 
 
 def runs(axis_log, seed, share=0.05):

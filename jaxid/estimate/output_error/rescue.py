@@ -1,0 +1,142 @@
+"""Other starts, where the first led to a minimum that the noise does not explain.
+
+From a start with too much dry friction the simulated robot never moves, and nothing tells the optimiser why; from others it
+ends in a minimum that is one over some seconds only. So what is tried, one after another, until two starts agree or the
+residual is down to the noise: the integral least-squares estimate, where the robot has one, the model's own values, and
+starts up to ten times smaller and larger, as lanes of one program, first on a short horizon.
+"""
+
+from collections.abc import Callable, Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...logs import LogError, LogSet
+from ...parameters import ParameterError
+from ...robots.robot import Robot
+from ..linear.integral_least_squares import integral_least_squares
+from ..result import Fit
+from .globalise import horizons_of, shortened
+from .optimum import Optimum
+from .problem import Problem, Structure, Unknowns, parameters_at
+from .setup import start_values
+from .solvers import DEFAULT, Solver, minimise_compiled, minimise_each
+
+_POOR = 2.0
+"""Root mean square of the residual, in units of the noise, above which another start is tried."""
+_SAME = 0.5
+"""Difference of costs (half chi-squared, in units of the residual left) within which two starts reached one minimum."""
+_LANES, _FACTOR, _SEED = 16, 10.0, 0
+_SHORT_STEPS, _LONG_STEPS = 15, 25
+
+
+def diverging(optimum: Optimum) -> list[int]:
+    """Numbers of the logs on which the simulation is not finite."""
+    return np.flatnonzero(~np.isfinite(np.asarray(optimum.triangle.squares)).all(axis=1)).tolist()
+
+
+def poor(problem: Problem, optimum: Optimum) -> bool:
+    """Whether the residual is far above the noise that the data shows."""
+    squares, count = np.asarray(optimum.triangle.squares), int(jnp.sum(problem.mask))
+    return not float(np.sum(squares)) < _POOR**2 * count
+
+
+def one_astray(problem: Problem, optimum: Optimum) -> bool:
+    """Whether a log's residual is far above the noise and above that of the others.
+
+    A caster that flips to the wrong side in one reversal holds all parameters where it does so.
+    """
+    counted = np.maximum(np.asarray(jnp.sum(problem.mask, axis=1)), 1)
+    worst = np.max(np.sqrt(np.asarray(optimum.triangle.squares) / counted), axis=1)
+    return bool(np.max(worst) > _POOR * max(float(np.median(worst)), 1.0))
+
+
+def linear_start(robot: Robot, logs: LogSet, structure: Structure, problem: Problem) -> Float[Array, " n"] | None:
+    """Coordinates of the integral least-squares estimate, or None where the robot or its logs have none."""
+    try:
+        linear = integral_least_squares(robot, logs).robot.parameters.numbers
+    except (ParameterError, LogError):
+        return None
+    return problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))
+
+
+def _others(
+    robot: Robot, logs: LogSet, structure: Structure, problem: Problem, start: Fit | Mapping[str, float] | None
+) -> list[tuple[str, Callable[[], Float[Array, " n"] | None]]]:
+    """Starts beside the first one, by words."""
+
+    def own() -> Float[Array, " n"]:
+        values = start_values(robot, None)
+        return problem.bounds.coordinates(jnp.array([values[name] for name in structure.names]))
+
+    linear = ("the linear estimate", lambda: linear_start(robot, logs, structure, problem))
+    if start is None:
+        return [linear]
+    mine = ("the model's own values", own)
+    return [mine] if isinstance(start, Fit) and start.method.startswith("integral") else [linear, mine]
+
+
+def _scattered(problem: Problem, centres: list[Float[Array, " n"]], states: Float[Array, "E s"]) -> Unknowns:
+    """Starts up to ten times smaller or larger than the given ones, turn by turn."""
+    rng = np.random.default_rng(_SEED)
+    theta = np.stack([np.asarray(parameters_at(problem, z)) for z in centres])
+    factors = np.exp(rng.uniform(-1.0, 1.0, (_LANES, theta.shape[1])) * np.log(_FACTOR))
+    z = jax.vmap(problem.bounds.coordinates)(jnp.asarray(np.resize(theta, (_LANES, theta.shape[1])) * factors))
+    return Unknowns(z, jnp.broadcast_to(states, (_LANES, *states.shape)))
+
+
+def recovered(
+    robot: Robot,
+    logs: LogSet,
+    structure: Structure,
+    problem: Problem,
+    unknowns: Unknowns,
+    optimum: Optimum,
+    start: Fit | Mapping[str, float] | None,
+    *,
+    max_steps: int,
+    solver: Solver = DEFAULT,
+    report: Callable[[str], None],
+) -> Optimum:
+    """The best minimum that other starts than `unknowns` lead to as well, or `optimum`, the first one, if it needs none."""
+
+    def doubtful(found: Optimum) -> bool:
+        return not bool(found.converged) or poor(problem, found) or one_astray(problem, found)
+
+    def lower(found: Optimum, than: Optimum) -> bool:
+        return bool(np.isfinite(found.cost)) and not diverging(found) and not found.cost >= than.cost
+
+    def same(found: Optimum, other: Optimum) -> bool:
+        level = max(1.0, 2.0 * float(optimum.cost) / max(int(jnp.sum(problem.mask)), 1))
+        return bool(found.converged) and bool(abs(found.cost - other.cost) < _SAME * level)
+
+    if not doubtful(optimum):
+        return optimum
+    best = optimum
+    for words, other in _others(robot, logs, structure, problem, start):
+        z = other()
+        if z is None:
+            continue
+        found = minimise_compiled(structure, problem, unknowns._replace(z=z), max_steps=max_steps, solver=solver)
+        agree = same(found, best) and bool(best.converged)
+        if lower(found, best):
+            if not agree:
+                report(f"the start led to a poor minimum; went on from {words}")
+            best = found
+        if agree or not doubtful(best):
+            return best
+    if solver is not DEFAULT:
+        return best
+    report(f"{_LANES} starts further off")
+    lanes = _scattered(problem, [best.unknowns.z, unknowns.z], unknowns.states)
+    for seconds in horizons_of(problem)[:1]:
+        lanes = minimise_each(structure, shortened(problem, seconds), lanes, max_steps=_SHORT_STEPS).unknowns
+    ends = minimise_each(structure, problem, lanes, max_steps=_LONG_STEPS)
+    costs = np.asarray(jnp.where(jnp.isfinite(ends.cost) & ~ends.diverged, ends.cost, jnp.inf))
+    if not np.min(costs) < best.cost:
+        return best
+    there = jax.tree.map(lambda leaf: leaf[int(np.argmin(costs))], ends.unknowns)
+    found = minimise_compiled(structure, problem, there, max_steps=max_steps)
+    return found if lower(found, best) else best
