@@ -14,7 +14,9 @@ import jax
 import jax.numpy as jnp
 
 from .._compile import compiled
-from ..robots.effect import Numbers, State
+from ..estimate.prediction_error.cubature import Moments, carried, measured
+from ..estimate.prediction_error.filter import as_state, filter_pass
+from ..robots.effect import Numbers
 from ..robots.robot import Robot
 from ..simulation.rollout import Integrator, commanded, step
 
@@ -22,13 +24,8 @@ PREFIX = "missing_force."
 """Names of the forces' states begin with this, and end with the velocity they accelerate."""
 _START = 2.0
 """Standard deviation of a force at the start, in units of what it wanders in one second."""
-
-
-def _points(mean, covariance):
-    """Cubature points [2n, n] of a Gaussian."""
-    n = mean.shape[0]
-    spread = jnp.sqrt(float(n)) * jnp.linalg.cholesky(covariance).T
-    return jnp.concatenate([mean + spread, mean - spread])
+_LEAST = 1e-3
+"""Least variance of a state beside its jitter."""
 
 
 def _symmetric(matrix):
@@ -51,53 +48,34 @@ def _filter(setting: Setting, p: Numbers, log, intensity):
     expected outputs and their slope, and the mean at which these were taken.
     """
     robot, integrator = setting.robot, setting.integrator
-    names = robot.states
     outputs = log["outputs"].shape[1]
 
-    def as_state(vector) -> State:
-        return {name: vector[i] for i, name in enumerate(names)}
-
-    def advance(vector, volts, interval):
+    def onward(vector, volts, interval):
         def substep(state, held):
             return step(robot, state, tuple(held), interval / integrator.substeps, p, integrator.friction), None
 
-        state, _ = jax.lax.scan(substep, as_state(vector), volts)
-        return jnp.stack([state[name] for name in names])
+        state, _ = jax.lax.scan(substep, as_state(robot, vector), volts)
+        return jnp.stack([state[name] for name in robot.states])
 
-    def observe(vector, seen):
-        return jnp.stack([jnp.asarray(y, float) for y in robot.observe(as_state(vector), tuple(seen), p)])[:outputs]
+    def look(vector, seen):
+        # Effects on measurements are taken off the data beforehand.
+        return jnp.stack([jnp.asarray(y, float) for y in robot.observe(as_state(robot, vector), tuple(seen), p)])[
+            :outputs
+        ]
 
-    def sample(carry, row):
-        predicted, covariance = carry
-        volts, y, there, interval = row
-        expected, slope = observe(predicted, volts[0]), jax.jacfwd(observe)(predicted, volts[0])
-        mean, covariance, _ = _measured(predicted, covariance, expected, slope, y, there, log["noise"])
-        points = _points(mean, covariance + jnp.diag(log["jitter"]))
-        ahead = jax.vmap(lambda point: advance(point, volts, interval))(points)
-        after = jnp.mean(ahead, axis=0)
-        spread, before = ahead - after, points - mean
-        covariance_after = spread.T @ spread / len(points) + _walked(setting, intensity, interval, log)
-        cross = before.T @ spread / len(points)
-        return (after, covariance_after), (mean, covariance, after, covariance_after, cross, expected, slope, predicted)
+    def propagate(moments: Moments, row):
+        volts, interval = row
+        wider = Moments(moments.mean, moments.covariance + jnp.diag(log["jitter"]))
+        ahead, cross = carried(wider, lambda x: onward(x, volts, interval), _LEAST * log["jitter"])
+        ahead = Moments(ahead.mean, ahead.covariance + _walked(setting, intensity, interval, log))
+        return ahead, (ahead, cross)
 
     volts = commanded(robot, p, log["inputs"], log["dt"], integrator.substeps)
-    rows = (volts, log["outputs"], log["there"], log["dt"])
-    _, kept = jax.lax.scan(sample, (log["start"], _start_covariance(setting, intensity, log)), rows)
-    return kept
-
-
-def _measured(mean, covariance, expected, slope, y, there, noise):
-    """Mean, covariance and log-likelihood after one sample's outputs, one after the other: their noises are independent."""
-    first, likelihood = mean, jnp.zeros(())
-    for i in range(len(y)):
-        surprise = y[i] - expected[i] - slope[i] @ (mean - first)
-        along = covariance @ slope[i]
-        variance = slope[i] @ along + noise[i] ** 2
-        gain = jnp.where(there[i], along / variance, 0.0)
-        mean = mean + gain * surprise
-        covariance = _symmetric(covariance - jnp.outer(gain, along))
-        likelihood = likelihood - 0.5 * jnp.where(there[i], surprise**2 / variance + jnp.log(variance), 0.0)
-    return mean, covariance, likelihood
+    start = Moments(log["start"], _start_covariance(setting, intensity, log))
+    rows = ((volts, log["dt"]), volts[:, 0], log["outputs"], log["there"])
+    found = filter_pass(look, propagate, start, rows, log["noise"])
+    before, after, expected, slope, _, (ahead, cross) = found
+    return after.mean, after.covariance, ahead.mean, ahead.covariance, cross, expected, slope, before.mean
 
 
 def _walks(setting: Setting):
@@ -121,7 +99,8 @@ def _likelihood(setting: Setting, log, kept, used, intensity):
         mean, covariance, total = carry
         base, base_covariance, next_, next_covariance, cross, expected, slope, predicted, y, there, interval = row
         expected = expected + slope @ (mean - predicted)
-        mean, covariance, gained = _measured(mean, covariance, expected, slope, y, there, log["noise"])
+        (mean, covariance), news = measured(Moments(mean, covariance), expected, slope, y, there, log["noise"])
+        gained = -0.5 * jnp.sum(news.surprise**2 / news.variance + jnp.log(news.variance))
         # Statistical linear regression: the matrix that the points' moments imply, and what it leaves over.
         spread = base_covariance + jnp.diag(log["jitter"])
         turn = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(spread), True), cross).T
