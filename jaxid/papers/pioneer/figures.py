@@ -22,10 +22,10 @@ _METHOD = "model"
 
 @dataclass(frozen=True)
 class _Watched(Pioneer):
-    """A Pioneer whose caster angle can be seen."""
+    """A Pioneer whose caster angle can be seen, in place of its forward speed."""
 
     def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
-        return state["eta1"], state["eta2"], state["beta"]
+        return state["beta"], state["eta2"]
 
 
 def _panels(rows: int, height: float) -> tuple[Figure, np.ndarray]:
@@ -88,14 +88,14 @@ def turn_on_the_spot(log: Log, robot: Pioneer | None = None) -> Figure:
     """
     robot = robot or Pioneer()
     watched = _Watched(robot.parameters, robot.effects, robot.pose, robot.wheel_angles)
-    outputs = simulate(watched, LogSet([log]))[0]
+    outputs, beta = simulate(robot, LogSet([log]))[0], simulate(watched, LogSet([log]))[0][:, 0]
     figure, panels = _panels(3, 5.5)
     colour = figures.COLOURS[1]
     for ax, name, j in zip(panels[:2], ("eta2", "eta1"), (1, 0), strict=True):
         ax.plot(log.time, log.output(name), ".", ms=2, color="0.6", label="measured")
         ax.plot(log.time, outputs[:, j], lw=1.4, color=colour, label="coupled model")
         ax.set_ylabel(f"{name} [{log.channels.units[name]}]")
-    panels[2].plot(log.time, np.degrees(outputs[:, 2]), lw=1.4, color=colour)
+    panels[2].plot(log.time, np.degrees(beta), lw=1.4, color=colour)
     panels[2].set_ylabel("beta [deg]")
     for ax, value in ((panels[1], 0.0), (panels[2], -90.0)):
         ax.axhline(value, ls="--", lw=1.0, color="0.2", label="equation 35")
