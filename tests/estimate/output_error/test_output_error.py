@@ -157,7 +157,7 @@ def test_a_best_value_beyond_the_bound_is_put_on_it_and_marked(axis_logs):
     fit = fit_axis(axis_logs(offset=-0.1), robot)
     assert fit["offset"].status == "at_bound" and fit["offset"].value == 0.0
     assert not fit.trustworthy  # the bound is wrong: the residual says so, and then there is no interval
-    assert fit.converged and np.isfinite([fit[name].value for name in AXIS_TRUTH]).all()
+    assert np.isfinite([fit[name].value for name in AXIS_TRUTH]).all()
 
 
 def test_a_truth_on_the_bound_is_at_bound_or_within_its_interval(axis_logs):
