@@ -198,7 +198,9 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
     Unbiased with noise in the regressors, as long as the simulation follows the motion: instruments that explain half
     of the measured regressors or less are weak, and the result says so and is not converged. Standard errors hold for
     coloured residuals (`score_covariance`). What is not linear in the noise stays: positions rebuilt from measured speeds
-    leave the Pioneer's Cs1, Cs and Cv off by about one standard error of a fit of two 10 s logs. Status of a parameter as in `integral_least_squares`.
+    leave the Pioneer's Cs1, Cs and Cv off by about one standard error of a fit of two 10 s logs.
+
+    Status of a parameter as in `integral_least_squares`.
 
     Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
     one does not enter linearly.
