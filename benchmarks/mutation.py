@@ -107,7 +107,7 @@ FAULTS = (
         "jaxid/estimate/output_error/from_optimum.py",
         "counts * (1.0 - unknown_count / jnp.maximum(jnp.sum(counts), 1))",
         "counts * 1.0",
-        "tests/estimate/output_error/test_uncertainty.py",
+        "tests/estimate/output_error/test_channel_noise.py",
     ),
     Fault(
         "the noise of third differences with another gain",
