@@ -31,6 +31,8 @@ _UNEXPLAINED = 0.5
 """Share of the motion's variance above which a fit that leaves it does not follow the logs."""
 _INTEGRATION = 1e-4
 """Residual in units of the motion's standard deviation that may be the simulation's own error."""
+_FOLLOWS_LARGE = 0.05
+"""The same where the residual is `POOR` in size and coloured: then a doubt is worth more than a false alarm is dear."""
 _WORSE = 1.02
 """Ratio of two residuals (RMS) above which the first is worse."""
 _FOLLOWS = 0.002
@@ -133,7 +135,8 @@ def judge(
         there = [c in errors[k] for k in kept]
         mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in drivers.items()}
         p, name = relation(own, mine)
-        if p < _FOLLOWS / len(parts):
+        large = pooled > POOR and c in coloured
+        if p < (_FOLLOWS_LARGE if large else _FOLLOWS) / len(parts):
             follows[c] = name
     sentences = list(failures)
     if pooled > _ABOVE or failures:
@@ -143,7 +146,13 @@ def judge(
             f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
         )
     alone = [c for c in coloured if c not in follows]
-    if alone:
+    if alone and pooled > POOR:
+        sentences.append(
+            f"The residual of {_listed(alone)} is not white and larger than the noise that the data shows: either the "
+            "sensor's noise is coloured, and the estimates stand, or the model lacks something, and they do not. A log of "
+            "the robot at rest would tell."
+        )
+    elif alone:
         sentences.append(
             f"The residual of {_listed(alone)} is not white: coloured noise, or dynamics that are missing."
         )
