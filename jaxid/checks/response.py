@@ -12,7 +12,7 @@ from ..logs.log import Log
 from .motion import is_planar, is_position, response, speed
 from .samples import finding, noise
 from .signs import check_signs
-from .windows import Windows, excited, integral, speed_windows
+from .windows import FRICTION, Windows, excited, integral, speed_windows
 
 Array = NDArray[np.float64]
 
@@ -83,17 +83,21 @@ def _disturbed(log: Log, windows: Windows) -> Iterator[Finding]:
     regressors = np.concatenate([windows.drive, held, windows.nuisance], axis=1)
     solution, *_ = np.linalg.lstsq(regressors, windows.change, rcond=1e-9)
     left = windows.change - regressors @ solution
+    # Where the speed is lost in its noise, dry friction acts either way or holds: what it could do there is no disturbance.
+    friction = np.abs(solution[2 * windows.drive.shape[1] + FRICTION])
+    unexplained = np.maximum(np.abs(left) - friction * windows.undirected, 0.0)
     span = 5
     blocks = len(left) // span
     if blocks < 5 or 1 - left.var() / max(windows.change.var(), 1e-300) < 0.5:
         return
     rms = np.sqrt(np.mean(left[: blocks * span].reshape(blocks, span) ** 2, axis=1))
+    beyond = np.sqrt(np.mean(unexplained[: blocks * span].reshape(blocks, span) ** 2, axis=1))
     moved = np.sqrt(np.mean(windows.change[: blocks * span].reshape(blocks, span) ** 2, axis=1))
     active = moved > 0.3 * np.sqrt(np.mean(windows.change**2))  # standing still is no measure of the usual
     if active.sum() < 5:
         return
     odd = np.flatnonzero(
-        active & (rms > 0.5 * moved) & (rms > 3 * np.median(rms[active]) + 3 * noise(speed(log, windows.name)))
+        active & (beyond > 0.5 * moved) & (beyond > 3 * np.median(rms[active]) + 3 * noise(speed(log, windows.name)))
     )
     if len(odd):
         seconds = span * float(np.median(np.diff(log.time[windows.starts])))

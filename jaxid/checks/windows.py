@@ -17,6 +17,10 @@ from .samples import noise
 Array = NDArray[np.float64]
 
 
+FRICTION = 1
+"""Column of `Windows.nuisance` that dry friction scales."""
+
+
 @dataclass(frozen=True)
 class Windows:
     """One output over N windows: what its change is left with, and the inputs, once friction is projected out."""
@@ -27,6 +31,9 @@ class Windows:
     change: Array  # [N]
     drive: Array  # [N, nu] integrals of the inputs
     nuisance: Array  # [N, m] integrals of the speed, of its sign, of 1, and of products of speeds
+    undirected: (
+        Array  # [N] seconds in which the noise hides the sign of the speed, so that dry friction may act either way
+    )
 
     def projected(self) -> tuple[Array, Array]:
         """`(change [N], drive [N, nu])` without what the nuisance regressors explain."""
@@ -62,7 +69,8 @@ def speed_windows(log: Log, share: float = 0.25) -> list[Windows]:
         moving = np.where(np.isfinite(values), values, 0.0)
         middle = moving.copy()
         middle[:-1] = (moving[:-1] + moving[1:]) / 2
-        direction = np.where(np.abs(middle) > 3 * noise(values), np.sign(middle), 0.0)
+        directed = np.abs(middle) > 3 * noise(values)
+        direction = np.where(directed, np.sign(middle), 0.0)
         nuisance = np.stack([middle, direction, np.ones(len(log)), *products], axis=-1)
         found.append(
             Windows(
@@ -72,6 +80,7 @@ def speed_windows(log: Log, share: float = 0.25) -> list[Windows]:
                 moving[last] - moving[first],
                 integral(log, log.inputs, first, last),
                 integral(log, nuisance, first, last),
+                integral(log, np.where(directed, 0.0, 1.0), first, last),
             )
         )
     return found

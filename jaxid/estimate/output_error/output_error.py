@@ -191,14 +191,17 @@ def _fit(
     problem, optimum, iterations = reweighted(structure, problem, optimum, max_steps, report, solver)
     doubts = ""
     if integrator is None:
-        checked = with_steps_checked(structure, problem, optimum, max_steps=max_steps, report=report)
+
+        def settle(structure: Structure, problem: Problem, optimum: Optimum):
+            return reweighted(structure, problem, optimum, max_steps, report, solver)
+
+        checked = with_steps_checked(structure, problem, optimum, settle, max_steps=max_steps, report=report)
         doubts = checked.note
         if checked.structure != structure:
-            structure, optimum = checked.structure, checked.optimum
+            structure, problem, optimum = checked.structure, checked.problem, checked.optimum
             interval = max(log.sampling_interval for log in logs)
             robot = replace(robot, longest_step=interval / structure.integrator.substeps)
-            problem, optimum, more = reweighted(structure, problem, optimum, max_steps, report, solver)
-            iterations += more
+            iterations += checked.iterations
     inner, noise, outliers, bread = optimum, None, (), 1.0
     if not isinstance(loss, Squares):
         lossy = minimise_robustly(

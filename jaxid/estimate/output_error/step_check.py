@@ -4,8 +4,12 @@ A step that suits one robot is too long for a smaller, faster one, and no residu
 time constants of its own, which can fit the data perfectly with wrong parameters. So the optimum is simulated again with
 shorter steps. The difference, taken off the measurements, moves the estimates to where shorter steps would lead (deferred
 correction; Stetter 1978, Numerische Mathematik 29), and this costs no program of its own. Where they would move noticeably,
-the fit goes on with shorter steps.
+the fit goes on with shorter steps, and is asked again with the noise that it has then: long steps can misfit so much that,
+in units of what they leave, the next steps' own errors would not show.
 """
+
+# jaxtyping writes shapes as strings that linters take for forward annotations.
+# ruff: noqa: F722
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,6 +17,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ...simulation.rollout import Integrator
 from .optimum import Optimum
@@ -31,15 +36,20 @@ _GAINED = 0.5
 """A difference that shorter steps do not shrink to this share is none of the integration: the simulation is chaotic."""
 _STEPS = 20
 
+Settle = Callable[[Structure, Problem, Optimum], tuple[Problem, Optimum, int]]
+"""The noise of every channel as an optimum leaves it, the optimum with that noise, and the iterations of both."""
+
 
 class Checked(NamedTuple):
-    """The problem, its optimum and what it was integrated with. `error` is what still depends on the steps (RMS, in units of
-    the noise); `note` a sentence where that could not be made small."""
+    """The problem, its optimum and what it was integrated with, `iterations` later. `error` is what still depends on the
+    steps (RMS, in units of the noise); `note` a sentence where that could not be made small."""
 
     structure: Structure
+    problem: Problem
     optimum: Optimum
     error: float
     note: str
+    iterations: int
 
 
 def _finer(structure: Structure, factor: int = _FINER) -> Structure:
@@ -47,12 +57,16 @@ def _finer(structure: Structure, factor: int = _FINER) -> Structure:
     return structure._replace(integrator=Integrator(integrator.substeps * factor, integrator.friction))
 
 
-def _difference(structure: Structure, problem: Problem, optimum: Optimum):
-    """Simulation with shorter steps minus that with these [E, T, ny], and its RMS in units of the noise."""
+def _difference(structure: Structure, problem: Problem, optimum: Optimum) -> Float[Array, "E T ny"]:
+    """Simulation with shorter steps minus that with these."""
     fine = simulated(_finer(structure), problem, optimum.unknowns)
-    change = jnp.where(problem.mask, fine - simulated(structure, problem, optimum.unknowns), 0.0)
+    return jnp.where(problem.mask, fine - simulated(structure, problem, optimum.unknowns), 0.0)
+
+
+def _in_noise(problem: Problem, change: Float[Array, "E T ny"]) -> float:
+    """RMS of a `change` of the outputs, in units of the noise."""
     seen = np.asarray(change / problem.sigma)[np.asarray(problem.mask)]
-    return change, float(np.sqrt(np.mean(seen**2))) if seen.size else 0.0
+    return float(np.sqrt(np.mean(seen**2))) if seen.size else 0.0
 
 
 def _would_move(structure: Structure, problem: Problem, optimum: Optimum, change) -> float:
@@ -67,27 +81,34 @@ def with_steps_checked(
     structure: Structure,
     problem: Problem,
     optimum: Optimum,
+    settle: Settle,
     *,
     max_steps: int = 100,
     report: Callable[[str], None] = lambda message: None,
 ) -> Checked:
-    """The optimum, minimised again with shorter steps where these matter. Call under float64."""
-    shortened, before = 1, np.inf
+    """The optimum, minimised again with shorter steps where these matter, and with the noise that `settle` finds then.
+
+    Call under float64.
+    """
+    shortened, iterations, before = 1, 0, None
     while True:
-        change, error = _difference(structure, problem, optimum)
+        change = _difference(structure, problem, optimum)
+        error = _in_noise(problem, change)
         if not np.isfinite(error):
             note = "The simulation diverges with shorter integration steps; what fits is an artefact of long ones."
-            return Checked(structure, optimum, error, note)
+            return Checked(structure, problem, optimum, error, note, iterations)
         if error <= _VISIBLE and _would_move(structure, problem, optimum, change) <= _MOVED:
-            return Checked(structure, optimum, error, "")
-        if shortened >= _MOST or error > _GAINED * before:
+            return Checked(structure, problem, optimum, error, "", iterations)
+        if shortened >= _MOST or (before is not None and error > _GAINED * _in_noise(problem, before)):
             note = (
                 f"The simulation depends on its integration steps ({error:.2g} times the noise between steps and a quarter "
                 "of them), so its parameters may be off by more than they say; the motion is chaotic or too fast for the "
                 "sampling."
             )
-            return Checked(structure, optimum, error, note)
-        shortened, before = shortened * _FINER, error
+            return Checked(structure, problem, optimum, error, note, iterations)
+        shortened, before = shortened * _FINER, change
         structure = _finer(structure)
         report("integration steps were too long; went on with shorter ones")
         optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
+        problem, optimum, more = settle(structure, problem, optimum)
+        iterations += more
