@@ -6,7 +6,7 @@ models compute with, are a plain dictionary (`table.numbers`).
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 
@@ -30,7 +30,7 @@ class Parameter:
     lower: float = -math.inf
     upper: float = math.inf
     prior: tuple[float, float] | None = None
-    typical: float | None = None
+    typical: float | None = field(default=None, compare=False)
     source: str = ""
     meaning: str = ""
 

@@ -54,7 +54,9 @@ def time_constant(robot: "Robot") -> float:
     One over the largest magnitude among the eigenvalues of its linearised rates; infinite for what only coasts.
     """
     bare = replace(robot.alone, effects=())
-    p, names, rest = bare.parameters.numbers, bare.own_states, bare.initial_state()
+    # NumPy's numbers: a mass of zero makes infinity, which is looked for, and no error.
+    p = {name: np.float64(value) for name, value in bare.parameters.numbers.items()}
+    names, rest = bare.own_states, bare.initial_state()
     idle = (0.0,) * len(bare.channels.inputs)
     dry = (0.0,) * len(bare.rubbing(rest, p))
 

@@ -56,7 +56,10 @@ def test_a_friction_that_the_model_lacks_makes_the_fit_poor(axis_log):
 
 def test_a_model_that_does_not_follow_fails_whatever_its_optimiser_says(axis_log):
     immovable = ROBOT.change("Fv", value=500.0, free=False).change("Fc", free=False)
-    fit = output_error(immovable, LogSet([log(axis_log, 0.01 * coloured(0.0, 4))]))
+    logs = LogSet([log(axis_log, 0.01 * coloured(0.0, 4))])
+    in_windows = output_error(immovable, logs)  # follow for a moment, with initial states of their own
+    assert not in_windows.trustworthy and in_windows["M"].status != "identified"
+    fit = output_error(immovable, logs, windows=None)
     assert fit.judgement.verdict == "failed" and not fit.converged
     assert all(e.status != "identified" for e in fit.parameters.values())
     assert np.isnan(fit["M"].std_error) and repr(fit).startswith("Failed: ")

@@ -114,7 +114,12 @@ def repeatability(
     """
     options = {"start": start, "integrator": integrator, "covariance": covariance, "report": report}
     alone = fit_fleet(robot, {log.name: LogSet([log]) for log in logs}, **options)
-    sound = [log for log in logs if log.name in alone.fits]
+    doubted = {
+        name: fit.judgement.sentence
+        for name, fit in alone.fits.items()
+        if fit.judgement is not None and fit.judgement.verdict == "failed"
+    }
+    sound = [log for log in logs if log.name in alone.fits and log.name not in doubted]
     if len(sound) < 2:
         raise LogError(f"repeatability needs two recordings that can be fitted; there are {len(sound)} of {len(logs)}")
     groups = {log.name: LogSet([other for other in sound if other is not log]) for log in sound}
@@ -126,5 +131,5 @@ def repeatability(
         without={name: found.fits[name] for name in differences},
         p_values={name: p for name, (p, _) in differences.items()},
         furthest={name: worst for name, (_, worst) in differences.items()},
-        failed={**alone.failed, **found.failed},
+        failed={**alone.failed, **doubted, **found.failed},
     )

@@ -218,6 +218,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
     theta = np.array([start.robot.parameters[name].value for name in names])
     noise = np.array([start.noise.get(name) or 1.0 for name in speeds])
     solved, found, simulated, converged, reason, passes = None, None, None, False, "", 0
+    notes: list[str] = []
     for passes in range(1, _PASSES + 1):
         # Instruments need not be those of the very last digits, and what slides where depends on the estimate in steps: in
         # the end the same motion and the same intervals are used, or the passes never settle.
@@ -228,6 +229,12 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
             reason = f"the simulation with the estimate of pass {passes - 1} diverges, so that it gives no instruments"
             break
         found = refined_instruments(with_estimate(robot, names, theta), list(logs), simulated, speeds, theta, same)
+        if not len(found.targets) and solved is not None:
+            simulated = None
+            reason = f"the instruments are weak: with the estimate of pass {passes - 1} nothing slides where the robot did"
+            notes.append("The instruments are weak: the simulated motion has nothing to do with the measured one. The values "
+                         "are not to be trusted; look for missing effects or a wrong channel, or excite the robot more.")
+            break
         if not len(found.targets):
             raise LogError(
                 f"nowhere in the logs {', '.join(log.name for log in logs)} do the robot and its simulation both slide; "
@@ -247,7 +254,6 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         theta = np.array([start.robot.parameters[name].value for name in names])
         solved = _Solved(theta, np.full((n, n), np.nan), ("not_identifiable",) * n, noise, 1.0, 0)
         reason += "; the values are those of the start"
-    notes = []
     if found is not None and simulated is not None:
         solved = replace(solved, relevance=min(solved.relevance, _followed(logs, simulated, moving)))
         notes.append(
