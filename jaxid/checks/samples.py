@@ -78,8 +78,12 @@ def _clock(log: Log) -> Iterator[Finding]:
             "that the times are those of the measurement and not of its arrival"
         )
         yield finding(log, "t", int(np.argmax(uneven)), "warning", "clock_jitter", text)
-    # Milliseconds make hours of a run, hours make an instant of it.
-    if (usual >= 0.5 and log.duration > 3600) or (usual < 2e-5 and log.duration < 0.1):
+    # Milliseconds make hours of a run, hours make an instant of it; whole numbers without a gap are those of the rows.
+    counted = len(log) > 2 and np.array_equal(log.time - log.time[0], np.arange(len(log)))
+    if counted:
+        text = "t counts the rows (0, 1, 2 …) and says no seconds; map it with the sampling interval as its scale"
+        yield finding(log, "t", None, "warning", "time_unit", text)
+    elif (usual >= 0.5 and log.duration > 3600) or (usual < 2e-5 and log.duration < 0.1):
         text = (
             f"a sampling interval of {usual:.4g} s over {log.duration:.4g} s is unlikely for a robot; map t with the scale "
             "that gives seconds"

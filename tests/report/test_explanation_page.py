@@ -110,7 +110,7 @@ def test_an_unexplained_gap_gives_leads(unexplained, tmp_path):
     ]
     assert (tmp_path / "leads.png").exists() and not (tmp_path / "moved.png").exists()
     figure = leads(unexplained)
-    assert [ax.get_xlabel() for ax in figure.axes] == ["v [m/s]", "x [m]", "time [s]"]
+    assert [ax.get_xlabel() for ax in figure.axes] == ["v [m/s or rad/s]", "x [m]", "time [s]"]
     # What the fit cannot absorb of the drag: the true resistance less the fitted one, away from standstill.
     speed, middle = figure.axes[0].lines[1].get_data()
     fitted = unexplained.baseline.robot.parameters.numbers

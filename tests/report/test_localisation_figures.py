@@ -44,7 +44,7 @@ def test_the_worst_log_is_drawn_with_its_band_and_its_speed(found):
     np.testing.assert_array_equal(speed.lines[0].get_ydata(), logs[1].output("v"))
     band = force.collections[0].get_paths()[0].vertices
     assert band[:, 1].max() == pytest.approx(np.max(result.forces[1].force + 1.96 * 0.05))
-    assert "[N]" in force.get_ylabel() and "[m/s]" in speed.get_ylabel()
+    assert "[N]" in force.get_ylabel() and "[m/s or rad/s]" in speed.get_ylabel()
     assert speed.get_xlabel() == "time in log 1 [s]"
     fitted = [line for line in force.lines if line.get_label() == "fitted to the speed"]
     np.testing.assert_array_equal(fitted[0].get_ydata(), result.patterns[0].fitted[1][:, 0])

@@ -231,9 +231,13 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         found = refined_instruments(with_estimate(robot, names, theta), list(logs), simulated, speeds, theta, same)
         if not len(found.targets) and solved is not None:
             simulated = None
-            reason = f"the instruments are weak: with the estimate of pass {passes - 1} nothing slides where the robot did"
-            notes.append("The instruments are weak: the simulated motion has nothing to do with the measured one. The values "
-                         "are not to be trusted; look for missing effects or a wrong channel, or excite the robot more.")
+            reason = (
+                f"the instruments are weak: with the estimate of pass {passes - 1} nothing slides where the robot did"
+            )
+            notes.append(
+                "The instruments are weak: the simulated motion has nothing to do with the measured one. The values "
+                "are not to be trusted; look for missing effects or a wrong channel, or excite the robot more."
+            )
             break
         if not len(found.targets):
             raise LogError(

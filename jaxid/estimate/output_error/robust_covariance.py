@@ -168,9 +168,12 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
     for e in range(E):
         J, r = jacobian[e], residual[e]
         H = np.einsum("tyi,tyj->ij", J, J)
+        if not np.isfinite(H).all():
+            return Robust(np.full((n, n), np.nan), np.ones(n))
         own_free = np.asarray(problem.state_free[e])
         local = H[n:, n:] + np.diag(np.where(own_free, state_prior, 1.0))
-        onto = np.linalg.solve(local, H[n:, :n]).T if s else np.zeros((n, 0))
+        # A state that the outputs do not show (all its sensitivities are zero) takes up nothing.
+        onto = np.linalg.lstsq(local, H[n:, :n], rcond=None)[0].T if s else np.zeros((n, 0))
         by_log[e] = H[:n, :n] - onto @ H[n:, :n]
         information = information + by_log[e]
         own[e] = J[..., :n] - J[..., n:] @ onto.T
