@@ -18,11 +18,10 @@ needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the measured logs are
 def level(effect, robot, state, speed):
     """Friction level [N m] forwards of the robot with one effect, at a state and a speed."""
     p = {name: jnp.asarray(parameter.value) for name, parameter in robot.parameters.items()}
-    ((_, forward),) = effect.dry(((p["coulomb"], p["coulomb"]),), (jnp.asarray(speed),), state, p)
+    ((_, forward),) = effect.dry(((p["coulomb"], p["coulomb"]),), (jnp.asarray(speed),), state, p, robot)
     return float(forward)
 
 
-# -- the committed figures ---------------------------------------------------------------------------------------------
 # -- measured again ----------------------------------------------------------------------------------------------------
 @needs_data
 def test_husky_logs_hold_steady_currents_and_show_when_it_turns():

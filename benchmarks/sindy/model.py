@@ -52,6 +52,9 @@ class AddedOnALine(Added):
 class _WithTerms:
     """Mixed into a robot: dry-friction terms change its Coulomb levels, all others add to the rates of its velocities."""
 
+    max_step: ClassVar[float] = 0.01
+    """The terms are wanted in the rates even where the robot is looked at without its effects."""
+
     def coulomb(self: Any, state: State, p: Numbers) -> Levels:
         levels = super().coulomb(state, p)  # type: ignore[misc]
         terms = TERMS[self.name](state, (0.0,) * len(self.channels.inputs), p)

@@ -56,7 +56,8 @@ def _reshaped(equation: Any, inputs: Sequence[Values]) -> Values:
     places = [
         np.arange(a, b, dtype=np.int64).reshape(x.shape) for a, b, x in zip(sizes, sizes[1:], inputs, strict=False)
     ]
-    moved = np.asarray(equation.primitive.bind(*places, **equation.params))
+    with jax.ensure_compile_time_eval():  # the caller may be tracing a program of its own
+        moved = np.asarray(equation.primitive.bind(*places, **equation.params))
     flat = np.concatenate([x.ravel() for x in inputs])
     return _array([flat[i] for i in moved.ravel()], moved.shape)
 
@@ -106,6 +107,9 @@ def _equation(graph: Graph, equation: Any, inputs: Sequence[Values]) -> list[Val
         return [_converted(graph, equation.invars[0].aval.dtype, params["new_dtype"], inputs[0])]
     if name in _SHAPES:
         return [_reshaped(equation, inputs)]
+    if not inputs and not equation.effects:  # a table of numbers, such as iota
+        with jax.ensure_compile_time_eval():
+            return [constants(graph, equation.primitive.bind(**params))]
     if name == "reduce_sum":
         x = np.moveaxis(inputs[0], params["axes"], range(len(params["axes"])))
         rows = x.reshape(-1, *x.shape[len(params["axes"]) :])

@@ -106,6 +106,22 @@ def test_reverse_mode_agrees_with_finite_differences():
     assert jax.grad(energy)(jnp.asarray(0.1)) == pytest.approx(float(difference), rel=1e-5)
 
 
+@pytest.mark.filterwarnings("error::jaxid.simulation.machine_rollout.SlowSimulation")
+@pytest.mark.usefixtures("double_precision")
+def test_small_arrays_in_a_users_function_are_translated_inside_a_program_too():
+    def stacked(state, inputs, p, friction):
+        rates = _swinging(state, inputs, p, friction)
+        both = jnp.stack([rates["q"], rates["w"]]) @ jnp.eye(2)
+        return {"q": both[0], "w": both[1]}
+
+    robot, plain = pendulum(stacked), pendulum()
+    inputs, dt = experiments(robot)
+    numbers = {name: jnp.asarray(value) for name, value in robot.parameters.numbers.items()}
+    start = {"q": jnp.asarray(0.3), "w": jnp.zeros(())}
+    found = jax.jit(lambda u: rollout(robot, numbers, start, u, dt[0], Integrator(2)))(inputs[0])
+    np.testing.assert_allclose(found, rollout(plain, numbers, start, inputs[0], dt[0], Integrator(2)), atol=1e-12)
+
+
 @pytest.mark.usefixtures("double_precision")
 def test_what_has_no_translation_runs_in_xla_and_says_so():
     def searching(state, inputs, p, friction):
