@@ -219,7 +219,10 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
     if free is not None and poor <= _POOR:
         return free
     growth = _growing(robot, logs, free, start)
-    if growth.kind == "stable":
+    # What integrates is a position; where velocities alone are measured, disturbances do not stay in the outputs, and
+    # windows would only hide what the model lacks.
+    only_velocities = all(set(log.measured) <= set(robot.velocities) for log in logs)
+    if growth.kind == "stable" or (growth.kind == "integrating" and only_velocities):
         if free is None:
             raise why or ParameterError(f"the simulation of {robot.name!r} diverges")
         return free
