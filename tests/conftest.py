@@ -16,8 +16,8 @@ if os.environ.get("JAXID_CHECK_ANNOTATIONS"):
 
     jaxtyping.install_import_hook("jaxid", "tests.annotations.checked")
 
-# One thread for a program, as on the command line: two test processes fill two cores, and batched linear algebra in one
-# program can wait for itself on a pool of two threads.
+# One thread for a program, as on the command line: two test processes fill two cores, and a batch of fits has been seen to
+# hang on a pool of two threads.
 os.environ.setdefault("PJRT_NPROC", "1")
 
 import numpy as np  # noqa: E402

@@ -137,6 +137,8 @@ def test_other_units_give_the_same_estimates(fitted, units, request):
     other_log, other_robot = converted(log, robot, FACTORS[units])
     other = output_error(other_robot, LogSet([other_log]), integrator=STEPS)
     agree(fit, other, robot, FACTORS[units], within)
+    if other.iterations != fit.iterations:
+        pytest.xfail(f"{other.iterations} iterations where {fit.iterations} did in the other units")
 
 
 @pytest.mark.parametrize("units", ["small and fast", "large and slow"])
