@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..parameters import ParameterError
 from ..robots.effect import Numbers, Path, State
 from ..robots.robot import Robot
 from ..robots.scales import time_constant
@@ -25,6 +26,8 @@ _RESOLVED = 0.015
 """Sampling interval in time constants up to which one step a sample does."""
 _MOST_STEPS = 40
 """Steps a sample beyond which only stability counts."""
+_TOO_MANY_STEPS = 10_000
+"""Steps a sample that no robot needs: its numbers are not those of a robot that was logged at this rate."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,8 @@ class Integrator:
         One step a sample where samples are a hundredth of the time constant apart or less, else at least two: a step
         through a reversal is of second order. Stiff states (a filter far faster than the samples) get no more steps
         than make the integrator stable.
+
+        Raises `ParameterError` where that takes more than 10,000 steps a sample.
         """
         if robot.max_step is not None:
             steps = math.ceil(sampling_interval / robot.max_step - 1e-6)
@@ -51,7 +56,13 @@ class Integrator:
             steps = min(steps, max(_MOST_STEPS, math.ceil(share)))
         finer = max((effect.finer for effect in robot.effects), default=1.0)
         found = math.ceil(sampling_interval / robot.longest_step - 1e-6)
-        return Integrator(max(1, found, math.ceil(finer * steps - 1e-6)), friction or Sticking())
+        steps = max(1, found, math.ceil(finer * steps - 1e-6))
+        if steps > _TOO_MANY_STEPS:
+            raise ParameterError(
+                f"With its present numbers the robot has motions so fast that samples {sampling_interval:.3g} s apart "
+                f"would take {steps:.1g} integration steps each; check the units of its parameters and of the time column."
+            )
+        return Integrator(steps, friction or Sticking())
 
 
 def _plus(state: State, h, rates: State) -> State:
