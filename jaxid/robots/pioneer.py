@@ -77,7 +77,6 @@ class Pioneer(Robot):
     angles: ClassVar[tuple[str, ...]] = ("phi2", "phi3")
     friction_unit: ClassVar[str] = "N m"
     turning: ClassVar[str] = "eta2"
-    separable: ClassVar[bool] = True
     in_plane: ClassVar[bool] = True
     winding: ClassVar[str] = "Ra"
     supply_voltage: ClassVar[float] = 12.0

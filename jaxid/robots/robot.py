@@ -61,8 +61,6 @@ class Robot:
     """Velocity -> the state whose derivative it is."""
     along_line: ClassVar[bool] = False
     """Whether its only velocity moves it along a line."""
-    separable: ClassVar[bool] = False
-    """Whether going straight and turning on the spot have equations of their own (Pioneer paper, eqs. 34 and 35)."""
     in_plane: ClassVar[bool] = False
     """Whether `planar()` says how it moves in the plane, so that x, y, theta can be integrated."""
     drive_axes: ClassVar[tuple[int, ...]] = ()

@@ -8,7 +8,6 @@ friction and caster regressors) is what output error does away with.
 """
 
 from collections.abc import Iterable
-from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from ...robots.robot import Robot
 from ..judge import judged_equations
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
-from ..uncoupled_pioneer import uncoupled_pioneer
 from .linear_steps import METHOD, STEPS, estimates_of, identify, notes_on, with_estimate
 from .regressors import check_linear
 from .weighted_least_squares import USELESS, Solution
@@ -38,7 +36,7 @@ def _combinations(robot: Robot, names: tuple[str, ...], solution: Solution) -> d
     return found
 
 
-def _coupled(robot: Robot, logs: list[Log], window: int | None) -> Fit:
+def _identified(robot: Robot, logs: list[Log], window: int | None) -> Fit:
     check_linear(robot, logs)
     solution, equations, iterations, stands = identify(robot, logs, window)
     names = equations.names
@@ -71,16 +69,14 @@ def integral_least_squares(
     robot: Robot,
     logs: Iterable[Log],
     *,
-    equations: Literal["coupled", "uncoupled"] = "coupled",
     window: int | None = None,
 ) -> Fit:
     """Fit the free parameters of `robot` to `logs` by integral least squares.
 
     **Arguments:**
 
-    - `equations`: "coupled" uses all of the robot's equations (the Pioneer's equation 33 with its ym terms, the caster
-      angle rebuilt from the measured speeds). "uncoupled" is the papers' way: the Pioneer's equations 34 and 35, each
-      on the logs that drive straight or turn on the spot; the omni's equations 1-3 as printed.
+    - `robot`: all of its equations are used (the Pioneer's equation 33 with its ym terms, the caster angle rebuilt from
+      the measured speeds).
     - `window`: samples in a stretch with one unknown initial speed, which begins where the last one ended; by default
       those after which the motion has half forgotten, at least 10. Long ones average noise, short ones forget errors of
       the integrals; 2 is the paper's eq. 31: all consecutive intervals.
@@ -96,14 +92,6 @@ def integral_least_squares(
     logs = list(logs)
     if not logs:
         raise LogError("There are no logs to identify from; give at least one.")
-    if equations not in ("coupled", "uncoupled"):
-        raise ValueError(f"There are no {equations!r} equations; use 'coupled' or 'uncoupled'.")
     if not robot.parameters.free_names:
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
-    if equations == "uncoupled" and robot.separable:
-        found = uncoupled_pioneer(cast(Any, robot), logs, window)
-        return judged_equations(found, LogSet(logs))
-    if equations == "uncoupled":
-        robot = robot.with_values(**dict.fromkeys(robot.mechanisms.get("coriolis_coupling", ()), 0.0))
-    found = _coupled(robot, logs, window)
-    return judged_equations(found, LogSet(logs))
+    return judged_equations(_identified(robot, logs, window), LogSet(logs))

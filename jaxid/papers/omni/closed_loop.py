@@ -26,8 +26,8 @@ from ...robots.omni import Omni, wheel_speeds
 from ...robots.robot import Robot
 from ...simulation.friction import Sticking
 from ...simulation.rollout import step
+from .printed import AXES
 
-AXES = ("V", "Vn", "W")
 _LARGEST_DUTY = 255.0
 
 

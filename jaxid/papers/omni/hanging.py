@@ -15,8 +15,9 @@ from ...estimate.result import Estimate
 from ...logs import Channels, Log, LogError, LogSet, read_logs
 from ...logs.read import PathLike, _find, _numbers
 from ...logs.table import read_table
+from ..mean import mean_of
 from ..paper_table import PaperTable
-from .methods import Inertia, hanging_inertia, mean_of
+from .methods import Inertia, hanging_inertia
 from .printed import TABLE_4, TABLE_6
 
 HANGING = Channels(inputs=("mass",), outputs=("theta",), units={"mass": "kg", "theta": "rad"})

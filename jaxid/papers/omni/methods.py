@@ -238,16 +238,3 @@ def hanging_inertia(
     estimate = _estimate(J, std_error, "kg m^2", freedom)
     without = _estimate(J - mass * radius**2, std_error, "kg m^2", freedom)
     return Inertia("method 3", estimate, torque, acceleration, without)
-
-
-def mean_of(estimates: Sequence[Estimate]) -> Estimate:
-    """The plain mean, as in the paper's Tables 5 and 6; its standard error takes the estimates as independent.
-
-    It holds nothing of a disagreement between methods. Raises `ValueError` for none, or for different units.
-    """
-    units = {estimate.unit for estimate in estimates}
-    if len(units) != 1:
-        raise ValueError(f"The mean of estimates needs one unit, not {sorted(units)}; give estimates of one quantity.")
-    value = float(np.mean([estimate.value for estimate in estimates]))
-    error = float(np.sqrt(np.sum([estimate.std_error**2 for estimate in estimates]))) / len(estimates)
-    return Estimate.of(value, error, units.pop())

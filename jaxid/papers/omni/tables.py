@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from ...estimate.result import Estimate
 from ...robots.omni import Omni
+from ..mean import mean_of
 from ..paper_table import PaperTable
 from .experiments import CoastDown, SteadyState
 from .hanging import Hanging
-from .methods import mean_of, steady_state_friction
+from .methods import steady_state_friction
 from .printed import AXES, COULOMB, MASS, TABLE_1, TABLE_2, TABLE_3, TABLE_4, TABLE_5, TABLE_6, VISCOUS
 
 _COLUMNS = ("symbol", "recomputed", "std error", "paper", "difference")

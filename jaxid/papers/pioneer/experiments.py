@@ -8,57 +8,21 @@ wheeled mobile robot", section 4. Three experiments for each movement are fitted
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
 
 from ...estimate.confidence.validation import Validation, validate
-from ...estimate.linear.integral_least_squares import integral_least_squares
 from ...estimate.result import Estimate, Fit
 from ...logs import Log, LogSet, noise_level
 from ...report.tables import with_error
 from ...robots.pioneer import Pioneer
 from ...robots.pioneer_closed_form import turning_coefficients
 from ...simulation.simulate import simulate
-from ..omni.methods import mean_of
+from ..mean import mean_of
 from ..paper_table import Cell, PaperTable
-
-TABLE_3 = MappingProxyType(
-    {
-        "1/a11": (17.83, 16.49, 16.89, 17.07),
-        "Cv": (0.0441, 0.0445, 0.0446, 0.0444),
-        "Cs": (0.3349, 0.3287, 0.2921, 0.3186),
-    }
-)
-"""Straight motion: symbol -> (experiments 1, 2 and 3, mean); inputs PRBS, PRBS, STEP."""
-
-TABLE_4 = MappingProxyType(
-    {
-        "1/a22": (0.4301, 0.4127, 0.4292, 0.424),
-        "Cv1": (0.000429, 0.000389, 0.000469, 0.000429),
-        "Cs1": (0.004535, 0.004532, 0.004541, 0.004536),
-    }
-)
-"""Turning on the spot: symbol -> (experiments 1, 2 and 3, mean); inputs STEP, PRBS, PRBS."""
-
-TABLE_5 = MappingProxyType(
-    {
-        "I0": 0.3,
-        "Ir1": 2.144e-4,
-        "Ir": 0.0012,
-        "Ip1": 1.072e-4,
-        "Ip": 5.95e-4,
-        "Cs1": 0.004536,
-        "Cv1": 0.000429,
-        "Cs": 0.3184,
-        "Cv": 0.0444,
-    }
-)
-"""All identified parameters by symbol (Ir is the paper's Ir2-3)."""
-
-RESIDUAL = MappingProxyType({"mean": -1.4864e-4, "standard deviation": 0.0367})
-"""Residual of eta1 on the validation experiment, figure 4 [m/s]."""
+from .printed import RESIDUAL, TABLE_3, TABLE_4, TABLE_5
+from .uncoupled import uncoupled_least_squares
 
 
 def _input_kind(log: Log) -> str:
@@ -132,7 +96,7 @@ class Movement:
 
 def _one_by_one(robot: Pioneer, logs: Iterable[Log], window: int | None) -> tuple[dict[str, Fit], tuple[str, ...]]:
     logs = LogSet(logs)
-    fits = {log.name: integral_least_squares(robot, [log], equations="uncoupled", window=window) for log in logs}
+    fits = {log.name: uncoupled_least_squares(robot, [log], window=window) for log in logs}
     return fits, tuple(_input_kind(log) for log in logs)
 
 
@@ -146,7 +110,7 @@ def straight_experiments(
     """Table 3: 1/a11 [kg], Cv [N m s] and Cs [N m] by equation 34 from each log that drives straight.
 
     `robot` gives what counts as known (R, the motors; the paper's by default). `window` is that of
-    `integral_least_squares`; 2 is equation 31 as printed. Raises `LogError` for logs that do not drive straight.
+    `uncoupled_least_squares`; 2 is equation 31 as printed. Raises `LogError` for logs that do not drive straight.
     """
     fits, kinds = _one_by_one(robot or Pioneer(), logs, window)
     return Movement("Table 3. Translational movement", TABLE_3, fits, kinds, truth or {})

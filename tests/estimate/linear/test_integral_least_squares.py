@@ -17,9 +17,7 @@ from jaxid import (
     Parameter,
     ParameterError,
     Pioneer,
-    demo,
     float64,
-    read_logs,
 )
 from jaxid.estimate.linear.integral_least_squares import integral_least_squares
 from jaxid.estimate.linear.regressors import _stretches
@@ -134,48 +132,6 @@ def test_linear_system_without_noise():
         assert fit[name].value == pytest.approx(truth, rel=1.1 * (a * h / 4) ** 2 / 24)
 
 
-def equation_31(log, gain, moving):
-    """NumPy alone: a11, a15, a18 of eq. 34 from all consecutive intervals in which the robot moves (eq. 31 as printed)."""
-    v, h = log.output("eta1"), np.diff(log.time)
-    force, sign = gain * (log.input("V2") + log.input("V3")), np.sign(v)
-    F = np.stack([force[:-1] * h, -h * (v[1:] + v[:-1]) / 2, -h * (sign[1:] + sign[:-1]) / 2], axis=1)
-    used = (np.abs(v) > moving)[1:] & (np.abs(v) > moving)[:-1]
-    scale = np.linalg.norm(F[used], axis=0)
-    return np.linalg.lstsq(F[used] / scale, np.diff(v)[used], rcond=None)[0] / scale
-
-
-def straight(name):
-    """A straight run of the Pioneer paper's demonstration logs."""
-    return read_logs(demo.folder("pioneer_paper") / f"straight_{name}.csv", robot="pioneer")[0]
-
-
-@pytest.mark.parametrize(("name", "mass"), [("1_prbs", 17.5), ("2_prbs", 17.0), ("3_step", 17.1)])
-def test_two_samples_a_stretch_are_equation_31(name, mass):
-    """On logs that another simulator wrote; the robot's masses from eq. 31 by hand are known from outside."""
-    log = straight(name)
-    p = Pioneer().parameters.numbers
-    gain = p["tr"] * p["mu"] * p["KT"] / (p["R"] * p["Ra"])
-    expected = equation_31(log, gain, moving=0.03)
-    fit = integral_least_squares(Pioneer(), [log], equations="uncoupled", window=2)
-    assert 1 / expected[0] == pytest.approx(mass, abs=0.1)
-    assert fit["1/a11"].value == pytest.approx(1 / expected[0], abs=0.15 * fit["1/a11"].std_error)
-
-
-def test_equation_31_scatters_as_its_standard_errors_say():
-    """Neighbouring integrals share samples: errors that count them as independent would be several times too large."""
-    log = straight("2_prbs")
-    clean = simulate_log(PIONEER, log.inputs, SAMPLING)[["eta1", "eta2"]].to_numpy()
-    quiet = Log.from_arrays("quiet", log.time, log.inputs, clean, Pioneer())
-    fits = [
-        integral_least_squares(Pioneer(), noisy([quiet], [0.01, 0.02], seed), equations="uncoupled", window=2)
-        for seed in range(60)
-    ]
-    for name in ("1/a11", "Cv", "Cs"):
-        values, errors = (np.array([getattr(fit[name], what) for fit in fits]) for what in ("value", "std_error"))
-        assert 0.8 < np.sqrt(np.mean(errors**2)) / values.std(ddof=1) < 1.6
-    assert np.std([fit["1/a11"].value for fit in fits]) < 0.12  # every other interval alone: 0.44
-
-
 def test_all_intervals_are_in_a_stretch():
     """Stretches meet at a sample, whatever their length; gaps break them."""
     whole = np.array([1, 1, 1, 1, 1, 0, 1, 1, 0, 1, 0], bool)  # the last sample of a log begins no interval
@@ -245,7 +201,7 @@ def test_omni_moving_in_all_directions():
         limit = max(1e-3 * OMNI.parameters[name], 4.0 * fit[name].std_error)
         assert fit[name].value == pytest.approx(OMNI.parameters[name], abs=limit)
         assert fit[name].value == pytest.approx(OMNI.parameters[name], rel=4e-3)
-    printed = integral_least_squares(wrong, logs, equations="uncoupled")  # eqs. 1-3 lack the turning frame's terms
+    printed = integral_least_squares(wrong.uncoupled(), logs)  # eqs. 1-3 lack the turning frame's terms
     assert printed.robot.parameters["coriolis"].value == 0.0
     assert printed.noise["V"] > 10 * fit.noise["V"]
 
@@ -258,38 +214,6 @@ def test_coupled_pioneer(coupled_logs):
         assert fit[name].status == "identified"
     assert fit["1/a11"].value == pytest.approx(17.078, abs=2e-3)
     assert fit["1/a22"].value == pytest.approx(0.42418, abs=1e-4)
-
-
-def test_uncoupled_pioneer(uncoupled_logs):
-    fit = integral_least_squares(Pioneer().with_values(**WRONG), uncoupled_logs, equations="uncoupled")
-    assert fit["1/a11"].value == pytest.approx(17.078, rel=1e-3)
-    assert fit["Cs"].value == pytest.approx(TRUTH["Cs"], rel=1e-4)
-    assert fit["Cv"].value == pytest.approx(TRUTH["Cv"], rel=1e-4)
-    # ym = 0 takes M ym^2 off 1/a22. Turning, the caster stands still in the body, so its friction is not seen.
-    assert fit["1/a22"].value == pytest.approx(0.42418 - 15.5 * 0.07**2, rel=0.02)
-    assert fit["Ir"].status == fit["I0"].status == fit["Ir1"].status == "not_identifiable"
-    for name, (function, _, _) in Pioneer.combinations.items():  # the returned robot has the identified inertias
-        assert function(fit.robot.parameters.numbers) == pytest.approx(fit[name].value, rel=1e-12)
-    assert any("I0 to match 1/a22" in note for note in fit.notes)
-
-
-def test_uncoupled_on_coupled_data_is_biased(coupled_logs, uncoupled_logs):
-    """With the centre of mass behind the axle (ym), turning on the spot drifts and equation 35 puts that into Cv1."""
-    still = np.zeros(1000)
-    drive = wheels(still, steps(1000, [0, 4, 6, 2.5]))
-    spot = as_log("spot", simulate_log(PIONEER, drive, SAMPLING), Pioneer())
-    fit = integral_least_squares(Pioneer(), [uncoupled_logs["straight_prbs"], spot], equations="uncoupled")
-    assert fit["Cv1"].value > 50 * TRUTH["Cv1"]
-    assert fit["1/a11"].value == pytest.approx(17.078, rel=1e-3)
-    with pytest.raises(LogError, match="none of multilevel, turning drives straight"):
-        integral_least_squares(Pioneer(), [coupled_logs["multilevel"], coupled_logs["turning"]], equations="uncoupled")
-
-
-def test_one_kind_of_log_gives_what_it_can(uncoupled_logs):
-    fit = integral_least_squares(Pioneer(), uncoupled_logs[:2], equations="uncoupled")
-    assert fit["Cs"].status == "identified" and fit["1/a11"].status == "identified"
-    assert fit["Cs1"].status == "not_identifiable" and fit["1/a22"].status == "not_identifiable"
-    assert any("No log for equation 35" in note for note in fit.notes)
 
 
 # -- what the data does not say ----------------------------------------------------------------------------------------
@@ -383,8 +307,6 @@ def test_bad_input(axis_logs, coupled_logs):
         integral_least_squares(robot, coupled_logs[:1])
     with pytest.raises(ParameterError, match="no parameter is free"):
         integral_least_squares(Axis().with_parameters(Axis().parameters.with_free()), axis_logs)
-    with pytest.raises(ValueError, match="equations"):
-        integral_least_squares(Axis(), axis_logs, equations="both")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="two or more"):
         integral_least_squares(Axis(), axis_logs, window=1)
     standing = Log.from_arrays("standing", 0.02 * np.arange(50), np.zeros(50), np.zeros(50), Axis())

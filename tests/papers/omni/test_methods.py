@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from jaxid.estimate.result import Estimate
 from jaxid.logs import OMNI, Log, LogError, LogSet, read_logs
+from jaxid.papers.mean import mean_of
 from jaxid.papers.omni import tables as omni_tables
 from jaxid.papers.omni.experiments import method_1, method_2
 from jaxid.papers.omni.hanging import method_3, read_hanging
@@ -16,7 +17,6 @@ from jaxid.papers.omni.methods import (
     coast_down_friction,
     coast_down_inertia,
     hanging_inertia,
-    mean_of,
     steady_state_friction,
 )
 from jaxid.papers.omni.printed import TABLE_1, TABLE_2, TABLE_4, TABLE_5, TABLE_6

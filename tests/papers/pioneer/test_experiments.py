@@ -9,6 +9,7 @@ import pytest
 from jaxid.logs import PIONEER, Log, LogError, LogSet, read_logs
 from jaxid.papers.pioneer import experiments as pioneer_paper
 from jaxid.papers.pioneer import figures as pioneer_figures
+from jaxid.papers.pioneer import printed
 from jaxid.robots import Pioneer
 from reference import excitation, logs
 from reference import pioneer as reference_pioneer
@@ -38,7 +39,7 @@ def check(straight):
 
 
 def test_printed_means_are_the_means_of_the_printed_experiments():
-    for table in (pioneer_paper.TABLE_3, pioneer_paper.TABLE_4):
+    for table in (printed.TABLE_3, printed.TABLE_4):
         for *experiments, mean in table.values():
             last_digit = 10.0 ** -len(str(mean).split(".")[1])
             assert np.mean(experiments) == pytest.approx(mean, abs=0.51 * last_digit)

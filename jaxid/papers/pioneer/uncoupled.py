@@ -4,17 +4,22 @@ Straight logs give a11, a15, a18, logs on the spot a22, a26, a29; the physical p
 the delta method (Innocenti et al., section 3.2 and Tables 3-5).
 """
 
+from collections.abc import Iterable
 from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..logs import Channels, Log, LogError
-from ..parameters import Parameter, ParameterError
-from ..robots.custom import Custom
-from ..robots.pioneer import Pioneer, straight_inertia, turning_inertia
-from ..robots.pioneer_closed_form import (
+from ..._float64 import in_float64
+from ...estimate.judge import judged_equations
+from ...estimate.linear.linear_steps import METHOD, estimates_of, identify, notes_on
+from ...estimate.result import Estimate, Fit
+from ...logs import Channels, Log, LogError, LogSet
+from ...parameters import Parameter, ParameterError
+from ...robots.custom import Custom
+from ...robots.pioneer import Pioneer, straight_inertia, turning_inertia
+from ...robots.pioneer_closed_form import (
     StraightCoefficients,
     TurningCoefficients,
     caster_friction,
@@ -23,8 +28,6 @@ from ..robots.pioneer_closed_form import (
     turning_coefficients,
     wheel_friction,
 )
-from .linear.linear_steps import METHOD, estimates_of, identify, notes_on
-from .result import Estimate, Fit
 
 
 def motion(robot: Pioneer, log: Log) -> Literal["straight", "turning", "other"]:
@@ -87,10 +90,26 @@ def _from_coefficients(a, p: dict, free: tuple[str, ...]) -> dict:
     return found
 
 
-def uncoupled_pioneer(robot: Pioneer, logs: list[Log], window: int | None) -> Fit:
+@in_float64
+def uncoupled_least_squares(robot: Pioneer, logs: Iterable[Log], *, window: int | None = None) -> Fit:
+    """Fit the Pioneer's free parameters to `logs` by equations 34 and 35, each on the logs that show only that motion.
+
+    `window`: samples in a stretch with one unknown initial speed, as in `integral_least_squares`; 2 is the paper's
+    eq. 31, all consecutive intervals. The frictions follow from the coefficients; of the inertias only 1/a11 and 1/a22
+    do, and Ir and I0, where free, are moved until the robot has these.
+
+    Raises `LogError` where no log drives straight or turns on the spot, or the speeds of such a log do not vary, and
+    `ParameterError` for a robot with effects, which these equations lack, or without a free parameter.
+    """
+    logs = list(logs)
+    if not logs:
+        raise LogError("There are no logs to identify from; give at least one.")
+    if not robot.parameters.free_names:
+        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
     if robot.effects:
         raise ParameterError(
-            f"equations 34 and 35 know nothing of {', '.join(e.id for e in robot.effects)}; use equations='coupled'."
+            f"equations 34 and 35 know nothing of {', '.join(e.id for e in robot.effects)}; use "
+            "jaxid.integral_least_squares."
         )
     kinds = [motion(robot, log) for log in logs]
     groups = {
@@ -99,7 +118,7 @@ def uncoupled_pioneer(robot: Pioneer, logs: list[Log], window: int | None) -> Fi
     if not groups["straight"] and not groups["turning"]:
         raise LogError(
             f"none of {', '.join(log.name for log in logs)} drives straight or turns on the spot, as equations 34 and "
-            "35 need; give such logs or use equations='coupled'."
+            "35 need; give such logs or use jaxid.integral_least_squares, which has the coupled equations."
         )
     numbers, free = robot.parameters.numbers, robot.parameters.free_names
     notes, noise, parts, iterations = [], {}, [], 1
@@ -184,7 +203,7 @@ def uncoupled_pioneer(robot: Pioneer, logs: list[Log], window: int | None) -> Fi
     known = [i for i, name in enumerate(free) if found[name].status == "identified"]
     places = [labels.index(free[i]) for i in known]
     own[np.ix_(known, known)] = spread[np.ix_(places, places)]
-    return Fit(
+    fit = Fit(
         method=METHOD,
         robot=identified,
         parameters=estimates_of(identified, found),
@@ -197,3 +216,4 @@ def uncoupled_pioneer(robot: Pioneer, logs: list[Log], window: int | None) -> Fi
         iterations=iterations,
         notes=tuple(notes),
     )
+    return judged_equations(fit, LogSet(logs))
