@@ -2,6 +2,8 @@
 
     robot = "pioneer"
 
+    longest_step = 0.005           # s, where the fit found that longer integration steps would change it
+
     [parameters]
     M = 16.2                       # a known constant: the value alone
 
@@ -38,7 +40,7 @@ from .logs.log import did_you_mean
 from .parameters import Parameter, ParameterError, ParameterTable
 from .robots import Robot
 
-_TOP = ("robot", "method", "parameters", "effects")
+_TOP = ("robot", "method", "longest_step", "parameters", "effects")
 _READ = ("value", "free", "lower", "upper", "prior")
 _WRITTEN = ("unit", "std_error", "meaning")
 """Keys that say something to the reader and change nothing (`unit` must be the robot's own)."""
@@ -191,6 +193,13 @@ def read_model(path: str | Path, robot: Robot) -> Robot:
             f"{path}: robot = {named!r:.60}, but the robot given is {robot.name!r}; give the model of this robot."
         )
     robot = _with_effects(document, robot, path)
+    if "longest_step" in document:
+        step = _number(document["longest_step"], "longest_step", path)
+        if step <= 0:
+            raise ModelFileError(
+                f"{path}: longest_step = {step:g} is no integration step; give seconds above zero, or take it out."
+            )
+        robot = replace(robot, longest_step=step)
     entries = document.get("parameters", {})
     if not isinstance(entries, Mapping):
         raise ModelFileError(
@@ -238,6 +247,8 @@ def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, meth
     document: dict[str, Any] = {"robot": robot.name}
     if method:
         document["method"] = method
+    if math.isfinite(robot.longest_step):
+        document["longest_step"] = float(robot.longest_step)
     if robot.effects:
         document["effects"] = [{"id": effect.id} for effect in robot.effects]
     return tomli_w.dumps({**document, "parameters": parameters})

@@ -82,6 +82,17 @@ def test_a_read_model_simulates_as_the_one_written(tmp_path):
     assert not np.array_equal(simulate(Pioneer(), logs)[0], simulate(again, logs)[0])
 
 
+def test_the_integration_step_that_a_fit_needed_is_kept(tmp_path):
+    robot = replace(Axis(), longest_step=0.003)
+    path = tmp_path / "model.toml"
+    write_model(path, robot)
+    assert read_model(path, Axis()).longest_step == 0.003
+    assert "longest_step" not in model_text(Axis())
+    path = written(tmp_path, "longest_step = 0.0")
+    with pytest.raises(ModelFileError, match="longest_step = 0 is no integration step"):
+        read_model(path, Axis())
+
+
 def test_standard_errors_stand_in_the_file_where_there_are_any():
     text = model_text(Axis(), {"M": 0.25, "Fv": math.nan}, "output_error")
     assert text.count("std_error") == 1 and "std_error = 0.25" in text and 'method = "output_error"' in text

@@ -4,7 +4,6 @@ The case of a number is always the same. Logs are simulated in handy units and t
 and inputs from 1e-3 to 1e3, times from 1/20 to 5.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -123,15 +122,23 @@ def _start(rng: Rng, truth: Numbers, condition: str) -> Numbers:
     return {name: value * 10 ** rng.uniform(-spread, spread) if value else 0.0 for name, value in truth.items()}
 
 
-def draw(number: int, seed: int, only: Callable[[str, str], bool] = lambda family, condition: True) -> Case | None:
-    """The case of a number, or None if `only` does not want its family and condition."""
-    rng = np.random.default_rng([seed, number])
+def _kind(rng: Rng) -> tuple[Family, str]:
     known = families()
     shares = np.array([family.share for family in known.values()])
     family = known[str(rng.choice(list(known), p=shares / shares.sum()))]
-    condition = _condition(rng, family)
-    if not only(family.name, condition):
-        return None
+    return family, _condition(rng, family)
+
+
+def kind(number: int, seed: int) -> tuple[str, str]:
+    """Family and condition of a case, without simulating it."""
+    family, condition = _kind(np.random.default_rng([seed, number]))
+    return family.name, condition
+
+
+def draw(number: int, seed: int) -> Case:
+    """The case of a number. Raises `RuntimeError` where the independent simulator gives up."""
+    rng = np.random.default_rng([seed, number])
+    family, condition = _kind(rng)
     units, p = _units(rng, family), family.draw(rng)
     robot = family.model(p, units)
     truth = {name: robot.parameters[name].value for name in robot.parameters.free_names}
@@ -189,6 +196,9 @@ def draw(number: int, seed: int, only: Callable[[str, str], bool] = lambda famil
             )
         )
         cleans.append(clean * scale_out)
+    begin = _start(rng, truth, condition)
+    if "asymmetric_friction" in effects:  # Fc (1 ± asymmetry) is exactly what an axis has in Fc and offset
+        truth["offset"] += effects["asymmetric_friction"]["asymmetry"] * truth["Fc"]
     return Case(
         number=number,
         family=family.name,
@@ -196,7 +206,7 @@ def draw(number: int, seed: int, only: Callable[[str, str], bool] = lambda famil
         units=units,
         robot=robot,
         truth=truth,
-        start=_start(rng, truth, condition),
+        start=begin,
         fit=jaxid.LogSet(logs[:FIT_LOGS]),
         check=jaxid.LogSet(logs[FIT_LOGS:]),
         clean=tuple(cleans),

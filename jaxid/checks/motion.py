@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs.log import Log
-from .samples import noise
+from ..logs.noise import white_level
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def speed(log: Log, name: str) -> Array:
     if not is_position(log, name):
         return values
     # The slope of noise falls with the width: wide enough for the slope to stand out, as far as the log is long.
-    spread, width = noise(values), 1
+    spread, width = white_level(values), 1
     while width < len(log) // 50 and spread > 0.05 * np.nanstd(values[width:] - values[:-width]):
         width *= 2
     return _slope(log, values, width)
@@ -58,7 +58,7 @@ def _halfway(values: Array) -> float:
     values = values[np.isfinite(values)]
     if len(values) < 20:
         return np.nan
-    variance, white = float(np.var(values)), noise(values) ** 2
+    variance, white = float(np.var(values)), white_level(values) ** 2
     if variance <= 4 * white or variance == 0:
         return np.nan
     lags = np.unique(np.geomspace(1, len(values) // 2, 40).astype(int))

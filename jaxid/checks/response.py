@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ..logs.finding import Finding
 from ..logs.log import Log
+from ..logs.noise import white_level
 from .motion import is_planar, is_position, response, speed
-from .samples import finding, noise
+from .samples import finding
 from .signs import check_signs
 from .windows import FRICTION, Windows, excited, integral, speed_windows
 
@@ -63,7 +64,7 @@ def _acceleration(log: Log, name: str) -> Iterator[Finding]:
     mean = np.convolve(values, np.ones(width) / width, mode="valid")
     middle = np.convolve(log.time, np.ones(width) / width, mode="valid")
     rate = np.abs(mean[width:] - mean[:-width]) / (middle[width:] - middle[:-width])
-    uncertain = 5 * noise(values) * np.sqrt(2 / width) / (width * log.sampling_interval)
+    uncertain = 5 * white_level(values) * np.sqrt(2 / width) / (width * log.sampling_interval)
     rate = np.where(np.isfinite(rate), rate, 0)
     absurd = rate > 1.2 * _GRAVITY + uncertain
     if absurd.mean() > 0.002:
@@ -97,7 +98,9 @@ def _disturbed(log: Log, windows: Windows) -> Iterator[Finding]:
     if active.sum() < 5:
         return
     odd = np.flatnonzero(
-        active & (beyond > 0.5 * moved) & (beyond > 3 * np.median(rms[active]) + 3 * noise(speed(log, windows.name)))
+        active
+        & (beyond > 0.5 * moved)
+        & (beyond > 3 * np.median(rms[active]) + 3 * white_level(speed(log, windows.name)))
     )
     if len(odd):
         seconds = span * float(np.median(np.diff(log.time[windows.starts])))

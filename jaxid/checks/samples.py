@@ -25,14 +25,6 @@ def finding(log: Log, column: str | None, sample: int | None, severity: Severity
     return Finding(log.name, column, sample, severity, check, f"{', '.join(place)}: {text}.")
 
 
-def noise(values: Array) -> float:
-    """Standard deviation of white measurement noise, from second differences (median, so that jumps do not count)."""
-    values = values[np.isfinite(values)]
-    if len(values) < 3:
-        return 0.0
-    return float(1.4826 * np.median(np.abs(np.diff(values, 2))) / np.sqrt(6))
-
-
 def quantum(values: Array) -> float:
     """The step between neighbouring levels of a quantised signal; 0 where the values are not quantised."""
     levels = np.unique(values)

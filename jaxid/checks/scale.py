@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ..logs.finding import Finding
 from ..logs.log import Log
+from ..logs.noise import white_level
 from .motion import is_planar, response
-from .samples import finding, noise
+from .samples import finding
 from .windows import excited, speed_windows
 
 Array = NDArray[np.float64]
@@ -69,7 +70,7 @@ def _contradictions(log: Log) -> Iterator[Finding]:
         path, moved = path[both], moved[both]
         size = max(np.sqrt(np.mean(path**2)), np.sqrt(np.mean(moved**2))) if len(path) > 4 else 0.0
         apart = np.sqrt(np.mean((moved - path) ** 2)) if len(path) > 4 else 0.0
-        if apart > 0.3 * size + 5 * noise(position):
+        if apart > 0.3 * size + 5 * white_level(position):
             slope = float(path @ moved / (path @ path)) if path @ path > 0 else np.inf
             text = (
                 f"does not change as the integral of {name!r} does (it changes by {slope:.3g} of it); check the units, "

@@ -10,8 +10,9 @@ from scipy.signal import lfilter
 
 from ..logs.finding import Finding
 from ..logs.log import Log
+from ..logs.noise import white_level
 from .motion import is_position, response, speed
-from .samples import finding, noise
+from .samples import finding
 from .windows import Windows, excited, speed_windows
 
 Array = NDArray[np.float64]
@@ -111,7 +112,7 @@ def _moved(log: Log, names: list[str]) -> Iterator[Finding]:
         if is_position(log, name):
             values = values - np.nanmedian(values)  # at rest anywhere is at rest
         smooth = _smooth(values, width)
-        loud = np.sqrt(np.mean(smooth**2)) > 3 * noise(values) / np.sqrt(width)
+        loud = np.sqrt(np.mean(smooth**2)) > 3 * white_level(values) / np.sqrt(width)
         # Whatever its spectrum within a window, noise does not carry from one window to the next; motion does.
         carried = abs(smooth[:-1] @ smooth[1:]) > 4 / np.sqrt(len(smooth)) * (smooth @ smooth)
         if np.ptp(values[np.isfinite(values)]) > 0 and (loud or carried):
@@ -130,7 +131,7 @@ def _start(log: Log, names: list[str]) -> Iterator[Finding]:
         values = speed(log, name)
         there = np.flatnonzero(np.isfinite(values))[:3]
         peak = np.nanmax(np.abs(values))
-        if np.min(np.abs(values[there])) > max(0.1 * peak, 6 * noise(values)):
+        if np.min(np.abs(values[there])) > max(0.1 * peak, 6 * white_level(values)):
             text = (
                 f"the log starts in motion ({values[there[0]]:.3g} of at most {peak:.3g}): its initial state is estimated as "
                 "well; cut it to a standstill if it has one, or look for a sensor's offset if the robot stood still"

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs.log import Log
+from ..logs.noise import white_level
 from .motion import response, speed
-from .samples import noise
 
 Array = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def speed_windows(log: Log, share: float = 0.25) -> list[Windows]:
         moving = np.where(np.isfinite(values), values, 0.0)
         middle = moving.copy()
         middle[:-1] = (moving[:-1] + moving[1:]) / 2
-        directed = np.abs(middle) > 3 * noise(values)
+        directed = np.abs(middle) > 3 * white_level(values)
         direction = np.where(directed, np.sign(middle), 0.0)
         nuisance = np.stack([middle, direction, np.ones(len(log)), *products], axis=-1)
         found.append(

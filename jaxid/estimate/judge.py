@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs import LogSet
-from ..logs.noise import noise_scale
+from ..logs.noise import noise_scale, usual_size
 from .confidence.validation import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .residual_tests import FALSE_ALARM, autocorrelation, relation, whiteness
@@ -45,6 +45,13 @@ LOST = (
 _ENDLESS = 1e100  # a number whose square is still one
 _SLOW = 0.6
 """Correlation of neighbouring residuals above which they wander rather than jitter."""
+_WHITE = 1.12
+"""Scatter between neighbouring residuals, in units of the noise by third differences, up to which the sensor's noise is
+white: that of first-order noise is 1.17 for a correlation of 0.6 and 1.28 for 0.97."""
+_CERTAIN = 4.0
+"""Standard errors by which neighbours must be related for that to be no chance."""
+_LEFT = 1.0
+"""Slow part of a residual, in units of white noise, from which a fit is poor: with the noise it is 1.4 times as much."""
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -80,13 +87,30 @@ def _wandering(parts: Sequence[Array]) -> bool:
     return bool(rho[1] > _SLOW and np.abs(changes[1:]).max() < rho[1])
 
 
+def _slow(parts: Sequence[Array], noise: float) -> float:
+    """What is slow in a residual, root mean square in units of white noise, on the log on which there is most of it.
+
+    Between neighbouring samples hardly anything slow changes, so that they differ by the sensor's noise alone. Zero where
+    they differ by more than white noise does: then the noise itself is coloured, or the model's errors are fast.
+    """
+    changes = [np.diff(part) for part in parts]
+    if usual_size(np.concatenate(changes)) > _WHITE * np.sqrt(2.0) * noise:
+        return 0.0
+    found = [0.0]
+    for part in parts:
+        products = part[1:] * part[:-1]  # their mean is the variance of what two neighbours share
+        products = products[np.isfinite(products)]
+        if len(products) and products.mean() > _CERTAIN * np.sqrt(np.mean(products**2) / len(products)):
+            found.append(float(products.mean()))
+    return float(np.sqrt(max(found))) / noise
+
+
 def judge(
     logs: LogSet,
     simulated: Sequence[Array],
     noise: Mapping[str, float],
     *,
     others: Mapping[str, Sequence[Array]] | None = None,
-    unstable: str = "",
 ) -> Judgement:
     """Judge a fit by what it simulates of the logs it was fitted to.
 
@@ -95,14 +119,13 @@ def judge(
     - `simulated`: [T, channels.measured] of each log, at the estimate.
     - `noise`: standard deviation of each channel's noise, from the data alone (`noise_scale`).
     - `others`: what other parameters simulate, by words such as "its own start"; the fit must not be worse.
-    - `unstable`: why the simulation cannot be followed over a whole log (it is chaotic, or unstable), if that was found.
     """
     noise = _with_integration(logs, noise)
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
     lost = diverging(logs, simulated, noise)
     errors = [errors_of(log, y) for log, y in zip(logs, simulated, strict=True)]
     if len(lost) == len(logs):
-        why = ("The simulation diverges on every log.", *([unstable] if unstable else []))
+        why = ("The simulation diverges on every log.",)
         return Judgement("failed", np.nan, dict.fromkeys(channels, np.nan), False, why, LOST)
     kept = [k for k, log in enumerate(logs) if log.name not in lost]
     parts = {c: [errors[k][c] for k in kept if c in errors[k]] for c in channels}
@@ -125,8 +148,6 @@ def judge(
             failures.append(
                 f"The fit is worse than {words}: it leaves {_times(pooled)} times the noise, that {_times(rival)}."
             )
-    if unstable and (failures or pooled > POOR):
-        failures.append(unstable)
 
     coloured = [c for c, own in parts.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
     drivers = _drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
@@ -145,8 +166,21 @@ def judge(
         sentences.append(
             f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
         )
-    alone = [c for c in coloured if c not in follows]
-    if alone and pooled > POOR:
+    slow = {c: _slow(parts[c], noise[c]) for c in coloured if c not in follows}
+    slow = {c: size for c, size in slow.items() if size > _LEFT}
+    for c, size in slow.items():
+        sentences.append(
+            f"Neighbouring residuals of {c} differ by white noise alone; what is slow in them ({_times(size)} times the "
+            "noise) is then hardly the sensor's, but motion that the model does not make: dynamics that it lacks, inputs "
+            "that were not those, or disturbances."
+        )
+    alone = [c for c in coloured if c not in follows and c not in slow]
+    if alone and pooled > FAR:
+        sentences.append(
+            f"The residual of {_listed(alone)} is not white, and too large for any colour of the sensor's noise: the model "
+            "lacks something, or something disturbs it."
+        )
+    elif alone and pooled > POOR:
         sentences.append(
             f"The residual of {_listed(alone)} is not white and larger than the noise that the data shows: either the "
             "sensor's noise is coloured, and the estimates stand, or the model lacks something, and they do not. A log of "
@@ -160,11 +194,11 @@ def judge(
     verdict: Verdict = "sound"
     if failures:
         verdict = "failed"
-    elif far or follows:
+    elif far or follows or slow:
         verdict = "poor"
     elif coloured or pooled > POOR:
         verdict = "coloured"
-    better = LOST if failures and (unstable or not lost) else ""
+    better = LOST if failures and not lost else ""
     if not better and any(_wandering(own) for c, own in parts.items() if c in coloured and by_channel[c] > _ABOVE):
         better = (
             "The residual wanders as disturbances of the motion make it (floor, slip, gears): prediction error, which "

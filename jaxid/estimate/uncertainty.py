@@ -19,10 +19,12 @@ PRACTICAL = 1.0
 
 
 class Spread(NamedTuple):
-    """Covariance of the free parameters, and which single parameters the data determines."""
+    """Covariance of the free parameters, which single parameters the data determines, and which take part in a direction
+    that it leaves entirely free."""
 
     covariance: NDArray[np.float64]
     determined: NDArray[np.bool_]
+    unseen: NDArray[np.bool_]
 
 
 def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: NDArray[np.float64]) -> Spread:
@@ -33,10 +35,10 @@ def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: ND
     """
     n = jacobian.shape[1]
     covariance = np.zeros((n, n))
-    determined = np.array(free)
+    determined, unseen = np.array(free), np.zeros(n, dtype=bool)
     index = np.flatnonzero(free)
     if index.size == 0:
-        return Spread(covariance, determined)
+        return Spread(covariance, determined, unseen)
     block = jacobian[:, index]
     norms = np.linalg.norm(block, axis=0)
     used = np.where(norms > 0, norms, 1.0)
@@ -49,8 +51,9 @@ def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: ND
     covariance[np.ix_(index, index)] = scaled / np.outer(used, used)
     in_null_space = np.any(np.abs(Vt[zero]) > 1e-3, axis=0) if zero.any() else np.zeros(index.size, dtype=bool)
     errors = np.sqrt(np.diag(covariance)[index])
-    determined[index] = ~in_null_space & (norms > 0) & (errors <= PRACTICAL * magnitude[index])
-    return Spread(covariance, determined)
+    unseen[index] = in_null_space | (norms == 0)
+    determined[index] = ~unseen[index] & (errors <= PRACTICAL * magnitude[index])
+    return Spread(covariance, determined, unseen)
 
 
 def combinations(
@@ -85,7 +88,9 @@ def estimates(
             status = "at_bound"
         elif not spread_.determined[i]:
             status = "not_identifiable"
-        estimate = Estimate.of(values[name], float(np.sqrt(spread_.covariance[i, i])), parameter.unit, status)
+        # In a direction that nothing shows there is no error to give: it is not small, but without end.
+        error = float("inf") if spread_.unseen[i] else float(np.sqrt(spread_.covariance[i, i]))
+        estimate = Estimate.of(values[name], error, parameter.unit, status)
         low, high = estimate.ci95
         found[name] = replace(estimate, ci95=(max(low, parameter.lower), min(high, parameter.upper)))
     return found

@@ -1,18 +1,18 @@
 """The measurement noise, estimated from the data alone.
 
-Third differences remove what is smooth over four samples and leave white noise amplified by sqrt(20). Samples around a
-change of the input are left out where enough remain, since a motion has a kink there. The estimate needs no model, so a
-model's residual can be judged by it. What a slower sensor repeats is counted once, a signal that does not move says
-nothing, and no noise is finer than the sensor's step (its standard deviation over sqrt(12), Widrow and Kollar 2008).
-Noise that is correlated over several samples is underestimated: from one log it cannot be told from motion.
+Third differences (divided by the times between the samples, where these are uneven) remove what is smooth over four
+samples and leave white noise, amplified by a known factor. Samples around a change of the input are left out where enough
+remain, since a motion has a kink there. The estimate needs no model, so a model's residual can be judged by it. What a
+slower sensor repeats is counted once, a signal that does not move says nothing, and no noise is finer than the sensor's
+step (its standard deviation over sqrt(12), Widrow and Kollar 2008). Noise that is correlated over several samples is
+underestimated (of first-order noise with a correlation of 0.8 a third is seen): from one log it cannot be told from motion,
+from the residual of a fit it can.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .log import Log, LogSet
-
-_GAIN = np.sqrt(20.0)  # sum of squares of the stencil 1, -3, 3, -1
 
 _SPIKE = 3.5
 _KEPT = 0.99693  # root of 1 - 2 z phi(z) / (2 Phi(z) - 1) at z = 3.5
@@ -56,13 +56,24 @@ def _updates(y: NDArray[np.float64]) -> NDArray[np.int64] | None:
     return changed if np.median(steps) > _FINE * sensor_step(y) else None
 
 
-def _differences(y: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+def _third(y: NDArray[np.float64], time: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """Third divided differences of a signal, in units in which white noise has its own standard deviation."""
+    if time is None:
+        return (y[:-3] - 3 * y[1:-2] + 3 * y[2:-1] - y[3:]) / np.sqrt(20.0)
+    t = np.stack([time[k : len(time) - 3 + k] for k in range(4)])
+    apart = t[:, None] - t[None, :] + np.eye(4)[..., None]
+    shares = 1.0 / np.prod(apart, axis=1)
+    values = np.stack([y[k : len(y) - 3 + k] for k in range(4)])
+    return np.sum(shares * values, axis=0) / np.sqrt(np.sum(shares**2, axis=0))
+
+
+def _differences(y: NDArray[np.float64], inputs: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.float64]:
     """Third differences of one channel, those across an input change dropped where that leaves at least 60."""
     switched = np.cumsum(np.append(0, np.any(np.diff(inputs, axis=0) != 0, axis=1)))
     updates = _updates(y)
     if updates is not None:
-        y, switched = y[updates], switched[updates]
-    third = y[:-3] - 3 * y[1:-2] + 3 * y[2:-1] - y[3:]
+        y, switched, time = y[updates], switched[updates], time[updates]
+    third = _third(y, time)
     still = (y[:-3] == y[1:-2]) & (y[1:-2] == y[2:-1]) & (y[2:-1] == y[3:])
     telling = np.isfinite(third) & ~still
     change = np.diff(switched) != 0
@@ -85,6 +96,12 @@ def usual_size(values: NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean(usual**2))) / _KEPT
 
 
+def white_level(values: NDArray[np.float64]) -> float:
+    """Standard deviation of the white noise on evenly sampled `values`, those not finite left out; zero if there are few."""
+    values = values[np.isfinite(values)]
+    return usual_size(_third(values)) if len(values) >= 4 else 0.0
+
+
 def noise_level(logs: LogSet | Log) -> dict[str, float]:
     """Standard deviation of the measurement noise of each measured channel, NaN for a channel no log holds.
 
@@ -98,11 +115,11 @@ def noise_level(logs: LogSet | Log) -> dict[str, float]:
         squares, counts, still = 0.0, 0, False
         for log in each:
             y = log.outputs[:, index]
-            differences = _differences(y, log.inputs)
+            differences = _differences(y, log.inputs, log.time)
             still |= bool(np.isfinite(y).sum() >= 11)
             if differences.size < 8:
                 continue
-            level = max(usual_size(differences) / _GAIN, sensor_step(y) / np.sqrt(12.0))
+            level = max(usual_size(differences), sensor_step(y) / np.sqrt(12.0))
             squares += differences.size * level**2
             counts += differences.size
         levels[channel] = float(np.sqrt(squares / counts)) if counts else 0.0 if still else float("nan")

@@ -42,6 +42,8 @@ class Integrator:
         """The integrator whose steps suit the robot's time constants (`steps_per_time_constant`, or its own `max_step`), or
         shorter ones where an effect asks for it or a fit found that they must be (`longest_step`).
 
+        Their number is a power of two or three times one, so that most start values share their compiled programs.
+
         One step a sample where samples are a hundredth of the time constant apart or less, else at least two: a step
         through a reversal is of second order. Stiff states (a filter far faster than the samples) get no more steps
         than make the integrator stable.
@@ -53,7 +55,7 @@ class Integrator:
         else:
             share = sampling_interval / time_constant(robot)
             steps = max(math.ceil(share * robot.steps_per_time_constant - 1e-6), 2 if share > _RESOLVED else 1)
-            steps = min(steps, max(_MOST_STEPS, math.ceil(share)))
+            steps = _round_number(min(steps, max(_MOST_STEPS, math.ceil(share))))
         finer = max((effect.finer for effect in robot.effects), default=1.0)
         found = math.ceil(sampling_interval / robot.longest_step - 1e-6)
         steps = max(1, found, math.ceil(finer * steps - 1e-6))
@@ -63,6 +65,12 @@ class Integrator:
                 f"would take {steps:.1g} integration steps each; check the units of its parameters and of the time column."
             )
         return Integrator(steps, friction or Sticking())
+
+
+def _round_number(steps: int) -> int:
+    """The least of 1, 2, 3, 4, 6, 8, 12, 16, 24 ... that is not below `steps`."""
+    power = 2 ** math.ceil(math.log2(steps))
+    return 3 * power // 4 if power >= 4 and 3 * power // 4 >= steps else power
 
 
 def _plus(state: State, h, rates: State) -> State:

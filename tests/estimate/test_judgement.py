@@ -54,6 +54,31 @@ def test_a_friction_that_the_model_lacks_makes_the_fit_poor(axis_log):
     assert fit.notes[0].startswith("Poor: ") and fit.standard_errors == "robust"
 
 
+def test_a_slow_error_above_white_noise_is_not_taken_for_the_sensors_colour(axis_log):
+    """Small against the motion, and related to nothing that is logged; 2.2 and 3.3 times the noise, white and not."""
+    wander = np.convolve(np.random.default_rng(11).normal(size=SAMPLES + 60), np.hanning(61), "valid")
+    wander *= 0.02 / np.std(wander)
+    fit = output_error(ROBOT, LogSet([log(axis_log, wander + 0.01 * coloured(0.0, 11))]))
+    assert fit.judgement.verdict == "poor" and "white noise alone" in fit.judgement.sentence
+    fit = output_error(ROBOT, LogSet([log(axis_log, 0.03 * coloured(0.85, 12))]))
+    assert fit.judgement.verdict == "coloured" and 2.0 < fit.judgement.normalised_rms
+
+
+def test_one_log_of_two_that_is_off_is_enough(axis_log):
+    wander = np.convolve(np.random.default_rng(13).normal(size=SAMPLES + 60), np.hanning(61), "valid")
+    wander *= 0.016 / np.std(wander)
+    logs = LogSet([log(axis_log, 0.01 * coloured(0.0, 14)), log(axis_log, wander + 0.01 * coloured(0.0, 15), "b")])
+    found = output_error(ROBOT, logs).judgement
+    assert found.normalised_rms < 1.7 and found.verdict == "poor"
+
+
+def test_outliers_are_neither_slow_nor_the_models(axis_log):
+    random = np.random.default_rng(16)
+    noise = 0.01 * random.normal(size=SAMPLES) + np.where(random.random(SAMPLES) < 0.03, random.normal(size=SAMPLES), 0)
+    found = output_error(ROBOT, LogSet([log(axis_log, noise)])).judgement
+    assert found.normalised_rms > 5 and "white noise alone" not in found.sentence
+
+
 def test_a_model_that_does_not_follow_fails_whatever_its_optimiser_says(axis_log):
     immovable = ROBOT.change("Fv", value=500.0, free=False).change("Fc", free=False)
     logs = LogSet([log(axis_log, 0.01 * coloured(0.0, 4))])
@@ -92,7 +117,7 @@ def test_a_fit_that_is_worse_than_its_start_has_failed(axis_log, sound):
 
 def test_a_simulation_that_diverges_fails(axis_log):
     measured = log(axis_log, 0.01 * coloured(0.0, 1))
-    found = judge(LogSet([measured]), [np.full((SAMPLES, 2), np.nan)], {"v": 0.01, "q": 1.0}, unstable="It is chaotic.")
+    found = judge(LogSet([measured]), [np.full((SAMPLES, 2), np.nan)], {"v": 0.01, "q": 1.0})
     assert found.verdict == "failed" and "diverges" in found.sentence and "multiple shooting" in found.sentence
 
 

@@ -111,3 +111,17 @@ def test_the_scale_is_that_of_the_noise_in_any_unit_and_never_zero(axis_log):
     assert noise_scale(still)["v"] > 0
     both = axis_log("b", levels(600, 9), noise=0.02, seed=9)
     assert noise_scale(log, otherwise=both)["q"] == noise_scale(both)["q"]  # never measured here
+
+
+def test_uneven_times_are_no_noise():
+    """A motion that is smooth in time is not smooth from row to row where rows are lost."""
+    rng = np.random.default_rng(10)
+    inputs, speed = motion(4000)
+    kept = np.sort(rng.choice(4000, 2800, replace=False))
+    read = (speed + 0.001 * rng.normal(size=4000))[kept]
+    log = Log.from_arrays("m", 0.005 * kept, inputs[kept, None], read[:, None], AXIS)
+    assert noise_level(log)["v"] == pytest.approx(0.001, rel=0.15)
+    shaken = np.cumsum(0.005 * rng.uniform(0.2, 1.8, 2000))
+    wave = 0.3 * np.sin(6.0 * shaken) + 1e-4 * rng.normal(size=2000)
+    log = Log.from_arrays("m", shaken, np.zeros((2000, 1)), wave[:, None], AXIS)
+    assert noise_level(log)["v"] == pytest.approx(1e-4, rel=0.1)

@@ -121,7 +121,7 @@ def test_pose_and_wheel_angles_ride_along_without_changing_the_speeds():
 
 
 def test_the_suited_integrator_steps_no_longer_than_the_robot_allows():
-    for interval, substeps in ((0.02, 2), (0.021, 3), (0.005, 2), (0.001, 1), (0.1, 10)):
+    for interval, substeps in ((0.02, 2), (0.021, 3), (0.005, 2), (0.001, 1), (0.1, 12)):
         assert Integrator.suited(Pioneer(), interval) == Integrator(substeps, Sticking())
 
 
@@ -130,3 +130,12 @@ def test_integration_steps_do_not_depend_on_the_unit_of_time():
         robot = Axis().with_values(M=1.3, Fv=2.6 / unit)  # a time constant of half a second
         for interval, substeps in ((0.02, 2), (0.1, 3), (0.005, 1)):
             assert Integrator.suited(robot, interval * unit).substeps == substeps
+
+
+def test_numbers_of_steps_are_few_so_that_start_values_share_programs():
+    found = set()
+    for share in np.geomspace(0.01, 30.0, 200):
+        found.add(Integrator.suited(Axis().with_values(M=0.02 / share, Fv=1.0, Fc=0.0), 0.02).substeps)
+    assert len(found) <= 13 and {1, 2, 3} <= found
+    for steps in found:  # a power of two, or three times one
+        assert steps & (steps - 1) == 0 or (steps % 3 == 0 and (steps // 3) & (steps // 3 - 1) == 0)

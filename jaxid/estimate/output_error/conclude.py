@@ -55,7 +55,6 @@ def conclude(
     covariance: Covariance = "auto",
     bread: float = 1.0,
     rivals: Rivals | None = None,
-    unstable: str = "",
     left_out: Sequence[str] = (),
     whole: tuple[LogSet, float] | None = None,
     **others: Any,
@@ -64,9 +63,8 @@ def conclude(
 
     `covariance` "auto" is the robust one where the residual is not white. `bread` is what a robust loss takes off the
     information. `rivals` are what the fit must not be worse than, by words; they are only simulated where the residual
-    raises doubts. `unstable` says why the simulation cannot be
-    followed over a whole log, if that was found. `whole`: the logs whose windows, of so many seconds, `logs` are; the residual
-    is then judged along them.
+    raises doubts. `whole`: the logs whose windows, of so many seconds, `logs` are; the
+    residual is then judged along them.
     """
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
     seen = _without_outliers(logs, problem)
@@ -89,14 +87,14 @@ def conclude(
 
     optimum = bounded.optimum
     here = outputs(bounded.problem, optimum.unknowns)
-    judgement = judge(seen, here, noise, unstable=unstable)
+    judgement = judge(seen, here, noise)
     if not judgement.trustworthy and rivals:
         found = {}
         for words, rival in rivals.items():
             there = rival()
             if there is not None:
                 found[words] = outputs(problem, there._replace(states=optimum.unknowns.states))
-        judgement = judge(seen, here, noise, others=found, unstable=unstable)
+        judgement = judge(seen, here, noise, others=found)
     robust = covariance == "robust" or (covariance == "auto" and not judgement.white)
     found = robust_covariance(structure, problem, inner.unknowns) if robust else None
     matrix = bread**2 * found.covariance if found else None

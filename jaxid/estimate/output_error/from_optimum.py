@@ -159,6 +159,15 @@ def _status(logs: LogSet, problem: Problem, squares: NDArray[np.float64], left_o
     return found
 
 
+def unseen_note(names: Sequence[str], found: Spread, at_bound: NDArray[np.bool_]) -> list[str]:
+    """The sentence on parameters that only show together, or not at all."""
+    unseen = [name for name, hidden, held in zip(names, found.unseen, at_bound, strict=True) if hidden and not held]
+    if not unseen:
+        return []
+    what = f"do not show {unseen[0]}" if len(unseen) == 1 else f"do not show {' and '.join(unseen)} one by one"
+    return [f"These logs {what}: the model predicts motion like theirs, and other motion perhaps wrongly."]
+
+
 def fit_at(
     robot: Robot,
     logs: LogSet,
@@ -208,7 +217,10 @@ def fit_at(
         reason=_reason(optimum, max_steps),
         iterations=iterations,
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
-        notes=tuple(f"{name} {what}." for name, what in status.items() if what != "fitted"),
+        notes=(
+            *unseen_note(names, found, bounded.at_bound),
+            *(f"{n} {what}." for n, what in status.items() if what != "fitted"),
+        ),
         log_status=status,
         clock_offsets=_clock_offsets(logs, structure, problem, optimum, inner, covariance_z),
         outliers=outliers,

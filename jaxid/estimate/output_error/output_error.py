@@ -30,6 +30,7 @@ from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .pure import WEIGHT_FLOOR, WEIGHT_ROUNDS, WEIGHT_SETTLED
 from .rescue import diverging, linear_start, recovered
+from .rise import rise, with_flat_sides
 from .robust_loss import minimise_robustly
 from .setup import InitialStates, build, start_values
 from .solvers import DEFAULT, Solver, minimise_compiled, minimise_each
@@ -37,6 +38,8 @@ from .step_check import with_steps_checked
 from .window_start import started
 from .windows import approached, choose, condensed
 
+_ROUNDS = 3
+"""How often a fit goes on where the cost falls near its optimum."""
 Windows = float | Literal["auto"] | None
 Start = Fit | Mapping[str, float] | Sequence[Mapping[str, float]] | None
 Report = Callable[[str], None]
@@ -210,7 +213,19 @@ def _fit(
         problem, optimum, inner = lossy.problem, lossy.optimum, lossy.inner
         noise, outliers, bread = lossy.scale, lossy.outliers, lossy.bread
         iterations += lossy.iterations
-    bounded = on_bounds(structure, problem, optimum, max_steps, solver)
+    bounded, flat = on_bounds(structure, problem, optimum, max_steps, solver), {}
+    for _ in range(_ROUNDS if isinstance(loss, Squares) else 0):
+        around = rise(structure, problem, optimum, bounded)
+        flat = around.flat
+        if around.lower is None:
+            break
+        again = minimise_compiled(structure, problem, around.lower, max_steps=max_steps, solver=solver)
+        if not again.cost < optimum.cost:
+            break
+        report("the cost falls on from there; went on")
+        problem, optimum, more = reweighted(structure, problem, again, max_steps, report, solver)
+        inner, iterations = optimum, iterations + more
+        bounded = on_bounds(structure, problem, optimum, max_steps, solver)
     begun = minimise_compiled(structure, problem, unknowns, max_steps=0)
     rivals: dict[str, Callable[[], Unknowns | None]] = {}
     if isinstance(loss, Squares) and no_priors(problem):
@@ -220,6 +235,7 @@ def _fit(
         covariance=covariance, rivals=rivals, noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
         whole=None if window is None else (whole, window), start_cost=float(begun.cost),
     )  # fmt: skip
+    found = with_flat_sides(found, flat)
     if doubts:
         found = replace(found, notes=(*found.notes, doubts))
     return found if window is None else condensed(found, whole, window)

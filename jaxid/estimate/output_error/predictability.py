@@ -44,6 +44,8 @@ _POWER = float(np.log(4.0))
 _LASTING = float(np.log(1.25))
 """Decay over twice the span below which nothing is forgotten within the log."""
 _FORGOTTEN = float(np.log(0.05))
+_EXPLODED = 1e100
+"""Growth of an error over one stretch beyond which it is as good as infinite, and whose square is still a number."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +131,7 @@ def _spans(transitions: Array, seen: Array) -> tuple[Array, Array]:
         for span in range(1, W):
             product = transitions[span - 1 : W - 1] @ product[: W - span]
             scale = scale[: W - span]
-            size = np.linalg.norm(product, axis=(1, 2))
-            size = np.where(np.isfinite(size) & (size > 0), size, np.finfo(float).tiny)
+            size = np.maximum(np.linalg.norm(product, axis=(1, 2)), np.finfo(float).tiny)
             product, scale = product / size[:, None, None], scale + np.log(size)
             shown = np.linalg.norm(seen[span:] @ product, axis=(1, 2))
             states[span] = np.mean(scale)
@@ -158,7 +159,9 @@ def _of_log(robot: Robot, log: Log, integrator: Integrator, noise: Mapping[str, 
     moving = signal > 0
     if not moving.any() or not np.isfinite(seen).all():
         return None
-    phi = np.where(np.isfinite(phi), phi, 0.0) * unit / unit[:, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        phi = phi / unit[:, None] * unit
+    phi = np.clip(np.nan_to_num(phi, posinf=_EXPLODED, neginf=-_EXPLODED), -_EXPLODED, _EXPLODED)
     seen = seen[:, shown][:, moving] * unit / signal[moving][:, None]
     states_grown, outputs_grown = _spans(phi, seen)
     span = float(np.median(np.sum(dt, axis=1)))
