@@ -172,6 +172,8 @@ def draw(number: int, seed: int) -> Case:
         keep = np.arange(rows)
         if condition == "dropped rows":
             keep = np.sort(np.concatenate([[0], 1 + rng.choice(rows - 1, n - 1, replace=False)]))
+            # The held-out log asks what the model is worth, and must not lose what drove the robot.
+            keep = keep if which < FIT_LOGS else np.arange(n)
         runs.append((time[keep] - time[keep][0], inputs[keep], seen[keep], clean[keep]))
 
     rms = np.sqrt(np.mean(np.concatenate([seen for _, _, seen, _ in runs]) ** 2, axis=0))
