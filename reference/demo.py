@@ -14,7 +14,7 @@ from reference import excitation
 from reference.logs import simulate_log
 from reference.omni import OMNI
 from reference.pioneer import PIONEER
-from reference.robot import Robot
+from reference.velocity_control import controlled_log
 
 SAMPLING = 0.02
 PIONEER_NOISE = (0.01, 0.02)  # m/s, rad/s
@@ -40,9 +40,11 @@ below.
 - `pioneer_paper`: the experiments of Innocenti et al.: `straight_*` (V2 = V3), `spot_*` (V2 = -V3, the caster starts
   at about -99.6 degrees, where d + l1 cos(beta) = 0) and `validation_step` (forwards, then backwards). The robot is
   the coupled one: in the spot experiments the centre of mass pulls it backwards, so eta1 is not zero there.
-- `omni_paper`: the experiments of Conceicao, Moreira & Costa: `steady_*` (method 1: constant voltage to a constant
-  speed), `coast_*` (method 2: the motors are disconnected in the run, then currents and forces are zero; the u
-  columns show 0 there) and `hanging_*` (method 3; columns t, theta, mass; theta starts at 1 rad with no speed; torque
+- `omni_paper`: the experiments of Conceicao, Moreira & Costa, driven by an assumed velocity controller (one PI for
+  each axis, duties within +-255, 24 V at 255, a driver that keeps every motor within 6 A, encoders with noise of their
+  own): `steady_*` (method 1: one speed commanded for 5 s), `coast_*` (method 2: the motors are disconnected at 2 s,
+  then currents and forces are zero; the u columns show 0 there), `control_*` (figures 10-12: one speed commanded from
+  rest; no method uses them) and `hanging_*` (method 3; columns t, theta, mass; theta starts at 1 rad with no speed; torque
   = mass * 9.8 m/s^2 * 0.25 m, noise 0.01 rad). As in the paper, the falling mass's own inertia (mass * 0.25^2, 2.3 %
   of J at 0.51 kg) is left out.
 - `unknown`: six logs `fit_*` and three `check_*` of 15 s of a robot that is a Pioneer as far as its maker's data sheet
@@ -128,34 +130,32 @@ def pioneer_paper_logs() -> dict[str, tuple[pd.DataFrame, int]]:
     }
 
 
-def _drive(axis: str, speed: float) -> np.ndarray:
-    """Wheel voltages (4,) that hold a steady speed on one axis of the omni."""
-    p = OMNI.parameters
-    per_ampere, n, lever = p["l"] * p["Kt"] / p["r"], 4 if axis == "W" else 2, p["b"] if axis == "W" else 1.0
-    viscous, coulomb = p[{"V": "Bv", "Vn": "Bvn", "W": "Bw"}[axis]], p[{"V": "Cv", "Vn": "Cvn", "W": "Cw"}[axis]]
-    current = (viscous * speed + coulomb) / (n * lever * per_ampere)
-    voltage = np.array([p["Ra"] * current + p["Kv"] * p["l"] * lever * speed / p["r"]])
-    motions = [voltage if name == axis else np.zeros(1) for name in ("V", "Vn", "W")]
-    return excitation.omni_wheels(*motions)[0]
+def _held(axis: str, speed: float, n: int) -> np.ndarray:
+    """Reference (n, 3) that holds one speed."""
+    return np.tile(np.where(np.array(OMNI.speeds) == axis, speed, 0.0), (n, 1))
 
 
-def _coast_down(robot: Robot, axis: str, speed: float, seed: int) -> pd.DataFrame:
-    """1.5 s driven, then 2 s with the motors disconnected."""
-    driven = np.tile(_drive(axis, speed), (76, 1))
-    first = simulate_log(robot, driven, SAMPLING, current_noise=0.0)
-    start = {3 + k: float(first[name].iloc[-1]) for k, name in enumerate(robot.speeds)}
+def _controlled(axis: str, speed: float, n: int, seed: int) -> pd.DataFrame:
+    """One speed commanded from rest."""
+    return controlled_log(OMNI, _held(axis, speed, n), OMNI_NOISE, seed, CURRENT_NOISE)[0]
+
+
+def _coast_down(axis: str, speed: float, seed: int) -> pd.DataFrame:
+    """2 s under velocity control, then 2 s with the motors disconnected."""
+    driven, states = controlled_log(OMNI, _held(axis, speed, 101), OMNI_NOISE, seed, CURRENT_NOISE)
+    start = dict(enumerate(states[-1]))
     free = simulate_log(
-        robot.with_parameters(Kt=0.0, Kv=0.0), np.zeros((101, 4)), SAMPLING, start=start, current_noise=0.0
+        OMNI.with_parameters(Kt=0.0, Kv=0.0), np.zeros((101, 4)), SAMPLING, start=start, current_noise=0.0
     )
-    table = pd.concat((first.iloc[:-1], free), ignore_index=True)
+    rng = np.random.default_rng([seed, 1])
+    for name, sigma in zip((*OMNI.speeds, "i1", "i2", "i3", "i4"), (*OMNI_NOISE, *[CURRENT_NOISE] * 4), strict=True):
+        free[name] += rng.standard_normal(len(free)) * sigma
+    table = pd.concat((driven.iloc[:-1], free), ignore_index=True)
     table["t"] = np.arange(len(table)) * SAMPLING
-    rng = np.random.default_rng(seed)
-    for name, sigma in zip((*robot.speeds, "i1", "i2", "i3", "i4"), (*OMNI_NOISE, *[CURRENT_NOISE] * 4), strict=True):
-        table[name] += rng.standard_normal(len(table)) * sigma
     return table
 
 
-def hanging(mass: float, seed: int, duration: float = 4.0) -> pd.DataFrame:
+def hanging(mass: float, seed: int, duration: float = 4.5) -> pd.DataFrame:
     """Method 3 of the omni paper: the hanging robot turned by a falling mass, at rest at 1 rad for t = 0."""
     t = np.arange(round(duration / SAMPLING) + 1) * SAMPLING
     theta = 1.0 + 0.5 * mass * GRAVITY * DISC_RADIUS / OMNI.parameters["J"] * t**2
@@ -164,21 +164,20 @@ def hanging(mass: float, seed: int, duration: float = 4.0) -> pd.DataFrame:
 
 
 def omni_paper_logs() -> dict[str, tuple[pd.DataFrame, int]]:
-    """The experiments of Conceicao, Moreira & Costa: steady speeds, coast-down, hanging robot."""
+    """The experiments of Conceicao, Moreira & Costa: steady speeds, coast-down, hanging robot, velocity control."""
     out, seed = {}, 401
     for axis in OMNI.speeds:
         for speed in (0.6, 0.8, 1.0, 1.2):
-            inputs = np.tile(_drive(axis, speed), (251, 1))
-            out[f"steady_{axis}_{speed:.1f}"] = (
-                simulate_log(OMNI, inputs, SAMPLING, OMNI_NOISE, seed, current_noise=CURRENT_NOISE),
-                seed,
-            )
+            out[f"steady_{axis}_{speed:.1f}"] = _controlled(axis, speed, 251, seed), seed
             seed += 1
-    for axis, speed in (("V", 1.4), ("Vn", 1.4), ("W", 4.0)):
-        out[f"coast_{axis}"] = (_coast_down(OMNI, axis, speed, seed), seed)
+    for axis, speed in (("V", 1.4), ("Vn", 0.95), ("W", 1.9)):
+        out[f"coast_{axis}"] = (_coast_down(axis, speed, seed), seed)
         seed += 1
     for number, mass in enumerate((0.51, 0.51, 0.51, 1.0), start=1):
         out[f"hanging_{number}"] = (hanging(mass, seed), seed)
+        seed += 1
+    for axis in OMNI.speeds:
+        out[f"control_{axis}"] = _controlled(axis, 1.0, 76, seed), seed
         seed += 1
     return out
 

@@ -2,6 +2,8 @@
 
 Innocenti et al. prepare their logs so before integral least squares. Nothing in jaxid does it unasked: a filter colours
 the noise that the estimators weigh with, and a trend may be physics. `prepare` therefore reports what it took away.
+Speeds that are filtered while voltages are not answer every step too slowly, and the robot comes out too heavy; inputs
+are therefore filtered alike. Dry friction still changes sign at once, and not as filtered speeds would have it.
 """
 
 from collections.abc import Mapping
@@ -117,7 +119,13 @@ def _one(log: Log, outliers: bool, trends: bool, cutoff_hz: float | None) -> tup
         j = log.channels.measured.index(name)
         label = f"{log.name}: output {name!r}"
         outputs[:, j], report[name] = _column(log.time, log.outputs[:, j], label, outliers, trends, sos)
-    return replace(log, outputs=outputs), report
+    if sos is None:
+        return replace(log, outputs=outputs), report
+    inputs = log.inputs.copy()
+    for j, name in enumerate(log.channels.inputs):
+        label = f"{log.name}: input {name!r}"
+        inputs[:, j], report[name] = _column(log.time, log.inputs[:, j], label, False, False, sos)
+    return replace(log, inputs=inputs, outputs=outputs), report
 
 
 @overload
@@ -131,12 +139,13 @@ def prepare(
 def prepare(
     logs: Log | LogSet, outliers: bool = True, trends: bool = True, cutoff_hz: float | None = None
 ) -> tuple[Log | LogSet, Report]:
-    """Clean the measured columns (never the inputs, which are known) and report what was removed.
+    """Clean the measured columns and report what was removed; inputs, which are known, are only ever filtered.
 
     - `outliers`: Hampel's filter over seven samples, four robust standard deviations.
     - `trends`: take out the straight line fitted to each column, from the first sample on (sensor drift; take care, a
       log that speeds up throughout has a trend that is no drift).
-    - `cutoff_hz`: low-pass with a fourth-order Butterworth run forward and backward (no phase shift).
+    - `cutoff_hz`: low-pass with a fourth-order Butterworth run forward and backward (no phase shift), of inputs
+      and outputs alike, so that linear equations between them still hold.
 
     Returns the new log (or set) and `{log name: {column: Removed}}`. Raises `LogError` for a cut-off outside (0, half
     the sampling frequency), and for filtering across uneven sampling or samples that were not measured.

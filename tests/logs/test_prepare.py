@@ -48,6 +48,21 @@ def test_filter_keeps_phase_and_removes_what_lies_above_the_cutoff():
     assert np.isclose(report["a.csv"]["v"].noise_power, 0.2**2 / 2, rtol=0.02)
 
 
+def test_filtered_logs_still_obey_a_linear_law():
+    """v[k+1] = a v[k] + b u[k] holds between filtered columns as between the raw ones, if both were filtered."""
+    rng = np.random.default_rng(2)
+    u, v, a, b = np.repeat(rng.choice([-1.0, 1.0], 80), 25), np.zeros(2000), 0.97, 0.05
+    for k in range(1999):
+        v[k + 1] = a * v[k] + b * u[k]
+    log, report = prepare(Log.from_arrays("a.csv", TIME, u, v, AXIS), outliers=False, trends=False, cutoff_hz=5.0)
+    seen, driven = log.output("v")[200:-200], log.input("u")[200:-200]
+    found = np.linalg.lstsq(np.stack([seen[:-1], driven[:-1]], axis=1), seen[1:], rcond=None)[0]
+    np.testing.assert_allclose(found, [a, b], rtol=1e-6)
+    raw = np.linalg.lstsq(np.stack([seen[:-1], u[200:-201]], axis=1), seen[1:], rcond=None)[0]
+    assert abs(raw[1] / b - 1) > 0.05  # speeds filtered, inputs not
+    assert report["a.csv"]["u"].noise_power > 0
+
+
 def test_nothing_asked_is_nothing_done_and_gaps_survive():
     values = CLEAN.copy()
     values[50:60] = np.nan

@@ -23,7 +23,7 @@ def written(tmp_path_factory):
 
 def test_shipped_logs_are_reproduced(written):
     names = sorted(path.relative_to(written) for path in written.rglob("*.csv"))
-    assert names == sorted(path.relative_to(SHIPPED) for path in SHIPPED.rglob("*.csv")) and len(names) == 52
+    assert names == sorted(path.relative_to(SHIPPED) for path in SHIPPED.rglob("*.csv")) and len(names) == 55
     for name in names:
         new, old = pd.read_csv(written / name), pd.read_csv(SHIPPED / name)
         assert list(new) == list(old)
@@ -59,11 +59,33 @@ def test_hanging_robot_gives_its_inertia(written):
 
 
 def test_coast_down_starts_fast_and_stops_without_currents(written):
-    for axis in ("V", "Vn", "W"):
+    for axis, speed in (("V", 1.4), ("Vn", 0.95), ("W", 1.9)):
         table = pd.read_csv(written / "omni_paper" / f"coast_{axis}.csv")
-        speed, currents = table[axis].to_numpy(), table[["i1", "i2", "i3", "i4"]].to_numpy()
-        assert speed[60:75].mean() > 1.3 and abs(speed[-10:].mean()) < 0.03
-        assert np.abs(currents[75:]).max() < 0.25
+        seen, currents = table[axis].to_numpy(), table[["i1", "i2", "i3", "i4"]].to_numpy()
+        assert seen[90:100].mean() == pytest.approx(speed, abs=0.03) and abs(seen[-10:].mean()) < 0.03
+        assert np.abs(currents[100:]).max() < 0.25
+
+
+def test_commanded_speeds_are_reached_within_the_current_limit(written):
+    """Figures 2-4 and 10-12: speeds are commanded, and no motor draws more than 6 A (0.05 A of noise apart)."""
+    paths = [path for kind in ("steady", "control") for path in sorted((written / "omni_paper").glob(f"{kind}_*.csv"))]
+    assert len(paths) == 15
+    for path in paths:
+        _, axis, *speed = path.stem.split("_")
+        wanted, table = float(speed[0] if speed else 1.0), pd.read_csv(path)
+        motors = table[["i1", "i2", "i3", "i4"]].to_numpy()
+        assert np.abs(motors).max() < 6.0 + 5 * 0.05
+        assert np.abs(table[["u1", "u2", "u3", "u4"]].to_numpy()).max() <= 24.0
+        late = table[table.t > 1.2]
+        assert late[axis].mean() == pytest.approx(wanted, abs=0.02)
+        # What friction takes at that speed is what the motors give, M dv/dt aside.
+        lever = {"V": (0, -1, 0, 1), "Vn": (1, 0, -1, 0), "W": 4 * (OMNI["b"],)}[axis]
+        force = (
+            OMNI["l"] * OMNI["Kt"] / OMNI["r"] * np.mean(motors[table.t > 3.0] @ lever) if table.t.max() > 4 else None
+        )
+        if force is not None:
+            viscous, coulomb = {"V": ("Bv", "Cv"), "Vn": ("Bvn", "Cvn"), "W": ("Bw", "Cw")}[axis]
+            assert force == pytest.approx(OMNI[viscous] * wanted + OMNI[coulomb], rel=0.02)
 
 
 def test_pioneer_logs_start_straight(written):

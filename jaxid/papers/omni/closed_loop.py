@@ -28,7 +28,8 @@ from ...simulation.friction import Sticking
 from ...simulation.rollout import step
 from .printed import AXES
 
-_LARGEST_DUTY = 255.0
+LARGEST_DUTY = 255.0
+"""The duty at which the driver gives the motors the whole supply voltage."""
 
 
 @dataclass(frozen=True)
@@ -112,13 +113,13 @@ def _loop(robot: Omni, p: Numbers, reference: Float[Array, "T 3"], gains, sampli
         state, memory = carry
         error = wanted - jnp.stack([state[name] for name in AXES])
         raw = jnp.stack(mix(tuple(proportional * error + memory)))
-        duty = jnp.clip(raw, -_LARGEST_DUTY, _LARGEST_DUTY)
+        duty = jnp.clip(raw, -LARGEST_DUTY, LARGEST_DUTY)
         # An axis whose motors are all within their range integrates; V drives motors 2 and 4, Vn 1 and 3, W all four.
-        within = jnp.abs(raw) <= _LARGEST_DUTY
+        within = jnp.abs(raw) <= LARGEST_DUTY
         one, two, three, four = within
         free = jnp.stack([two & four, one & three, one & two & three & four])
         memory = memory + jnp.where(free, integral * sampling * error, 0.0)
-        commanded = tuple(duty / _LARGEST_DUTY * p["supply"])
+        commanded = tuple(duty / LARGEST_DUTY * p["supply"])
         seen = jnp.stack([jnp.asarray(y) for y in robot.observe(state, commanded, p)])
 
         def substep(s, _):

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from ...logs import Log
 from ...robots.omni import Omni
-from .closed_loop import ClosedLoop
+from .closed_loop import LARGEST_DUTY, ClosedLoop
 from .experiments import CoastDown, SteadyState
 from .methods import Friction, Inertia
 from .printed import AXES, TABLE_1, TABLE_2, Axis
@@ -42,15 +42,17 @@ def steady_run(log: Log, first: SteadyState, robot: Omni | None = None) -> Figur
     figure, panels = _panels(1, 2, 9, 3)
     speed, current = panels[0]
     speed.plot(log.time, log.output(axis), lw=1)
+    speed.set_ylim(bottom=min(0.0, float(np.nanmin(log.output(axis)))), top=1.4 * float(np.nanmean(log.output(axis))))
     values, measured = currents(log, robot)
     for motor in _MOTORS[axis]:
-        current.plot(log.time, values[:, motor - 1], lw=1, color=_COLOURS[motor - 1], label=f"i{motor}")
+        current.plot(log.time, values[:, motor - 1], lw=0.8, color=_COLOURS[motor - 1], label=f"i{motor}")
     for ax in (speed, current):
         for point in own:
             ax.axvspan(point.start, point.stop, color="0.5", alpha=0.15, lw=0)
     _label(speed, _TIME, _SPEED[axis])
-    _label(current, _TIME, "current [A]" if measured else "current by the motor model [A]", legend=True)
-    figure.suptitle(f"{log.name}: the shaded part counts as steady")
+    _label(current, _TIME, "current [A]" if measured else "current by the motor model [A]")
+    current.legend(fontsize="small", ncols=2)
+    figure.suptitle(f"{log.name}: the shaded part counts as steady", fontsize="medium")
     return figure
 
 
@@ -85,7 +87,7 @@ def coast_down(log: Log, second: CoastDown) -> Figure:
     part.plot(t, v, label=_SPEED[axis])
     part.plot(t[:-1], np.diff(v) / np.diff(t), lw=0.8, color="tab:orange", label=f"{_ACCELERATION[axis]} (Euler)")
     _label(part, _TIME, f"{_SPEED[axis]}, {_ACCELERATION[axis]}", legend=True)
-    figure.suptitle(f"{log.name}: without traction from {start:.2f} s to {stop:.2f} s")
+    figure.suptitle(f"{log.name}: without traction from {start:.2f} s to {stop:.2f} s", fontsize="medium")
     return figure
 
 
@@ -105,33 +107,47 @@ def hanging(log: Log, found: Inertia) -> Figure:
     rate.plot(0.5 * (t[1:] + t[:-1]), np.diff(theta) / np.diff(t), ".", ms=3, label="Euler differences")
     rate.plot(t, alpha * since + line[0], label=f"slope {alpha:.4f} rad/s²")
     _label(rate, _TIME, "W [rad/s]", legend=True)
-    figure.suptitle(f"{log.name}: J = {found.J.value:.4f} ± {found.J.std_error:.4f} kg m²")
+    figure.suptitle(f"{log.name}: J = {found.J.value:.4f} ± {found.J.std_error:.4f} kg m²", fontsize="medium")
     return figure
 
 
-def closed_loop(run: ClosedLoop, axis: Axis) -> Figure:
-    """Figures 10-12: speed, motor currents and PWM duties of the velocity-controlled robot."""
-    figure, panels = _panels(1, 3, 11, 3.2)
-    speed, current, duty = panels[0]
-    j = AXES.index(axis)
-    speed.plot(run.time, run.reference[:, j], "--", color="0.5", label="reference")
-    speed.plot(run.time, run.speeds[:, j], label="simulated")
-    for motor in _MOTORS[axis]:
-        # Where all four motors do the same, thinner lines on top keep all of them visible.
-        width = 3.5 - 0.75 * motor if axis == "W" else 1.5
-        for ax, values in ((current, run.currents), (duty, run.duty)):
-            ax.step(
-                run.time,
-                values[:, motor - 1],
-                where="post",
-                lw=width,
-                color=_COLOURS[motor - 1],
-                label=f"motor {motor}",
-            )
+def closed_loop(run: ClosedLoop, axis: Axis, real: Log, robot: Omni | None = None) -> Figure:
+    """Figures 10-12: speed, motor currents and PWM duties of the velocity-controlled robot, real and simulated.
+
+    `real` is a log of the same reference from rest, with currents; `robot` gives the supply voltage of duty 255.
+    """
+    motors, j = _MOTORS[axis], AXES.index(axis)
+    figure = Figure(figsize=(2.6 + 2.3 * len(motors), 4.2), layout="constrained")
+    panels = figure.subplot_mosaic(
+        [["speed", *(f"i{motor}" for motor in motors)], ["speed", *(f"duty{motor}" for motor in motors)]],
+        width_ratios=[1.3, *([1.0] * len(motors))],
+    )
+    supply = (robot or Omni()).parameters["supply"].value
+    measured, _ = currents(real, robot)
+
+    def both(ax: Axes, title: str, log: np.ndarray, simulated: np.ndarray, held: bool) -> None:
+        style = "steps-post" if held else "default"
+        ax.plot(real.time, log, color="0.6", lw=1.8, label="real", drawstyle=style)
+        ax.plot(run.time, simulated, color="tab:red", lw=1.0, label="simulated", drawstyle=style)
+        ax.set_title(title, fontsize="medium")
+
+    speed = panels["speed"]
+    speed.plot(run.time, run.reference[:, j], "--", color="0.3", lw=0.8, label="reference")
+    both(speed, f"speed {axis}", real.output(axis), run.speeds[:, j], held=False)
     _label(speed, _TIME, _SPEED[axis], legend=True)
-    _label(current, _TIME, "current [A]", legend=True)
-    _label(duty, _TIME, "PWM duty [-255 to 255]", legend=True)
-    duty.set_ylim(*((-285, 285) if axis != "W" else (0, 285)))
+    for motor in motors:
+        k = motor - 1
+        both(panels[f"i{motor}"], f"current, motor {motor}", measured[:, k], run.currents[:, k], held=True)
+        duty = LARGEST_DUTY / supply * real.inputs[:, k]
+        both(panels[f"duty{motor}"], f"PWM, motor {motor}", duty, run.duty[:, k], held=True)
+        _label(panels[f"i{motor}"], _TIME, f"i{motor} [A]")
+        _label(panels[f"duty{motor}"], _TIME, "duty [of 255]")
+    # As in the paper: one range for all motors, each on the side to which it drives.
+    for name, simulated in (("i", run.currents), ("duty", run.duty)):
+        reach = 1.2 * float(np.max(np.abs(simulated)))
+        for motor in motors:
+            ahead = np.mean(simulated[:, motor - 1]) > 0
+            panels[f"{name}{motor}"].set_ylim(*((-0.1 * reach, reach) if ahead else (-reach, 0.1 * reach)))
     return figure
 
 

@@ -18,6 +18,7 @@ MOVING = 0.05  # m/s or rad/s: below it an axis counts as at rest
 SHORTEST = 1.0  # s: steady stretches shorter than this are not used
 _WINDOW = 0.5  # s: a stretch is judged in windows of this length
 _SURE = 4.0  # standard errors at which a trend counts as real
+_DOUBT = 2.0  # the same over a whole stretch, where dropping a window too many costs little
 
 
 def _noise(values: Array) -> float:
@@ -64,11 +65,21 @@ def forces(log: Log, robot: Omni | None = None) -> Array:
     return np.stack(body_forces(tuple(wheel.T), p), axis=1)
 
 
+def _drifts(t: Array, v: Array, noise: Array, floor: float) -> bool:
+    """Whether any speed [windows, n, 3] changes by a trend over all windows beyond its noise [3] and `floor`."""
+    since = t.ravel() - t.mean()
+    spread = float(since @ since)
+    slope = since @ v.reshape(-1, v.shape[-1]) / spread
+    return bool(np.any(np.ptp(t) * (np.abs(slope) - _DOUBT * noise / np.sqrt(spread)) > floor))
+
+
 def steady_stretches(log: Log) -> list[slice]:
     """Stretches (rows) of at least 1 s in which no speed has a trend beyond its noise.
 
     The log is judged in windows of 0.5 s; a run of steady windows loses its first one, in which the last of the
-    transient may hide. Raises `LogError` for a log of another robot or without speeds.
+    transient may hide, and further ones while the whole has a trend: a controller's integrator takes seconds to settle,
+    and M dv/dt of a few mm/s² is as much as the friction differs between two speeds. Raises `LogError` for a log of
+    another robot or without speeds.
     """
     rows = _rows(log)
     t, v = log.time[rows], speeds_of(log)[rows]
@@ -95,6 +106,8 @@ def steady_stretches(log: Log) -> list[slice]:
         if window + 1 < count and flat[window + 1] and level[window]:
             continue
         begin = first + 1 if first > 0 or np.max(np.abs(mean[first])) > MOVING else first
+        while begin < window and _drifts(t[begin : window + 1], v[begin : window + 1], noise, floor):
+            begin += 1
         if (window + 1 - begin) * n * log.sampling_interval >= SHORTEST - 1e-9:
             found.append(slice(int(rows[begin * n]), int(rows[(window + 1) * n - 1]) + 1))
         first = window + 1

@@ -1,7 +1,7 @@
 """The omni paper's Tables 2-6, computed again from what it prints, next to what it prints; and Tables 5, 6 from logs.
 
 Tables 2, 4, 5 and 6 start from printed, rounded numbers, so the paper's own differ from them in the last digits. Table
-3 prints B/M and C/M with two digits, which times M does not give the printed B and C.
+3 prints B/M and C/M with two digits, cut off and not rounded, beside B and C.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,20 @@ from ..paper_table import PaperTable
 from .experiments import CoastDown, SteadyState
 from .hanging import Hanging
 from .methods import steady_state_friction
-from .printed import AXES, COULOMB, MASS, TABLE_1, TABLE_2, TABLE_3, TABLE_4, TABLE_5, TABLE_6, VISCOUS
+from .printed import (
+    AXES,
+    COULOMB,
+    DISC_RADIUS,
+    HANGING_MASSES,
+    MASS,
+    TABLE_1,
+    TABLE_2,
+    TABLE_3,
+    TABLE_4,
+    TABLE_5,
+    TABLE_6,
+    VISCOUS,
+)
 
 _COLUMNS = ("symbol", "recomputed", "std error", "paper", "difference")
 
@@ -30,23 +43,28 @@ def table_2() -> PaperTable:
 
 
 def table_3() -> PaperTable:
-    """Table 3: the printed coefficients times M against the printed frictions."""
+    """Table 3: the printed coefficients and the printed frictions, each in the other's terms."""
     rows = []
     for axis, (slope, offset, viscous, coulomb) in TABLE_3.items():
-        rows.append((VISCOUS[axis], MASS * slope, None, viscous, MASS * slope - viscous))
-        rows.append((COULOMB[axis], MASS * offset, None, coulomb, MASS * offset - coulomb))
-    note = "Printed with two digits: B/M = 0.11 stands for 3.68 to 4.03 N s/m, 0.10 for 3.33 to 3.68 N s/m."
-    return PaperTable("Table 3: printed coefficients times M", _COLUMNS, tuple(rows), (note,))
+        rows.append((VISCOUS[axis], slope, MASS * slope, viscous, viscous / MASS))
+        rows.append((COULOMB[axis], offset, MASS * offset, coulomb, coulomb / MASS))
+    header = ("symbol", "coefficient", "times M", "paper", "paper / M")
+    note = "The coefficients are the frictions over M = 35 kg, cut off (not rounded) after two digits."
+    return PaperTable("Table 3: printed coefficients against printed frictions", header, tuple(rows), (note,))
 
 
 def table_4() -> PaperTable:
-    """Table 4: printed torque over printed acceleration."""
-    rows = [(f"J, exp. {n}", a / b, None, J, a / b - J) for n, (a, b, J) in enumerate(TABLE_4, start=1)]
-    mean = sum(a / b for a, b, _ in TABLE_4) / len(TABLE_4)
+    """Table 4: printed torque over printed acceleration, and what is left without the falling mass's own inertia."""
+    mass_inertia = [mass * DISC_RADIUS**2 for mass in HANGING_MASSES]
+    found = [
+        (torque / acceleration, J, own) for (torque, acceleration, J), own in zip(TABLE_4, mass_inertia, strict=True)
+    ]
+    rows = [(f"J, exp. {n}", mine, J, mine - J, own, mine - own) for n, (mine, J, own) in enumerate(found, start=1)]
+    means = [sum(column) / len(found) for column in zip(*found, strict=True)]
     paper = TABLE_6["Method 3 (mean)"]
-    return PaperTable(
-        "Table 4: torque over acceleration", _COLUMNS, (*rows, ("J, mean", mean, None, paper, mean - paper))
-    )
+    rows.append(("J, mean", means[0], paper, means[0] - paper, means[2], means[0] - means[2]))
+    header = ("symbol", "recomputed", "paper", "difference", "falling mass's", "without it")
+    return PaperTable("Table 4: torque over acceleration", header, tuple(rows))
 
 
 def table_5() -> PaperTable:

@@ -117,6 +117,23 @@ def test_loop_agrees_with_a_simulation_by_scipy():
     np.testing.assert_allclose(run.speeds[:, 0], speeds, atol=1e-3)
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_loop_agrees_with_the_independent_simulation_of_the_figures(axis):
+    """What figures 10-12 draw as real comes from other equations, another integrator and a controller written apart."""
+    pytest.importorskip("numba", reason="the independent simulator needs numba")
+    from reference.omni import OMNI
+    from reference.velocity_control import VelocityControl, controlled_log
+
+    apart, own = VelocityControl(encoder_noise=(0.0, 0.0, 0.0)), VelocityController()
+    assert (apart.proportional, apart.integral) == (own.proportional, own.integral)
+    assert (apart.current_limit, apart.sampling) == (own.current_limit, own.sampling)
+    table, _ = controlled_log(OMNI, np.tile(np.eye(3)[axis], (76, 1)), (0.0, 0.0, 0.0), 0, 0.0, apart)
+    run = closed_loop(np.eye(3)[axis])
+    np.testing.assert_allclose(run.speeds, table[["V", "Vn", "W"]], atol=1e-3)
+    np.testing.assert_allclose(run.currents, table[["i1", "i2", "i3", "i4"]], atol=0.05)
+    np.testing.assert_allclose(run.duty / 255 * 24, table[["u1", "u2", "u3", "u4"]], atol=0.06)
+
+
 def test_a_reference_that_reverses_is_followed():
     reference = np.zeros((200, 3))
     reference[:100, 1], reference[100:, 1] = 0.6, -0.6

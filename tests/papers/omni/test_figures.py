@@ -50,11 +50,19 @@ def test_every_figure_has_units_and_the_data(results):
     assert np.std(hanging[0].output("theta") - fitted) == pytest.approx(0.01, rel=0.15)  # the log's noise
 
 
-def test_closed_loop_figures_show_the_motors_that_drive_the_axis():
-    for axis, reference, motors in (("Vn", (0.0, 1.0, 0.0), "13"), ("W", (0.0, 0.0, 1.0), "1234")):
-        run = closed_loop(reference, duration=0.4)
-        figure = omni_figures.closed_loop(run, axis)
-        labelled(figure, 3)
-        assert [line.get_label() for line in figure.axes[1].lines] == [f"motor {motor}" for motor in motors]
-        for line, motor in zip(figure.axes[2].lines, motors, strict=True):
-            np.testing.assert_array_equal(line.get_ydata(), run.duty[:, int(motor) - 1])
+def test_closed_loop_figures_show_both_curves_of_every_motor_that_drives_the_axis():
+    for axis, reference, motors in (("Vn", (0.0, 1.0, 0.0), (1, 3)), ("W", (0.0, 0.0, 1.0), (1, 2, 3, 4))):
+        run, real = closed_loop(reference, duration=0.4), read_logs(DEMO / f"control_{axis}.csv", robot="omni")[0]
+        figure = omni_figures.closed_loop(run, axis, real)
+        labelled(figure, 1 + 2 * len(motors))
+        panels = {ax.get_title(): ax for ax in figure.axes}
+        logged, simulated = panels[f"speed {axis}"].lines[1:]
+        assert (logged.get_label(), simulated.get_label()) == ("real", "simulated")
+        np.testing.assert_array_equal(logged.get_ydata(), real.output(axis))
+        for motor in motors:
+            logged, simulated = panels[f"current, motor {motor}"].lines
+            np.testing.assert_array_equal(logged.get_ydata(), real.output(f"i{motor}"))
+            np.testing.assert_array_equal(simulated.get_ydata(), run.currents[:, motor - 1])
+            logged, simulated = panels[f"PWM, motor {motor}"].lines
+            np.testing.assert_allclose(logged.get_ydata(), 255 / 24 * real.input(f"u{motor}"))
+            np.testing.assert_array_equal(simulated.get_ydata(), run.duty[:, motor - 1])
