@@ -115,6 +115,7 @@ class CoggingTorque(_OnDriveAxes):
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "torque' = torque + sine * sin(periods * phi) + cosine * cos(periods * phi)"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes", "wheel_angles")
+    finer: ClassVar[float] = 2.0  # a period may pass within a few of the robot's own steps
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}

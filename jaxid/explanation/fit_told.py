@@ -19,18 +19,24 @@ from ..estimate.output_error.solvers import minimise_compiled
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.robot import Robot
+from ..robots.scales import Scales
+from ..simulation.scaled import scales_of
 from .heldout import HeldOut, held_out
-from .told_angles import Angles, told_angles
+from .told_angles import WANDER, Angles, told_angles
 
 TOLD_STEPS, _HORIZON_STEPS = 10, 5
-_SMOOTHINGS = 5
+_SMOOTHINGS = 10
 """Most times that the wheels' angles are smoothed anew through the model that they improved."""
+_TRUSTED = 5.0
+"""How much less the missing forces may wander once smoothing again brings nothing: the model has become better."""
 _NO_BETTER = 0.99
 """Ratio of a cost to the one before above which smoothing again brings nothing."""
 _NEAR = 1.02
 """Ratio of a free simulation's chi-squared to that of one told the wheels' angles up to which the first counts."""
-_SHORTEST, _LONGER, _LEAST_LONGER = 1.5, 1.35, 1.02
-"""First horizon [s], by how much it grows, and by how much at least before growing is given up."""
+_TIMES, _SAMPLES = 2.0, 75
+"""The first horizon: at least as many time constants of the robot, and as many samples."""
+_LONGER, _LEAST_LONGER = 1.35, 1.02
+"""By how much the horizon grows, and by how much at least before growing is given up."""
 _LOST, _HOPELESS = 1.5, 5.0
 """Growth of the cost per sample at which a longer horizon has lost the way, and cost at which there is none."""
 _HORIZONS = 16
@@ -58,10 +64,10 @@ def told(problem: Problem, logs: LogSet, angles: Angles) -> Problem:
     return replace(problem, driven=dict(angles), mask=problem.mask & shown)
 
 
-def over_longer_and_longer(structure: Structure, problem: Problem, unknowns: Unknowns) -> Unknowns:
-    """Minimise over the logs' first seconds, and over more and more of them: by less where the way was lost."""
+def over_longer_and_longer(structure: Structure, problem: Problem, unknowns: Unknowns, scales: Scales) -> Unknowns:
+    """Minimise over the beginning of the logs, and over more and more of them: by less where the way was lost."""
     longest = float(jnp.max(jnp.sum(problem.dt, axis=1)))
-    seconds, longer, before = _SHORTEST, _LONGER, np.inf
+    seconds, longer, before = max(_TIMES * scales.time, _SAMPLES * scales.interval), _LONGER, np.inf
     for _ in range(_HORIZONS):
         if seconds >= longest or longer <= _LEAST_LONGER:
             break
@@ -93,17 +99,20 @@ def with_better_angles(
     robot: Robot, logs: LogSet, noise: Mapping[str, float], structure: Structure, free: Problem, unknowns: Unknowns
 ) -> tuple[Problem, Optimum]:
     """Angles smoothed through the model and the model refitted to them, turn by turn: the problem told them, its optimum."""
-    before = np.inf
-    for remaining in reversed(range(_SMOOTHINGS)):
+    wander, best, gained = WANDER, None, False
+    for _ in range(_SMOOTHINGS):
         model = robot.with_values(**by_name(structure, free, unknowns))
-        angles = told_angles(model, logs, noise, initial_states_at(robot, logs, structure, free, unknowns))
-        problem = told(free, logs, angles)
+        states = initial_states_at(robot, logs, structure, free, unknowns)
+        problem = told(free, logs, told_angles(model, logs, noise, states, wander))
         optimum = minimise_compiled(structure, problem, unknowns, max_steps=TOLD_STEPS)
-        cost, unknowns = float(optimum.cost), optimum.unknowns
-        if not remaining or not cost < _NO_BETTER * before:
-            return problem, optimum
-        before = cost
-    raise AssertionError("_SMOOTHINGS is at least one")
+        better = best is None or bool(optimum.cost < _NO_BETTER * best[1].cost)
+        if best is None or bool(optimum.cost < best[1].cost):
+            best, unknowns = (problem, optimum), optimum.unknowns
+        if not (better or gained):
+            break
+        wander, gained = (wander, True) if better else (wander / _TRUSTED, False)
+    assert best is not None
+    return best
 
 
 def followed_up(
@@ -123,7 +132,7 @@ def followed_up(
     enough = _NEAR * chi_squared(problem, best, free)
     freely = minimise_compiled(structure, free, best.unknowns, max_steps=max_steps)
     if horizons and not chi_squared(free, freely, free) < enough:
-        later = over_longer_and_longer(structure, free, best.unknowns)
+        later = over_longer_and_longer(structure, free, best.unknowns, scales_of(robot, logs))
         freely = minimise_compiled(structure, free, later, max_steps=max_steps)
     return (free, freely) if chi_squared(free, freely, free) < enough else (problem, best)
 
@@ -154,7 +163,7 @@ def fitted_told(
     """
     structure, free, unknowns = build(robot, logs, start=start)
     unknowns = unknowns._replace(states=states_from(initial_states, logs, structure, free))
-    problem, best = followed_up(robot, logs, noise, structure, free, unknowns, max_steps, horizons=False)
+    problem, best = followed_up(robot, logs, noise, structure, free, unknowns, max_steps)
     if problem is free:
         return output_error(
             robot, logs, start=by_name(structure, free, best.unknowns), windows=None, max_steps=max_steps

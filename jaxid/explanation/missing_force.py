@@ -18,25 +18,30 @@ from numpy.typing import NDArray
 
 from .._compile import compiled
 from .._float64 import in_float64
+from ..estimate.output_error.window_start import states_at
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect, Numbers, Path, State
 from ..robots.robot import Robot
+from ..robots.scales import Scales
 from ..simulation.rollout import Integrator, rollout
+from ..simulation.scaled import scales_of
 from ..simulation.simulate import integrator_for
 from ..simulation.start import initial_states
 from .force_filter import PREFIX, Setting, filtered, likelihoods, smoothed
 
-_INTENSITIES = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
-"""Random-walk intensities that are tried, in units of `ForceHistory.scale` per root of a second."""
+_INTENSITIES = (0.005, 0.015, 0.03, 0.06, 0.15, 0.3, 0.6, 1.5, 3.0, 6.0, 15.0)
+"""Random-walk intensities that are tried, in units of `ForceHistory.scale` per root of its response time."""
 _FIRST = 7
 """Place in `_INTENSITIES` of the first filter: strong, so that its points reach beyond break-away."""
 _ROUNDS = 2
-_RESPONSE = 0.1
-"""Time [s] in which a force of `scale` changes its speed by one standard deviation of the noise."""
 _MODEL_ERROR = 0.02
 """Error of one sample's integration in units of the noise; it also keeps covariances regular at standstill."""
-_UNSEEN_SPREAD = 0.5
-"""Standard deviation (SI units) of an initial state that no sensor shows, where a log starts in motion."""
+_UNSEEN_ERROR, _AT_REST = 1e-6, 1e-3
+"""The same of a state that no sensor shows, and its standard deviation where a log starts at rest, in units of its size."""
+_LEAST_NOISE = 1e-4
+"""The least noise of a channel, in units of its largest value."""
+_STATES = 100
+"""Samples of a log from which the sizes of its states are taken."""
 
 
 class NoVelocities(ValueError):
@@ -70,9 +75,9 @@ class ForceHistory:
     - `log`: the log's name; `time` [T] s.
     - `force`, `std` [T, n]: estimate and standard deviation, one column for each of `names` (the velocities that the
       forces accelerate) in `units`.
-    - `scale` [n]: the force that changes its speed by one standard deviation of the noise within 0.1 s, in which forces
-      of different units compare.
-    - `intensity` [n]: how far each force wanders in one second, chosen by likelihood.
+    - `scale` [n]: the force that changes its speed by one standard deviation of the noise within the response time (the
+      geometric mean of sampling interval and the robot's time constant), in which forces of different units compare.
+    - `intensity` [n]: how far each force wanders per root of the logs' unit of time (seconds), chosen by likelihood.
     """
 
     log: str
@@ -120,12 +125,29 @@ def _mobility(setting: Setting, numbers, start: State):
     return jnp.stack(found)
 
 
-def _force_scale(setting: Setting, numbers, start: State, noise: Mapping[str, float]) -> NDArray[np.float64]:
-    """Forces that change their own speed by one standard deviation of the noise within `_RESPONSE`."""
-    mobility = np.maximum(np.abs(np.asarray(_mobility(setting, numbers, start))), 1e-12)
-    # A speed that only its position shows is about as uncertain as the position moves within that time.
-    other = float(np.mean(list(noise.values()))) / _RESPONSE
-    return np.array([noise.get(name, other) for name in setting.velocities]) / _RESPONSE / mobility
+def _force_scale(setting: Setting, numbers, start: State, noise: Mapping[str, float], response: float):
+    """Forces [n] that change their own speed by one standard deviation of the noise within the response time.
+
+    `noise` holds every velocity."""
+    mobility = np.abs(np.asarray(_mobility(setting, numbers, start)))
+    mobility = np.where(mobility > 0, mobility, np.max(mobility, initial=np.finfo(float).tiny))
+    return np.array([noise[name] for name in setting.velocities]) / response / mobility
+
+
+def _sizes(robot: Robot, logs: LogSet, scales: Scales) -> dict[str, float]:
+    """How much each state of `robot` varies in the logs; of one that nothing tells, its order of magnitude."""
+    found = dict.fromkeys(robot.states, 1.0)
+    found |= {name: scales.angle for name in robot.angles if name in found}
+    found |= {name: scales.length for name in ("x", "y") if name in found}
+    parts: dict[str, list[NDArray[np.float64]]] = {}
+    for log in logs:
+        at = np.unique(np.linspace(0, len(log) - 1, _STATES).astype(int))
+        for name, values in states_at(robot, log, at).items():
+            parts.setdefault(name, []).append(values)
+    for name in robot.estimated_states:
+        spread = float(np.std(np.concatenate(parts[name])))
+        found[name] = spread if spread > 0 else found[name]
+    return found
 
 
 @partial(compiled, static_argnames=("robot", "integrator"))
@@ -140,7 +162,15 @@ def _sensed(robot: Robot, integrator: Integrator, numbers, start, inputs, dt):
     return jax.vmap(one)(start, inputs, dt)
 
 
-def _arrays(robot: Robot, logs: LogSet, noise: Mapping[str, float], known, numbers, integrator: Integrator):
+def _arrays(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    known,
+    numbers,
+    integrator: Integrator,
+    sizes: Mapping[str, float],
+):
     """Everything the filter reads of each log, [E, ...]."""
     batch, begin = logs.batch(), initial_states(robot, logs)
     channels = logs.channels
@@ -154,9 +184,10 @@ def _arrays(robot: Robot, logs: LogSet, noise: Mapping[str, float], known, numbe
                 states[name][e] = value
     by_state = np.array([noise.get(name, np.nan) for name in robot.states])
     seen = np.isfinite(by_state)
-    spread = np.where(seen, by_state, 1e-3)[None, :] * np.ones((len(logs), 1))
+    size = np.array([sizes[name] for name in robot.states])
+    spread = np.where(seen, by_state, _AT_REST * size)[None, :] * np.ones((len(logs), 1))
     estimated = np.array([name in robot.estimated_states for name in robot.states])
-    spread = np.where(begin.uncertain[:, None] & estimated & ~seen, _UNSEEN_SPREAD, spread)
+    spread = np.where(begin.uncertain[:, None] & estimated & ~seen, size, spread)
     outputs = batch.outputs
     if any(type(effect).measure is not Effect.measure for effect in robot.effects):
         start = {name: jnp.asarray(value) for name, value in states.items()}
@@ -170,12 +201,12 @@ def _arrays(robot: Robot, logs: LogSet, noise: Mapping[str, float], known, numbe
         "start": jnp.stack([jnp.asarray(states[name]) for name in robot.states], axis=-1),
         "spread": jnp.asarray(spread),
         "noise": jnp.asarray(lanes * np.interp(range(max(columns) + 1), columns, np.nan_to_num(levels, nan=1.0))),
-        "jitter": jnp.asarray(lanes * np.where(seen, (_MODEL_ERROR * by_state) ** 2, 1e-12)),
+        "jitter": jnp.asarray(lanes * np.where(seen, _MODEL_ERROR * by_state, _UNSEEN_ERROR * size) ** 2),
     }
 
 
 def _chosen(setting: Setting, numbers, arrays, scale):
-    """Random-walk intensities of highest likelihood, and the filter's moments there.
+    """Random-walk intensities of highest likelihood among `_INTENSITIES` times `scale` [n], and the filter's moments there.
 
     A filter at strong intensities is linearised where it went; in that linear model many intensities are tried at
     once, one force at a time, twice round. A second filter at the best of them repeats this.
@@ -197,26 +228,40 @@ def _chosen(setting: Setting, numbers, arrays, scale):
 
 
 class _Task(NamedTuple):
-    """What the filter needs of a robot and its logs; `scale` [n] as in `ForceHistory`."""
+    """What the filter needs of a robot and its logs; `scale` [n] as in `ForceHistory`, `response` the time of that."""
 
     setting: Setting
     units: tuple[str, ...]
     numbers: Mapping[str, Any]
     arrays: dict[str, Any]
     scale: NDArray[np.float64]
+    response: float
+
+    def intensity(self, wander: float) -> NDArray[np.float64]:
+        """Random-walk intensities [n] of forces that wander by `wander` times `scale` in a response time."""
+        return wander * self.scale / np.sqrt(self.response)
 
 
 def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
     pushed, names, units = forced(robot)
     noise = dict(noise or noise_scale(logs))
-    largest = {c: float(np.nanmax(np.abs(log.output(c)))) for log in logs for c in log.measured}
-    noise = {c: max(level, 1e-4 * largest.get(c, 1.0)) for c, level in noise.items() if np.isfinite(level)}
+    # Of a channel that no log holds, nothing is known: its state is as uncertain as one that has no sensor.
+    shown = sorted({c for log in logs for c in log.measured})
+    largest = {c: max(float(np.nanmax(np.abs(log.output(c)))) for log in logs if c in log.measured) for c in shown}
+    noise = {c: max(noise[c], _LEAST_NOISE * largest[c]) for c in shown if np.isfinite(noise.get(c, np.nan))}
     numbers = {name: jnp.asarray(float(value)) for name, value in pushed.parameters.numbers.items()}
     integrator = integrator_for(robot, logs)
-    arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator)
+    scales = scales_of(robot, logs)
+    sizes = _sizes(robot, logs, scales) | dict.fromkeys(pushed.states[len(robot.states) :], 1.0)
+    # A velocity that no sensor of its own shows is as uncertain, in units of its size, as what is measured is.
+    amplitude = {c: float(np.nanstd(np.concatenate([log.output(c) for log in logs]))) for c in noise}
+    usual = float(np.median([noise[c] / size for c, size in amplitude.items() if size > 0] or [1e-2]))
+    of_speeds = {name: noise.get(name, usual * sizes[name]) for name in names}
+    arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator, sizes)
     start = {name: arrays["start"][0, i] for i, name in enumerate(pushed.states)}
     setting = Setting(pushed.structure, integrator, names)
-    return _Task(setting, units, numbers, arrays, _force_scale(setting, numbers, start, noise))
+    response = float(np.sqrt(scales.interval * scales.time))
+    return _Task(setting, units, numbers, arrays, _force_scale(setting, numbers, start, of_speeds, response), response)
 
 
 @in_float64
@@ -236,7 +281,7 @@ def missing_force(
     Raises `NoVelocities` for a robot that does not say which states its forces accelerate.
     """
     task = _task(robot, logs, noise, known_states)
-    intensity, kept = _chosen(task.setting, task.numbers, task.arrays, task.scale)
+    intensity, kept = _chosen(task.setting, task.numbers, task.arrays, task.intensity(1.0))
     mean, std = (np.asarray(x) for x in smoothed(kept))
     names = task.setting.velocities
     columns = [task.setting.robot.states.index(PREFIX + name) for name in names]
@@ -249,6 +294,13 @@ def missing_force(
     )  # fmt: skip
 
 
+class Smoothed(NamedTuple):
+    """A state's mean and standard deviation [E, T], padded as in `logs.batch()`."""
+
+    mean: Float[Array, "E T"]
+    std: Float[Array, "E T"]
+
+
 @in_float64
 def smoothed_states(
     robot: Robot,
@@ -256,12 +308,13 @@ def smoothed_states(
     noise: Mapping[str, float] | None = None,
     known_states: Mapping[str, Mapping[str, float]] | None = None,
     wander: float = 1.0,
-) -> dict[str, Float[Array, "E T"]]:
-    """The robot's states over time by name, padded as in `logs.batch()`: what model and measurements say together.
+) -> dict[str, Smoothed]:
+    """The robot's states over time by name, the missing forces among them (`PREFIX` and a velocity): what model and
+    measurements say together.
 
-    `wander` is how far the missing forces may, in units of `ForceHistory.scale` per root of a second: little trusts the
-    model, much the measurements. Other arguments, and errors, as in `missing_force`.
+    `wander` is how far the missing forces may, in units of `ForceHistory.scale` per root of its response time: little
+    trusts the model, much the measurements. Other arguments, and errors, as in `missing_force`.
     """
     task = _task(robot, logs, noise, known_states)
-    mean, _ = smoothed(filtered(task.setting, task.numbers, task.arrays, jnp.asarray(wander * task.scale)))
-    return {name: mean[..., i] for i, name in enumerate(task.setting.robot.states) if not name.startswith(PREFIX)}
+    mean, std = smoothed(filtered(task.setting, task.numbers, task.arrays, jnp.asarray(task.intensity(wander))))
+    return {name: Smoothed(mean[..., i], std[..., i]) for i, name in enumerate(task.setting.robot.states)}

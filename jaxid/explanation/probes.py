@@ -16,19 +16,22 @@ from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..robots.scales import Scales
 from .conditions import motions
+from .ripple_periods import Periods
 
 
 @dataclass(frozen=True)
 class Group:
     """Columns that explain together: `shape` holds while each of `strengths` is applied on its own.
 
-    `limit` is where the inverse of a strength that cuts signals off would begin to do so.
+    `limit` is where the inverse of a strength that cuts signals off would begin to do so. `out_of` is how many shapes were
+    looked at for this one to be found.
     """
 
     effect: Effect
     shape: Mapping[str, float]
     strengths: Mapping[str, float]
     limit: float | None = None
+    out_of: int = 1
 
 
 def _largest(logs: LogSet) -> float:
@@ -48,10 +51,6 @@ def _lines(robot: Robot, logs: LogSet) -> list[dict[str, float]]:
 
 _SHARES = (0.09, 0.14, 0.21, 0.3, 0.43, 0.6, 0.86, 1.2)
 """Limits of traction that are tried, in shares of the drive force at the largest input."""
-_PERIODS = (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 24)
-"""Periods of a ripple in a turn of the wheel over 2 pi."""
-_CYCLES = tuple(range(2, 61))
-"""The same along a line, in cycles over the driven way."""
 
 
 def _times(scales: Scales) -> tuple[float, ...]:
@@ -60,8 +59,9 @@ def _times(scales: Scales) -> tuple[float, ...]:
     return first, float(np.sqrt(first * last)), last
 
 
-def groups(effect: Effect, robot: Robot, logs: LogSet) -> list[Group]:
-    """The probes of one effect on `robot` (which already carries it), for these logs."""
+def groups(effect: Effect, robot: Robot, logs: LogSet, repeating: Periods) -> list[Group]:
+    """The probes of one effect on `robot` (which already carries it), for these logs; `repeating` are the periods at which
+    the missing force repeats."""
     own = [name for name in robot.parameters if name.startswith(f"{effect.id}.")] + list(effect.frees(robot))
     typical = {name: robot.parameters[name].typical or 1.0 for name in own}
     key, scales, times = effect.key, robot.scales, _times(robot.scales)
@@ -88,11 +88,11 @@ def groups(effect: Effect, robot: Robot, logs: LogSet) -> list[Group]:
         ]
     if effect.id == "cogging_torque":
         strengths = {name: typical[name] for name in own if not name.endswith("periods")}
-        counts = _PERIODS if robot.angle_unit == "rad" else _CYCLES
-        return [Group(effect, {key("periods"): n / scales.angle}, strengths) for n in counts]
+        return [Group(effect, {key("periods"): n}, strengths, out_of=repeating.looked_at) for n in repeating.values]
     if effect.id == "surface_change":
         strengths = {key("coulomb"): 0.3, key("viscous"): 0.3}
-        return [Group(effect, {key(n): v for n, v in line.items()}, strengths) for line in _lines(robot, logs)]
+        lines = _lines(robot, logs)
+        return [Group(effect, {key(n): v for n, v in line.items()}, strengths, out_of=len(lines)) for line in lines]
     strengths = {name: typical[name] for name in own}
     return [Group(effect, {}, strengths)] if strengths else []
 

@@ -25,6 +25,7 @@ from ..simulation.rollout import Integrator, rollout
 from ..simulation.simulate import integrator_for
 from ..simulation.start import initial_states
 from .probes import Group, groups, lanes
+from .ripple_periods import Periods, ripple_periods
 from .told_angles import Angles
 
 _STARTS = 2
@@ -39,9 +40,10 @@ class Candidate:
     """One effect's score.
 
     `gain` is the drop of the sum of squares (in units of the noise) that the effect promises with all fitted parameters
-    re-estimated, to first order, less what its parameters cost; `share` the part of the excess over the noise floor;
-    `starts` the values to begin refits from, best first. `direction` is the change of the simulation (whitened, fitted
-    parameters projected off, of length one) by which it explains.
+    re-estimated, to first order, less what its parameters and the shapes looked at cost; `share` the part of the excess
+    over the noise floor; `starts` the values to begin refits from, best first. `direction` is the change of the simulation
+    (whitened, fitted parameters projected off, of length one) by which it explains. `out_of` is how many shapes of it were
+    looked at.
     """
 
     effect: Effect
@@ -49,6 +51,7 @@ class Candidate:
     share: float
     starts: tuple[dict[str, float], ...]
     direction: NDArray[np.float32] = field(repr=False, compare=False)
+    out_of: int = 1
 
     def like(self, other: "Candidate") -> bool:
         """Whether the two explain by the same change, so that only refits can tell them apart."""
@@ -97,7 +100,10 @@ def screen(
     full = robot
     for effect in effects:
         full = full + effect
-    found: list[Group] = [group for effect in effects for group in groups(effect, full, logs)]
+    repeating = Periods((), 0)
+    for effect in effects:
+        repeating = ripple_periods(robot + effect, logs, noise, known_states) if effect.repeats else repeating
+    found: list[Group] = [group for effect in effects for group in groups(effect, full, logs, repeating)]
     changes, columns = lanes(found)
     steps = [max(abs(robot.parameters[name].value), robot.parameters[name].typical or 0.0) * _STEP for name in own]
     base = robot.parameters.numbers
@@ -117,7 +123,7 @@ def screen(
     whole = residual
     residual = residual - basis @ (basis.T @ residual)
     excess = max(float(residual @ residual) - np.count_nonzero(weights), 1.0)
-    scored: dict[str, list[tuple[float, dict[str, float], dict[str, float], Effect, NDArray[np.float32]]]] = {}
+    scored: dict[str, list[tuple[float, dict[str, float], dict[str, float], Group, NDArray[np.float32]]]] = {}
     for group, mine in zip(found, columns, strict=True):
         block = moved[len(own) :][mine]
         block = block - (block @ basis) @ basis.T
@@ -131,16 +137,17 @@ def screen(
         size = _sizes(group, names, start)
         shift = -np.linalg.lstsq(triangle, basis.T @ (whole + plain.T @ size), rcond=1e-6)[0] * np.array(steps)
         given_way = {n: _inside(robot, n, base[n] + d) for n, d in zip(own, shift, strict=True)}
-        score = gain - len(names) * float(np.log(residual.size))
+        score = gain - len(names) * float(np.log(residual.size)) - 2.0 * float(np.log(group.out_of))
         direction = (change / max(float(np.linalg.norm(change)), 1e-300)).astype(np.float32)
-        scored.setdefault(group.effect.id, []).append((score, start, given_way, group.effect, direction))
+        scored.setdefault(group.effect.id, []).append((score, start, given_way, group, direction))
     candidates = []
     for tried in scored.values():
         tried.sort(key=lambda entry: -entry[0])
-        score, _, _, effect, direction = tried[0]
+        score, _, _, group, direction = tried[0]
         best = tried[: _STARTS if len(tried[0][1]) > 1 else 1]
         starts = tuple(start for entry in best for start in (entry[1], {**entry[2], **entry[1]}))
-        candidates.append(Candidate(effect, float(score), float(score / excess), starts, direction))
+        share = float(score / excess)
+        candidates.append(Candidate(group.effect, float(score), share, starts, direction, group.out_of))
     return sorted(candidates, key=lambda candidate: -candidate.gain)
 
 

@@ -152,7 +152,7 @@ def _least(before: Trial, first: Trial) -> float:
 
 
 def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
-    """Whether an effect explains something, the number of candidates tried accounted for."""
+    """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
     gain = before.check.normalised_rms - after.check.normalised_rms
     likelier = before.squares - after.squares
     price = (after.free - before.free) * np.log(before.check.samples) + 2 * np.log(tried)
@@ -190,7 +190,8 @@ def name_next(
     trials.sort(key=lambda t: t.score)
     for trial in trials:
         say(f"refitted with {trial.id}: held-out {trial.check.normalised_rms:.3f} x noise, score {trial.score:.0f}")
-    if not _worth(base, trials[0], first, len(effects)):
+    shapes = next((c.out_of for c in screened if c.effect.id == trials[0].id), 1)
+    if not _worth(base, trials[0], first, len(effects) * shapes):
         return screened
     return Step(tuple(trials), _equivalent(trials), screened, base, trials[0])
 

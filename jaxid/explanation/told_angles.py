@@ -16,26 +16,30 @@ from ..robots.robot import Robot
 from ..simulation.driven import driven_angles
 from .missing_force import NoVelocities, smoothed_states
 
-_WANDER = 0.5
-"""Random-walk intensity of the missing forces, in units of `ForceHistory.scale` per root of a second."""
+WANDER = 0.05
+"""Random-walk intensity of the missing forces, in units of `ForceHistory.scale` per root of its response time."""
 
 Angles = Mapping[str, Float[Array, "E T"]]
 
 
 def told_angles(
-    robot: Robot, logs: LogSet, noise: Mapping[str, float], known_states: Mapping[str, Mapping[str, float]]
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    known_states: Mapping[str, Mapping[str, float]],
+    wander: float = WANDER,
 ) -> Angles:
     """The wheels' angles smoothed through `robot`; from the speeds alone where that cannot be done.
 
     Empty where no effect of the robot repeats with the wheels or a velocity was not measured. `known_states` are
-    estimated initial states by log name.
+    estimated initial states by log name; less `wander` of the missing forces trusts the model more.
     """
     rough = driven_angles(robot, logs)
     if not rough:
         return {}
     try:
-        smooth = smoothed_states(robot, logs, noise, known_states, _WANDER)
+        smooth = smoothed_states(robot, logs, noise, known_states, wander)
     except NoVelocities:
         return rough
-    found = {name: smooth[name] for name in rough}
+    found = {name: smooth[name].mean for name in rough}
     return found if all(bool(jnp.all(jnp.isfinite(angle))) for angle in found.values()) else rough

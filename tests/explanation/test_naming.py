@@ -27,11 +27,7 @@ def test_nothing_hidden_is_adequate():
         ("actuator_dead_zone", 0.3),
         ("quadratic_drag", 20.0),
         ("sensor_bias", 0.03),
-        pytest.param(
-            "cogging_torque",
-            8.0,
-            marks=pytest.mark.xfail(reason="ripples finer than 60 periods on the driven way are not tried on an axis"),
-        ),
+        ("cogging_torque", 8.0),
     ],
 )
 def test_a_hidden_effect_is_named_and_closes_the_gap(effect, size):

@@ -16,11 +16,6 @@ from reference import excitation  # noqa: E402
 from reference.axis import AXIS  # noqa: E402
 from reference.logs import simulate  # noqa: E402
 
-pytestmark = pytest.mark.xfail(
-    reason="first guesses follow the logs now, and ripples are not found as before; to be mended"
-)
-
-
 AMPLITUDE, PERIODS, NOISE = 12.0, 8.0, {"v": 0.01}
 BARE = Axis().with_values(M=20.0, Fv=30.0, Fc=8.0, gain=10.0)
 RIPPLED = (BARE + effect_by_id(BARE, "cogging_torque")).with_values(
@@ -90,7 +85,6 @@ def test_a_fit_that_is_told_the_angles_finds_the_ripple(told_fit):
     assert told_fit.noise["v"] == pytest.approx(NOISE["v"], rel=0.15)
 
 
-@pytest.mark.xfail(strict=True, reason="two logs tell the angles too roughly: sine 6.6 % low, period 0.19 % high")
 @pytest.mark.parametrize(
     ("name", "true", "within"),
     [("cogging_torque.sine_q", AMPLITUDE, 0.05), ("cogging_torque.periods", 2 * np.pi * PERIODS, 1e-3)],
