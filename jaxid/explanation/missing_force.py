@@ -29,9 +29,13 @@ from ..simulation.simulate import integrator_for
 from ..simulation.start import initial_states
 from .force_filter import PREFIX, Setting, filtered, likelihoods, smoothed
 
-_INTENSITIES = (0.005, 0.015, 0.03, 0.06, 0.15, 0.3, 0.6, 1.5, 3.0, 6.0, 15.0)
+_INTENSITIES = tuple(
+    float(np.sqrt(0.1)) * level for level in (0.002, 0.006, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+)
 """Random-walk intensities that are tried, in units of `ForceHistory.scale` per root of its response time."""
-_FIRST = 7
+_RESPONSE = 5.0
+"""Response time in sampling intervals."""
+_FIRST = 9
 """Place in `_INTENSITIES` of the first filter: strong, so that its points reach beyond break-away."""
 _ROUNDS = 2
 _MODEL_ERROR = 0.02
@@ -75,8 +79,8 @@ class ForceHistory:
     - `log`: the log's name; `time` [T] s.
     - `force`, `std` [T, n]: estimate and standard deviation, one column for each of `names` (the velocities that the
       forces accelerate) in `units`.
-    - `scale` [n]: the force that changes its speed by one standard deviation of the noise within the response time (the
-      geometric mean of sampling interval and the robot's time constant), in which forces of different units compare.
+    - `scale` [n]: the force that changes its speed by one standard deviation of the noise within the response time of
+      five samples, in which forces of different units compare.
     - `intensity` [n]: how far each force wanders per root of the logs' unit of time (seconds), chosen by likelihood.
     """
 
@@ -260,7 +264,7 @@ def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
     arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator, sizes)
     start = {name: arrays["start"][0, i] for i, name in enumerate(pushed.states)}
     setting = Setting(pushed.structure, integrator, names)
-    response = float(np.sqrt(scales.interval * scales.time))
+    response = _RESPONSE * scales.interval
     return _Task(setting, units, numbers, arrays, _force_scale(setting, numbers, start, of_speeds, response), response)
 
 

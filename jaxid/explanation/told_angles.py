@@ -16,7 +16,7 @@ from ..robots.robot import Robot
 from ..simulation.driven import driven_angles
 from .missing_force import NoVelocities, smoothed_states
 
-WANDER = 0.05
+WANDER = 0.035
 """Random-walk intensity of the missing forces, in units of `ForceHistory.scale` per root of its response time."""
 
 Angles = Mapping[str, Float[Array, "E T"]]
