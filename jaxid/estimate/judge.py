@@ -227,6 +227,16 @@ def _pooled(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float]
     return rms(np.concatenate(found))
 
 
+def _of_speeds(logs: LogSet, noise: Mapping[str, float]) -> dict[str, float]:
+    """The noise, and that of speeds which no log measures but a position stands for: of its central differences."""
+    found = dict(noise)
+    for name, position in logs.channels.substitutes.items():
+        own = [log for log in logs if np.isfinite(log.output(position)).any()]
+        if own and not any(np.isfinite(log.output(name)).any() for log in logs):
+            found[name] = noise[position] / (np.sqrt(2.0) * float(np.median([log.sampling_interval for log in own])))
+    return found
+
+
 def in_regressors(fit: Fit, logs: LogSet, noise: Mapping[str, float]) -> str:
     """A sentence where noise in the regressors of a linear fit matters beside its standard errors, else nothing.
 
@@ -253,7 +263,7 @@ def judged_equations(fit: Fit, logs: LogSet, *, errors_in_variables: bool = True
     `Fit.noise` is that of the speeds that the equations predict over their stretches; what more there is than the sensors
     show, the equations lack. Over whole logs the model may do worse: `compare` says so.
     """
-    noise = _with_integration(logs, noise_scale(logs))
+    noise = _of_speeds(logs, _with_integration(logs, noise_scale(logs)))
     by_channel = {name: level / noise[name] for name, level in fit.noise.items()}
     pooled = rms(np.array(list(by_channel.values())))
     sentences = []

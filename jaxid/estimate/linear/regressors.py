@@ -348,7 +348,7 @@ def window_equations(
     intervals has correlation -1/2; two samples a stretch are eq. 31, all consecutive intervals.
 
     Left out are intervals in which a rubbing axis that matters to the equation stands still or turns round (friction
-    is below its Coulomb level then), speeds that stay below three times their noise throughout a log (taken as zero),
+    is below its Coulomb level then), those in which any axis turns round without resting, speeds that stay below three times their noise throughout a log (taken as zero),
     and gaps of more than five samples; shorter gaps are bridged by interpolation.
 
     The equations are exact where they are linear in the parameters and else linearised about the robot's numbers.
@@ -368,13 +368,17 @@ def window_equations(
     slope = dP - np.concatenate([np.zeros_like(dimpulse[:1]), np.cumsum(dimpulse, axis=0)[:-1]])
     still, matters = still_at(rubbing, rows.log), axes_that_matter(shares)
     complete = np.asarray(np.all(rows.seen, axis=1))
+    crossing = np.append(rubbing[:-1] * rubbing[1:] < 0, np.zeros((1, rubbing.shape[1]), bool), axis=0)
+    # A speed bends sharply where its own friction turns, which no interpolation between samples follows; it enters the
+    # other speeds' equations, too.
+    resting = still | np.append(still[1:], still[-1:], axis=0)
+    turning = np.any((crossing & ~resting)[:, matters.any(axis=0)], axis=1)
 
     parts, count, dropped = [], 0, []
     for i in range(len(names)):
         stuck = np.any(still[:, matters[i]], axis=1)
         # Between two samples of opposite sign the axis may have stood still for a while, too.
-        crossing = np.append(rubbing[:-1] * rubbing[1:] < 0, np.zeros((1, rubbing.shape[1]), bool), axis=0)
-        stuck = stuck | np.append(stuck[1:], False) | np.any(crossing[:, matters[i]], axis=1)
+        stuck = stuck | np.append(stuck[1:], False) | np.any(crossing[:, matters[i]], axis=1) | turning
         whole = rows.whole & ~stuck
         dropped.append(1.0 - whole.sum() / max(np.sum(rows.dt > 0), 1))
         sample, stretch = _stretches(whole, rows.log, window)

@@ -5,6 +5,8 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from scipy.signal import butter, filtfilt
+from scipy.stats import chi2
 
 from jaxid import (
     Axis,
@@ -197,10 +199,8 @@ def test_omni_moving_in_all_directions():
     ]
     wrong = Omni().with_values(J=2.0, Bv=1.0, Bvn=1.0, Bw=2.0, Cv=10.0, Cvn=10.0, Cw=1.0)
     fit = integral_least_squares(wrong, logs)
-    for name in fit.free_names:  # integrals between samples are 4e-5 m/s off, 250 times less than usual noise
-        limit = max(1e-3 * OMNI.parameters[name], 4.0 * fit[name].std_error)
-        assert fit[name].value == pytest.approx(OMNI.parameters[name], abs=limit)
-        assert fit[name].value == pytest.approx(OMNI.parameters[name], rel=4e-3)
+    for name in fit.free_names:
+        assert fit[name].value == pytest.approx(OMNI.parameters[name], rel=1e-3)
     printed = integral_least_squares(wrong.uncoupled(), logs)  # eqs. 1-3 lack the turning frame's terms
     assert printed.robot.parameters["coriolis"].value == 0.0
     assert printed.noise["V"] > 10 * fit.noise["V"]
@@ -285,17 +285,26 @@ def emps():
 
 
 def test_published_parameters_of_a_measured_axis():
-    fit = integral_least_squares(Axis(), [emps()])
+    """The offset's standard error has a bound of its own: what disturbs this axis is slow (friction that depends on the
+    position), so that its mean force cannot be known better than that of independent pieces of the record scatters,
+    whatever the estimator. Five pieces by NumPy alone say how much; their scatter has four degrees of freedom."""
+    log = emps()
+    fit = integral_least_squares(Axis(), [log])
     for name, published in {"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "offset": -3.1648}.items():
         assert abs(fit[name].value - published) < 2.5 * fit[name].std_error
         if name != "offset":
-            assert fit[name].std_error < 0.08 * abs(published)
-
-
-@pytest.mark.xfail(strict=True, reason="8.2 % since standard errors count the samples that stretches share")
-def test_the_offset_of_a_measured_axis_is_known_to_eight_percent():
-    fit = integral_least_squares(Axis(), [emps()])
-    assert fit["offset"].std_error < 0.08 * 3.1648
+            assert fit[name].std_error < 0.07 * abs(published)
+    smooth = butter(4, 100.0, fs=1e3)
+    q, force = (filtfilt(*smooth, column) for column in (log.output("q"), log.input("u")))
+    v = np.gradient(q, log.time)
+    rows = np.stack([np.gradient(v, log.time), v, np.sign(v), np.ones_like(v)], axis=1)
+    pieces = [
+        np.linalg.lstsq(F, y, rcond=None)[0][3]
+        for F, y in zip(np.array_split(rows, 5), np.array_split(force, 5), strict=True)
+    ]
+    scatter = np.std(pieces, ddof=1) / np.sqrt(5)
+    low, high = np.sqrt(4 / chi2.ppf([0.95, 0.05], 4)) * scatter
+    assert low < fit["offset"].std_error < high
 
 
 # -- bad input ---------------------------------------------------------------------------------------------------------
