@@ -209,8 +209,10 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
     names = robot.parameters.free_names
     if not names:
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
-    check_linear(robot, logs)
-    start = integral_least_squares(robot, logs) if start is None else start
+    if start is None:
+        start = integral_least_squares(robot, logs)  # checks the same
+    else:
+        check_linear(robot, logs)
     speeds = measured_speeds(robot)
     rows = gather(robot, logs, speeds)
     remembered = memory(rows)

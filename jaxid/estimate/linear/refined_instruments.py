@@ -30,8 +30,8 @@ class Instruments:
 
     `equation` [K]: index of the measured speed; `sample` [K]: place among the samples of all logs, whose log is
     `logs` [N]; `run` [K]: number of the run that the row belongs to, and `start` [K] what one unit of noise at its
-    start does here. `usable` [N, nv]: intervals that were used, `sliding`: directions of friction there;
-    `dropped`: share of intervals that were not used.
+    start does here. `usable` [N, nv]: intervals that were used, `sliding`: directions of friction there,
+    `defect` [N, nv]: what the integrals over the simulated motion are off by; `dropped`: share of intervals not used.
     """
 
     regressors: Array
@@ -44,6 +44,7 @@ class Instruments:
     start: Array
     usable: NDArray[np.bool_]
     sliding: Array
+    defect: Array
     dropped: float
 
 
@@ -94,12 +95,16 @@ def refined_instruments(
     other = replace(other, **own, moved=rows.moved)
     unknown = np.array(np.nan)
     there = evaluate(robot, other, names, "speed", theta, unknown)
-    _, _, _, instrument, rubbing_there, _, at_start, at_end, sliding = there
+    _, _, impulse_there, instrument, rubbing_there, _, at_start, at_end, sliding, places = there
     sliding = sliding if before is None else before.sliding
-    # The noise of a light axis, such as a caster, turns its measured direction, which no instrument puts right.
-    _, _, impulse, slope, rubbing, shares, *_ = evaluate(robot, rows, names, "speed", theta, sliding)
+    # The noise of a light axis, such as a caster, turns its measured direction, and the angle that noisy speeds turn it to
+    # enters with its sine: neither is linear in the noise, and no instrument puts that right.
+    _, _, impulse, slope, rubbing, shares, *_ = evaluate(robot, rows, names, "speed", theta, sliding, places)
     n, nv = len(theta), len(names)
-    error = rows.ahead - rows.speeds - impulse + slope @ theta
+    # What interpolation and quadrature between samples get wrong they get wrong in the simulated motion as well, where it
+    # is known: the balance of its own samples is zero.
+    defect = other.ahead - other.speeds - impulse_there if before is None else before.defect
+    error = rows.ahead - rows.speeds - impulse - defect + slope @ theta
     columns = np.concatenate([slope, instrument, error[:, :, None]], axis=2)
     first, last = (np.diagonal(s, axis1=1, axis2=2) for s in (at_start, at_end))
     columns, growth = columns / (1.0 - last)[:, :, None], (1.0 + first) / (1.0 - last)
@@ -126,5 +131,6 @@ def refined_instruments(
         start=start,
         usable=usable,
         sliding=sliding,
+        defect=defect,
         dropped=1.0 - float(np.mean(used)) if len(used) else 1.0,
     )

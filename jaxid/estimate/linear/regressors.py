@@ -82,8 +82,9 @@ def _mass_times(robot: Robot, names: tuple[str, ...], state, inputs, p):
 def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numbers, theta, rows):
     """Per sample: P, dP/dtheta; per interval: impulse, d(impulse)/dtheta; rubbing speeds; the friction axes' shares.
 
-    With `slopes` also d(impulse)/d(speeds at the interval's start) and at its end, and the directions of sliding
-    [intervals, substeps, axes]; `rows` then has those to take at its end, NaN for the rows' own.
+    With `slopes` also d(impulse)/d(speeds at the interval's start) and at its end, the directions of sliding
+    [intervals, substeps, axes] and the positions at the nodes; `rows` then has those to take at its end, NaN for the
+    rows' own.
     """
     dt, inputs, speeds, ahead, first, start, moved, *prescribed = rows
     p0 = {**numbers, **dict(zip(free, theta, strict=True))}
@@ -135,6 +136,8 @@ def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numb
         bends = 0.5 * dt[:, None] * (both(nodes[:, -1], ahead, inputs) - both(nodes[:, 0], speeds, inputs))
         bends = jnp.where(moved, bends, 0.0)
         nodes = places(bends)
+    if slopes:
+        nodes = jnp.where(jnp.isnan(prescribed[1]), nodes, prescribed[1])
 
     def momentum(state, u, p):
         if form == "speed" or not mass:
@@ -183,7 +186,7 @@ def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numb
         levels = jnp.array([0.0, *(0.5 * (b + f) for b, f in robot.coulomb(here, p0))])[1:]
         # What an error of the speeds at either end does to the impulse; needed where that error is to be filtered out.
         of_speeds = jax.jacfwd(lambda v, w: impulse(theta, v, w), argnums=(0, 1))(v, w) if slopes else ()
-        directions = (signs,) if slopes else ()
+        directions = (signs, places) if slopes else ()
         return (
             momentum(here, u, p0),
             jax.jacfwd(lambda x: momentum(here, u, numbers_with(x)))(theta),
@@ -198,17 +201,24 @@ def _integrals(robot, names, positions, free, form, mass, substeps, slopes, numb
     return jax.vmap(interval)(nodes, inputs, speeds, ahead, bends, h, *prescribed)
 
 
+@partial(compiled, static_argnames=("robot", "names"))
+def _rubbing_slopes(robot, names, numbers):
+    """d(rubbing speeds)/d(measured speeds) [axes, nv] somewhere in motion."""
+    state = robot.initial_state() | dict.fromkeys(names, 0.1)
+
+    def rubbing(x):
+        return jnp.stack([jnp.asarray(s, float) for s in robot.rubbing(state | dict(zip(names, x, strict=True)), numbers)])
+
+    return jax.jacfwd(rubbing)(jnp.full(len(names), 0.1))
+
+
 def _has_mass_matrix(robot: Robot, names: tuple[str, ...]) -> bool:
     """Whether dry friction acts on every measured speed, so that the mass matrix can be read off."""
     p = robot.parameters.numbers
-    state = robot.initial_state() | dict.fromkeys(names, 0.1)
-    speeds = robot.rubbing(state, p)
-    if len(speeds) < len(names):
+    if len(robot.rubbing(robot.initial_state(), p)) < len(names):
         return False
-    B = jax.jacfwd(
-        lambda x: jnp.stack([jnp.asarray(s, float) for s in robot.rubbing(state | dict(zip(names, x, strict=True)), p)])
-    )(jnp.full(len(names), 0.1))
-    return bool(np.linalg.matrix_rank(np.asarray(B)) == len(names))
+    slopes = _rubbing_slopes(robot.structure, names, p)
+    return bool(np.linalg.matrix_rank(np.asarray(slopes)) == len(names))
 
 
 # -- equations ---------------------------------------------------------------------------------------------------------
@@ -294,21 +304,32 @@ def _stretches(
 
 
 def evaluate(
-    robot: Robot, rows: Rows, names: tuple[str, ...], form: Form, theta: Array, sliding: Array | None = None
+    robot: Robot,
+    rows: Rows,
+    names: tuple[str, ...],
+    form: Form,
+    theta: Array,
+    sliding: Array | None = None,
+    places: Array | None = None,
 ) -> list[Array]:
     """`_integrals` of the rows, which are padded so that logs of similar length share a compiled program.
 
-    With `sliding`, directions of sliding to take (NaN: the rows' own), there are slopes and these directions as well.
+    With `sliding`, directions of sliding to take (NaN: the rows' own), there are slopes, these directions and the positions
+    at the nodes as well; with `places` those positions are taken.
     """
-    N = len(rows.dt)
+    N, positions = len(rows.dt), positions_of(robot, names)
     arrays = (rows.dt, rows.inputs, rows.speeds, rows.ahead, rows.first, rows.start, rows.moved)
     slopes = sliding is not None
     if sliding is not None:
         axes = len(robot.rubbing(robot.initial_state(), robot.parameters.numbers))
-        arrays += (np.broadcast_to(sliding, (N, _SUBSTEPS, axes)),)
+        places = np.array(np.nan) if places is None else places
+        arrays += (
+            np.broadcast_to(sliding, (N, _SUBSTEPS, axes)),
+            np.broadcast_to(places, (N, 2 * _SUBSTEPS + 1, len(positions))),
+        )
     arrays = tuple(np.concatenate([x, np.repeat(x[-1:], -N % _PAD, axis=0)]) for x in arrays)
     free, numbers = robot.parameters.free_names, robot.parameters.numbers
-    positions, mass = positions_of(robot, names), _has_mass_matrix(robot, names)
+    mass = _has_mass_matrix(robot, names)
     results = _integrals(robot.structure, names, positions, free, form, mass, _SUBSTEPS, slopes, numbers, theta, arrays)
     return [np.asarray(x)[:N] for x in results]
 

@@ -48,7 +48,7 @@ def test_without_noise_it_is_the_truth(clean):
     assert fit.robot.parameters["M"].value == fit["M"].value
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.6])
+@pytest.mark.parametrize("colour", [0.0, 0.8])
 def test_unbiased_and_covered_where_the_regressors_are_noisy(clean, colour):
     fits, off, errors = repeated(instrumental_variables, clean, 0.05, colour)
     assert np.mean([fit.converged for fit in fits]) == 1.0
@@ -104,7 +104,7 @@ def test_omni_against_the_independent_simulator():
     assert fit.converged
     for name in fit.free_names:
         assert abs(fit[name].value - OMNI.parameters[name]) < 3.5 * fit[name].std_error, name
-        assert fit[name].std_error < 0.5 * OMNI.parameters[name]
+        assert fit[name].std_error < 0.2 * OMNI.parameters[name]
     assert fit.noise["V"] == pytest.approx(0.02, rel=0.15) and fit.noise["W"] == pytest.approx(0.04, rel=0.15)
 
 
