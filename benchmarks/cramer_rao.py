@@ -1,7 +1,8 @@
-"""Least squares or output error? Both against the Cramér-Rao bound: `python -m benchmarks.cramer_rao [--only axis]`.
+"""Linear methods or output error? All against the Cramér-Rao bound: `python -m benchmarks.cramer_rao [--only axis]`.
 
 For every setting (robot, noise, sampling rate, length, excitation, start, colour of the noise) one clean simulation gets
-thousands of noise realisations, all fitted in one compiled batch. Reported by setting and estimator: variance over the
+thousands of noise realisations, all fitted by output error in one compiled batch, some of them by integral least squares
+and instrumental variables as well (`--linear`; with `--fits 0` by these alone). Reported by setting and estimator: variance over the
 bound (J'J)^-1 at the true parameters, bias in standard errors of one fit, and how many of the reported 95 % intervals hold
 the truth. The logs come from the model itself, since the question is what noise does to a right model.
 
@@ -36,7 +37,7 @@ MODELS = {
 NOISE = {"axis": (0.01,), "omni": (0.01, 0.01, 0.02), "pioneer": (0.01, 0.02)}
 JUDGED = 4.0
 """Standard errors that a parameter must be away from its bounds."""
-LS_FITS = 1000
+LINEAR = ("least_squares", "instrumental_variables")
 LANES = 128
 
 
@@ -156,21 +157,29 @@ def output_errors(setting: Setting, structure: Structure, problem: Problem, at: 
     return theta, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), float(np.mean(found.optimum.converged))
 
 
-def least_squares(setting: Setting, problem: Problem, measured: np.ndarray):
-    """Estimates and standard errors [N, n] by integral least squares."""
+def linear_estimates(setting: Setting, measured: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, float]]:
+    """Estimates and standard errors [N, n] (NaN where not identified), and the share that converged, of both linear
+    methods."""
     robot = MODELS[setting.robot]
     runs = [inputs_of(setting, number) for number in range(len(setting.kinds))]
     ny = len(NOISE[setting.robot])
-    values, errors = [], []
-    for y in measured[:LS_FITS]:
+    fits: dict[str, list] = {method: [] for method in LINEAR}
+    for y in measured:
         logs = [
             jaxid.Log.from_arrays(f"{e}", np.arange(len(u)) / setting.hertz, u, y[e, : len(u), :ny], robot.channels)
             for e, u in enumerate(runs)
         ]
-        fit = jaxid.integral_least_squares(robot, logs)
-        values.append([fit[n].value for n in fit.free_names])
-        errors.append([fit[n].std_error for n in fit.free_names])
-    return np.array(values), np.array(errors)
+        fits["least_squares"].append(jaxid.integral_least_squares(robot, logs))
+        start = fits["least_squares"][-1]
+        fits["instrumental_variables"].append(jaxid.instrumental_variables(robot, logs, start))
+    return {
+        method: (
+            np.array([[fit[n].value for n in fit.free_names] for fit in own]),
+            np.array([[fit[n].std_error for n in fit.free_names] for fit in own]),
+            float(np.mean([fit.converged for fit in own])),
+        )
+        for method, own in fits.items()
+    }
 
 
 def figures(theta: np.ndarray, errors: np.ndarray, true: np.ndarray, limit: np.ndarray, judged: np.ndarray) -> dict:
@@ -179,7 +188,7 @@ def figures(theta: np.ndarray, errors: np.ndarray, true: np.ndarray, limit: np.n
     off = theta - true
     ratio = off.var(axis=0, ddof=1) / standard**2
     spread = off.std(axis=0, ddof=1)
-    coverage = np.mean(np.abs(off) <= 1.959964 * errors, axis=0)
+    coverage = np.sum(np.abs(off) <= 1.959964 * errors, axis=0) / np.maximum(np.isfinite(errors).sum(axis=0), 1)
     bias, at = off.mean(axis=0) / spread, np.flatnonzero(judged)
     return {
         "fits": len(theta),
@@ -194,27 +203,29 @@ def figures(theta: np.ndarray, errors: np.ndarray, true: np.ndarray, limit: np.n
     }
 
 
-def study(setting: Setting, fits: int) -> dict:
-    """One row."""
-    begin = time.perf_counter()
+def study(setting: Setting, fits: int, linear: int) -> dict:
+    """One row: `fits` realisations by output error, `linear` by the linear methods; a method without any is left out."""
+    begin = time.process_time()
     with jaxid.float64():
         structure, problem, at = truth(setting)
         limit = bound(structure, problem, at)
         true = np.asarray(problem.held)
         lower, upper = np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper)
         judged = JUDGED * np.sqrt(np.diag(limit)) < np.minimum(true - lower, upper - true)
-        measured = realisations(setting, problem, fits)
-        theta, errors, converged = output_errors(setting, structure, problem, at, measured)
-    row = {
-        "setting": setting.name,
-        "parameters": list(structure.names),
-        "relative_standard_error_at_bound": (np.sqrt(np.diag(limit)) / np.abs(true)).tolist(),
-        "judged": judged.tolist(),
-        "output_error": {"converged": converged, **figures(theta, errors, true, limit, judged)},
-    }
-    if setting.linear:
-        row["least_squares"] = figures(*least_squares(setting, problem, measured), true, limit, judged)
-    return {**row, "seconds": time.perf_counter() - begin}
+        measured = realisations(setting, problem, max(fits, linear))
+        row = {
+            "setting": setting.name,
+            "parameters": list(structure.names),
+            "relative_standard_error_at_bound": (np.sqrt(np.diag(limit)) / np.abs(true)).tolist(),
+            "judged": judged.tolist(),
+        }
+        if fits:
+            theta, errors, converged = output_errors(setting, structure, problem, at, measured[:fits])
+            row["output_error"] = {"converged": converged, **figures(theta, errors, true, limit, judged)}
+    if setting.linear and linear:
+        for method, (theta, errors, converged) in linear_estimates(setting, measured[:linear]).items():
+            row[method] = {"converged": converged, **figures(theta, errors, true, limit, judged)}
+    return {**row, "processor_seconds": time.process_time() - begin}
 
 
 def main() -> None:
@@ -222,21 +233,25 @@ def main() -> None:
     from .cramer_rao_page import write_page
 
     parser = argparse.ArgumentParser(description="Estimators against the Cramér-Rao bound.")
-    parser.add_argument("--fits", type=int, default=2000)
+    parser.add_argument("--fits", type=int, default=2000, help="realisations by output error")
+    parser.add_argument("--linear", type=int, default=300, help="realisations by the linear methods")
     parser.add_argument("--only", default="", help="settings whose name holds this; the others stay as they are")
     arguments = parser.parse_args()
     rows = {row["setting"]: row for row in json.loads(RESULTS.read_text())["rows"]} if RESULTS.exists() else {}
     wanted = [setting for setting in SETTINGS if arguments.only in setting.name]
     for number, setting in enumerate(wanted):
-        row = study(setting, arguments.fits)
-        rows[setting.name] = row
-        oe = row["output_error"]
-        print(
-            f"[{number + 1}/{len(wanted)}] {setting.name}: variance/bound {oe['variance_over_bound']['mean']:.3f}, bias "
-            f"{oe['bias_in_standard_errors']['worst']:.3f}, coverage {oe['coverage']['lowest']:.3f} to "
-            f"{oe['coverage']['highest']:.3f} ({row['seconds']:.0f} s)",
-            flush=True,
-        )
+        row = study(setting, arguments.fits, arguments.linear)
+        rows[setting.name] = {**rows.get(setting.name, {}), **row}
+        for method in ("output_error", *LINEAR):
+            if method in row:
+                found = row[method]
+                print(
+                    f"[{number + 1}/{len(wanted)}] {setting.name}, {method}: variance/bound "
+                    f"{found['variance_over_bound']['mean']:.3f}, bias {found['bias_in_standard_errors']['worst']:.3f}, "
+                    f"coverage {found['coverage']['lowest']:.3f} to {found['coverage']['highest']:.3f}, "
+                    f"{100 * found['converged']:.0f} % converged ({row['processor_seconds']:.0f} processor seconds)",
+                    flush=True,
+                )
         kept = [rows[s.name] for s in SETTINGS if s.name in rows]
         RESULTS.write_text(json.dumps({"rows": kept}, indent=1) + "\n", encoding="utf-8")
     write_page(json.loads(RESULTS.read_text())["rows"], PAGE)

@@ -18,7 +18,7 @@ from .log_rows import Rows, gather
 from .regressors import axes_that_matter, evaluate, noise_of, still_at
 
 Array = NDArray[np.float64]
-_CLEAR = 4.0
+_CLEAR = 2.0
 """Standard deviations of its noise that a rubbing speed must be away from zero: then noise does not turn its sign."""
 _GROWN = 1e3
 """Growth of an error along an unstable motion, after which a new run begins."""
@@ -93,10 +93,10 @@ def refined_instruments(
     other = gather(robot, twins, names)
     own = {name: np.where(rows.moved, getattr(other, name), 0.0) for name in ("speeds", "ahead")}
     other = replace(other, **own, moved=rows.moved)
-    unknown = np.array(np.nan)
-    there = evaluate(robot, other, names, "speed", theta, unknown)
+    # Where friction turns within an interval depends on the estimate in steps, which would never settle.
+    known = np.array(np.nan) if before is None else before.sliding
+    there = evaluate(robot, other, names, "speed", theta, known)
     _, _, impulse_there, instrument, rubbing_there, _, at_start, at_end, sliding, places = there
-    sliding = sliding if before is None else before.sliding
     # The noise of a light axis, such as a caster, turns its measured direction, and the angle that noisy speeds turn it to
     # enters with its sine: neither is linear in the noise, and no instrument puts that right.
     _, _, impulse, slope, rubbing, shares, *_ = evaluate(robot, rows, names, "speed", theta, sliding, places)
