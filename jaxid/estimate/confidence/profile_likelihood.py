@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._float64 import in_float64
+from ..._table import html_table, text_table
 from ...logs import LogSet
 from ...parameters import ParameterError
 from ...simulation.rollout import Integrator
@@ -61,7 +62,7 @@ class Profile:
         return f"{text} (by its standard error {self.wald[0]:.5g} to {self.wald[1]:.5g})."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Profiles:
     """Profiles by parameter."""
 
@@ -70,8 +71,25 @@ class Profiles:
     def __getitem__(self, name: str) -> Profile:
         return self.profiles[name]
 
+    def _rows(self) -> list[tuple[str, ...]]:
+        rows = [("", "value", "95 % interval", "by its standard error", "unit", "without an end")]
+        for name, profile in self.profiles.items():
+            profiled, wald = (f"{low:.5g} to {high:.5g}" for low, high in (profile.ci95, profile.wald))
+            rows.append((name, f"{profile.value:.5g}", profiled, wald, profile.unit, " and ".join(profile.open_ends)))
+        return rows
+
+    @property
+    def sentence(self) -> str:
+        """How many parameters the data bounds on both sides, and which it does not."""
+        open_ = [name for name, profile in self.profiles.items() if profile.open_ends]
+        text = f"Profile likelihood: {len(self.profiles) - len(open_)} of {len(self.profiles)} intervals have both ends"
+        return f"{text}; without: {', '.join(open_)}." if open_ else f"{text}."
+
     def __repr__(self) -> str:
-        return "\n".join(profile.sentence for profile in self.profiles.values())
+        return text_table(self._rows(), [self.sentence])
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), [self.sentence])
 
 
 def _limits(problem: Problem, i: int) -> tuple[float, float]:

@@ -29,7 +29,7 @@ from .log_rows import gather, measured_speeds
 from .memory import memory
 from .refined_instruments import Instruments, refined_instruments
 from .regressors import check_linear
-from .score_covariance import score_covariance, stationary_covariance
+from .score_covariance import score_covariance, stationary_covariance, widened
 from .weighted_least_squares import USELESS, known_size
 
 Array = NDArray[np.float64]
@@ -81,9 +81,9 @@ def _covariance(
 ) -> Array:
     """Sandwich [n, n] around the covariance of Z^T residual: that of a stationary residual, widened where the scores' own
     scatter in time is larger (residuals that depend on what the robot does)."""
-    middle = stationary_covariance(Z, residual, found.equation, found.sample, found.logs, taken)
+    middle, own = stationary_covariance(Z, residual, found.equation, found.sample, found.logs, taken)
     middle += np.diag(prior)
-    spread = inverse @ middle @ inverse.T
+    spread = widened(inverse @ middle @ inverse.T, own)
     scores = np.zeros((len(found.logs), Z.shape[1]))
     np.add.at(scores, found.sample, Z * residual[:, None])
     scatter, degrees = score_covariance(scores, found.logs, remembered)
@@ -197,8 +197,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
 
     Unbiased with noise in the regressors, as long as the simulation follows the motion: instruments that explain half
     of the measured regressors or less are weak, and the result says so and is not converged. Standard errors hold for
-    coloured residuals (`score_covariance`). What is not linear in the noise stays: positions rebuilt from measured speeds
-    leave the Pioneer's Cs1, Cs and Cv off by about one standard error of a fit of two 10 s logs.
+    coloured residuals (`score_covariance`). docs/uncertainty.md has its bias and coverage beside the other estimators'.
 
     Status of a parameter as in `integral_least_squares`.
 

@@ -4,7 +4,9 @@ Over one interval, measured speeds v = v_true + n give v(t_k+1) - v(t_k) - integ
 that is coloured by the robot's own dynamics a. Filtered with their inverse (x_(k+1) = a_k x_k + e_k, linearised along
 the simulated motion, speed by speed), the equation's error is n itself, white when the sensors' noise is: the prefilter
 of refined instrumental variables (Young, "Refined instrumental variable estimation", Automatica 52, 2015), for a robot.
-The unknown n at the start of every run of intervals is eliminated. Friction takes the simulated motion's direction.
+The unknown n at the start of every run of intervals is eliminated. Friction takes the simulated motion's direction, and
+states that were not measured are its own. What interpolation between samples gets wrong is taken off: over the simulated
+motion the same integrals are off by the same, and there the balance is known to be zero.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +21,8 @@ from .regressors import axes_that_matter, evaluate, noise_of, still_at
 
 Array = NDArray[np.float64]
 _CLEAR = 2.0
-"""Standard deviations of its noise that a rubbing speed must be away from zero: then noise does not turn its sign."""
+"""Standard deviations of its noise that a simulated rubbing speed must be away from zero: the model is well within one of
+them, so that the robot slides the same way."""
 _GROWN = 1e3
 """Growth of an error along an unstable motion, after which a new run begins."""
 
@@ -107,7 +110,9 @@ def refined_instruments(
     error = rows.ahead - rows.speeds - impulse - defect + slope @ theta
     columns = np.concatenate([slope, instrument, error[:, :, None]], axis=2)
     first, last = (np.diagonal(s, axis1=1, axis2=2) for s in (at_start, at_end))
-    columns, growth = columns / (1.0 - last)[:, :, None], (1.0 + first) / (1.0 - last)
+    # Zero where the motion runs away faster than its samples follow: no equation there.
+    implicit = np.where(np.isfinite(last) & (last != 1.0), 1.0 - last, np.nan)
+    columns, growth = columns / implicit[:, :, None], (1.0 + first) / implicit
     usable = _sliding(rubbing, rubbing_there, shares, rows) if before is None else before.usable
     usable = usable & np.isfinite(columns).all(axis=2) & np.isfinite(growth)
 

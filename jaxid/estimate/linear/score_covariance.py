@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 _SHARE, _POWER = 0.41, 2.0 / 3.0
 """Cosines for T samples, at most 0.41 T^(2/3): section 4 of that paper."""
 
+_NEGLIGIBLE = 1e-2
 _TOLD = 2.0
 """Standard deviations by which an autocorrelation of white noise is exceeded: then it is none."""
 
@@ -54,7 +55,8 @@ def widened(covariance: Array, freedom: float) -> Array:
 
 
 def _autocovariance(residual: Array, seen: NDArray[np.bool_], log: NDArray[np.int64]) -> Array:
-    """Autocovariance of a residual [N] from lag zero on, up to where it is no longer told from white noise."""
+    """Autocovariance of a residual [N] from lag zero on, up to where it is no longer told from white noise, and from there
+    on falling exponentially."""
     clean, memory = np.where(seen, residual, 0.0), []
     count = max(int(seen.sum()), 1)
     level = float(clean @ clean) / count
@@ -66,7 +68,13 @@ def _autocovariance(residual: Array, seen: NDArray[np.bool_], log: NDArray[np.in
         if pairs == 0 or value <= _TOLD * level / np.sqrt(pairs):
             break
         memory.append(value)
-    return np.array([level, *memory])
+    found = np.array([level, *memory])
+    if len(found) <= 2:
+        return found
+    # What lies below the noise of the estimate is not nothing: it goes on falling as it did before.
+    fall = (found[-1] / found[0]) ** (1.0 / (len(found) - 1))
+    beyond = int(min(np.log(_NEGLIGIBLE) / np.log(fall) if 0.0 < fall < 1.0 else 0.0, len(residual) // 8))
+    return np.append(found, found[-1] * fall ** np.arange(1, beyond + 1))
 
 
 def stationary_covariance(
@@ -76,22 +84,25 @@ def stationary_covariance(
     sample: NDArray[np.int64],
     logs: NDArray[np.int64],
     taken: Array,
-) -> Array:
-    """Covariance [n, n] of `instruments.T @ residual` for residuals whose correlation depends on the lag alone.
+) -> tuple[Array, float]:
+    """Covariance [n, n] of `instruments.T @ residual` for residuals whose correlation depends on the lag alone, and its
+    degrees of freedom.
 
     `instruments` [K, n] and `residual` [K] of `equation` [K] at `sample` [K]; `logs` [N] is the log of each sample. Exact
     for white residuals; coloured ones have the power that their autocovariance gives, channel by channel. `taken`: how
     many numbers were fitted to each equation's residual, which took up as much of its slow noise.
     """
     N, n = len(logs), instruments.shape[1]
-    total = np.zeros((n, n))
+    total, freedom = np.zeros((n, n)), 0.0
     for kind in np.unique(equation):
         rows = equation == kind
         Z, r, seen = np.zeros((N, n)), np.zeros(N), np.zeros(N, bool)
         Z[sample[rows]], r[sample[rows]], seen[sample[rows]] = instruments[rows], residual[rows], True
         covariance = _autocovariance(r, seen, logs)
         independent = seen.sum() / (2.0 * covariance.sum() / max(covariance[0], 1e-300) - 1.0)
-        covariance *= independent / max(independent - taken[kind], 0.25 * independent)
+        left = max(independent - taken[kind], 0.25 * independent)
+        covariance *= independent / left
+        freedom += left
         if len(covariance) == 1:
             total += covariance[0] * Z.T @ Z
             continue
@@ -104,4 +115,4 @@ def stationary_covariance(
             power = np.maximum(np.fft.fft(wave).real, 0.0)
             transformed = np.fft.fft(own, size, axis=0)
             total += np.real(np.conj(transformed).T @ (power[:, None] * transformed)) / size
-    return total
+    return total, freedom

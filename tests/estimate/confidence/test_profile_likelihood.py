@@ -45,7 +45,10 @@ def test_interval_ends_are_where_scipys_best_fit_is_worse_by_3_84(fit, logs):
         for end in profile.ci95:
             assert rise(name, end) == pytest.approx(3.84, abs=0.15)
         assert np.all(np.diff(profile.values) > 0) and profile.rise.min() > -0.01
-        assert name in profile.sentence and profile.sentence in repr(profiles)
+        assert name in profile.sentence
+        shown = f"{profile.ci95[0]:.5g} to {profile.ci95[1]:.5g}"
+        assert shown in repr(profiles) and f">{shown}</td>" in profiles._repr_html_()
+    assert repr(profiles).startswith("Profile likelihood: 2 of 2 intervals have both ends.")
 
 
 def test_what_the_data_leaves_open_has_an_open_interval(axis_log):
@@ -54,7 +57,9 @@ def test_what_the_data_leaves_open_has_an_open_interval(axis_log):
     logs = LogSet([axis_log("a", inputs, noise=0.05, seed=4, position=False, **TRUE)])
     robot = ROBOT.change("gain", free=True)
     fit = output_error(robot, logs, integrator=STEP)
-    profile = profile_likelihood(fit, logs, ["M"], integrator=STEP)["M"]
+    profiles = profile_likelihood(fit, logs, ["M"], integrator=STEP)
+    profile = profiles["M"]
+    assert "without: M." in profiles._repr_html_()
     assert "above" in profile.open_ends and "does not end it" in profile.sentence
 
 

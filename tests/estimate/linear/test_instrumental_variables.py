@@ -4,11 +4,25 @@ axis in closed form and the independent simulator."""
 import numpy as np
 import pytest
 
-from jaxid import Axis, Channels, Custom, Log, LogError, Omni, Parameter, ParameterError, instrumental_variables
+from jaxid import (
+    Axis,
+    Channels,
+    Custom,
+    Log,
+    LogError,
+    LogSet,
+    Omni,
+    Parameter,
+    ParameterError,
+    Pioneer,
+    instrumental_variables,
+    output_error,
+)
 from jaxid.estimate.linear.integral_least_squares import integral_least_squares
 from reference.excitation import experiment
 from reference.logs import simulate_log
 from reference.omni import OMNI
+from reference.pioneer import PIONEER
 
 TRUTH = {"M": 1.0, "Fv": 2.0, "Fc": 0.5, "offset": 0.1}
 SAMPLES = 500
@@ -58,20 +72,22 @@ def test_unbiased_and_covered_where_the_regressors_are_noisy(clean, colour):
     assert max(fit.iterations for fit in fits) <= 8
 
 
+FIRST_ORDER = Custom(
+    dynamics=lambda s, u, p: {"w": -p["a"] * s["w"] + p["b"] * u["u"]},
+    state_names=("w",),
+    own_channels=Channels(inputs=("u",), outputs=("w",)),
+    table={name: Parameter(1.0, free=True) for name in "ab"},
+)
+
+
 def first_order(a, b, h, sigma, seed):
-    """A log of dw/dt = -a w + b u, exact at the samples, with white noise on w; and its robot."""
-    robot = Custom(
-        dynamics=lambda s, u, p: {"w": -p["a"] * s["w"] + p["b"] * u["u"]},
-        state_names=("w",),
-        own_channels=Channels(inputs=("u",), outputs=("w",)),
-        table={name: Parameter(1.0, free=True) for name in "ab"},
-    )
+    """A log of dw/dt = -a w + b u, exact at the samples, with white noise on w."""
     u = np.repeat(np.random.default_rng(11).uniform(-1, 1, SAMPLES // 10), 10)
     w, decay = np.zeros(SAMPLES), np.exp(-a * h)
     for k in range(SAMPLES - 1):
         w[k + 1] = decay * w[k] + (1 - decay) * b / a * u[k]
     noisy = w + sigma * np.random.default_rng(seed).normal(size=SAMPLES)
-    return robot, Log.from_arrays("first order", h * np.arange(SAMPLES), u, noisy, robot)
+    return Log.from_arrays("first order", h * np.arange(SAMPLES), u, noisy, FIRST_ORDER)
 
 
 def test_least_squares_is_what_it_mends():
@@ -80,10 +96,10 @@ def test_least_squares_is_what_it_mends():
     truth = np.array([16.0, 48.0])
     fits = {"iv": [], "ls": []}
     for seed in range(30):
-        robot, log = first_order(*truth, 0.02, 0.3, seed)
-        linear = integral_least_squares(robot, [log])
+        log = first_order(*truth, 0.02, 0.3, seed)
+        linear = integral_least_squares(FIRST_ORDER, [log])
         fits["ls"].append(linear)
-        fits["iv"].append(instrumental_variables(robot, [log], linear))
+        fits["iv"].append(instrumental_variables(FIRST_ORDER, [log], linear))
     off = {key: np.array([[fit[n].value for n in "ab"] for fit in own]) - truth for key, own in fits.items()}
     errors = np.array([[fit[n].std_error for n in "ab"] for fit in fits["iv"]])
     bias = {key: values.mean(axis=0) / values.std(axis=0, ddof=1) for key, values in off.items()}
@@ -102,10 +118,33 @@ def test_omni_against_the_independent_simulator():
     wrong = Omni().with_values(J=2.0, Bv=1.0, Bvn=1.0, Bw=2.0, Cv=10.0, Cvn=10.0, Cw=1.0)
     fit = instrumental_variables(wrong, logs)
     assert fit.converged
+    bound = output_error(Omni(), LogSet(logs), covariance="white")
     for name in fit.free_names:
         assert abs(fit[name].value - OMNI.parameters[name]) < 3.5 * fit[name].std_error, name
-        assert fit[name].std_error < 0.2 * OMNI.parameters[name]
+        # No estimator knows Bvn better than to 23 % here (the Cramér-Rao bound, which output error reaches); instrumental
+        # variables begin anew after every interval in which something stood still, and so may know half as much less.
+        assert fit[name].std_error < 1.5 * bound[name].std_error
     assert fit.noise["V"] == pytest.approx(0.02, rel=0.15) and fit.noise["W"] == pytest.approx(0.04, rel=0.15)
+
+
+def test_pioneer_against_the_independent_simulator():
+    """Its caster turns within one sample, which no interpolation between samples follows: what that gets wrong must not
+    remain. Without noise the estimates are off by less than a tenth of what the usual noise leaves open."""
+    clean, noisy = [], []
+    rng = np.random.default_rng(2)
+    for seed, kind in enumerate(("multilevel", "turning")):
+        frame = simulate_log(PIONEER, experiment("pioneer", kind, SAMPLES, seed + 40), 0.02)
+        outputs = frame[["eta1", "eta2"]].to_numpy()
+        for logs, noise in ((clean, 0.0), (noisy, rng.normal(size=outputs.shape) * [0.01, 0.02])):
+            inputs = frame[list(Pioneer.channels.inputs)].to_numpy()
+            logs.append(Log.from_arrays(kind, frame["t"], inputs, outputs + noise, Pioneer()))
+    robot = Pioneer().change("Cv1", free=False)
+    right, fit = (instrumental_variables(robot, logs) for logs in (clean, noisy))
+    assert right.converged and fit.converged and fit.iterations <= 6
+    for name in fit.free_names:
+        truth = PIONEER.parameters[name]
+        assert abs(right[name].value - truth) < 0.1 * fit[name].std_error, name
+        assert abs(fit[name].value - truth) < 3.5 * fit[name].std_error, name
 
 
 @pytest.mark.parametrize("units", [(1e3, 1.0, 1.0), (1.0, 1e3, 1e-3)])

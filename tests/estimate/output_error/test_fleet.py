@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Integrator, LogError, LogSet, ParameterError, fit_fleet, output_error
+from jaxid.estimate.output_error import lanes
 
 ROBOT = Axis().change("offset", free=False).with_values(M=1.0, Fv=2.0, Fc=0.5)
 INPUTS = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 60)
@@ -37,6 +38,21 @@ def test_every_member_gets_what_it_gets_alone(fleet):
             assert fit[symbol].std_error == pytest.approx(alone[symbol].std_error, rel=0.02)
         assert abs(fit["M"].value - MASSES[name]) < 4 * fit["M"].std_error
         assert name in repr(found)
+
+
+def test_everything_is_computed_for_all_members_at_once(axis_log, monkeypatch):
+    """The check of the integration steps, too: no question of a member is answered alone."""
+    alike, asked = {f"axis {k}": member(axis_log, 1.0, 1, seed=k) for k in range(3)}, []
+    answered = lanes._answered
+
+    def counted(questions, sizes):
+        asked.append((questions[0].operation.name, len(questions)))
+        return answered(questions, sizes)
+
+    monkeypatch.setattr(lanes, "_answered", counted)
+    assert not fit_fleet(ROBOT, alike).failed
+    assert asked.count(("simulate", 3)) >= 2  # with the steps as they are, and with shorter ones
+    assert {count for _, count in asked} == {3}
 
 
 def test_a_member_whose_simulation_diverges_is_named_and_the_rest_stands(fleet):
