@@ -2,9 +2,9 @@
 
 For every setting (robot, noise, sampling rate, length, excitation, start, colour of the noise) one clean simulation gets
 thousands of noise realisations, all fitted by output error in one compiled batch, some of them by integral least squares
-and instrumental variables as well (`--linear`; with `--fits 0` by these alone). Reported by setting and estimator: variance over the
-bound (J'J)^-1 at the true parameters, bias in standard errors of one fit, and how many of the reported 95 % intervals hold
-the truth. The logs come from the model itself, since the question is what noise does to a right model.
+and instrumental variables as well (`--linear`; with `--fits 0` by these alone). Reported by setting and estimator:
+variance over the bound (J'J)^-1 at the true parameters, bias in standard errors of one fit, and how many of the reported
+95 % intervals hold the truth. The logs come from the model itself, since the question is what noise does to a right model.
 
 A parameter is judged where the bound puts its standard error below a quarter of its distance from its bounds: nearer, no
 estimator that respects the bounds is unbiased. Writes `benchmarks/results/cramer_rao.json` and `docs/uncertainty.md`.

@@ -207,7 +207,9 @@ def _rubbing_slopes(robot, names, numbers):
     state = robot.initial_state() | dict.fromkeys(names, 0.1)
 
     def rubbing(x):
-        return jnp.stack([jnp.asarray(s, float) for s in robot.rubbing(state | dict(zip(names, x, strict=True)), numbers)])
+        return jnp.stack(
+            [jnp.asarray(s, float) for s in robot.rubbing(state | dict(zip(names, x, strict=True)), numbers)]
+        )
 
     return jax.jacfwd(rubbing)(jnp.full(len(names), 0.1))
 
@@ -369,8 +371,9 @@ def window_equations(
     intervals has correlation -1/2; two samples a stretch are eq. 31, all consecutive intervals.
 
     Left out are intervals in which a rubbing axis that matters to the equation stands still or turns round (friction
-    is below its Coulomb level then), those in which any axis turns round without resting, speeds that stay below three times their noise throughout a log (taken as zero),
-    and gaps of more than five samples; shorter gaps are bridged by interpolation.
+    is below its Coulomb level then), those in which any axis turns round without resting, speeds that stay below three
+    times their noise throughout a log (taken as zero), and gaps of more than five samples; shorter gaps are bridged by
+    interpolation.
 
     The equations are exact where they are linear in the parameters and else linearised about the robot's numbers.
     Raises `LogError` for logs without the robot's speeds.
