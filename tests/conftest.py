@@ -7,6 +7,8 @@ from pathlib import Path
 # Set before JAX is imported.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache/compiled"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+# Most of the tests' time is compiling, for programs that run on a few hundred samples: as little of it as possible.
+os.environ["XLA_FLAGS"] = "--xla_backend_optimization_level=0 " + os.environ.get("XLA_FLAGS", "")
 
 if os.environ.get("JAXID_CHECK_ANNOTATIONS"):
     # Every annotation of jaxid, shapes of arrays included, is checked at every call. Before jaxid is imported.

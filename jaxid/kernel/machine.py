@@ -24,7 +24,9 @@ _MAJOR, _MINOR = 0, 3
 """Version of the interface whose layout this is."""
 _EXTENSIONS, _ARGUMENTS, _RESULTS = 8, 72, 112
 """Bytes behind the start of a call frame: first extension, arguments, results."""
-_METADATA, _VERSION = 24, (24, 28)
+_EXTENSION_TYPE, _NEXT, _METADATA, _VERSION = 8, 16, 24, (24, 28)
+_METADATA_TYPE = 1
+"""`XLA_FFI_Extension_Metadata`; a handler leaves extensions of other types alone."""
 _BUFFER_DATA, _BUFFER_SHAPE = 24, 40
 
 
@@ -60,15 +62,30 @@ def write_handler(module: ir.Module, sizes: Sequence[tuple[int, int]], arguments
     (frame,) = handler.args
     build: Builder = ir.IRBuilder(handler.append_basic_block("entry"))
     nothing = ir.Constant(pointer, None)
-    extension = _at(build, frame, _EXTENSIONS, pointer)
-    asked = build.icmp_unsigned("!=", extension, nothing)
-    with build.if_then(asked):
-        # XLA asks for the version of the interface before it calls.
-        metadata = _at(build, extension, _METADATA, pointer)
-        for offset, value in zip(_VERSION, (_MAJOR, _MINOR), strict=True):
-            address = build.bitcast(build.gep(metadata, [ir.Constant(INDEX, offset)]), number.as_pointer())
-            build.store(ir.Constant(number, value), address)
-        build.ret(nothing)
+    look, check, answer, other, work = (
+        handler.append_basic_block(name) for name in ("look", "check", "answer", "other", "work")
+    )
+    first = _at(build, frame, _EXTENSIONS, pointer)
+    entry = build.block
+    build.branch(look)
+    build.position_at_end(look)
+    extension = build.phi(pointer)
+    extension.add_incoming(first, entry)
+    build.cbranch(build.icmp_unsigned("==", extension, nothing), work, check)
+    build.position_at_end(check)
+    kind = _at(build, extension, _EXTENSION_TYPE, number)
+    build.cbranch(build.icmp_unsigned("==", kind, ir.Constant(number, _METADATA_TYPE)), answer, other)
+    build.position_at_end(other)
+    extension.add_incoming(_at(build, extension, _NEXT, pointer), other)
+    build.branch(look)
+    # XLA asks for the version of the interface before it calls.
+    build.position_at_end(answer)
+    metadata = _at(build, extension, _METADATA, pointer)
+    for offset, value in zip(_VERSION, (_MAJOR, _MINOR), strict=True):
+        address = build.bitcast(build.gep(metadata, [ir.Constant(INDEX, offset)]), number.as_pointer())
+        build.store(ir.Constant(number, value), address)
+    build.ret(nothing)
+    build.position_at_end(work)
     given, wanted = (_at(build, frame, offset, pointer) for offset in (_ARGUMENTS, _RESULTS))
     buffers = [_at(build, given, 8 * i, pointer) for i in range(arguments)]
     outputs = [_at(build, wanted, 8 * i, pointer) for i in range(results)]
