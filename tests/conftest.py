@@ -1,5 +1,6 @@
 """What several test files share. Double precision is asked for by a fixture, never by JAX's global flag."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -28,12 +29,40 @@ import pytest  # noqa: E402
 from jaxid import Log, LogSet, float64, read_logs  # noqa: E402
 from jaxid.cli import main  # noqa: E402
 
+# Tracing makes millions of small objects; going through them again and again takes a fifth of the time.
+gc.freeze()
+gc.set_threshold(50_000, 20, 50)
+
 DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
 
 
+SHARED = ("test_explanation.py", "test_explanation_page.py", "test_cli_explain.py")
+"""Files that share the explanation `explained`."""
+LONGEST = ("test_notebooks", "tests/explanation", "tests/estimate", "test_cli", "tests/papers", "tests/fuzz")
+"""What is begun first, so that no process is left with one of them at the end."""
+
+
 def pytest_collection_modifyitems(items):
-    """The notebooks take longest: first, so that no process is left with one at the end."""
-    items.sort(key=lambda item: "test_notebooks" not in item.nodeid)
+    def turn(item):
+        return next((k for k, part in enumerate(LONGEST) if part in item.nodeid), len(LONGEST))
+
+    items.sort(key=turn)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """The tests of a file run in one process, which makes and traces what they share once; every notebook for itself."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            file = nodeid.split("::")[0]
+            if "test_notebooks" in file:
+                return nodeid
+            return "explained" if file.rsplit("/", 1)[-1] in SHARED else file
+
+    config.option.loadscopereorder = False
+    return ByFile(config, log)
 
 
 @pytest.fixture

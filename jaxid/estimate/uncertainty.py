@@ -1,14 +1,15 @@
 """Standard errors, what the data does not determine, and combinations that it does."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compile import Program, compiled
 from ..robots.robot import Robot
 from .result import Estimate, Status
 
@@ -56,14 +57,21 @@ def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: ND
     return Spread(covariance, determined, unseen)
 
 
+@lru_cache(64)
+def _with_slope(function: Callable[[Mapping[str, Any]], Any]) -> Program:
+    """(value, derivative by the free ones) of a combination of parameters, compiled."""
+    return compiled(jax.value_and_grad(lambda free, fixed: function({**fixed, **free})))
+
+
 def combinations(
     robot: Robot, numbers: Mapping[str, float], names: tuple[str, ...], covariance: NDArray[np.float64]
 ) -> dict[str, Estimate]:
     """The robot's combinations with standard errors by the delta method. Call under float64."""
     found: dict[str, Estimate] = {}
     for label, (function, unit, _) in robot.combinations.items():
-        free = {name: jnp.asarray(numbers[name]) for name in names}
-        value, gradient = jax.value_and_grad(lambda part, f=function: f({**numbers, **part}))(free)
+        free = {name: float(numbers[name]) for name in names}
+        fixed = {name: float(value) for name, value in numbers.items() if name not in free}
+        value, gradient = _with_slope(function)(free, fixed)
         g = np.array([float(gradient[name]) for name in names])
         found[label] = Estimate.of(float(value), float(np.sqrt(max(g @ covariance @ g, 0.0))), unit)
     return found

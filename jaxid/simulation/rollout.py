@@ -8,6 +8,7 @@ starts) come from `jax.vmap` around it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 import jax
@@ -126,7 +127,25 @@ def _scanned(robot: Robot, p: Numbers, start: State, inputs, dt, integrator: Int
     return outputs
 
 
-def _rollout(robot: Robot, p: Numbers, start: State, inputs, dt, integrator: Integrator, driven, in_xla: bool):
+def rollout(
+    robot: Robot,
+    p: Numbers,
+    start: State,
+    inputs: Float[Array, "T nu"],
+    dt: Float[Array, " T"],
+    integrator: Integrator,
+    driven: Mapping[str, Float[Array, " T"]] = MappingProxyType({}),
+    in_xla: bool = False,
+) -> Float[Array, "T ny"]:
+    """Outputs at the sample times of one experiment.
+
+    Row k of `inputs` acts from sample k to k+1, `dt[k]` seconds later (zero-order hold); row k of the result is what
+    the sensors of the model show at sample k. States in `driven` are set to these values at every sample. Runs under
+    `jit`, `vmap` and first derivatives (forward mode; reverse mode by parameters and initial states).
+
+    On a processor this is machine code made of the robot's own functions (`jaxid.kernel`), on other devices, and for
+    functions that have no translation, or with `in_xla`, XLA's scan.
+    """
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
     if any(overrides(type(effect), "command") for effect in robot.effects):
         inputs = commanded(robot, p, inputs, dt, integrator.substeps)
@@ -140,35 +159,5 @@ def _rollout(robot: Robot, p: Numbers, start: State, inputs, dt, integrator: Int
     return passed(robot, "measure", outputs, time, p)
 
 
-def rollout(
-    robot: Robot,
-    p: Numbers,
-    start: State,
-    inputs: Float[Array, "T nu"],
-    dt: Float[Array, " T"],
-    integrator: Integrator,
-    driven: Mapping[str, Float[Array, " T"]] = MappingProxyType({}),
-) -> Float[Array, "T ny"]:
-    """Outputs at the sample times of one experiment.
-
-    Row k of `inputs` acts from sample k to k+1, `dt[k]` seconds later (zero-order hold); row k of the result is what
-    the sensors of the model show at sample k. States in `driven` are set to these values at every sample. Runs under
-    `jit`, `vmap` and first derivatives (forward mode; reverse mode by parameters and initial states).
-
-    On a processor this is machine code made of the robot's own functions (`jaxid.kernel`), on other devices, and for
-    functions that have no translation, XLA's scan.
-    """
-    return _rollout(robot, p, start, inputs, dt, integrator, driven, in_xla=False)
-
-
-def rollout_in_xla(
-    robot: Robot,
-    p: Numbers,
-    start: State,
-    inputs: Float[Array, "T nu"],
-    dt: Float[Array, " T"],
-    integrator: Integrator,
-    driven: Mapping[str, Float[Array, " T"]] = MappingProxyType({}),
-) -> Float[Array, "T ny"]:
-    """`rollout` by XLA alone: the reference for the machine code, and for derivatives of any order and mode."""
-    return _rollout(robot, p, start, inputs, dt, integrator, driven, in_xla=True)
+rollout_in_xla = partial(rollout, in_xla=True)
+"""`rollout` by XLA alone: the reference for the machine code, and for derivatives of any order and mode."""

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -115,4 +114,4 @@ def _disagreement(names: Sequence[str], between: NDArray[np.float64], logs: int)
 
 def no_priors(problem: Problem) -> bool:
     """Whether only the data holds the parameters, so that no other parameters may leave less."""
-    return not bool(jnp.any(problem.prior_precision > 0))
+    return not bool(np.any(np.asarray(problem.prior_precision) > 0))

@@ -21,7 +21,7 @@ from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ..result import Fit, estimate_text
-from .from_optimum import channel_noise, unknown_count
+from .from_optimum import channel_noise
 from .lanes import in_lanes
 from .optimum import Optimum
 from .output_error import Start, output_error
@@ -72,7 +72,7 @@ def fit_lanes(
             unknowns, sigma, _ = carry
             weighted = replace(problem, sigma=sigma)
             optimum = minimise(structure, weighted, unknowns, max_steps=max_steps)
-            noise = channel_noise(weighted, optimum.triangle.squares, unknown_count(structure, problem))
+            noise = channel_noise(weighted, optimum.triangle.squares)
             next_sigma = jnp.where(jnp.isfinite(noise), jnp.maximum(noise, problem.sigma * 1e-3), sigma)
             return (optimum.unknowns, next_sigma, sigma), optimum
 

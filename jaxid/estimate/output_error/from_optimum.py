@@ -10,6 +10,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array
 from numpy.typing import NDArray
 
+from ..._compile import compiled
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..result import Estimate, Fit, Outlier
@@ -27,20 +28,19 @@ _STANDS_OUT = 10.0
 """Ratio of a log's residual to the other logs' (root mean square, in units of the noise) that is worth a word."""
 
 
-def channel_noise(problem: Problem, squares: ArrayLike, unknown_count: ArrayLike) -> Array:
-    """Standard deviation of each channel's residual at the optimum, degrees of freedom accounted for [ny], from the sums of
-    squares [E, ny]. Traceable."""
-    counts = jnp.sum(problem.mask, axis=(0, 1))
+@compiled
+def _noise(mask: Array, sigma: Array, free: Array, state_free: Array, squares: Array) -> Array:
+    counts = jnp.sum(mask, axis=(0, 1))
+    unknown_count = free.shape[0] + jnp.sum(state_free)
     # The unknowns are shared among channels by their share of the samples.
     freedom = jnp.maximum(counts * (1.0 - unknown_count / jnp.maximum(jnp.sum(counts), 1)), 1.0)
-    return jnp.where(
-        counts > 0, problem.sigma * jnp.sqrt(jnp.sum(jnp.asarray(squares), axis=0) / freedom), problem.sigma
-    )
+    return jnp.where(counts > 0, sigma * jnp.sqrt(jnp.sum(squares, axis=0) / freedom), sigma)
 
 
-def unknown_count(structure: Structure, problem: Problem) -> Array:
-    """Number of free parameters and initial states."""
-    return len(structure.names) + jnp.sum(problem.state_free)
+def channel_noise(problem: Problem, squares: ArrayLike) -> Array:
+    """Standard deviation of each channel's residual at the optimum, degrees of freedom accounted for [ny], from the sums of
+    squares [E, ny]. Traceable."""
+    return _noise(problem.mask, problem.sigma, problem.free, problem.state_free, squares)
 
 
 class AtBounds(NamedTuple):
@@ -201,8 +201,8 @@ def fit_at(
     identified = robot.with_values(**values)
     squares = np.asarray(optimum.triangle.squares)
     if noise is None:
-        noise = np.asarray(channel_noise(bounded.problem, squares, unknown_count(structure, problem)))
-    counted = np.asarray(jnp.any(problem.mask, axis=(0, 1)))
+        noise = np.asarray(channel_noise(bounded.problem, squares))
+    counted = np.asarray(problem.mask).any(axis=(0, 1))
     measured = logs[0].channels.measured
     status = _status(logs, problem, np.asarray(inner.triangle.squares), left_out)
     return Fit(

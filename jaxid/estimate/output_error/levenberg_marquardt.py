@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .arrow import Eliminated, eliminate, gradient, norms
 from .chart import Chart, chart_at
 from .optimum import Optimum, Outcome
-from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
+from .problem import Problem, Structure, Triangle, Unknowns, cost, traced_once
 
 _LEAST = 1e-3
 """Damping that even the longest step has: directions whose standard error is above thirty units are hardly moved."""
@@ -112,8 +112,8 @@ class BestDampingLevenbergMarquardt(eqx.Module):
         self, structure: Structure, problem: Problem, start: Unknowns, max_steps: Int[Array, ""] | int
     ) -> Optimum:
         """Minimise from `start`. Pure: runs under `jax.jit` and `jax.vmap`."""
-        empty = jax.eval_shape(lambda: linearise(structure, problem, start))
-        empty = jax.tree.map(lambda leaf: jnp.full(leaf.shape, jnp.inf, leaf.dtype), empty)
+        look, shapes = traced_once(structure, problem, start)
+        empty = jax.tree.map(lambda leaf: jnp.full(leaf.shape, jnp.inf, leaf.dtype), shapes)
         linear, bent = jnp.array(_STRAIGHT), jnp.array(_CURVED)
 
         def search(chart: Chart, system: Eliminated, now: Float[Array, ""]) -> _Search:
@@ -147,7 +147,7 @@ class BestDampingLevenbergMarquardt(eqx.Module):
 
         def step(state: _State) -> _State:
             here = state.there
-            triangle = linearise(structure, problem, here)
+            triangle = look(here, problem)
             now = triangle.cost
             if self.report is not None:
                 jax.debug.callback(self.report, now)

@@ -23,7 +23,7 @@ from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
 from .conclude import Covariance, conclude, no_priors
-from .from_optimum import channel_noise, on_bounds, unknown_count
+from .from_optimum import channel_noise, on_bounds
 from .globalise import ambiguous_index, globalise
 from .losses import Loss, Squares, loss_named
 from .optimum import Optimum
@@ -69,7 +69,7 @@ def reweighted(
     floor = np.asarray(problem.sigma) * WEIGHT_FLOOR
     total = int(optimum.iterations)
     for _ in range(WEIGHT_ROUNDS):
-        noise = channel_noise(problem, optimum.triangle.squares, unknown_count(structure, problem))
+        noise = channel_noise(problem, optimum.triangle.squares)
         sigma = np.maximum(np.asarray(noise), floor)
         change = float(np.max(np.abs(sigma / np.asarray(problem.sigma) - 1.0)))
         if change < WEIGHT_SETTLED:

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array, Bool, Float
 
+from ..._compile import compiled
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator, rollout
 from .bounds import Bounds
@@ -108,6 +109,7 @@ def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
     return shifted(y, dt, moved[CLOCK_OFFSET]) if CLOCK_OFFSET in moved else y
 
 
+@compiled
 def parameters_at(problem: Problem, z: Float[Array, " n"]) -> Float[Array, " n"]:
     """Physical parameters at the optimiser's coordinates, those not free at their held values."""
     return jnp.where(problem.free, problem.bounds.physical(z), problem.held)
@@ -205,11 +207,12 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
     )
 
 
-def _traced_once(structure: Structure, problem: Problem, unknowns: Unknowns):
-    """`linearise` as `(unknowns, problem) -> Triangle`, traced here and not at each of the optimiser's several looks."""
+def traced_once(structure: Structure, problem: Problem, unknowns: Unknowns):
+    """`linearise` as `(unknowns, problem) -> Triangle`, traced here and not at each of the optimiser's several looks, and
+    the shapes of its result."""
     closed, shapes = jax.make_jaxpr(linearise, static_argnums=0, return_shape=True)(structure, problem, unknowns)
     run, tree = jax.jit(jaxpr_as_fun(closed)), jax.tree.structure(shapes)
-    return lambda u, p: jax.tree.unflatten(tree, run(*jax.tree.leaves((p, u))))
+    return lambda u, p: jax.tree.unflatten(tree, run(*jax.tree.leaves((p, u)))), shapes
 
 
 def reduced_residual(structure: Structure, problem: Problem, unknowns: Unknowns):
@@ -219,7 +222,7 @@ def reduced_residual(structure: Structure, problem: Problem, unknowns: Unknowns)
     derivative is the arrow-shaped triangle: so a generic least-squares solver sees as many rows as unknowns. `squares`
     [E, ny] is auxiliary. The arguments give the shapes for which it is traced.
     """
-    look = _traced_once(structure, problem, unknowns)
+    look, _ = traced_once(structure, problem, unknowns)
 
     @jax.custom_jvp
     def residual(unknowns: Unknowns, problem: Problem):

@@ -22,7 +22,7 @@ from ...logs import LogSet
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
-from .from_optimum import channel_noise, unknown_count
+from .from_optimum import channel_noise
 from .problem import Problem, Structure, Unknowns, parameters_at, simulate_all
 from .setup import InitialStates, build, start_values
 from .solvers import DEFAULT, Solver
@@ -121,7 +121,7 @@ def minimise(
         unknowns, _, sigma, rounds, _, _ = carry
         weighted = replace(arrays, sigma=sigma)
         optimum = minimise_weighted(structure, weighted, unknowns, max_steps=max_steps, solver=solver)
-        noise = channel_noise(weighted, optimum.triangle.squares, unknown_count(structure, weighted))
+        noise = channel_noise(weighted, optimum.triangle.squares)
         following = jnp.where(jnp.isfinite(noise), jnp.maximum(noise, arrays.sigma * WEIGHT_FLOOR), sigma)
         change = jnp.max(jnp.abs(following / sigma - 1.0))
         return optimum.unknowns, sigma, following, rounds + 1, change, (optimum, noise)

@@ -39,7 +39,7 @@ def diverging(optimum: Optimum) -> list[int]:
 
 def poor(problem: Problem, optimum: Optimum) -> bool:
     """Whether the residual is far above the noise that the data shows."""
-    squares, count = np.asarray(optimum.triangle.squares), int(jnp.sum(problem.mask))
+    squares, count = np.asarray(optimum.triangle.squares), int(np.sum(np.asarray(problem.mask)))
     return not float(np.sum(squares)) < _POOR**2 * count
 
 
@@ -48,7 +48,7 @@ def one_astray(problem: Problem, optimum: Optimum) -> bool:
 
     A caster that flips to the wrong side in one reversal holds all parameters where it does so.
     """
-    counted = np.maximum(np.asarray(jnp.sum(problem.mask, axis=1)), 1)
+    counted = np.maximum(np.asarray(problem.mask).sum(axis=1), 1)
     worst = np.max(np.sqrt(np.asarray(optimum.triangle.squares) / counted), axis=1)
     return bool(np.max(worst) > _POOR * max(float(np.median(worst)), 1.0))
 
@@ -109,7 +109,7 @@ def recovered(
         return bool(np.isfinite(found.cost)) and not diverging(found) and not found.cost >= than.cost
 
     def same(found: Optimum, other: Optimum) -> bool:
-        level = max(1.0, 2.0 * float(optimum.cost) / max(int(jnp.sum(problem.mask)), 1))
+        level = max(1.0, 2.0 * float(optimum.cost) / max(int(np.sum(np.asarray(problem.mask))), 1))
         return bool(found.converged) and bool(abs(found.cost - other.cost) < _SAME * level)
 
     if not doubtful(optimum):

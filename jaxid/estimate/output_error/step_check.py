@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ...simulation.rollout import Integrator
 from .optimum import Optimum
@@ -57,23 +57,24 @@ def _finer(structure: Structure, factor: int = _FINER) -> Structure:
     return structure._replace(integrator=Integrator(integrator.substeps * factor, integrator.friction))
 
 
-def _difference(structure: Structure, problem: Problem, optimum: Optimum) -> Float[Array, "E T ny"]:
+def _difference(structure: Structure, problem: Problem, optimum: Optimum) -> Float[np.ndarray, "E T ny"]:
     """Simulation with shorter steps minus that with these."""
-    fine = simulated(_finer(structure), problem, optimum.unknowns)
-    return jnp.where(problem.mask, fine - simulated(structure, problem, optimum.unknowns), 0.0)
+    fine, plain = (np.asarray(simulated(one, problem, optimum.unknowns)) for one in (_finer(structure), structure))
+    with np.errstate(invalid="ignore"):  # both may be infinite
+        return np.where(np.asarray(problem.mask), fine - plain, 0.0)
 
 
-def _in_noise(problem: Problem, change: Float[Array, "E T ny"]) -> float:
+def _in_noise(problem: Problem, change: Float[np.ndarray, "E T ny"]) -> float:
     """RMS of a `change` of the outputs, in units of the noise."""
-    seen = np.asarray(change / problem.sigma)[np.asarray(problem.mask)]
+    seen = (change / np.asarray(problem.sigma))[np.asarray(problem.mask)]
     return float(np.sqrt(np.mean(seen**2))) if seen.size else 0.0
 
 
 def _would_move(structure: Structure, problem: Problem, optimum: Optimum, change) -> float:
     """How far the estimates move, in standard errors, if measurements are corrected by the `change`."""
-    corrected = replace(problem, outputs=problem.outputs - change)
+    corrected = replace(problem, outputs=jnp.asarray(np.asarray(problem.outputs) - change))
     moved = minimise_compiled(structure, corrected, optimum.unknowns, max_steps=_STEPS)
-    step = np.asarray(moved.unknowns.z - optimum.unknowns.z)
+    step = np.asarray(moved.unknowns.z) - np.asarray(optimum.unknowns.z)
     return float(np.linalg.norm(np.asarray(optimum.triangle.shared) @ step))
 
 

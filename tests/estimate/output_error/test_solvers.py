@@ -39,10 +39,11 @@ def test_whole_fits_run_under_jit_and_vmap_and_give_what_output_error_gives(logs
         clean = np.asarray(problem.arrays.outputs)
         noisy = jnp.asarray(clean + 0.02 * rng.normal(size=(3, *clean.shape)))
         found = jax.jit(jax.vmap(lambda y: jaxid.minimise(problem.with_outputs(y), start)))(noisy)
+        found, noisy = jax.tree.map(np.asarray, (found, noisy))
     assert problem.names == fit.free_names
     for k in range(3):
         samples = len(logs[0])
-        log = jaxid.Log.from_arrays("a", logs[0].time, logs[0].inputs, np.asarray(noisy[k, 0, :samples]), "axis")
+        log = jaxid.Log.from_arrays("a", logs[0].time, logs[0].inputs, noisy[k, 0, :samples], "axis")
         outputs = np.where(np.isfinite(logs[0].outputs), log.outputs, np.nan)
         log = jaxid.Log.from_arrays("a", log.time, log.inputs, outputs, "axis")
         alone = output_error(Axis(), LogSet([log]), integrator=STEP, covariance="white")
