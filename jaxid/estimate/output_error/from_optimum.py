@@ -202,7 +202,7 @@ def fit_at(
     squares = np.asarray(optimum.triangle.squares)
     if noise is None:
         noise = np.asarray(channel_noise(bounded.problem, squares))
-    counted = np.asarray(problem.mask).any(axis=(0, 1))
+    counted = np.any(np.asarray(problem.mask), axis=(0, 1))
     measured = logs[0].channels.measured
     status = _status(logs, problem, np.asarray(inner.triangle.squares), left_out)
     return Fit(
