@@ -69,6 +69,7 @@ def test_wheel_speeds_and_forces_follow_from_the_wheels_places_and_do_the_body_f
 
 
 def test_uncoupled_robot_has_equations_1_to_3_as_printed():
+    assert [Omni().parameters[name].unit for name in ("Bv", "Bw", "Cw")] == ["N s/m", "N m s", "N m"]
     for state, u, dry, p in random_cases():
         p |= {"coriolis": 0.0, "xc": 0.0, "yc": 0.0}
         _, _, (f1, f2, f3, f4) = traction(state, u, p)

@@ -116,6 +116,28 @@ def straight_experiments(
     return Movement("Table 3. Translational movement", TABLE_3, fits, kinds, truth or {})
 
 
+def scatter(ways: Mapping[str, Movement]) -> PaperTable:
+    """How far the single experiments lie apart, by several ways of fitting them and in the paper.
+
+    Scatter is the standard deviation of the experiments over their mean; beside it the ratio of each experiment's
+    standard errors to those of the first way, smallest and largest.
+    """
+    first, *others = ways
+    rows: list[tuple[Cell, ...]] = []
+    for symbol, printed in ways[first].printed.items():
+        fits = {name: [fit[symbol] for fit in movement.fits.values()] for name, movement in ways.items()}
+        columns = [[e.value for e in fits[name]] for name in ways] + [list(printed[:-1])]
+        row: list[Cell] = [symbol, *(f"{100 * np.std(c, ddof=1) / np.mean(c):.2g} %" for c in columns)]
+        for name in others:
+            ratio = [e.std_error / own.std_error for e, own in zip(fits[name], fits[first], strict=True)]
+            row.append(f"{min(ratio):.1f} to {max(ratio):.1f}")
+        rows.append(tuple(row))
+    header = ("Symbol", *(f"scatter, {name}" for name in ways), "scatter, paper")
+    return PaperTable(
+        "Experiments against each other", (*header, *(f"std errors, {name} / {first}" for name in others)), tuple(rows)
+    )
+
+
 def spot_experiments(
     logs: Iterable[Log],
     robot: Pioneer | None = None,
@@ -233,7 +255,14 @@ def turning_resistance(robot: Pioneer | None = None) -> PaperTable:
         ("dry, a29/a22 [N m]", coulomb, coulomb - p["Cs1"], p["Cs1"], f"{100 * p['Cs1'] / coulomb:.2f} %"),
     )
     header = ("Resistance to a turn on the spot", "all", "driving wheels", "caster", "caster's share")
-    return PaperTable("Equation 35 with the published numbers", header, rows)
+    lever = 2 * p["L"] / p["R"]  # of Cs on the turn
+    apart = {name: np.ptp(table[name][:-1]) for table, name in ((TABLE_3, "Cs"), (TABLE_4, "Cs1"))}
+    notes = (
+        f"An error of 1 % in Cs moves Cs1 by {0.01 * lever * p['Cs'] / p['Cs1']:.1f} times its value.",
+        f"The paper's experiments differ by {apart['Cs']:.2g} N m in Cs, and by {apart['Cs1']:.1g} N m in Cs1: "
+        f"{1e6 * apart['Cs1'] / coulomb:.1f} parts in a million of all dry resistance.",
+    )
+    return PaperTable("Equation 35 with the published numbers", header, rows, notes)
 
 
 def side_by_side(fits: Mapping[str, Fit], truth: Mapping[str, float]) -> PaperTable:
