@@ -20,6 +20,8 @@ from ..result import Fit, estimate_text
 
 _ALL = ""
 """Name of the fit of all recordings among those of all but one."""
+FAR = 5.0
+"""Residual in units of the other recordings' from which a recording that the model does not describe is left out."""
 SIGNIFICANT = 0.01
 """Share of sets of perfectly repeatable recordings in which one is said to disagree."""
 
@@ -98,6 +100,32 @@ def _difference(one: Fit, other: Fit) -> tuple[float, tuple[str, float]]:
     return float(stats.chi2.sf(statistic, len(shared))), (shared[worst], float(errors[worst]))
 
 
+def _not_followed(fits: Mapping[str, Fit]) -> dict[str, str]:
+    """Why a recording is none of what the model describes, by its name: its fit failed, or, with a residual that is not
+    the sensors', is of another kind or far worse than those of the other recordings."""
+    found = {}
+    for name, fit in fits.items():
+        others = [other for key, other in fits.items() if key != name]
+        if fit.judgement is None or fit.judgement.verdict == "sound":
+            continue
+        if fit.judgement.verdict == "failed":
+            found[name] = fit.judgement.sentence
+        elif fit.window is not None and sum(other.window is None for other in others) > len(others) / 2:
+            found[name] = "the model follows it in windows only, and the others as a whole"
+        elif len(others) > 1:
+            far = {
+                channel: level / float(np.median([other.noise[channel] for other in others if channel in other.noise]))
+                for channel, level in fit.noise.items()
+                if any(channel in other.noise for other in others)
+            }
+            worst = max(far, key=lambda channel: far[channel], default="")
+            if worst and far[worst] > FAR:
+                found[name] = (
+                    f"its residual in {worst} is {far[worst]:.2g} times that of the other recordings ({fit.judgement.sentence})"
+                )
+    return found
+
+
 def repeatability(
     robot: Robot,
     logs: LogSet,
@@ -114,11 +142,7 @@ def repeatability(
     """
     options = {"start": start, "integrator": integrator, "covariance": covariance, "report": report}
     alone = fit_fleet(robot, {log.name: LogSet([log]) for log in logs}, **options)
-    doubted = {
-        name: fit.judgement.sentence
-        for name, fit in alone.fits.items()
-        if fit.judgement is not None and fit.judgement.verdict == "failed"
-    }
+    doubted = _not_followed(alone.fits)
     sound = [log for log in logs if log.name in alone.fits and log.name not in doubted]
     if len(sound) < 2:
         raise LogError(f"repeatability needs two recordings that can be fitted; there are {len(sound)} of {len(logs)}")

@@ -78,7 +78,11 @@ def _profile(structure: Structure, problem: Problem, at: Unknowns, k: int) -> tu
     held = replace(problem, free=problem.free.at[k].set(False), held=problem.held.at[k].set(theta[k]))
     found = minimise_compiled(structure, held, at, max_steps=_STEPS)
     cost = float(found.cost)
-    return (cost, found.unknowns._replace(z=found.unknowns.z.at[k].set(at.z[k]))) if np.isfinite(cost) else (np.inf, at)
+    return (
+        (cost, found.unknowns._replace(z=jnp.asarray(found.unknowns.z).at[k].set(at.z[k])))
+        if np.isfinite(cost)
+        else (np.inf, at)
+    )
 
 
 def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBounds) -> Rise:
