@@ -17,7 +17,9 @@ FACTORS = {
     "small and fast": dict(s=0.1, m=1e-3, kg=1e3, V=30.0),
     "large and slow": dict(s=4.0, m=1e3, kg=1e-3, V=1e-3),
     "light": dict(s=1.0, m=1.0, kg=1e-3, V=1.0),
+    "binary": dict(s=2.0**-6, m=2.0**10, kg=2.0**-9, V=2.0**7),
 }
+"""Powers of two are rounded alike, so that whatever a constant of the code had to say would show."""
 
 
 def factor(unit, factors):
@@ -109,9 +111,7 @@ def sizes(robot, factors):
 @pytest.fixture(scope="module", params=list(ROBOTS))
 def fitted(request):
     log, robot = recorded(request.param)
-    # In standard errors. The Pioneer's caster and inertia are so correlated that rounding alone shows as 3e-6.
-    within = 1e-5 if request.param == "pioneer" else 1e-6
-    return log, robot, output_error(robot, LogSet([log]), integrator=STEPS), within
+    return log, robot, output_error(robot, LogSet([log]), integrator=STEPS)
 
 
 def agree(fit, other, robot, factors, within):
@@ -128,17 +128,15 @@ def agree(fit, other, robot, factors, within):
 
 
 @pytest.mark.parametrize("units", list(FACTORS))
-def test_other_units_give_the_same_estimates(fitted, units, request):
-    log, robot, fit, within = fitted
-    if robot.name == "pioneer":
-        # The optimiser stops within a thousandth of a standard error; where exactly, rounding decides.
-        request.node.add_marker(pytest.mark.xfail(strict=False, reason="stops up to 2e-5 standard errors apart"))
+def test_other_units_give_the_same_estimates(fitted, units):
+    log, robot, fit = fitted
     assert fit.converged
     other_log, other_robot = converted(log, robot, FACTORS[units])
     other = output_error(other_robot, LogSet([other_log]), integrator=STEPS)
-    agree(fit, other, robot, FACTORS[units], within)
-    if other.iterations != fit.iterations:
-        pytest.xfail(f"{other.iterations} iterations where {fit.iterations} did in the other units")
+    # In standard errors. The Pioneer's four dry frictions bend the cost at every reversal; on which side of a bend an optimiser
+    # ends is decided by rounding.
+    bent = robot.name == "pioneer" and units != "binary"
+    agree(fit, other, robot, FACTORS[units], within=1e-4 if bent else 1e-6)
 
 
 @pytest.mark.parametrize("units", ["small and fast", "large and slow"])

@@ -35,6 +35,12 @@ _ROUNDS = 4
 _BISECTIONS = 40
 _PROMISE = 5e-7
 """Promised drop of the cost below which the optimum is reached: a thousandth of a standard error."""
+_EXACT = 1e-14
+"""Promised drop of the cost below which undamped steps end: a ten-millionth of a standard error."""
+_POLISHED, _MISS = 8, 3
+"""How many of them there are at most; one that leads to nothing better counts for three."""
+_EQUAL = 1e-9
+"""Difference of costs that rounding may make."""
 _NOTICEABLE = 0.01
 """Drop of the cost (half chi-squared) that counts as progress."""
 _STALLED_STEPS = 2
@@ -93,13 +99,14 @@ class _State(NamedTuple):
     stalled: Int[Array, ""]
     promise: Float[Array, ""]
     outcome: Int[Array, ""]
+    polished: Int[Array, ""]
 
 
 class BestDampingLevenbergMarquardt(eqx.Module):
     """Levenberg-Marquardt that tries several dampings at every step and takes the best.
 
     All of it is jaxid's: the units, the step, the bounds, and the stop, which it makes where the linearisation promises no
-    drop of the cost above `promise`, or where two steps in a row do not lower it by `noticeable` (both in half
+    drop of the cost above `promise` (some undamped steps follow while each comes closer), or where two steps in a row do not lower it by `noticeable` (both in half
     chi-squared). Any `optimistix` least-squares solver can take its place. `report` is called with the cost after every
     linearisation.
     """
@@ -161,32 +168,55 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             stalled = jnp.where(first | (drop > self.noticeable), 0, state.stalled + 1)
             small = promise < jnp.where(stalled >= _STALLED_STEPS, KINK, self.promise)
             blind = jnp.all(norms(triangle).z == 0.0) & jnp.any(problem.free)
+            # Within a standard error of a minimum the search ends and undamped steps begin; the best place counts.
+            polishing = (state.polished > 0) | (small & sound & ~blind)
+            equal = jnp.abs(now - state.triangle.cost) <= _EQUAL
+            better = sound & ((now < state.triangle.cost - _EQUAL) | (equal & (promise < state.promise)))
+            worse = (state.polished > 0) & ~better
+            spent = state.polished + jnp.where(worse, _MISS, 1)
+            polish = polishing & sound & (promise > _EXACT) & (promise < KINK) & (spent <= _POLISHED)
             outcome = jnp.select(
-                [~sound, blind, small, stalled >= _STALLED_STEPS, state.steps >= max_steps],
-                [Outcome.DIVERGED, Outcome.INSENSITIVE, Outcome.OPTIMUM, Outcome.NO_PROGRESS, Outcome.STEP_LIMIT],
+                [polish, polishing, ~sound, blind, stalled >= _STALLED_STEPS, state.steps >= max_steps],
+                [
+                    _UNDECIDED,
+                    Outcome.OPTIMUM,
+                    Outcome.DIVERGED,
+                    Outcome.INSENSITIVE,
+                    Outcome.NO_PROGRESS,
+                    Outcome.STEP_LIMIT,
+                ],
                 _UNDECIDED,
             )
+            full = system.shared_step(jnp.array(_LEAST))
+            polished = jax.tree.map(
+                lambda new, old: jnp.where(polish, new, old), chart.straight(full, system.own_step(full)), here
+            )
             found = jax.lax.cond(
-                outcome == _UNDECIDED,
+                (outcome == _UNDECIDED) & ~polish,
                 lambda: search(chart, system, now),
-                lambda: _Search(jnp.array(0), now, chart.here, jnp.array(True), jnp.array(False)),
+                lambda: _Search(jnp.array(0), now, polished, jnp.array(True), jnp.array(False)),
             )
             lost = jnp.where(found.flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS)
             lost = jnp.where(promise < KINK, Outcome.OPTIMUM, lost)
+
+            def kept(new, old):
+                return jax.tree.map(lambda a, b: jnp.where(worse, b, a), new, old)
+
             return _State(
                 there=found.there,
-                reached=here,
-                triangle=triangle,
+                reached=kept(here, state.reached),
+                triangle=kept(triangle, state.triangle),
                 start_cost=jnp.where(first, now, state.start_cost),
                 steps=state.steps + 1,
                 stalled=stalled,
-                promise=promise,
+                promise=kept(promise, state.promise),
                 outcome=jnp.where(found.lower, outcome, lost),
+                polished=jnp.where(polish, spent, state.polished),
             )
 
         infinite = jnp.array(jnp.inf)
         begin: Any = _State(
-            start, start, empty, infinite, jnp.array(0), jnp.array(0), infinite, jnp.array(_UNDECIDED)
+            start, start, empty, infinite, jnp.array(0), jnp.array(0), infinite, jnp.array(_UNDECIDED), jnp.array(0)
         )  # fmt: skip
         end = jax.lax.while_loop(lambda state: state.outcome == _UNDECIDED, step, begin)
         return Optimum(
