@@ -70,7 +70,7 @@ def _target(system: System, moving: tuple[int, ...] | None, inputs_move: bool) -
     return register(module)
 
 
-def _grouped(array: Array, width: int) -> Array:
+def grouped(array: Array, width: int) -> Array:
     """[E, ...] -> [G, ..., width]: lanes side by side; the last group is filled up with the last lane."""
     E = array.shape[0]
     groups = -(-E // width)
@@ -80,7 +80,7 @@ def _grouped(array: Array, width: int) -> Array:
     return jnp.moveaxis(array.reshape(groups, width, *array.shape[1:]), 1, -1)
 
 
-def _ungrouped(array: Array, E: int) -> Array:
+def ungrouped(array: Array, E: int) -> Array:
     return jnp.moveaxis(array, -1, 1).reshape(array.shape[0] * array.shape[-1], *array.shape[1:-1])[:E]
 
 
@@ -88,9 +88,9 @@ def _called(name: str, shape: Sequence[int], run: Run, rest: Sequence[Array] = (
     width = lanes()
     E = run.p.shape[0]
     shares = jnp.broadcast_to(run.shares[:, None], (run.shares.shape[0], width))
-    arrays = [shares, *(_grouped(a, width) for a in (*run[1:], *rest))]
+    arrays = [shares, *(grouped(a, width) for a in (*run[1:], *rest))]
     result = jax.ShapeDtypeStruct((-(-E // width), *shape, width), jnp.float64)
-    return _ungrouped(jax.ffi.ffi_call(name, result)(*arrays), E)
+    return ungrouped(jax.ffi.ffi_call(name, result)(*arrays), E)
 
 
 def _joined(size: int, batched: Sequence[bool], arrays: Sequence[Array]) -> list[Array]:

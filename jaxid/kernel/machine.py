@@ -51,8 +51,10 @@ def _at(build: Builder, base: Value, offset: int, kind: ir.Type) -> Value:
     return build.load(build.bitcast(build.gep(base, [ir.Constant(INDEX, offset)]), kind.as_pointer()))
 
 
-def write_handler(module: ir.Module, sizes: Sequence[tuple[int, int]], arguments: int, results: int = 1) -> None:
-    """Add `handler(frame)`, which calls the module's `rollout` with `sizes` and the data of the frame's arrays.
+def write_handler(
+    module: ir.Module, sizes: Sequence[tuple[int, int]], arguments: int, results: int = 1, *, function: str = "rollout"
+) -> None:
+    """Add `handler(frame)`, which calls the module's `function` with `sizes` and the data of the frame's arrays.
 
     `sizes`: (argument, axis) whose length is passed on, in order.
     """
@@ -94,7 +96,7 @@ def write_handler(module: ir.Module, sizes: Sequence[tuple[int, int]], arguments
         shape = _at(build, buffers[argument], _BUFFER_SHAPE, pointer)
         lengths.append(_at(build, shape, 8 * axis, INDEX))
     data = [_at(build, buffer, _BUFFER_DATA, DOUBLE.as_pointer()) for buffer in (*buffers, *outputs)]
-    build.call(module.globals["rollout"], [*lengths, *data])
+    build.call(module.globals[function], [*lengths, *data])
     build.ret(nothing)
 
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
 
+from ...kernel.dense import orthogonal_columns, triangle_of
 from .problem import Triangle, Unknowns
 
 
@@ -38,23 +38,27 @@ def in_units(triangle: Triangle, units: Unknowns) -> Triangle:
     )
 
 
+def solved_upwards(R: Float[Array, "s s"], b: Float[Array, " s"]) -> Float[Array, " s"]:
+    """x of R x = b for a small upper triangle, written out."""
+    x: list[Array] = []
+    for i in reversed(range(R.shape[0])):
+        known = sum((R[i, i + 1 + k] * value for k, value in enumerate(x)), jnp.zeros(()))
+        x.insert(0, (b[i] - known) / R[i, i])
+    return jnp.stack(x)
+
+
 class Eliminated(NamedTuple):
     """A problem whose experiments' own unknowns are eliminated, those damped by `damping`.
 
-    `left`, `values`, `right`: what is left for the shared unknowns, by singular values; `left` is the residual along the
-    left vectors. `own` [E, s, s + n + 1]: rows from which the own unknowns follow.
+    `pull`, `values`, `right`: what is left for the shared unknowns, by singular values; `pull` is the gradient along the
+    singular vectors. `own` [E, s, s + n + 1]: rows from which the own unknowns follow.
     """
 
-    left: Float[Array, " n"]
+    pull: Float[Array, " n"]
     values: Float[Array, " n"]
     right: Float[Array, "n n"]
     own: Float[Array, "E s m"]
     damping: float
-
-    @property
-    def pull(self) -> Float[Array, " n"]:
-        """Gradient along the singular vectors."""
-        return self.values * self.left
 
     def shared_step(self, damping: Float[Array, ""]) -> Float[Array, " n"]:
         """Damped step of the shared unknowns."""
@@ -68,7 +72,7 @@ class Eliminated(NamedTuple):
             return jnp.zeros(self.own.shape[:2])
 
         def solved(rows):
-            return -solve_triangular(rows[:, :s], rows[:, s:-1] @ shared + share * rows[:, -1])
+            return -solved_upwards(rows[:, :s], rows[:, s:-1] @ shared + share * rows[:, -1])
 
         return jax.vmap(solved)(self.own)
 
@@ -83,10 +87,9 @@ def eliminate(triangle: Triangle, damping: float) -> Eliminated:
         def eliminated(local, crossed, residual):
             measured = jnp.concatenate([local, crossed, residual[:, None]], axis=1)
             damped = jnp.concatenate([jnp.sqrt(damping) * jnp.eye(s), jnp.zeros((s, n + 1))], axis=1)
-            return jnp.linalg.qr(jnp.concatenate([measured, damped]), mode="r")
+            return triangle_of(jnp.concatenate([measured, damped]))
 
         rows = jax.vmap(eliminated)(triangle.local, triangle.crossed, triangle.residual_local)
-        shared = jnp.linalg.qr(jnp.concatenate([rows[:, s:, s:].reshape(-1, n + 1), shared]), mode="r")
-        shared = shared[: n + 1]
-    U, values, right = jnp.linalg.svd(shared[:, :n], full_matrices=False)
-    return Eliminated(U.T @ shared[:, n], values, right, rows[:, :s], damping)
+        shared = triangle_of(jnp.concatenate([rows[:, s:, s:].reshape(-1, n + 1), shared]))
+    columns, right = orthogonal_columns(shared[:, :n])
+    return Eliminated(columns @ shared[:, n], jnp.linalg.norm(columns, axis=1), right, rows[:, :s], damping)

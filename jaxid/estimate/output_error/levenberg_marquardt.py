@@ -106,9 +106,9 @@ class BestDampingLevenbergMarquardt(eqx.Module):
     """Levenberg-Marquardt that tries several dampings at every step and takes the best.
 
     All of it is jaxid's: the units, the step, the bounds, and the stop, which it makes where the linearisation promises no
-    drop of the cost above `promise` (some undamped steps follow while each comes closer), or where two steps in a row do not lower it by `noticeable` (both in half
-    chi-squared). Any `optimistix` least-squares solver can take its place. `report` is called with the cost after every
-    linearisation.
+    drop of the cost above `promise` (some undamped steps follow while each comes closer), or where two steps in a row do
+    not lower it by `noticeable` (both in half chi-squared). Any `optimistix` least-squares solver can take its place.
+    `report` is called with the cost after every linearisation.
     """
 
     promise: float = _PROMISE

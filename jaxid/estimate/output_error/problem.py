@@ -19,6 +19,7 @@ from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array, Bool, Float
 
 from ..._compile import compiled
+from ...kernel.dense import triangle_of
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator, rollout
 from .bounds import Bounds
@@ -136,12 +137,6 @@ def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Ar
     return 0.5 * (jnp.sum(residual**2) + jnp.sum(pull) + jnp.sum(own))
 
 
-def _upright(R: Float[Array, "m n"]) -> Float[Array, "m n"]:
-    """The triangle with a non-negative diagonal, so that it varies continuously with the matrix it came from."""
-    diagonal = jnp.diagonal(R)
-    return R * jnp.where(diagonal < 0, -1.0, 1.0)[:, None]
-
-
 def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_free, e, measured, mask, robust=None):
     """Weighted residual [T, ny] of one experiment and its sensitivity [T, ny, n + s]; zero where nothing was measured."""
     n, s = len(structure.names), len(structure.state_names)
@@ -188,14 +183,14 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
         block = jnp.concatenate([jacobian[:, n:], jacobian[:, :n], residual[:, None]], axis=1)
         state_prior = jnp.where(own_free, jnp.sqrt(problem.state_precision), 0.0) * problem.state_scale
         prior = jnp.concatenate([jnp.diag(state_prior), jnp.zeros((s, n)), (state_prior * own)[:, None]], axis=1)
-        return _upright(jnp.linalg.qr(jnp.concatenate([block, prior]), mode="r")), squares
+        return triangle_of(jnp.concatenate([block, prior])), squares
 
     triangles, squares = jax.vmap(experiment)(*_experiments(problem, unknowns))
     pull = jnp.sqrt(problem.prior_precision)
     prior = jnp.concatenate([jnp.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
     prior = jnp.where(problem.free[:, None], prior, 0.0)
     stacked = jnp.concatenate([triangles[:, s:, s:].reshape(-1, n + 1), prior])
-    shared = _upright(jnp.linalg.qr(stacked, mode="r"))
+    shared = triangle_of(stacked)
     return Triangle(
         shared=shared[:n, :n],
         crossed=triangles[:, :s, s : s + n],

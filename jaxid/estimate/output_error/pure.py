@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..._float64 import in_float64
+from ...kernel.dense import orthogonal_columns
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
@@ -102,9 +103,12 @@ def _covariance(problem: Problem, shared: Float[Array, "n n"]) -> Float[Array, "
     """(JᵀJ)⁻¹ of the physical parameters; nothing for directions that the data leaves open."""
     norms = jnp.linalg.norm(shared, axis=0)
     used = jnp.where(norms > 0, norms, 1.0)
-    inverse = jnp.linalg.pinv(shared / used, rtol=_RANK)
+    columns, right = orthogonal_columns(shared / used)
+    values = jnp.linalg.norm(columns, axis=1)
+    sound = values > _RANK * jnp.max(values, initial=0.0)
+    shares = jnp.where(sound, 1.0 / jnp.where(sound, values, 1.0), 0.0)[:, None] * right
     scale = problem.bounds.scale / used
-    return inverse @ inverse.T * jnp.outer(scale, scale)
+    return shares.T @ shares * jnp.outer(scale, scale)
 
 
 def minimise(

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..._compile import compiled
+from ...kernel.dense import orthogonal_columns
 from .filter import Model
 from .likelihood import Look, Problem, cost, look
 
@@ -60,7 +61,8 @@ class _Scaled(NamedTuple):
 
     def step(self, damping) -> Float[Array, " p"]:
         """The damped scoring step in these units."""
-        return -jnp.linalg.solve(self.information + damping * jnp.eye(self.unit.size), self.gradient)
+        columns, right = orthogonal_columns(self.information + damping * jnp.eye(self.unit.size))
+        return -(columns @ self.gradient / jnp.sum(columns**2, axis=1)) @ right
 
     @property
     def promise(self) -> Float[Array, ""]:
