@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from .._compile import compiled
 from ..estimate.prediction_error.cubature import Moments, carried, measured
 from ..estimate.prediction_error.filter import as_state, filter_pass
+from ..kernel.dense import solved
 from ..robots.effect import Numbers
 from ..robots.robot import Robot
 from ..simulation.rollout import Integrator, commanded, step
@@ -103,7 +104,7 @@ def _likelihood(setting: Setting, log, kept, used, intensity):
         gained = -0.5 * jnp.sum(news.surprise**2 / news.variance + jnp.log(news.variance))
         # Statistical linear regression: the matrix that the points' moments imply, and what it leaves over.
         spread = base_covariance + jnp.diag(log["jitter"])
-        turn = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(spread), True), cross).T
+        turn = solved(spread, cross).T
         left = next_covariance - turn @ cross - _walked(setting, used, interval, log)
         covariance = turn @ covariance @ turn.T + left + _walked(setting, intensity, interval, log)
         return (next_ + turn @ (mean - base), _symmetric(covariance), total + gained), None
@@ -121,7 +122,7 @@ def _smooth(kept):
     def back(later, row):
         later_mean, later_covariance = later
         mean, covariance, ahead, ahead_covariance, cross = row
-        gain = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(ahead_covariance), True), cross.T).T
+        gain = solved(ahead_covariance, cross.T).T
         mean = mean + gain @ (later_mean - ahead)
         covariance = _symmetric(covariance + gain @ (later_covariance - ahead_covariance) @ gain.T)
         return (mean, covariance), (mean, jnp.sqrt(jnp.maximum(jnp.diag(covariance), 0.0)))

@@ -14,7 +14,7 @@ from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Float
 
 from .call import grouped, ungrouped
-from .dense_kernel import write_rotation, write_triangle
+from .dense_kernel import write_rotation, write_solution, write_triangle
 from .machine import lanes, register, write_handler
 
 
@@ -91,3 +91,15 @@ def orthogonal_columns(A: Float[Array, "*E m n"]) -> tuple[Float[Array, "*E n m"
         U, S, right = jnp.linalg.svd(A, full_matrices=False)
         return jnp.swapaxes(U * S[..., None, :], -1, -2), right
     return _rotation(A)
+
+
+@_batched
+def _solution(A: Array) -> Array:
+    n, m = A.shape[-2:]
+    (X,) = _in_lanes(_target(write_solution, 1), A, (n, m - n))
+    return X
+
+
+def solved(S: Float[Array, "*E n n"], B: Float[Array, "*E n k"]) -> Float[Array, "*E n k"]:
+    """X of S X = B, S symmetric positive definite."""
+    return _solution(jnp.concatenate([S, B], axis=-1)) if _here(S) else jnp.linalg.solve(S, B)

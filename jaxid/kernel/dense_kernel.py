@@ -231,3 +231,43 @@ def write_rotation(lanes: int) -> ir.Module:
                                 to.store(to.plus_product(build.fmul(sine, x), cosine, y), array, *where(q, i))
     build.ret_void()
     return to.module
+
+
+def write_solution(lanes: int) -> ir.Module:
+    """`solution(G, n, m, A, X)`: X [G, n, m - n, L] of S X = B, A = [S, B] [G, n, m, L] and S symmetric positive definite.
+
+    Gaussian elimination, which needs no pivoting there (Golub and Van Loan, section 4.2).
+    """
+    to = _Dense("solution", 3, 2, lanes)
+    build, (G, n, m), (A, X) = to.build, to.sizes, to.arrays
+    work = build.alloca(to.vector, build.mul(n, m))
+    one = ir.Constant(INDEX, 1)
+    k = build.sub(m, n)
+
+    def entry(i: Value, j: Value) -> tuple[tuple[Value | int, Value | int], ...]:
+        return (i, n), (j, m)
+
+    with Loop(build, G, "group") as g:
+        with Loop(build, n, "copy.row") as i, Loop(build, m, "copy.column") as j:
+            to.store(to.load(A, (g, G), (i, n), (j, m)), work, *entry(i, j))
+        with Loop(build, n, "pivot") as p, Loop(build, build.sub(build.sub(n, p), one), "below") as below:
+            i = build.add(to.after(p), below)
+            share = build.fdiv(to.load(work, *entry(i, p)), to.load(work, *entry(p, p)))
+            with Loop(build, build.sub(m, p), "along") as along:
+                j = build.add(p, along)
+                left = to.minus_product(to.load(work, *entry(i, j)), share, to.load(work, *entry(p, j)))
+                to.store(left, work, *entry(i, j))
+        with Loop(build, n, "up") as from_below:
+            p = build.sub(build.sub(n, one), from_below)
+            with Loop(build, k, "column") as c:
+                j = build.add(n, c)
+                with Loop(build, from_below, "known") as known:
+                    q = build.add(to.after(p), known)
+                    solved = to.load(work, *entry(q, j))
+                    left = to.minus_product(to.load(work, *entry(p, j)), to.load(work, *entry(p, q)), solved)
+                    to.store(left, work, *entry(p, j))
+                x = build.fdiv(to.load(work, *entry(p, j)), to.load(work, *entry(p, p)))
+                to.store(x, work, *entry(p, j))
+                to.store(x, X, (g, G), (p, n), (c, k))
+    build.ret_void()
+    return to.module

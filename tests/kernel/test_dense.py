@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid.kernel.dense import orthogonal_columns, triangle_of
+from jaxid.kernel.dense import orthogonal_columns, solved, triangle_of
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 
@@ -50,6 +50,18 @@ def test_small_singular_values_of_a_graded_triangle_are_exact_to_rounding():
     B, _ = orthogonal_columns(R)
     product = np.prod(np.linalg.norm(np.asarray(B), axis=1))
     assert product == pytest.approx(abs(np.prod(np.diagonal(R))), rel=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (5, 2), (9, 8, 3, 3)])
+def test_equations_of_a_covariance_matrix_are_solved(shape):
+    *ahead, n, k = (*shape, 4) if len(shape) == 2 else shape
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(*ahead, n, n)) * 10.0 ** rng.uniform(-4, 4, n)[:, None]
+    S, B = root @ root.swapaxes(-1, -2), rng.normal(size=(*ahead, n, k))
+    X = np.asarray(jax.jit(jax.vmap(solved) if ahead else solved)(S, B))
+    scale = np.sqrt(np.diagonal(S, axis1=-2, axis2=-1))[..., None]
+    expected = np.linalg.solve(S / scale / scale.swapaxes(-1, -2), B / scale) / scale
+    np.testing.assert_allclose(X * scale, expected * scale, rtol=1e-9)
 
 
 def test_columns_of_zeros_and_no_rotation_needed():
