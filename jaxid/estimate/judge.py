@@ -50,8 +50,9 @@ _WHITE = 1.12
 white: that of first-order noise is 1.17 for a correlation of 0.6 and 1.28 for 0.97."""
 _CERTAIN = 4.0
 """Standard errors by which neighbours must be related for that to be no chance."""
-_LEFT = 1.0
-"""Slow part of a residual, in units of white noise, from which a fit is poor: with the noise it is 1.4 times as much."""
+_LEFT, _LEFT_IN_ONE = 1.25, np.sqrt(POOR**2 - 1.0)
+"""Slow part of a residual, in units of white noise, from which a fit is poor, of all logs and of one: with the noise they are
+1.6 and 2 times as much as it."""
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -87,22 +88,24 @@ def _wandering(parts: Sequence[Array]) -> bool:
     return bool(rho[1] > _SLOW and np.abs(changes[1:]).max() < rho[1])
 
 
-def _slow(parts: Sequence[Array], noise: float) -> float:
-    """What is slow in a residual, root mean square in units of white noise, on the log on which there is most of it.
+def _slow(parts: Sequence[Array], noise: float) -> tuple[float, float]:
+    """What is slow in a residual, root mean square in units of white noise: of all logs, and of the one that has most of it.
 
     Between neighbouring samples hardly anything slow changes, so that they differ by the sensor's noise alone. Zero where
     they differ by more than white noise does: then the noise itself is coloured, or the model's errors are fast.
     """
     changes = [np.diff(part) for part in parts]
     if usual_size(np.concatenate(changes)) > _WHITE * np.sqrt(2.0) * noise:
-        return 0.0
-    found = [0.0]
-    for part in parts:
-        products = part[1:] * part[:-1]  # their mean is the variance of what two neighbours share
+        return 0.0, 0.0
+
+    def shared(products: Array) -> float:
+        """Variance of what two neighbours share, where that is no chance."""
         products = products[np.isfinite(products)]
-        if len(products) and products.mean() > _CERTAIN * np.sqrt(np.mean(products**2) / len(products)):
-            found.append(float(products.mean()))
-    return float(np.sqrt(max(found))) / noise
+        chance = np.sqrt(np.mean(products**2) / len(products)) if len(products) else np.inf
+        return float(products.mean()) if len(products) and products.mean() > _CERTAIN * chance else 0.0
+
+    each = [part[1:] * part[:-1] for part in parts]
+    return np.sqrt(shared(np.concatenate(each))) / noise, np.sqrt(max(map(shared, each))) / noise
 
 
 def judge(
@@ -167,12 +170,13 @@ def judge(
             f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
         )
     slow = {c: _slow(parts[c], noise[c]) for c in coloured if c not in follows}
-    slow = {c: size for c, size in slow.items() if size > _LEFT}
-    for c, size in slow.items():
+    slow = {c: sizes for c, sizes in slow.items() if sizes[0] > _LEFT or sizes[1] > _LEFT_IN_ONE}
+    for c, (every, most) in slow.items():
+        where = f"{_times(every)} times the noise" + f", {_times(most)} on one log" * (len(parts[c]) > 1)
         sentences.append(
-            f"Neighbouring residuals of {c} differ by white noise alone; what is slow in them ({_times(size)} times the "
-            "noise) is then hardly the sensor's, but motion that the model does not make: dynamics that it lacks, inputs "
-            "that were not those, or disturbances."
+            f"Neighbouring residuals of {c} differ by white noise alone; what is slow in them ({where}) is then hardly the "
+            "sensor's, but motion that the model does not make: dynamics that it lacks, inputs that were not those, or "
+            "disturbances."
         )
     alone = [c for c in coloured if c not in follows and c not in slow]
     if alone and pooled > FAR:

@@ -60,16 +60,18 @@ def test_a_slow_error_above_white_noise_is_not_taken_for_the_sensors_colour(axis
     wander *= 0.02 / np.std(wander)
     fit = output_error(ROBOT, LogSet([log(axis_log, wander + 0.01 * coloured(0.0, 11))]))
     assert fit.judgement.verdict == "poor" and "white noise alone" in fit.judgement.sentence
+    fit = output_error(ROBOT, LogSet([log(axis_log, 0.3 * wander + 0.01 * coloured(0.0, 11))]))
+    assert fit.trustworthy and fit.standard_errors == "robust"  # less than the noise: seen, and no reason to distrust
     fit = output_error(ROBOT, LogSet([log(axis_log, 0.03 * coloured(0.85, 12))]))
     assert fit.judgement.verdict == "coloured" and 2.0 < fit.judgement.normalised_rms
 
 
 def test_one_log_of_two_that_is_off_is_enough(axis_log):
     wander = np.convolve(np.random.default_rng(13).normal(size=SAMPLES + 60), np.hanning(61), "valid")
-    wander *= 0.016 / np.std(wander)
+    wander *= 0.02 / np.std(wander)
     logs = LogSet([log(axis_log, 0.01 * coloured(0.0, 14)), log(axis_log, wander + 0.01 * coloured(0.0, 15), "b")])
     found = output_error(ROBOT, logs).judgement
-    assert found.normalised_rms < 1.7 and found.verdict == "poor"
+    assert found.normalised_rms < 1.9 and found.verdict == "poor"
 
 
 def test_outliers_are_neither_slow_nor_the_models(axis_log):
