@@ -171,12 +171,13 @@ def judge(
         )
     slow = {c: _slow(parts[c], noise[c]) for c in coloured if c not in follows}
     slow = {c: sizes for c, sizes in slow.items() if sizes[0] > _LEFT or sizes[1] > _LEFT_IN_ONE}
-    for c, (every, most) in slow.items():
-        where = f"{_times(every)} times the noise" + f", {_times(most)} on one log" * (len(parts[c]) > 1)
+    if slow:
+        several = len(kept) > 1
+        sizes = _listed([_times(every) + f" (on one log {_times(most)})" * several for every, most in slow.values()])
         sentences.append(
-            f"Neighbouring residuals of {c} differ by white noise alone; what is slow in them ({where}) is then hardly the "
-            "sensor's, but motion that the model does not make: dynamics that it lacks, inputs that were not those, or "
-            "disturbances."
+            f"Neighbouring residuals of {_listed(list(slow))} differ by white noise alone; what is slow in them, {sizes} times "
+            "the noise, is then hardly the sensor's, but motion that the model does not make: dynamics that it lacks, inputs "
+            "that were not those, or disturbances."
         )
     alone = [c for c in coloured if c not in follows and c not in slow]
     if alone and pooled > FAR:

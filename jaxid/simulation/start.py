@@ -2,11 +2,14 @@
 
 Pose columns (x, y, theta, beta) in a log give those states. A log whose first sample already moves (by more than a tenth
 of its largest speed), or shows another position than the origin, starts from what it measured, and that, with the states
-nobody measures, is then uncertain. Where the model knows of a sensor's bias or scale, it is taken off before.
+nobody measures, is then uncertain. What is measured need be no state: from outputs that the robot at rest would not show
+follow the nearest states that show them. Where the model knows of a sensor's bias or scale, it is taken off before.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +23,10 @@ from ..robots.signal_path import overrides, passed
 _AT_REST = 5.0  # standard deviations of the first measurement
 _STILL = 0.1
 """Share of a speed's largest value below which a first sample may as well be a sensor's offset on a robot at rest."""
+
+
+_STEPS, _RANK = 8, 1e-8
+"""Gauss-Newton steps from outputs to states, and the share of the largest slope below which one says nothing."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,33 @@ def _sensed(robot: Robot, channels: int) -> tuple[NDArray[np.float64], NDArray[n
     return np.nan_to_num(offset), np.where(np.isfinite(gain) & (gain != 0), gain, 1.0)
 
 
+def _observed(robot: Robot, state: Mapping[str, float], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Outputs [channels.outputs] of a state."""
+    return np.array([float(y) for y in robot.observe(dict(state), tuple(inputs), robot.parameters.numbers)])
+
+
+@in_float64
+def _showing(
+    robot: Robot, state: Mapping[str, float], inputs: NDArray[np.float64], wanted: NDArray[np.float64]
+) -> dict[str, float]:
+    """The state near the given one whose outputs are those `wanted` [channels.outputs] where they are finite."""
+    names, known = robot.estimated_states, np.isfinite(wanted)
+    numbers = robot.parameters.numbers
+
+    def outputs(x):
+        seen = robot.observe({**state, **dict(zip(names, x, strict=True))}, tuple(inputs), numbers)
+        return jnp.stack([jnp.asarray(y, float) for y in seen])
+
+    x = np.array([float(state[name]) for name in names])
+    for _ in range(_STEPS):
+        error = np.where(known, wanted - np.asarray(outputs(x)), 0.0)
+        slopes = np.where(known[:, None], np.asarray(jax.jacfwd(outputs)(x)), 0.0)
+        if not (np.isfinite(error).all() and np.isfinite(slopes).all()):
+            return dict(state)
+        x = x + np.linalg.pinv(slopes, rcond=_RANK) @ error
+    return {**state, **dict(zip(names, x.tolist(), strict=True))} if np.isfinite(x).all() else dict(state)
+
+
 def initial_states(robot: Robot, logs: LogSet) -> Start:
     """The initial states that the logs' own columns and first samples suggest."""
     noise = noise_level(logs)
@@ -66,17 +100,36 @@ def initial_states(robot: Robot, logs: LogSet) -> Start:
             value = float(log.extra[column].iloc[0])
             if np.isfinite(value):
                 states[column][e] = value
+        outputs = robot.channels.outputs
+        others = [name for name in outputs if name not in states]
+        rest = (
+            dict(zip(outputs, _observed(robot, {n: v[e] for n, v in states.items()}, log.inputs[0]), strict=True))
+            if others
+            else {}
+        )
+        first = np.full(len(outputs), np.nan)
+        elsewhere = False
         for index, channel in enumerate(measured):
-            if channel not in states:
-                continue
             value = float((log.outputs[0, index] - offset[index]) / gain[index])
-            if not np.isfinite(value):
+            if not np.isfinite(value) or (channel not in states and channel not in rest):
                 continue
+            usual = default[channel] if channel in states else rest[channel]
             level = noise[channel] if np.isfinite(noise[channel]) else 0.0
             largest = float(np.nanmax(np.abs(log.outputs[:, index]))) if channel in log.channels.outputs else 0.0
+            if channel in rest:
+                first[outputs.index(channel)] = value
             # Started elsewhere than at rest at the origin: from the first sample, which is as wrong as its noise.
             least = max(_AT_REST * level, _STILL * largest)
-            if abs(value - default[channel]) > least and abs(value) > 0:
+            if not (abs(value - usual) > least and abs(value) > 0):
+                continue
+            uncertain[e] = True
+            if channel in states:
                 states[channel][e] = value
-                uncertain[e] = True
+            else:
+                elsewhere = True
+        if elsewhere:
+            for name, value in _showing(
+                robot, {n: float(v[e]) for n, v in states.items()}, log.inputs[0], first
+            ).items():
+                states[name][e] = value
     return Start(states, uncertain)

@@ -76,3 +76,25 @@ def test_a_position_that_starts_elsewhere_is_taken_from_the_noisy_first_sample_a
     assert start.states["q"][0] == pytest.approx(1.5, abs=0.01) and start.states["q"][1] == 0.0
     np.testing.assert_array_equal(start.states["v"], [0.0, 0.0])
     np.testing.assert_array_equal(start.uncertain, [True, False])
+
+
+def test_a_start_in_motion_is_seen_through_outputs_that_are_no_states():
+    """Wheel speeds are the states, body speeds are measured: (right + left) / 2 and (right - left) / 2 L."""
+    from jaxid import Channels, Custom, Parameter
+
+    channels = Channels(inputs=("u",), outputs=("v", "w"))
+    robot = Custom(
+        dynamics=lambda s, u, p: {"right": u["u"] - s["right"], "left": u["u"] - s["left"]},
+        output=lambda s, u, p: {"v": (s["right"] + s["left"]) / 2, "w": (s["right"] - s["left"]) / 2 / p["L"]},
+        state_names=("right", "left"), own_channels=channels, table={"L": Parameter(0.2, "m")}, title="rims",
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    at_rest = 0.01 * rng.normal(size=(200, 2)) + np.linspace(0, 1, 200)[:, None]
+    moving = at_rest + [0.5, 1.5]
+    moving[0] = 0.5, 1.5
+    time, inputs = 0.02 * np.arange(200), np.repeat(rng.uniform(-1, 1, 20), 10)[:, None]
+    logs = LogSet([Log.from_arrays(n, time, inputs, y, channels) for n, y in (("rest", at_rest), ("moving", moving))])
+    start = initial_states(robot, logs)
+    np.testing.assert_array_equal(start.uncertain, [False, True])
+    assert start.states["right"].tolist() == pytest.approx([0.0, 0.5 + 0.2 * 1.5], abs=1e-9)
+    assert start.states["left"].tolist() == pytest.approx([0.0, 0.5 - 0.2 * 1.5], abs=1e-9)
