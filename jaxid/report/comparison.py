@@ -2,9 +2,9 @@
 
 import html
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ from .tables import Table
 _TIE = 0.005  # normalised RMS values that print alike
 _DOUBTS = {"failed": "failed (it does not follow its own logs)", "poor": "is poor (it leaves more than noise)"}
 _SAME = 2.0  # combined standard errors within which two estimates agree
+_DPI = 130
+_ENDING, _UNFIT_FOR_A_FILE = re.compile(r"\.(csv|parquet)$"), re.compile(r"[^\w.-]+")
 HORIZONS = (1, 10)
 """Samples ahead that a model with process noise predicts, beside its free simulation."""
 
@@ -316,24 +318,46 @@ class Comparison:
                 ratios[name][label] = draw.Ratio(e.value / reference, min(edges), max(edges))
         return draw.parameters(ratios, what, left_out)
 
+    @cached_property
+    def _responses(self) -> dict[str, str]:
+        """Name of each check log's figure."""
+        found: dict[str, str] = {}
+        for log in self.logs:
+            short, whole = (_UNFIT_FOR_A_FILE.sub("_", x) for x in (_ENDING.sub("", log.name), log.name))
+            found[log.name] = f"response_{whole if f'response_{short}' in found.values() else short}"
+        return found
+
+    @cached_property
+    def _drawings(self) -> dict[str, Callable[[], Figure]]:
+        """How to draw each figure, by name."""
+        found: dict[str, Callable[[], Figure]] = {
+            name: partial(self._response, log) for log, name in self._responses.items()
+        }
+        found |= {f"residuals_{channel}": partial(self._residuals, channel) for channel in self.channels}
+        return found | {"parameters": self._ratios}
+
+    @cached_property
+    def _drawn(self) -> dict[str, bytes]:
+        return {}
+
+    def _picture(self, name: str) -> bytes:
+        """A figure as a PNG file's bytes, drawn once."""
+        if name not in self._drawn:
+            self._drawn[name] = draw.as_png(self._drawings[name](), _DPI)
+        return self._drawn[name]
+
     def figures(self) -> dict[str, Figure]:
         """Figures by name: `response_<log>` of every check log, `residuals_<channel>`, `parameters`."""
-        found: dict[str, Figure] = {}
-        for log in self.logs:
-            stem = re.sub(r"[^\w.-]+", "_", re.sub(r"\.(csv|parquet)$", "", log.name))
-            stem = stem if f"response_{stem}" not in found else re.sub(r"[^\w.-]+", "_", log.name)
-            found[f"response_{stem}"] = self._response(log.name)
-        found |= {f"residuals_{channel}": self._residuals(channel) for channel in self.channels}
-        return found | {"parameters": self._ratios()}
+        return {name: drawn() for name, drawn in self._drawings.items()}
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write every figure as a PNG into `folder` (made if missing) and return the paths."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         paths = []
-        for name, figure in self.figures().items():
+        for name in self._drawings:
             paths.append(folder / f"{name}.png")
-            paths[-1].write_bytes(draw.as_png(figure, 130))
+            paths[-1].write_bytes(self._picture(name))
         return paths
 
     def _repr_html_(self) -> str:
@@ -345,9 +369,9 @@ class Comparison:
         check, logs, *parameters, tests = map(tab.to_html, self.tables)  # predictions ahead stand with the parameters
         return (
             f"<div><p><b>{html.escape(self.sentence)}</b></p>{f'<ul>{notes}</ul>' if notes else ''}{check}{logs}"
-            f"{draw.as_html(self._response(worst), 'response')}{''.join(parameters)}"
-            f"{draw.as_html(self._ratios(), 'parameters')}{tests}"
-            f"{draw.as_html(self._residuals(largest), 'residuals')}</div>"
+            f"{draw.as_html(self._picture(self._responses[worst]), 'response')}{''.join(parameters)}"
+            f"{draw.as_html(self._picture('parameters'), 'parameters')}{tests}"
+            f"{draw.as_html(self._picture(f'residuals_{largest}'), 'residuals')}</div>"
         )
 
 

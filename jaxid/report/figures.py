@@ -248,7 +248,7 @@ def as_png(figure: Figure, dpi: int = 110) -> bytes:
     return buffer.getvalue()
 
 
-def as_html(figure: Figure, caption: str, dpi: int = 110) -> str:
-    """An `<img>` that carries the figure with it."""
-    data = base64.b64encode(as_png(figure, dpi)).decode()
+def as_html(picture: Figure | bytes, caption: str, dpi: int = 110) -> str:
+    """An `<img>` that carries the figure, or its PNG, with it."""
+    data = base64.b64encode(picture if isinstance(picture, bytes) else as_png(picture, dpi)).decode()
     return f'<img alt="{caption}" style="max-width:100%;background:white" src="data:image/png;base64,{data}">'
