@@ -22,12 +22,19 @@ if os.environ.get("JAXID_CHECK_ANNOTATIONS"):
 # One thread for a program, as on the command line: two test processes fill two cores, and a batch of fits has been seen to
 # hang on a pool of two threads.
 os.environ.setdefault("PJRT_NPROC", "1")
+# Threads of linear algebra on small matrices mostly wait for one another: with two of them on two busy cores a least-squares
+# test took thirty times as long. Before NumPy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
+import threadpoolctl  # noqa: E402
 
 from jaxid import Log, LogSet, float64, read_logs  # noqa: E402
 from jaxid.cli import main  # noqa: E402
+
+# NumPy may have been imported by a plugin of pytest's.
+threadpoolctl.threadpool_limits(1, user_api="blas")
 
 # Tracing makes millions of small objects; going through them again and again takes a fifth of the time.
 gc.freeze()
