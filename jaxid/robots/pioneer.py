@@ -5,7 +5,7 @@ beta [rad], eta1 forward speed [m/s], eta2 yaw rate [rad/s]; pose x, y [m], thet
 where they are wanted. Heading 0 is world +y. Inputs V2, V3 [V].
 
 This is the fast closed form of equation 8 with the motors of equation 28; the matrices as the paper names them are in
-`pioneer_equations`.
+`papers/pioneer/equations.py`.
 """
 
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 r"""The Pioneer's reduced dynamics in scalars: what rollouts evaluate, and the coefficients that experiments identify.
 
-The matrices of `pioneer_equations` collapse. The caster wheel sees the robot's motion (eta1, l1 eta2) turned by beta,
+The matrices of `papers/pioneer/equations.py` collapse. The caster wheel sees the robot's motion (eta1, l1 eta2) turned by beta,
 
     u = cos(beta) eta1 - l1 sin(beta) eta2      speed of the caster wheel along its rolling direction [m/s]
     w = sin(beta) eta1 + l1 cos(beta) eta2      speed of the pivot across it [m/s]
@@ -9,7 +9,7 @@ and rolling turns the caster at -w/d in the world, so beta_dot = -w/d - eta2. Wi
 `m1 + Ir1/R1^2` and swivelling mass `Ip1/d^2`, J and g of Innocenti et al., eqs. 9-10, are a few products; no division
 by anything but constants, no trigonometry, any broadcastable shapes, NumPy or JAX (in its caller's precision).
 
-`p` and the conventions are those of `pioneer_equations`. cos_b, sin_b are of beta.
+`p` and the conventions are those of `papers/pioneer/equations.py`. cos_b, sin_b are of beta.
 """
 
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """The Pioneer's scalar closed forms against its matrices, and both against every number the paper prints.
 
-The matrices themselves are tested against independent mechanics in `test_pioneer_equations`.
+The matrices themselves are tested against independent mechanics in `tests/papers/pioneer/test_equations.py`.
 """
 
 import jax

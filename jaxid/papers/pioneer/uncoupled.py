@@ -13,7 +13,7 @@ import numpy as np
 
 from ..._float64 import in_float64
 from ...estimate.judge import judged_equations
-from ...estimate.linear.linear_steps import METHOD, estimates_of, identify, notes_on
+from ...estimate.linear.linear_steps import estimates_of, identify, notes_on
 from ...estimate.result import Estimate, Fit
 from ...logs import Channels, Log, LogError, LogSet
 from ...parameters import Parameter, ParameterError
@@ -28,6 +28,8 @@ from ...robots.pioneer_closed_form import (
     turning_coefficients,
     wheel_friction,
 )
+
+METHOD = "equations 34 and 35"
 
 
 def motion(robot: Pioneer, log: Log) -> Literal["straight", "turning", "other"]:

@@ -89,6 +89,7 @@ def test_both_equations_find_what_the_logs_were_simulated_with(uncoupled_logs):
     for name, (function, _, _) in Pioneer.combinations.items():  # the returned robot has the identified inertias
         assert function(fit.robot.parameters.numbers) == pytest.approx(fit[name].value, rel=1e-12)
     assert any("I0 to match 1/a22" in note for note in fit.notes)
+    assert fit.method == "equations 34 and 35"
 
 
 def test_on_the_coupled_robot_they_are_biased(uncoupled_logs):
