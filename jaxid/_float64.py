@@ -2,14 +2,17 @@
 
 Identification needs double precision, and JAX's switch for it is global. Every public function of jaxid runs under
 `float64`, which turns double precision on for the duration of the call, on this thread only, and leaves the caller's
-configuration as it was.
+configuration as it was; linear algebra stays on one thread meanwhile (`OneBlasThread`).
 """
 
 from collections.abc import Callable
 from contextlib import ContextDecorator, ExitStack
+from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 import jax
+
+from ._blas import OneBlasThread
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -32,5 +35,11 @@ class float64(ContextDecorator):
 
 
 def in_float64(function: Callable[P, R]) -> Callable[P, R]:
-    """The same function, run in double precision."""
-    return float64()(function)
+    """The same function, run in double precision, its linear algebra on one thread."""
+
+    @wraps(function)
+    def run(*arguments: P.args, **named: P.kwargs) -> R:
+        with float64(), OneBlasThread():
+            return function(*arguments, **named)
+
+    return run
