@@ -12,7 +12,7 @@ pytest.importorskip("ipykernel", reason="notebooks need the extra 'notebook'")
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-CELL_SECONDS = 300
+CELL_SECONDS = 600
 """No cell takes this long; it stops a run that hangs."""
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Integrator, Log, LogSet
-from jaxid.estimate.output_error.problem import Unknowns, linearise, parameters_at, simulate_all
+from jaxid.estimate.output_error.problem import Unknowns, cost, linearise, parameters_at, simulate_all
 from jaxid.estimate.output_error.setup import build
 from jaxid.simulation.rollout import rollout
 
 pytestmark = pytest.mark.usefixtures("double_precision")
-LINEARISE = jax.jit(linearise, static_argnums=0)
+LINEARISE, COST = (jax.jit(function, static_argnums=0) for function in (linearise, cost))
 
 
 def levels(n, seed):
@@ -88,6 +88,7 @@ def test_cost_gradient_and_gauss_newton_matrix_are_those_of_the_dense_problem(pr
     triangle = LINEARISE(structure, numbers, unknowns)
     matrix, reduced = assembled(triangle)
     assert float(triangle.cost) == pytest.approx(0.5 * r @ r, rel=1e-12)
+    assert float(COST(structure, numbers, unknowns)) == pytest.approx(0.5 * r @ r, rel=1e-12)
     gradient = jacobian.T @ r
     np.testing.assert_allclose(matrix.T @ reduced, gradient, atol=1e-9 * np.abs(gradient).max())
     normal = jacobian.T @ jacobian
@@ -114,6 +115,7 @@ def test_what_is_masked_does_not_count_whatever_stands_there(problem):
     same = LINEARISE(structure, numbers, unknowns)
     np.testing.assert_array_equal(triangle.residual_shared, same.residual_shared)
     assert np.isfinite(float(triangle.cost))
+    assert COST(structure, replace(numbers, outputs=garbage), unknowns) == COST(structure, numbers, unknowns)
 
 
 def test_a_simulation_that_diverges_costs_a_lot_but_is_a_number(problem):
