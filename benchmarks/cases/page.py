@@ -1,11 +1,13 @@
 """The page of `benchmarks.silent`: what was run, what was wrong and silent, how often intervals hold the truth."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import binom
+
+from benchmarks.cases.judge import TOO_FAR, TOO_WRONG
 
 _LISTED = 40
 SILENT = "wrong, silent"
@@ -20,7 +22,8 @@ A result is **wrong** if its error on the fit logs or on the held-out log is abo
 simulation (hidden effects included, no noise), or if a parameter that is called identified is off by more than five of
 its standard errors. It is **silent** if it claims to have converged, is judged neither "poor" nor "failed" ("coloured"
 alone says that the estimates stand), calls that parameter identified, and has no other note; a miss on the held-out log
-that the scatter of the fit's own covariance explains counts as said.
+of up to twice the scatter of the fit's own covariance counts as said. Cases are drawn once and for all and run in an order
+that lets them share compiled programs; what has not been run yet is missing here, not left out.
 """
 
 
@@ -60,6 +63,18 @@ def _share(inside: int, count: int) -> str:
     return f"{100 * inside / count:.1f} % of {count} (chance alone: ± {50 * (high - low) / count:.1f})"
 
 
+def by_chance(row: dict) -> bool:
+    """Whether all that is wrong is a miss on the held-out log that five standard errors explain, as they do parameters."""
+    scatter = row["own_scatter"] ** 2 - 1.0
+    return row["why"] == ["held-out error"] and row["held_out_error"] ** 2 <= TOO_FAR**2 + TOO_WRONG**2 * scatter
+
+
+def versions(rows: Sequence[dict]) -> str:
+    """How many cases which version of the package ran."""
+    counts = Counter(row.get("code", "unknown") for row in rows)
+    return ", ".join(f"{count} by {code}" for code, count in counts.most_common())
+
+
 def write(rows: Sequence[dict], page: Path) -> None:
     """Write the page from finished cases."""
     silent = [row for row in rows if row["outcome"] == SILENT]
@@ -72,12 +87,15 @@ def write(rows: Sequence[dict], page: Path) -> None:
         "| --- | --- | --- |",
         f"| cases run | 2,000 | {len(rows)} |",
         f"| wrong and silent | 0 | {len(silent)} ({100 * len(silent) / max(len(rows), 1):.1f} %) |",
+        f"| of these, missed by no more than five standard errors of its covariance | | {sum(map(by_chance, silent))} |",
         f"| tracebacks | 0 | {len(broken)} |",
         f"| adequate data: wrong and silent | 0 | {sum(row['adequate'] for row in silent)} of {len(adequate)} |",
         f"| adequate data: right | | {len(fine)} of {len(adequate)} |",
         f"| adequate data: identified parameters in their 95 % interval | 93-97 % | {_share(*coverage(adequate))} |",
         f"| the same, of the right results alone | | {_share(*coverage(fine))} |",
         f"| right, adequate data, but doubts itself | few | {sum(bool(row['words']) for row in fine)} of {len(fine)} |",
+        "",
+        f"The package's version (git's name of its tree): {versions(rows)}.",
         "",
         "## By what is poor about the logs",
         "",

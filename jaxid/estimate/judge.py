@@ -33,6 +33,8 @@ _INTEGRATION = 1e-4
 """Residual in units of the motion's standard deviation that may be the simulation's own error."""
 _FOLLOWS_LARGE = 0.05
 """The same where the residual is `POOR` in size and coloured: then a doubt is worth more than a false alarm is dear."""
+_NOTHING = 0.1
+"""Residual in units of the noise that only logs without noise can have: rounding and integration, whatever it follows."""
 _WORSE = 1.02
 """Ratio of two residuals (RMS) above which the first is worse."""
 _FOLLOWS = 0.002
@@ -156,6 +158,8 @@ def judge(
     drivers = _drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
     follows = {}
     for c, own in parts.items():
+        if by_channel[c] < _NOTHING:
+            continue
         there = [c in errors[k] for k in kept]
         mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in drivers.items()}
         p, name = relation(own, mine)

@@ -115,6 +115,13 @@ def test_a_fit_that_is_worse_than_its_start_has_failed(axis_log, sound):
     assert judge(LogSet([measured]), [truth], noise, others={"its own start": [off]}).verdict == "sound"
 
 
+def test_what_integration_leaves_of_a_log_without_noise_is_not_taken_for_the_models(axis_log):
+    measured = log(axis_log, np.zeros(SAMPLES))
+    off = measured.outputs * (1 + 1e-7)
+    assert judge(LogSet([measured]), [off], {"v": 1e-12, "q": 1.0}).trustworthy
+    assert not judge(LogSet([measured]), [measured.outputs * 1.1], {"v": 1e-12, "q": 1.0}).trustworthy
+
+
 def test_a_simulation_that_diverges_fails(axis_log):
     measured = log(axis_log, 0.01 * coloured(0.0, 1))
     found = judge(LogSet([measured]), [np.full((SAMPLES, 2), np.nan)], {"v": 0.01, "q": 1.0})
