@@ -52,9 +52,9 @@ _WHITE = 1.12
 white: that of first-order noise is 1.17 for a correlation of 0.6 and 1.28 for 0.97."""
 _CERTAIN = 4.0
 """Standard errors by which neighbours must be related for that to be no chance."""
-_LEFT, _LEFT_IN_ONE = 1.25, np.sqrt(POOR**2 - 1.0)
-"""Slow part of a residual, in units of white noise, from which a fit is poor, of all logs and of one: with the noise they are
-1.6 and 2 times as much as it."""
+_LEFT, _LEFT_IN_ONE = 0.7, 1.0
+"""Slow part of a residual, in units of white noise, from which a fit is poor, of all logs and of one. It is not the sensor's,
+so that nothing says that the estimates stand; from here on it is too much of the residual to be passed over."""
 
 
 def _listed(names: Sequence[str]) -> str:
