@@ -20,9 +20,9 @@ from jaxtyping import Array, Bool, Float
 
 from ...robots.effect import Numbers, State
 from ...robots.robot import Robot
-from ...robots.signal_path import passed
 from ...simulation.rollout import Integrator, commanded, step
 from .cubature import Innovations, Moments, carried, measured
+from .late_sensors import before_lag, moved, shifted, shown, with_lagged
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Model:
 class Record(NamedTuple):
     """One log as the filter reads it: T samples, and the state's moments at the first of them.
 
-    `floor` are the least variances of the states: what rounding leaves.
+    `floor` are the least variances of the states and of the lagged outputs behind them: what rounding leaves.
     """
 
     dt: Float[Array, " T"]
@@ -50,7 +50,7 @@ class Record(NamedTuple):
     outputs: Float[Array, "T ny"]
     there: Bool[Array, "T ny"]
     start: Moments
-    floor: Float[Array, " n"]
+    floor: Float[Array, " m"]
 
 
 def as_state(robot: Robot, vector: Float[Array, " n"]) -> State:
@@ -59,9 +59,8 @@ def as_state(robot: Robot, vector: Float[Array, " n"]) -> State:
 
 
 def observe(robot: Robot, p: Numbers, vector: Float[Array, " n"], seen: Float[Array, " nu"]) -> Float[Array, " ny"]:
-    """What the sensors show of a state, the effects on measurements included (those without memory)."""
-    y = jnp.stack([jnp.asarray(y, float) for y in robot.observe(as_state(robot, vector), tuple(seen), p)])
-    return passed(robot, "measure", y[None], jnp.zeros(1), p)[0]
+    """What the sensors show of a state and of the lagged outputs behind it, the effects on measurements included."""
+    return shown(robot, p, as_state(robot, vector), vector[len(robot.states) :], seen)
 
 
 def filter_pass(
@@ -102,14 +101,21 @@ def _shares(steps: int) -> tuple[float, ...]:
 
 
 def advance(model: Model, p: Numbers, vector: Float[Array, " n"], inputs: Float[Array, " nu"], h) -> Float[Array, " n"]:
-    """The state a step of `h` seconds later."""
-    state = step(model.robot, as_state(model.robot, vector), tuple(inputs), h, p, model.integrator.friction)
-    return jnp.stack([state[name] for name in model.robot.states])
+    """The state, and the lagged outputs behind it, a step of `h` seconds later."""
+    robot = model.robot
+    before = as_state(robot, vector)
+    after = step(robot, before, tuple(inputs), h, p, model.integrator.friction)
+    own, lagged = jnp.stack([after[name] for name in robot.states]), vector[len(robot.states) :]
+    if not lagged.shape[0]:
+        return own
+    arriving = (before_lag(robot, p, state, inputs) for state in (before, after))
+    return jnp.concatenate([own, moved(robot, p, lagged, *arriving, h)])
 
 
 def held_inputs(model: Model, p: Numbers, record: Record) -> Float[Array, "T m nu"]:
-    """The inputs of every step between samples, effects on commands included."""
-    return commanded(model.robot, p, record.inputs, record.dt, substeps(model.integrator))
+    """The inputs of every step between samples, effects on commands and the sensors' delay included."""
+    fine = commanded(model.robot, p, record.inputs, record.dt, substeps(model.integrator))
+    return shifted(model.robot, p, fine, record.dt)
 
 
 def filtered(
@@ -141,5 +147,6 @@ def filtered(
     def look(x, seen):
         return observe(model.robot, p, x, seen)[: record.outputs.shape[1]]
 
-    before, after, _, _, news, _ = filter_pass(look, propagate, record.start, rows, noise)
+    start = with_lagged(model.robot, p, record.start, fine[0, 0], as_state)
+    before, after, _, _, news, _ = filter_pass(look, propagate, start, rows, noise)
     return news, before, after

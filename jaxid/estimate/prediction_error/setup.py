@@ -3,24 +3,21 @@
 # ruff: noqa: F722
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ...logs import LogSet
 from ...parameters import ParameterError
-from ...robots.effect import Effect
 from ...robots.robot import Robot
-from ...robots.signal_path import overrides, passed
 from ...simulation.rollout import Integrator
 from ..output_error import setup as output_error_setup
 from ..output_error.setup import InitialStates
 from .cubature import Moments
 from .filter import Model, Record
+from .late_sensors import lagged_outputs, refusal
 from .likelihood import Problem, Unknowns
 from .noisy_states import noisy_states, state_scales
 
@@ -28,7 +25,6 @@ _ROUNDING = 1e-8
 """Least standard deviation of a state in units of its root mean square."""
 _VAGUE = 30.0
 """Standard deviation of a measured initial state in units of the sensor's noise: its first sample then says nearly all."""
-_PROBED = 6
 
 
 class Task(NamedTuple):
@@ -38,25 +34,6 @@ class Task(NamedTuple):
     model: Model
     problem: Problem
     start: Unknowns
-
-
-def _remembers(robot: Robot, effect: Effect) -> bool:
-    """Whether the effect's measurement of one sample depends on other samples as well."""
-    if not overrides(type(effect), "measure"):
-        return False
-    numbers = dict(robot.parameters.numbers)
-    for name, parameter in effect.parameters(robot).items():
-        numbers[name] = numbers[name] or parameter.typical or 1.0
-    alone = replace(robot, effects=(effect,))
-    y = jnp.asarray(np.random.default_rng(0).normal(size=(_PROBED, len(robot.channels.measured))))
-    time = jnp.arange(float(_PROBED)) * (numbers.get(effect.key("delay"), 0.0) or 1.0)
-    slope = np.asarray(jax.jacfwd(lambda y: passed(alone, "measure", y, time, numbers))(y))
-    return bool(np.any(np.abs(slope).sum(axis=(1, 3))[~np.eye(_PROBED, dtype=bool)] != 0))
-
-
-def remembering_effects(robot: Robot) -> tuple[str, ...]:
-    """Effects on measurements that remember earlier samples: their ids."""
-    return tuple(effect.id for effect in robot.effects if _remembers(robot, effect))
 
 
 def _known(robot: Robot, batch) -> dict[str, Float[Array, "E T"]]:
@@ -84,14 +61,11 @@ def build(
 
     Parameters, bounds, priors and initial states are those of output error; a log that starts elsewhere than at rest
     starts with uncertain states instead of estimated ones. Raises `ParameterError` if no parameter is free, for an unknown
-    state in `process_noise`, and for effects on measurements that remember earlier samples.
+    state in `process_noise`, and for sensors that the filter cannot have (`late_sensors.refusal`).
     """
-    remembering = remembering_effects(robot)
-    if remembering:
-        raise ParameterError(
-            f"{', '.join(remembering)} remembers earlier outputs, which a filter of the state does not hold; take "
-            "output error for this model, or leave the effect out"
-        )
+    why = refusal(robot, logs)
+    if why:
+        raise ParameterError(why)
     structure, own, _ = output_error_setup.build(robot, logs, start=start, initial=initial, integrator=integrator)
     noisy = noisy_states(robot, process_noise)
     model = Model(structure.robot, structure.integrator, noisy)
@@ -107,6 +81,9 @@ def build(
     free = np.sum(np.asarray(own.state_free), axis=1) > 0
     estimated = np.array([name in robot.estimated_states for name in robot.states])
     variances = np.where(free[:, None] & estimated, spread, 0.0) ** 2
+    lagged = [float(np.sqrt(np.mean(np.asarray(own.outputs)[..., measured.index(c)] ** 2))) or 1.0
+              for c in lagged_outputs(robot)]  # fmt: skip
+    sizes = np.array([*scales, *lagged])
     records = Record(
         dt=own.dt,
         inputs=own.inputs,
@@ -115,7 +92,7 @@ def build(
         start=Moments(
             jnp.stack([begin[name] for name in robot.states], axis=-1), jnp.asarray([np.diag(v) for v in variances])
         ),
-        floor=jnp.broadcast_to(jnp.asarray((_ROUNDING * scales) ** 2), (len(logs), len(scales))),
+        floor=jnp.broadcast_to(jnp.asarray((_ROUNDING * sizes) ** 2), (len(logs), len(sizes))),
     )
     interval = float(np.median([log.sampling_interval for log in logs]))
     reference = np.array([scales[robot.states.index(name)] for name in noisy]) / np.sqrt(interval)

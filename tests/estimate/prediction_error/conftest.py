@@ -17,16 +17,19 @@ def multilevel(seed, samples=SAMPLES, hold=16, largest=4.0):
 
 @pytest.fixture(scope="session")
 def disturbed_axis():
-    """`disturbed_axis(seed, q, r)`: M = 1 kg, Fv = 2 N s/m, Fc = 0.5 N, offset 0.05 N; process noise q, sensor noise r."""
+    """`disturbed_axis(seed, q, r)`: M = 1 kg, Fv = 2 N s/m, Fc = 0.5 N, offset 0.05 N; process noise q, sensor noise r;
+    a sensor that lags by a time constant `lag`, or whose samples are `late` by so many steps of half a millisecond."""
 
-    def log(seed, q=0.05, r=0.01, M=1.0, Fv=2.0, Fc=0.5, offset=0.05, drag=0.0):
-        random, h, v, speeds = np.random.default_rng(seed), DT / FINE, 0.0, []
-        u = multilevel(seed)
+    def log(seed, q=0.05, r=0.01, M=1.0, Fv=2.0, Fc=0.5, offset=0.05, drag=0.0, lag=0.0, late=0):
+        random, h, v, lagged, speeds = np.random.default_rng(seed), DT / FINE, 0.0, 0.0, []
+        u, earlier = multilevel(seed), [0.0] * (late + 1)
         for force in u:
-            speeds.append(v)
+            speeds.append(lagged if lag else earlier[-1 - late])
             for _ in range(FINE):
+                lagged += h * (v - lagged) / lag if lag else 0.0
                 v += h * (force - offset - Fv * v - drag * v * abs(v)) / M + q * np.sqrt(h) * random.normal()
                 v = np.sign(v) * max(abs(v) - h * Fc / M, 0.0)
+                earlier.append(v)
         measured = np.array(speeds) + r * random.normal(size=SAMPLES)
         return Log.from_arrays(f"axis {seed}", DT * np.arange(SAMPLES), u[:, None], {"v": measured}, AXIS)
 

@@ -1,14 +1,16 @@
 """Whole fits: against output error where nothing is disturbed, against the truth of an independent simulator where the
 motion is, on a plant that no free simulation follows, and in other units."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxid import AXIS, Axis, Custom, Log, LogSet, ParameterError, compare, output_error, prediction_error
-from jaxid.effects.sensor import SensorBias, SensorLag
+from jaxid.effects.sensor import SensorBias, SensorDelay, SensorLag
 from jaxid.estimate.prediction_error.disturbance import chance
 from jaxid.estimate.prediction_error.noisy_states import noisy_states
 from jaxid.estimate.prediction_error.predict import predict
+from jaxid.robots.effect import Effect
 from jaxid.simulation.rollout import Integrator
 from jaxid.simulation.simulate import simulate
 
@@ -140,12 +142,53 @@ def test_a_sensor_with_an_offset_is_followed(disturbed_axis):
     assert bias.value == pytest.approx(0.3, abs=4 * bias.std_error) and bias.std_error < 0.05
 
 
-def test_what_it_cannot_do_it_says(disturbed_axis, balanced):
+LATE = {"lag": (SensorLag, {"lag": 0.06}, 0.06), "delay": (SensorDelay, {"late": 60}, 0.03)}
+
+
+@pytest.mark.parametrize("kind", LATE)
+def test_a_sensor_that_answers_late_is_found(disturbed_axis, kind):
+    """Lag and delay hidden in logs of a disturbed axis; the delay is no whole number of samples."""
+    effect, hidden, truth = LATE[kind]
+    robot = Axis() + effect()
+    (own,) = (name for name in robot.parameters.free_names if name not in TRUTH and name.startswith("sensor_"))
+    logs = LogSet([disturbed_axis(seed, **hidden) for seed in (1, 2)])
+    fit = prediction_error(robot, logs, integrator=FINE)
+    within(fit, {**TRUTH, own: truth})
+    assert fit[own].std_error < 0.25 * truth
+    low, high = fit.disturbance.process["v"].ci95
+    assert low < 0.05 < high
+    ahead = predict(fit, logs, 1)[0][:, 0] - logs[0].outputs[:, 0]
+    assert np.sqrt(np.mean(ahead**2)) < 0.02  # the speed itself is off by up to a metre per second
+
+
+@pytest.mark.parametrize("kind", LATE)
+def test_without_process_noise_a_late_sensor_is_output_errors(disturbed_axis, kind):
+    """Between samples one averages inputs over its steps of 10 ms, the other interpolates outputs: next to nothing."""
+    effect, hidden, _ = LATE[kind]
+    robot, logs = Axis() + effect(), LogSet([disturbed_axis(seed, q=0.0, **hidden) for seed in (3, 4)])
+    one, other = prediction_error(robot, logs, integrator=FINE), output_error(robot, logs, integrator=FINE)
+    for name in robot.parameters.free_names:
+        assert abs(one[name].value - other[name].value) < 0.4 * other[name].std_error
+
+
+class Summed(Effect):
+    """A sensor that adds up what it saw."""
+
+    id, where = "summed", "sensor"
+
+    def measure(self, outputs, time, p, robot):
+        return jnp.cumsum(outputs, axis=0)
+
+
+def test_what_it_cannot_do_it_says(disturbed_axis, axis_log):
     logs = LogSet([disturbed_axis(1)])
-    with pytest.raises(ParameterError, match="sensor_lag remembers"):
-        prediction_error(Axis() + SensorLag(), logs)
+    with pytest.raises(ParameterError, match="summed remembers"):
+        prediction_error(Axis() + Summed(), logs)
     with pytest.raises(ParameterError, match="no state 'w'.* q, v"):
         prediction_error(Axis(), logs, process_noise=["w"])
+    both = LogSet([axis_log("both", np.ones(16))])
+    with pytest.raises(ParameterError, match="sensor_delay makes v late but not q"):
+        prediction_error(Axis() + SensorDelay(), both)
 
 
 def test_noise_acts_on_velocities_not_on_what_integrates_them(balanced):
