@@ -24,54 +24,66 @@ _NAMES = {
     "prediction_error": "prediction error",
 }
 _TAIL = """
-**What it says.** Where all noise is on the sensors, output error has the smallest error; prediction error finds no
-disturbance then and says the same, later. Integral least squares and instrumental variables have {linear} times its error,
-since they begin anew wherever something stands still. Noise in the regressors biases least squares by up to {ls} standard
-deviations, instrumental variables by up to {iv}. Where the motion is disturbed, prediction error has the smallest error, and
-the others' reported intervals are to be read with that in mind.
+**What it says.** Where all noise is on the sensors, output error has the smallest error, and prediction error, which finds no
+disturbance then, says the same later. Integral least squares has {ls_error} times its error (stretches of half a second
+forget what the whole record says) and is biased by up to {ls} standard deviations, most where the noise of its regressors is
+coloured; instrumental variables have {iv_error} times its error and a bias of at most {iv}. Where the motion is
+disturbed, prediction error has the smallest error and the truest intervals; the others are {others} times as far off. Slow
+noise of a sensor is what prediction error takes for a disturbance: there it is up to {pe} times as far off as output
+error, which takes it for what it is.
 
 | you have | take |
 | --- | --- |
-| no start values; a first look; an embedded computer | integral least squares, then whatever it names |
-| a model linear in its parameters, noisy speeds, no wish to iterate over simulations | instrumental variables |
-| noise on the sensors, white or coloured; effects of any kind; several optima | output error |
-| motion that is disturbed (floor, slip, gears), drifts or is unstable | prediction error ([docs/prediction_error.md](prediction_error.md)) |
+| no start values, or want a first look | integral least squares, then what it names |
+| a model that is linear in its parameters, and noisy speeds | instrumental variables |
+| noise on the sensors, white or coloured; effects of any kind | output error |
+| motion that is disturbed, drifts or is unstable | prediction error ([its page](prediction_error.md)) |
 
-**Results say it themselves** (`fit.judgement.better`). In this study, of every hundred results:
+**Results say it themselves** (`fit.judgement.better`). Of every hundred results of this study, in percent:
 
-| noise | robot | least squares name IV or output error | output error names prediction error | output error is not called sound |
+| noise | robot | least squares names others for its regressors | output error names prediction error | and is not sound |
 | --- | --- | --- | --- | --- |
 """
 _END = """
-Coloured noise of a sensor and a disturbance of the motion look alike in the residual of a simulation; the sentence is
-advice to look, and `fit.disturbance` of prediction error then tells which of the two it is.
+Slow noise of a sensor and a disturbance of the motion look alike in the residual of a simulation. Output error therefore
+names both, and what to do in either case; a log of the robot at rest tells them apart.
 
 Variance and coverage against the Cramér-Rao bound, with more realisations: [docs/uncertainty.md](uncertainty.md).
 """
+
+
+def _range(values: list[float]) -> str:
+    return f"{min(values):.1f} to {max(values):.1f}"
 
 
 def write_page(rows: list[dict], path: Path) -> None:
     """The tables and what they say."""
     fits = min(row["fits"] for row in rows)
     text = _HEAD.format(fits=fits, bias=1.96 / fits**0.5)
-    worst: dict[str, list[float]] = {method: [] for method in _NAMES}
-    linear = []
+    bias_of: dict[str, list[float]] = {method: [] for method in _NAMES}
+    quiet: dict[str, list[float]] = {method: [] for method in _NAMES}
+    stirred: list[float] = []
     for row in rows:
         judged = np.array(row["judged"])
         for number, (method, found) in enumerate(row["methods"].items()):
             bias = np.abs(np.array(found["bias"]))[judged].max()
             error = np.array(found["error_over_least"])[judged].mean()
             cover = 100 * np.array(found["coverage"])[judged]
-            worst[method].append(bias)
-            if method in ("integral_least_squares", "instrumental_variables") and "disturbed" not in row["noise"]:
-                linear.append(error)
+            bias_of[method].append(bias)
+            if "disturbed" not in row["noise"]:
+                quiet[method].append(error)
+            elif method != "prediction_error":
+                stirred.append(error)
             where = (row["robot"], row["noise"]) if number == 0 else ("", "")
             text += f"| {where[0]} | {where[1]} | {_NAMES[method]} | {bias:.2f} | {error:.2f} "
             text += f"| {cover.mean():.1f} | {cover.min():.0f} |\n"
     text += _TAIL.format(
-        linear=f"{min(linear):.1f} to {max(linear):.1f}",
-        ls=f"{max(worst['integral_least_squares']):.1f}",
-        iv=f"{max(worst['instrumental_variables']):.1f}",
+        ls_error=_range(quiet["integral_least_squares"]),
+        iv_error=_range(quiet["instrumental_variables"]),
+        ls=f"{max(bias_of['integral_least_squares']):.1f}",
+        iv=f"{max(bias_of['instrumental_variables']):.1f}",
+        others=_range(stirred),
+        pe=f"{max(quiet['prediction_error']):.1f}",
     )
     for row in rows:
         said = row["methods"]

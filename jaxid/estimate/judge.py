@@ -210,8 +210,9 @@ def judge(
     better = LOST if failures and not lost else ""
     if not better and any(_wandering(own) for c, own in parts.items() if c in coloured and by_channel[c] > _ABOVE):
         better = (
-            "The residual wanders as disturbances of the motion make it (floor, slip, gears): prediction error, which "
-            "has noise of the process beside that of the sensors, fits it better."
+            "The residual wanders as disturbances of the motion make it (floor, slip, gears), or slow noise of a sensor: if "
+            "it is the motion, prediction error, which has noise of the process beside that of the sensors, fits it better; "
+            "if it is the sensor, these estimates are the better ones. A log of the robot at rest tells."
         )
     return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better)
 
@@ -280,6 +281,11 @@ def judged_equations(fit: Fit, logs: LogSet, *, errors_in_variables: bool = True
         sentences.append(f"The equations are off by {_times(pooled)} times the noise that the sensors show (RMS).")
     verdict: Verdict = "poor" if pooled > POOR else "coloured" if pooled > _ABOVE else "sound"
     better = in_regressors(fit, logs, noise) if errors_in_variables else ""
+    if not better and pooled > _ABOVE:
+        better = (
+            "Output error tells by its residual what that is: missing from the model, coloured noise of a sensor, or a "
+            "disturbance of the motion, which prediction error fits better."
+        )
     judgement = Judgement(verdict, pooled, by_channel, None, tuple(sentences), better)
     return judged(replace(fit, standard_errors="scatter"), judgement)
 

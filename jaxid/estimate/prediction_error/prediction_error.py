@@ -28,7 +28,7 @@ from ..linear.integral_least_squares import integral_least_squares
 from ..output_error.setup import InitialStates, start_values
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
-from .disturbance import disturbance
+from .disturbance import SIGNIFICANT, disturbance
 from .likelihood import Problem, Unknowns, flat, noise_at, parameters_at, unflat
 from .scoring import Optimum, costs_at, minimise_compiled
 from .setup import Task, build
@@ -41,6 +41,7 @@ _NOTHING = 0.02
 """Likelihood ratio below which a noise is as good as absent and set to zero."""
 _STANDS_OUT = 3.0
 _DIVERGED = 1e29
+_SOONER = "All noise is the sensors': output error finds the same, sooner."
 
 Start = Fit | Mapping[str, float] | None
 
@@ -180,8 +181,9 @@ def prediction_error(
 
     Returns a `Fit` whose `noise` is the sensors' and whose `disturbance` tells process noise from sensor noise. Standard
     errors are those of the Fisher information, or a sandwich (`uncertainties`) where tests reject the innovations; the
-    notes say which. Raises `ParameterError` for unknown or no free parameters, unknown states, effects on measurements
-    that remember earlier samples, and where the filter diverges at every start.
+    notes say which. Sensors that lag or are stamped late are part of the filter (`late_sensors`). Raises `ParameterError`
+    for unknown or no free parameters, unknown states, sensors that remember in any other way, and where the filter
+    diverges at every start.
     """
     candidates = _candidates(robot, logs, start)
     task = build(
@@ -249,4 +251,4 @@ def prediction_error(
         disturbance=told,
         standard_errors="robust" if doubt else "white",
     )
-    return judged(fit, replace(judgement, better=""))
+    return judged(fit, replace(judgement, better=_SOONER if told.p_value > SIGNIFICANT and not doubt else ""))
