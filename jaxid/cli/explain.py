@@ -5,7 +5,7 @@ from pathlib import Path
 import typer
 
 from ..estimate.result import Fit
-from ..explanation.explain import apart, explain
+from ..explanation.explain import apart, explain, without_windows
 from ..logs import LogSet
 from ..report import compare
 from ..report.files import write_fit
@@ -69,7 +69,8 @@ def run_explain(
     fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
     assert check_logs is not None  # --check is required
     apart(fit_logs, check_logs)
-    fits = estimate(robot, fit_logs, {"windows": None})
+    fits = estimate(robot, fit_logs)
+    fits[-1] = without_windows(fits[-1], fit_logs, say)
     _write_fits(out, fits, fit_logs, check_logs)
     with step("Explanation") as report:
         found = explain(fits[-1], fit_logs, check_logs, report=report)

@@ -1,11 +1,15 @@
 """The workflow from a fit to an explanation: is anything missing, where, what, how sure, and what next."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from .._compile import seldom_collected
+from ..estimate.output_error.output_error import output_error
+from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit
 from ..logs import LogError, LogSet
 from ..logs.windows import in_windows
+from ..parameters import ParameterError
 from ..robots.effect import Effect
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
 from .fit_told import predicted
@@ -15,6 +19,7 @@ from .next_experiment import NextExperiment, propose
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, differ, search
 
+_FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _LEFT_OVER = 0.15
 """Share of the gap that may remain under a name."""
 _SMALL = 1.03
@@ -117,6 +122,23 @@ def apart(logs: LogSet, check: LogSet) -> None:
         )
 
 
+def without_windows(fit: Fit, logs: LogSet, report: Callable[[str], None] = lambda message: None) -> Fit:
+    """`fit`, by free simulation if it was made in windows though no output's errors grow without bound.
+
+    A window's own initial state takes up what the model lacks: of what merely integrates, that is what is looked for.
+    Unstable plants, and those whose free simulation diverges, keep their windows.
+    """
+    if fit.window is None or predictability(fit.robot, logs).kind == "unstable":
+        return fit
+    report("windows would hide what is missing; fitted by free simulation to be explained")
+    start = {name: fit.robot.parameters[name].value for name in fit.free_names}
+    try:
+        free = output_error(fit.robot, logs, start=start, windows=None)
+    except ParameterError:
+        return fit
+    return replace(free, notes=(*free.notes, _FREELY))
+
+
 @seldom_collected()
 def explain(
     fit: Fit,
@@ -136,11 +158,13 @@ def explain(
     of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong estimate of the noise adds.
     No name is the answer that leaves more than `MANY` times the noise, or whose own parameters are not identified: the
     verdict is then "unexplained", with the `doubts` why. A robot that does not say which of its states forces accelerate
-    is explained without `localisation`.
+    is explained without `localisation`. A fit in windows of a plant that is not unstable is repeated without
+    (`without_windows`).
 
     Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share.
     """
     apart(logs, check)
+    fit = without_windows(fit, logs, report)
     placeless = without_place(fit.robot)
     if placeless:
         report(placeless)

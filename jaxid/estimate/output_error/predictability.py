@@ -11,7 +11,7 @@ percent. Three kinds of plant differ by it:
 
 - "stable": what the outputs show of an error at the start dies away;
 - "integrating": it neither dies away nor grows by more than a power of time, so that every disturbance stays (a position);
-- "unstable": it grows exponentially (an inverted pendulum without its controller; chaos).
+- "unstable": it grows exponentially, in the outputs too (an inverted pendulum without its controller; chaos).
 """
 
 from collections.abc import Mapping
@@ -169,7 +169,9 @@ def _of_log(robot: Robot, log: Log, integrator: Integrator, noise: Mapping[str, 
     growth = states_grown[second] - states_grown[first]
     rate = float(growth / ((second - first) * span))
     kept = outputs_grown[second] - outputs_grown[first]
-    kind: Kind = "unstable" if growth > _POWER else "integrating" if kept > -_LASTING else "stable"
+    # A state that grows and shows in no output takes no simulation from its log.
+    unbounded = min(growth, kept) > _POWER
+    kind: Kind = "unstable" if unbounded else "integrating" if kept > -_LASTING else "stable"
     # The smallest error is a channel's noise, in units of its signal.
     names_shown = [log.channels.measured[j] for j in np.array(shown)[moving]]
     least = min(noise[name] / level for name, level in zip(names_shown, signal[moving], strict=True))

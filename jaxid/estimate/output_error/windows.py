@@ -4,9 +4,10 @@ Every window is an experiment with initial states of its own, estimated with the
 length of a window only (Bock, Numerical Treatment of Inverse Problems, 1983; Ribeiro et al., Automatica 121, 2020, on the
 smoothness that it buys). Nothing ties the windows together: a disturbance between two of them costs nothing.
 
-`choose` decides by evidence. It stays with the free simulation where that follows the measurement, and where the plant
-forgets its start, so that a large residual means an incomplete model. Otherwise: windows over which errors grow
-twentyfold where the simulation is unstable, and windows as long as the residual stays at the noise where it integrates.
+`choose` decides by evidence. It stays with the free simulation where that follows the measurement, and where the outputs'
+errors do not grow without bound, so that a large residual means an incomplete model. Otherwise: windows over which errors
+grow twentyfold where the simulation is unstable, and windows as long as the residual stays at the noise where it
+integrates in a closed loop.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -219,10 +220,10 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
     if free is not None and poor <= _POOR:
         return free
     growth = _growing(robot, logs, free, start)
-    # What integrates is a position; where velocities alone are measured, disturbances do not stay in the outputs, and
-    # windows would only hide what the model lacks.
-    only_velocities = all(set(log.measured) <= set(robot.velocities) for log in logs)
-    if growth.kind == "stable" or (growth.kind == "integrating" and only_velocities):
+    loop = _loop(free, logs)
+    # An error of what integrates grows by a power of time, which is no instability: a free simulation can follow. Windows
+    # would hide what the model lacks, but where the record is a loop, whose inputs answer every disturbance so far.
+    if growth.kind == "stable" or (growth.kind == "integrating" and free is not None and not loop.closed):
         if free is None:
             raise why or ParameterError(f"the simulation of {robot.name!r} diverges")
         return free
@@ -252,4 +253,4 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
                 "which it follows the logs."
             )
             return replace(again, notes=(*again.notes, note))
-    return replace(fit, notes=(_sentence(growth, _loop(free, logs), poor, fit, logs), *fit.notes))
+    return replace(fit, notes=(_sentence(growth, loop, poor, fit, logs), *fit.notes))
