@@ -62,7 +62,7 @@ def _rise_time(laboratory: Laboratory, limits: Limits) -> float:
         main = y[:, int(np.argmax(np.abs(y[-1])))]
         if np.all(np.isfinite(main)) and main[-1] != 0:
             times.append(float(laboratory.time[int(np.argmax(main / main[-1] >= 0.63))]))
-    usual = float(np.median(times)) if times else 0.25
+    usual = float(np.median(times)) if times else float(laboratory.time[-1]) / 80
     return float(np.clip(usual, 2 * laboratory.interval, laboratory.time[-1] / 8))
 
 

@@ -23,7 +23,7 @@ _LEAST_SHARE = 0.15
 _LEAST_TIME = 0.01
 _SHIFTS = 4000
 _RESAMPLES = 1000
-_BLOCK = 1.0  # s: neighbouring samples of a force are correlated
+_BLOCKS = 12  # of a log: neighbouring samples of a force are correlated
 _SEED = 20
 
 
@@ -32,7 +32,7 @@ class ConditionShare:
     """How much of the missing force acts under one condition.
 
     `share` of its power (beyond its own 95 % band), `time_share` of the samples, their `ratio` with a
-    95 % interval (bootstrap over blocks of one second), and `p_value`: how often forces at random moments of the same
+    95 % interval (bootstrap over twelfths of a log), and `p_value`: how often forces at random moments of the same
     runs have so large a share. `mean_force` by equation under the condition, in the force's unit.
     """
 
@@ -109,7 +109,7 @@ def condition_shares(
         return ()
     # Compared by size, not power, with chance: else one strong moment would decide.
     sizes = [np.sqrt(own) for own in powers]
-    lengths = [max(1, round(_BLOCK / float(np.median(np.diff(force.time))))) for force in forces]
+    lengths = [max(1, round(len(force.time) / _BLOCKS)) for force in forces]
     blocks = len(_blocks(powers, lengths))
     weights = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), _RESAMPLES).astype(float)
     values = np.concatenate([force.force for force in forces])

@@ -1,6 +1,6 @@
 """Under which conditions a robot was at each sample of a log: standing, slow, reversing, turning, heading, place, time.
 
-All conditions are read off the measured speeds (mean over 0.1 s) and the inputs, never off a model. Each is one small
+All conditions are read off the measured speeds (mean over five samples) and the inputs, never off a residual. Each is one small
 function of a `Motion`, and to add one is to write it and to name it in `conditions_of`. Thresholds relate to what the
 robot did in all logs of the set together: `fastest` is the speed that a drive axis exceeds in 5 % of the samples.
 """
@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from ..logs import Log, LogSet, noise_level
 from ..robots.robot import Robot
 from ..simulation.reckoning import measured_velocities, reckoned
-from ..simulation.scaled import axis_map
+from ..simulation.scaled import axis_map, scales_of
 
 Mask = NDArray[np.bool_]
 Signal = NDArray[np.float64]
 
-_MEAN_OVER = 0.1
-"""Seconds over which measured speeds are averaged."""
-NEAR_REVERSAL = 0.4
-"""Seconds on either side of a reversal that count as near it."""
+_MEAN_OVER = 5
+"""Samples over which measured speeds are averaged."""
+_NEAR_REVERSAL = 2.0
+"""Time constants of the robot on either side of a reversal that count as near it."""
 _STILL = 0.03
 """Share of the fastest speed below which, or below three standard deviations of what noise is left, an axis is still."""
 _SLOW, _FAST = 0.1, 0.8
@@ -34,7 +34,8 @@ _NEAR_LARGEST = 0.9
 class Motion:
     """What the conditions look at in one log of T samples.
 
-    - `time` [T] s; `inputs` [T, nu] and `largest` [nu], the largest magnitude of each in the set.
+    - `time` [T] s, and the time on either side of a reversal that is `near` it.
+    - `inputs` [T, nu] and `largest` [nu], the largest magnitude of each in the set.
     - `axes` [T, n]: speeds of the drive axes (rim speeds of a Pioneer's wheels; V, Vn, b W of an omni), with
       `axis_names` where each is a velocity of its own; the speed below which each is `still` and its `fastest` speed,
       both [n].
@@ -45,6 +46,7 @@ class Motion:
     """
 
     time: Signal
+    near: float
     inputs: Signal
     largest: Signal
     axes: Signal
@@ -97,7 +99,7 @@ def backward(motion: Motion) -> Mask:
 
 
 def near_reversal(motion: Motion, axis: int | None = None) -> Mask:
-    """Within 0.4 s of the moment at which a drive axis (or the given one) starts, having last moved the other way."""
+    """Within `near` of the moment at which a drive axis (or the given one) starts, having last moved the other way."""
     near = np.zeros(len(motion.time), dtype=bool)
     for i in range(motion.axes.shape[1]) if axis is None else (axis,):
         moving = np.flatnonzero(np.abs(motion.axes[:, i]) > motion.still[i])
@@ -106,8 +108,8 @@ def near_reversal(motion: Motion, axis: int | None = None) -> Mask:
             # From the last sample that moves one way to the first that moves the other, a stop in between included
             # only up to the same time.
             last, first = motion.time[moving[k]], motion.time[moving[k + 1]]
-            near |= np.abs(motion.time - last) <= NEAR_REVERSAL
-            near |= np.abs(motion.time - first) <= NEAR_REVERSAL
+            near |= np.abs(motion.time - last) <= motion.near
+            near |= np.abs(motion.time - first) <= motion.near
     return near
 
 
@@ -168,7 +170,7 @@ def conditions_of(motion: Motion) -> tuple[Condition, ...]:
         Condition("standstill", "at standstill", standstill),
         Condition("low speed", "at low speed", low_speed),
         Condition("high speed", "at high speed", high_speed),
-        Condition("near a reversal", f"within {NEAR_REVERSAL:g} s of a reversal", near_reversal),
+        Condition("near a reversal", f"within {motion.near:.2g} s of a reversal", near_reversal),
         Condition("forward", "driving forwards", forward),
         Condition("backward", "driving backwards", backward),
     ]
@@ -176,7 +178,7 @@ def conditions_of(motion: Motion) -> tuple[Condition, ...]:
         for i, name in enumerate(motion.axis_names):
             slow, reversed_ = (lambda m, i=i: axis_slow(m, i)), (lambda m, i=i: near_reversal(m, i))
             found.append(Condition(f"{name} slow", f"at low speed of {name}", slow))
-            phrase = f"within {NEAR_REVERSAL:g} s of a reversal of {name}"
+            phrase = f"within {motion.near:.2g} s of a reversal of {name}"
             found.append(Condition(f"near a reversal of {name}", phrase, reversed_))
     if motion.turning is not None:
         found += [
@@ -211,15 +213,10 @@ def _averaged(values: Signal, samples: int) -> Signal:
     return np.convolve(padded, np.ones(samples) / samples, mode="valid")
 
 
-def _window(log: Log) -> int:
-    return 2 * int(round(_MEAN_OVER / log.sampling_interval / 2)) + 1
-
-
 def _speeds(robot: Robot, log: Log) -> dict[str, Signal]:
     """The velocities of the robot that the log shows, averaged."""
-    window = _window(log)
-    found = measured_velocities(robot, log, lambda values: _averaged(values, window))
-    return {name: _averaged(values, window) for name, values in found.items()}
+    found = measured_velocities(robot, log, lambda values: _averaged(values, _MEAN_OVER))
+    return {name: _averaged(values, _MEAN_OVER) for name, values in found.items()}
 
 
 def _axis_names(robot: Robot, axes: Signal) -> tuple[str, ...]:
@@ -247,18 +244,19 @@ def motions(robot: Robot, logs: LogSet) -> tuple[Motion, ...]:
     axes = [np.stack([own[name] for name in names], axis=1) @ to_axes for own in speeds]
     fastest = _fastest(axes)
     # What is left of the noise on an axis after the mean over time.
-    window = min(_window(log) for log in logs)
     level = np.nan_to_num([noise.get(name, 0.0) for name in names])
-    left = np.linalg.norm(level[:, None] * to_axes, axis=0) / np.sqrt(window)
+    left = np.linalg.norm(level[:, None] * to_axes, axis=0) / np.sqrt(_MEAN_OVER)
     still = np.maximum(_STILL * fastest, 3.0 * left)
     reckoned = [dead_reckoned(robot, log, own) for log, own in zip(logs, speeds, strict=True)]
     paths = [path for _, path in reckoned if path is not None]
     middle = np.median(np.concatenate(paths), axis=0) if paths else None
     largest = np.max([np.max(np.abs(log.inputs), axis=0) for log in logs], axis=0)
+    near = _NEAR_REVERSAL * scales_of(robot, logs).time
     main, turn = names[0], robot.turning if robot.turning in names else None
     return tuple(
         Motion(
             time=log.time,
+            near=near,
             inputs=log.inputs,
             largest=np.where(largest > 0, largest, np.inf),
             axes=axes[e],

@@ -23,8 +23,6 @@ from ..simulation.rollout import Integrator, commanded, step
 
 PREFIX = "missing_force."
 """Names of the forces' states begin with this, and end with the velocity they accelerate."""
-_START = 2.0
-"""Standard deviation of a force at the start, in units of what it wanders in one second."""
 _LEAST = 1e-3
 """Least variance of a state beside its jitter."""
 
@@ -89,7 +87,7 @@ def _walked(setting: Setting, intensity, interval, log):
 
 
 def _start_covariance(setting: Setting, intensity, log):
-    return jnp.diag(log["spread"].at[_walks(setting)].set(_START * intensity) ** 2)
+    return jnp.diag(log["spread"].at[_walks(setting)].set(log["begun"] * intensity) ** 2)
 
 
 def _likelihood(setting: Setting, log, kept, used, intensity):

@@ -33,6 +33,8 @@ _INTENSITIES = tuple(
     float(np.sqrt(0.1)) * level for level in (0.002, 0.006, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 )
 """Random-walk intensities that are tried, in units of `ForceHistory.scale` per root of its response time."""
+_BEGUN = 200.0
+"""Samples for which a force has wandered when a log begins."""
 _RESPONSE = 5.0
 """Response time in sampling intervals."""
 _FIRST = 9
@@ -197,7 +199,9 @@ def _arrays(
         start = {name: jnp.asarray(value) for name, value in states.items()}
         outputs = outputs - _sensed(robot.structure, integrator, numbers, start, batch.inputs, batch.dt)
     lanes = np.ones((len(logs), 1))
+    begun = _BEGUN * float(np.median([log.sampling_interval for log in logs]))
     return {
+        "begun": jnp.asarray(np.full(len(logs), np.sqrt(begun))),
         "inputs": batch.inputs,
         "dt": batch.dt,
         "outputs": outputs[..., : max(columns) + 1],

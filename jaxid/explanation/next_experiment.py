@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from .._atomic import replacing
 from ..logs import Log, LogSet
 from ..robots.robot import Robot
-from ..simulation.excitation import Drive, plain_shapes, single_modes
+from ..simulation.excitation import Drive, single_modes, tuned_shapes
 from ..simulation.simulate import simulate
 
-_DURATION = 20.0  # s
 _LEVELS = (0.15, 0.4, 1.0)
 """Of the largest input seen in the logs."""
 _FASTEST = 1.05
@@ -62,11 +61,12 @@ class NextExperiment:
 
 
 def _family(robot: Robot, logs: LogSet) -> list[Drive]:
-    """Drivable experiments with the inputs seen so far."""
+    """Drivable experiments as long as those so far, with inputs as large."""
     interval = float(np.median([log.sampling_interval for log in logs]))
     largest = max(float(np.max(np.abs(log.inputs))) for log in logs)
     sizes = [level * largest for level in _LEVELS]
-    return single_modes(robot, plain_shapes(_DURATION, interval), sizes)
+    duration = float(np.median([log.duration for log in logs]))
+    return single_modes(robot, tuned_shapes(duration, interval, robot.scales.time), sizes)
 
 
 def propose(

@@ -115,7 +115,7 @@ def screen(
     states = {name: jnp.asarray(value) for name, value in states.items()}
     driven = dict(angles or driven_angles(full, logs))
     outputs = _simulate(full, integrator_for(robot, logs), logs, [{}, *secants, *changes], states, driven)
-    weights, measured = _weights(logs, {name: level for name, level in noise.items() if name not in driven})
+    weights, measured = _weights(robot, logs, {name: level for name, level in noise.items() if name not in driven})
     residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()
     moved = ((outputs[1:] - outputs[0]) * weights).reshape(len(secants) + len(changes), -1)
     moved = np.where(np.all(np.isfinite(moved), axis=1, keepdims=True), moved, 0.0)
@@ -185,10 +185,10 @@ def _promise(
     return gain, {**group.shape, **{n: max(value, full.parameters[n].lower) for n, value in values.items()}}, change
 
 
-def _weights(logs: LogSet, noise: Mapping[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """1/noise where an output was measured, and the measurements, both [E, T, ny]."""
+def _weights(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """1/noise where a channel was measured that the fit counts (an output, or a state), and the measurements, [E, T, ny]."""
     batch = logs.batch()
-    counted = [name in logs.channels.outputs or name in ("q",) for name in batch.channels.measured]
+    counted = [name in logs.channels.outputs or name in robot.states for name in batch.channels.measured]
     levels = np.array(
         [noise.get(n, np.nan) if ok else np.nan for n, ok in zip(batch.channels.measured, counted, strict=True)]
     )

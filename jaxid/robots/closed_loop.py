@@ -93,6 +93,10 @@ class ClosedLoop(Robot):
         return self.plant.prior_spreads
 
     @property
+    def ambiguous(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.plant.ambiguous
+
+    @property
     def words(self) -> Mapping[str, str]:  # type: ignore[override]
         return self.plant.words
 

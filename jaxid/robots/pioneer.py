@@ -92,6 +92,7 @@ class Pioneer(Robot):
         {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)}
     )
     prior_spreads: ClassVar[Mapping[str, float]] = MappingProxyType({"beta": 0.5})
+    ambiguous: ClassVar[tuple[str, ...]] = ("beta",)
     combinations: ClassVar[dict] = {
         "1/a11": (straight_inertia, "kg", "inertia against straight motion (eq. 34)"),
         "1/a22": (turning_inertia, "kg m^2", "inertia against turning on the spot (eq. 35)"),

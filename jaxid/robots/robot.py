@@ -59,6 +59,8 @@ class Robot:
     """The velocity that is the yaw rate to the left."""
     positions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Velocity -> the state whose derivative it is."""
+    ambiguous: ClassVar[tuple[str, ...]] = ()
+    """Angles [rad] that are states of no sensor, and whose start the outputs tell in many ways: a search has minima."""
     along_line: ClassVar[bool] = False
     """Whether its only velocity moves it along a line."""
     in_plane: ClassVar[bool] = False

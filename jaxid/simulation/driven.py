@@ -30,10 +30,11 @@ def _filled(signal: np.ndarray) -> np.ndarray:
 def driven_angles(robot: Robot, logs: LogSet) -> Mapping[str, Float[Array, "E T"]]:
     """The angles (rad; an axis: m) of the driving wheels since the start of each log, padded as in `logs.batch()`.
 
-    Empty where the robot (with its effects) integrates no wheel angles or a velocity of it was not measured.
+    Empty where the robot (with its effects) integrates no wheel angles, a velocity of it was not measured, or an angle is
+    itself an output: a model that were told it would have nothing left to predict.
     """
     outputs, measured = robot.channels.outputs, logs.channels.measured
-    if not robot.angles or not {*robot.angles, *outputs} <= set(robot.states):
+    if not robot.angles or not {*robot.angles, *outputs} <= set(robot.states) or set(robot.angles) & set(outputs):
         return {}
     if any(not np.isfinite(log.output(name)).any() for log in logs for name in outputs):
         return {}

@@ -51,8 +51,8 @@ def _rims(robot: Robot, speeds: list[dict[str, NDArray[np.float64]]]) -> list[ND
 @in_float64
 def _efforts(robot: Robot, largest: float) -> tuple[float, float, float]:
     """Drive torque of a wheel, force at the ground, and friction that would hold a drive axis, at the largest input."""
-    p, rest = robot.parameters.numbers, robot.initial_state()
     bare = replace(robot, effects=())
+    p, rest = bare.parameters.numbers, bare.initial_state()
     count = len(bare.channels.inputs)
     full = tuple(largest if i in bare.drive_inputs else 0.0 for i in range(count))
     torques = bare.drive_torques(full, rest, p)

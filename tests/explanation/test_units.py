@@ -1,9 +1,24 @@
-"""What explains the logs of a drive axis does not depend on the units in which somebody logged it."""
+"""What explains the logs of a robot does not depend on the units in which somebody logged it: an axis, a pendulum that a user
+wrote and whose speed nobody measures, and a differential drive."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, Log, LogSet, explain, output_error, simulate
+from jaxid import (
+    Axis,
+    Channels,
+    Custom,
+    DifferentialDrive,
+    DriveAxis,
+    Integrator,
+    Log,
+    LogSet,
+    Parameter,
+    explain,
+    output_error,
+    simulate,
+)
 from jaxid.effects import effect_by_id
 from jaxid.logs import AXIS
 from jaxid.simulation.scaled import scales_of
@@ -86,3 +101,78 @@ def test_scales_follow_the_units(recorded):
             "acceleration": time**2 / length,
         }.items():
             assert getattr(own, name) == pytest.approx(getattr(si, name) * factor, rel=1e-4), name
+
+
+# -- a user's pendulum: angle out, speed never measured ------------------------------------------------------------
+PENDULUM_UNITS = [(1.0, 1.0), (1e-3, 1e3), (1e3, 1e-3)]
+"""How many times as large the units of time and torque are; an angle is an angle."""
+
+
+def pendulum(time, torque):
+    si = {"J": (0.3, 1 / (torque * time**2)), "d": (0.25, 1 / (torque * time)), "Fc": (0.05, 1 / torque)}
+    si["weight"] = (1.0, 1 / torque)
+    table = {name: Parameter(value * factor, free=name != "weight", lower=0.0) for name, (value, factor) in si.items()}
+    return Custom(
+        dynamics=lambda s, u, p, friction: {
+            "q": s["v"],
+            "v": (u["u"] - p["weight"] * jnp.sin(s["q"]) - p["d"] * s["v"] - friction["joint"]) / p["J"],
+        },
+        state_names=("q", "v"),
+        own_channels=Channels(("u",), ("q",), units={"q": "rad"}),
+        table=table,
+        axes={"joint": DriveAxis("v", "Fc", "d", torque=lambda s, u, p: u["u"], angle="q")},
+        forces={"v": "J"},
+        velocities=("v",),
+        title="pendulum",
+    )
+
+
+def differential(time, length, force):
+    si = {"M": (8.0, length / (force * time**2)), "J": (0.25, 1 / (force * length * time**2)), "b": (0.2, 1 / length)}
+    si |= {"Fv": (6.0, length / (force * time)), "Fc": (1.2, 1 / force)}
+    return DifferentialDrive().with_values(**{name: value * factor for name, (value, factor) in si.items()})
+
+
+def lacking(robot, effect, values, amplitude, noise):
+    """Three runs of `robot` with an effect, in SI units: (inputs, outputs) each."""
+    hidden = (robot + effect_by_id(robot, effect)).with_values(**values)
+    nu, runs = len(robot.channels.inputs), []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        u = np.repeat(rng.uniform(-amplitude, amplitude, (N // 25, nu)), 25, axis=0)
+        log = Log.from_arrays("a", DT * np.arange(N), u, np.zeros((N, len(robot.channels.measured))), robot.channels)
+        y = simulate(hidden, LogSet([log]), integrator=Integrator(8))[0][:, : len(robot.channels.outputs)]
+        runs.append((u, y + np.array(noise) * rng.normal(size=y.shape)))
+    return runs
+
+
+def named_in(robot, runs, time, of_inputs, of_outputs):
+    logs = LogSet(
+        [
+            Log.from_arrays(
+                f"run {k}", DT * np.arange(N) / time, u / of_inputs, y / np.array(of_outputs), robot.channels
+            )
+            for k, (u, y) in enumerate(runs)
+        ]
+    )
+    found = explain(output_error(robot, logs[:2]), logs[:2], logs[2:], most=1)
+    places = () if found.localisation is None else tuple(c.name for c in found.localisation.standing_out)
+    return found.verdict, tuple(effect.id for effect in found.effects), places
+
+
+def test_a_users_pendulum_lacks_the_same_in_any_units():
+    runs = lacking(pendulum(1.0, 1.0), "quadratic_drag", {"quadratic_drag.coefficient": 0.3}, 1.2, [0.003])
+    first = named_in(pendulum(1.0, 1.0), runs, 1.0, 1.0, [1.0])
+    assert first[:2] == ("named", ("quadratic_drag",))
+    for time, torque in PENDULUM_UNITS[1:]:
+        assert named_in(pendulum(time, torque), runs, time, torque, [1.0]) == first, (time, torque)
+
+
+def test_a_differential_drive_lacks_the_same_in_any_units():
+    si = (1.0, 1.0, 1.0)
+    runs = lacking(differential(*si), "asymmetric_friction", {"asymmetric_friction.asymmetry": 0.3}, 6.0, [0.004, 0.01])
+    first = named_in(differential(*si), runs, 1.0, 1.0, [1.0, 1.0])
+    assert first[:2] == ("named", ("asymmetric_friction",))
+    for time, length, force in UNITS[1:3]:
+        found = named_in(differential(time, length, force), runs, time, force, [length / time, 1.0 / time])
+        assert found[:2] == first[:2], (time, length, force)

@@ -25,8 +25,8 @@ is changed by a thousand to get there."""
 _SHRINK = (1.0, 0.3, 0.05)
 """Shares of a Gauss-Newton step that are tried."""
 _NOTICEABLE = 0.01
-_TRIED = {"beta": np.linspace(-np.pi, np.pi, 24, endpoint=False)}
-"""Initial states whose cost has many minima, with the values to try [rad]."""
+_TRIED = np.linspace(-np.pi, np.pi, 24, endpoint=False)
+"""Values that are tried of an angle [rad] that the outputs tell in many ways."""
 _DIVERGED = 1e6
 
 
@@ -76,7 +76,7 @@ def estimated_start(
         best = costs(now)
 
     for j, name in enumerate(names):
-        for value in _TRIED.get(name, ()):
+        for value in _TRIED if name in robot.ambiguous else ():
             tried(np.where(np.arange(len(names)) == j, value, x))
     spreads = robot.prior_spreads
     lengths = [noise[name] if name in counted else _SECANT * spreads.get(name, 1.0) for name in names]

@@ -21,8 +21,8 @@ from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns, simulate_all
 from .solvers import minimise_compiled
 
-AMBIGUOUS = {"beta": np.linspace(-0.6, 0.6, 49)}
-"""Initial states whose cost has many minima, with the values to try [rad]."""
+_VALUES = np.linspace(-1.2, 1.2, 49)
+"""Values of an ambiguous initial state that are tried, in units of its prior's standard deviation."""
 _NUDGES = np.array([0.0, 0.02, -0.02, 0.1, -0.1, 0.3, -0.3])
 _LONGER = 2.5
 """Ratio of a horizon to the one before."""
@@ -35,7 +35,7 @@ _STEPS = 15
 def ambiguous_index(structure: Structure) -> int | None:
     """Position of the ambiguous state among the estimated ones, if there is one."""
     for index, name in enumerate(structure.state_names):
-        if name in AMBIGUOUS:
+        if name in structure.robot.ambiguous:
             return index
     return None
 
@@ -111,7 +111,8 @@ def globalise(
     Every start goes through the short horizons; the best of them goes on.
     """
     scale = float(problem.state_scale[index])
-    grid = jnp.asarray(AMBIGUOUS[structure.state_names[index]]) / scale
+    spread = structure.robot.prior_spreads.get(structure.state_names[index], 1.0)
+    grid = jnp.asarray(spread * _VALUES) / scale
     E = starts[0].states.shape[0]
 
     def search(current: Problem, at: Unknowns) -> Unknowns:
