@@ -104,7 +104,7 @@ class Custom(Robot):
     own_channels: Channels
     table: Mapping[str, Parameter] = field(hash=False, compare=False)
     output: Callable[..., Mapping[str, Scalar]] | None = None
-    dry_friction: tuple[tuple[str, str, str], ...] = ()
+    dry_friction: Mapping[str, tuple[str, str]] | tuple[tuple[str, str, str], ...] = ()
     start: Mapping[str, float] = field(default_factory=dict, hash=False, compare=False)
     title: str = "custom"
     axes: tuple[tuple[str, DriveAxis], ...] = ()
