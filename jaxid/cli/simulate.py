@@ -8,6 +8,7 @@ import pandas as pd
 from .._atomic import replacing
 from ..logs import read_logs
 from ..model_file import read_model
+from ..parameters import ParameterError
 from ..simulation.simulate import simulate as simulate_logs
 from .arguments import UnusableInput, for_logs, load_robot
 from .cache import keep_compiled_programs
@@ -24,7 +25,10 @@ def run_simulate(spec: str, log: str, model: Path, mapping: Path | None, out: Pa
         raise UnusableInput(f"{log} matches {len(logs)} files; give one log, and simulate each on its own.")
     warn_of_findings(logs)
     only = logs[0]
-    (outputs,) = simulate_logs(robot, logs)
+    try:
+        (outputs,) = simulate_logs(robot, logs)
+    except ParameterError as error:
+        raise UnusableInput(f"{only.name} cannot be simulated with {model}: {error}") from error
     bad = np.argwhere(~np.isfinite(outputs))
     if len(bad):
         k, j = bad[0]
