@@ -224,8 +224,7 @@ def reduced_residual(structure: Structure, problem: Problem, unknowns: Unknowns)
         triangle = look(unknowns, problem)
         return (triangle.residual_local, triangle.residual_shared, triangle.rest), triangle.squares
 
-    @residual.defjvp
-    def _(primals, tangents):
+    def rule(primals, tangents):
         unknowns, problem = primals
         step, _ = tangents
         triangle = look(unknowns, problem)
@@ -237,4 +236,5 @@ def reduced_residual(structure: Structure, problem: Problem, unknowns: Unknowns)
             jnp.zeros_like(triangle.squares),
         )
 
+    residual.defjvp(rule)
     return residual

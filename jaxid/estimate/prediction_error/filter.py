@@ -108,8 +108,8 @@ def advance(model: Model, p: Numbers, vector: Float[Array, " n"], inputs: Float[
     own, lagged = jnp.stack([after[name] for name in robot.states]), vector[len(robot.states) :]
     if not lagged.shape[0]:
         return own
-    arriving = (before_lag(robot, p, state, inputs) for state in (before, after))
-    return jnp.concatenate([own, moved(robot, p, lagged, *arriving, h)])
+    first, last = before_lag(robot, p, before, inputs), before_lag(robot, p, after, inputs)
+    return jnp.concatenate([own, moved(robot, p, lagged, first, last, h)])
 
 
 def held_inputs(model: Model, p: Numbers, record: Record) -> Float[Array, "T m nu"]:
