@@ -4,18 +4,19 @@ from pathlib import Path
 
 from scipy import stats
 
-_HEAD = """# Are the uncertainties true? Least squares or output error?
+_HEAD = """# Are the uncertainties true? Linear methods or output error?
 
-Written by `python -m benchmarks.cramer_rao` (`--only NAME --fits N` runs some of the rows, with more or fewer fits). Every
-row is a right model with many realisations of the noise, all fitted in one compiled batch. **Variance / bound**: scatter of
-the estimates over the Cramér-Rao bound, mean over the parameters (1 is the best that any unbiased estimator can do).
-**Bias**: the worst parameter's, in standard deviations of one fit. **Covers**: share of the reported 95 % intervals that
-hold the truth, lowest and highest parameter. Judged are parameters at least four standard errors from their bounds; the
-others are named. With {fits:,} fits, a coverage of 95 % is itself known to ±{half:.1f} % and a variance ratio of one
-parameter to ±{ratio:.0f} %; rows with more fits know it better.
+Written by `python -m benchmarks.cramer_rao` (`--only NAME --fits N --linear M` runs some of the rows, with more or fewer
+fits by output error and by the linear methods). Every row is a right model with many realisations of the noise.
+**Variance / bound**: scatter of the estimates over the Cramér-Rao bound, mean over the parameters (1 is the best that any
+unbiased estimator can do). **Bias**: the worst parameter's, in standard deviations of one fit. **Covers**: share of the
+reported 95 % intervals that hold the truth, lowest and highest parameter. Judged are parameters at least four standard
+errors from their bounds; the others are named. With {fits:,} fits, a coverage of 95 % is itself known to ±{half:.1f} % and a
+variance ratio of one parameter to ±{ratio:.0f} %; rows with more fits know it better. A coverage from {linear} fits by the
+linear methods is known to ±{linear_half:.1f} %.
 
-| setting | fits | judged | **output error**: variance / bound | bias | covers % | **LS**: variance / bound | bias | covers % |
-| --- | --- | --- | --- | --- | --- | --- | --- | --- |
+{header}
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 
 _LOW, _HIGH = 0.94, 0.96
@@ -28,14 +29,19 @@ settings. {inside} lie within 94 to 96 %; {chance} outside, but no farther than 
 the time, at 94 or 96 %); {beyond}.
 
 **Which one?** Output error: with white noise its variance is {oe} times the bound, and its intervals hold the truth in
-{oe_cover} % of the fits. Integral least squares needs no start values and no iterations, which makes it the start for output
-error. By itself it has {ls} times the bound's variance, at low noise too, since stretches of half a second
-forget what the whole record says; its bias is up to {ls_bias} standard deviations and its intervals hold the truth in
-{ls_cover} %.
+{oe_cover} % of the fits. Integral least squares (LS) needs no start values and no iterations, which makes it the start for
+the others. By itself it has {ls} times the bound's variance, at low noise too, since stretches of half a second forget what
+the whole record says; its bias is up to {ls_bias} standard deviations and its intervals hold the truth in {ls_cover} %.
+Instrumental variables (IV) have {iv} times the bound's variance, a bias of at most {iv_bias} standard deviations, and
+intervals that hold the truth in {iv_cover} % of the fits, {iv_mean:.1f} % over all parameters and settings with white noise;
+{iv_converged} % of the fits converge, or more. The lowest intervals are those of parameters beside one that the logs hardly
+determine (Cs1 beside Cv1, Cvn beside Bvn): linear methods hold that one at the table's value where its standard error
+exceeds it, and the other's interval does not know. Which method suits which noise: [docs/methods.md](methods.md).
 
 With coloured noise the bound of the table is that of white noise of the same variance, so that the variance ratio is above
 one by what the colour takes away; the intervals of output error there are those of
-`covariance="robust"`, which a fit takes by itself where its residual is not white.
+`covariance="robust"`, which a fit takes by itself where its residual is not white. Instrumental variables' intervals are a
+little too short there.
 """
 
 
@@ -49,6 +55,32 @@ def _ranges(rows: list[dict], method: str) -> tuple[str, str, str]:
     cover = [f["coverage"][end] for f in found for end in ("lowest", "highest")]
     worst = max(f["bias_in_standard_errors"]["worst"] for f in found)
     return _range([f["variance_over_bound"]["mean"] for f in found]), _range(cover, 100, 1), f"{worst:.1f}"
+
+
+_HEADER = " | ".join(
+    ["setting", "fits", "judged", "**output error**: variance / bound", "bias", "covers %", "linear fits"]
+    + ["**LS**: variance / bound", "bias", "covers %", "**IV**: variance / bound", "bias", "covers %"]
+)
+
+
+def _linear(rows: list[dict]) -> dict[str, object]:
+    """What instrumental variables do over all settings with white noise."""
+    white = [row for row in rows if "AR(1)" not in row["setting"] and "instrumental_variables" in row]
+    shares = [
+        share
+        for row in white
+        for share, judged in zip(row["instrumental_variables"]["coverage"]["each"], row["judged"], strict=True)
+        if judged
+    ]
+    iv, cover, bias = _ranges(rows, "instrumental_variables")
+    converged = [row["instrumental_variables"]["converged"] for row in white]
+    return {
+        "iv": iv,
+        "iv_cover": cover,
+        "iv_bias": bias,
+        "iv_mean": 100 * sum(shares) / len(shares),
+        "iv_converged": f"{100 * min(converged):.0f}",
+    }
 
 
 def _together(rows: list[dict]) -> dict[str, object]:
@@ -93,13 +125,21 @@ def _cells(figures: dict | None) -> str:
 def write_page(rows: list[dict], path: Path) -> None:
     """The table and what it says."""
     fits = min(row["output_error"]["fits"] for row in rows)
-    text = _HEAD.format(fits=fits, half=196 * (0.95 * 0.05 / fits) ** 0.5, ratio=196 * (2 / fits) ** 0.5)
+    linear = min(row["instrumental_variables"]["fits"] for row in rows if "instrumental_variables" in row)
+    text = _HEAD.format(
+        fits=fits, half=196 * (0.95 * 0.05 / fits) ** 0.5, ratio=196 * (2 / fits) ** 0.5,
+        linear=linear, linear_half=196 * (0.95 * 0.05 / linear) ** 0.5, header=f"| {_HEADER} |",
+    )  # fmt: skip
     for row in rows:
         left = [name for name, judged in zip(row["parameters"], row["judged"], strict=True) if not judged]
         judged = f"{len(row['parameters']) - len(left)}" + (f" (not {', '.join(left)})" if left else "")
         text += f"| {row['setting']} | {row['output_error']['fits']:,} | {judged} "
-        text += f"{_cells(row['output_error'])}{_cells(row.get('least_squares'))}|\n"
+        own = row.get("instrumental_variables")
+        text += f"{_cells(row['output_error'])}| {own['fits'] if own else ''} "
+        text += f"{_cells(row.get('least_squares'))}{_cells(own)}|\n"
     oe, oe_cover, _ = _ranges(rows, "output_error")
     ls, ls_cover, ls_bias = _ranges(rows, "least_squares")
-    text += _TAIL.format(oe=oe, oe_cover=oe_cover, ls=ls, ls_cover=ls_cover, ls_bias=ls_bias, **_together(rows))
+    text += _TAIL.format(
+        oe=oe, oe_cover=oe_cover, ls=ls, ls_cover=ls_cover, ls_bias=ls_bias, **_linear(rows), **_together(rows)
+    )
     path.write_text(text, encoding="utf-8")
