@@ -21,8 +21,10 @@ FALSE_ALARM = 0.005
 _LAGS = 20
 _NEGLIGIBLE = 1.005
 """Normalised RMS below which a gap is too small to matter, whatever its significance."""
-_NOISE_UNKNOWN = 1.05
-"""Normalised RMS above which even a white residual is a gap; below, the noise's own estimate may be at fault."""
+_NOISE_UNKNOWN = float(stats.norm.isf(FALSE_ALARM) * np.sqrt((2.31 + 1.0) / 2.0))
+"""Over the root of the number of samples: the normalised RMS above one at which even a white residual is a gap. Below, the
+noise's own estimate may be at fault: its variance from third differences (1, -3, 3, -1) has 1 + 2 (0.75^2 + 0.3^2 + 0.05^2)
+= 2.31 times the uncertainty of as many independent samples, by the autocorrelations of the differences, the residual's one."""
 _FARTHEST = 1e6
 
 
@@ -59,7 +61,8 @@ class HeldOut:
         """Whether nothing but noise is left: white residuals at the noise floor, or a gap too small to matter."""
         # The noise was estimated without its far samples; where there are many, the residual is looked at in that way too.
         usual = usual_size(np.concatenate([r.ravel() for r in self.residuals]))
-        white = self.p_white > FALSE_ALARM and min(self.normalised_rms, usual) < _NOISE_UNKNOWN
+        known = 1.0 + _NOISE_UNKNOWN / np.sqrt(max(self.samples, 1))
+        white = self.p_white > FALSE_ALARM and min(self.normalised_rms, usual) < known
         return white or self.normalised_rms < _NEGLIGIBLE
 
     @property
