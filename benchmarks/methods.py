@@ -1,6 +1,6 @@
 """Which method when? Every estimator on the same noisy logs: `python -m benchmarks.methods [--only axis --fits 60]`.
 
-The simulators of `benchmarks.prediction_error` (Euler-Maruyama in NumPy, nothing of jaxid in them) move two robots under
+The simulators of `benchmarks.prediction_error` (Euler-Maruyama in NumPy, nothing of jaxid in them) move robots under
 four kinds of noise; every realisation is fitted by integral least squares, instrumental variables, output error (as a
 fleet, with all that a result says) and prediction error (as lanes; robust standard errors where tests reject its
 innovations, as `prediction_error` does). Writes `benchmarks/results/methods.json` and docs/methods.md.
@@ -187,7 +187,7 @@ def main() -> None:
             print(f"  {method}: bias {worst:.2f}, covers {cover.min():.2f} to {cover.max():.2f}", flush=True)
         kept = [rows[m.name, n.name] for m, n in cells if (m.name, n.name) in rows]
         RESULTS.write_text(json.dumps({"rows": kept}, indent=1) + "\n", encoding="utf-8")
-    write_page(json.loads(RESULTS.read_text())["rows"], PAGE)
+    write_page(list(rows.values()), PAGE, [f"{m.name}, {n.name}" for m, n in cells if (m.name, n.name) not in rows])
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """docs/methods.md from the figures of `benchmarks.methods`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -56,8 +57,8 @@ def _range(values: list[float]) -> str:
     return f"{min(values):.1f} to {max(values):.1f}"
 
 
-def write_page(rows: list[dict], path: Path) -> None:
-    """The tables and what they say."""
+def write_page(rows: list[dict], path: Path, missing: Sequence[str] = ()) -> None:
+    """The tables and what they say; `missing` are cells of the study that have not been run."""
     fits = min(row["fits"] for row in rows)
     text = _HEAD.format(fits=fits, bias=1.96 / fits**0.5)
     bias_of: dict[str, list[float]] = {method: [] for method in _NAMES}
@@ -77,6 +78,8 @@ def write_page(rows: list[dict], path: Path) -> None:
             where = (row["robot"], row["noise"]) if number == 0 else ("", "")
             text += f"| {where[0]} | {where[1]} | {_NAMES[method]} | {bias:.2f} | {error:.2f} "
             text += f"| {cover.mean():.1f} | {cover.min():.0f} |\n"
+    if missing:
+        text += f"\nNot run yet: {'; '.join(missing)}.\n"
     text += _TAIL.format(
         ls_error=_range(quiet["integral_least_squares"]),
         iv_error=_range(quiet["instrumental_variables"]),
