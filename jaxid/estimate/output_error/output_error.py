@@ -198,7 +198,9 @@ def _fit(
         def settle(structure: Structure, problem: Problem, optimum: Optimum):
             return reweighted(structure, problem, optimum, max_steps, report, solver)
 
-        checked = with_steps_checked(structure, problem, optimum, settle, max_steps=max_steps, report=report)
+        checked = with_steps_checked(
+            structure, problem, optimum, settle, start=unknowns, max_steps=max_steps, report=report
+        )
         doubts = checked.note
         if checked.structure != structure:
             structure, problem, optimum = checked.structure, checked.problem, checked.optimum

@@ -21,7 +21,7 @@ from jaxtyping import Float
 
 from ...simulation.rollout import Integrator
 from .optimum import Optimum
-from .problem import Problem, Structure
+from .problem import Problem, Structure, Unknowns
 from .robust_loss import simulated
 from .solvers import minimise_compiled
 
@@ -35,6 +35,11 @@ _MOST = 64
 _GAINED = 0.5
 """A difference that shorter steps do not shrink to this share is none of the integration: the simulation is chaotic."""
 _STEPS = 20
+_NEGLIGIBLE = 1e-6
+"""Difference between the simulations, in units of a channel's own RMS, below which no noise is small enough to ask for more:
+logs of a simulation without noise."""
+_LOST = 1.1
+"""Where a channel's residual grows by more than this with shorter steps, their fit may have gone to another minimum."""
 
 Settle = Callable[[Structure, Problem, Optimum], tuple[Problem, Optimum, int]]
 """The noise of every channel as an optimum leaves it, the optimum with that noise, and the iterations of both."""
@@ -70,6 +75,13 @@ def _in_noise(problem: Problem, change: Float[np.ndarray, "E T ny"]) -> float:
     return float(np.sqrt(np.mean(seen**2))) if seen.size else 0.0
 
 
+def _in_signal(problem: Problem, change: Float[np.ndarray, "E T ny"]) -> float:
+    """Largest RMS of a channel's `change`, in units of the channel's own."""
+    mask = np.asarray(problem.mask)
+    power = [np.sum(np.where(mask, x, 0.0) ** 2, axis=(0, 1)) for x in (change, np.asarray(problem.outputs))]
+    return float(np.sqrt(np.max(power[0][power[1] > 0] / power[1][power[1] > 0], initial=0.0)))
+
+
 def _would_move(structure: Structure, problem: Problem, optimum: Optimum, change) -> float:
     """How far the estimates move, in standard errors, if measurements are corrected by the `change`."""
     corrected = replace(problem, outputs=jnp.asarray(np.asarray(problem.outputs) - change))
@@ -84,12 +96,13 @@ def with_steps_checked(
     optimum: Optimum,
     settle: Settle,
     *,
+    start: Unknowns | None = None,
     max_steps: int = 100,
     report: Callable[[str], None] = lambda message: None,
 ) -> Checked:
     """The optimum, minimised again with shorter steps where these matter, and with the noise that `settle` finds then.
 
-    Call under float64.
+    Shorter steps that fit worse are also tried from `start`, where the fit began. Call under float64.
     """
     shortened, iterations, before = 1, 0, None
     while True:
@@ -97,6 +110,13 @@ def with_steps_checked(
         error = _in_noise(problem, change)
         if not np.isfinite(error):
             note = "The simulation diverges with shorter integration steps; what fits is an artefact of long ones."
+            return Checked(structure, problem, optimum, error, note, iterations)
+        relative = _in_signal(problem, change)
+        if relative <= _NEGLIGIBLE and error > _VISIBLE:
+            note = (
+                f"The logs have no noise to speak of: what is left is no more than the integration's own error ({relative:.1g} "
+                "of the motion). The estimates are exact to about that, and standard errors mean nothing."
+            )
             return Checked(structure, problem, optimum, error, note, iterations)
         if error <= _VISIBLE and _would_move(structure, problem, optimum, change) <= _MOVED:
             return Checked(structure, problem, optimum, error, "", iterations)
@@ -110,6 +130,13 @@ def with_steps_checked(
         shortened, before = shortened * _FINER, change
         structure = _finer(structure)
         report("integration steps were too long; went on with shorter ones")
-        optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
-        problem, optimum, more = settle(structure, problem, optimum)
+        longer, asked = np.asarray(problem.sigma), problem
+        optimum = minimise_compiled(structure, asked, optimum.unknowns, max_steps=max_steps)
+        problem, optimum, more = settle(structure, asked, optimum)
         iterations += more
+        if start is not None and np.any(np.asarray(problem.sigma) > _LOST * longer):
+            other = minimise_compiled(structure, asked, start, max_steps=max_steps)
+            other_problem, other, more = settle(structure, asked, other)
+            iterations += more
+            if np.sum(np.log(np.asarray(other_problem.sigma))) < np.sum(np.log(np.asarray(problem.sigma))) - 0.01:
+                problem, optimum = other_problem, other

@@ -78,3 +78,11 @@ def test_the_model_goes_on_with_the_steps_that_its_fit_needed() -> None:
     assert Integrator.suited(fit.robot.with_values(T=1.0), INTERVAL).substeps > 1  # whatever the rule says
     again = output_error(fit.robot, logs)
     assert abs(again["T"].value - fit["T"].value) < 0.01 * fit["T"].std_error
+
+
+def test_a_log_without_noise_is_told_so_and_not_that_its_motion_is_chaotic() -> None:
+    """What steps leave of it is many times the noise, which is that of rounding."""
+    fit = output_error(robot(0.9 * TRUE), sampled(TRUE, 0.0))
+    assert abs(fit["T"].value - TRUE) < 1e-6 * TRUE
+    said = " ".join(fit.notes)
+    assert "no noise to speak of" in said and "chaotic" not in said
