@@ -19,8 +19,7 @@ if os.environ.get("JAXID_CHECK_ANNOTATIONS"):
 
     jaxtyping.install_import_hook("jaxid", "tests.annotations.checked")
 
-# One thread for a program, as on the command line: two test processes fill two cores, and a batch of fits has been seen to
-# hang on a pool of two threads.
+# One thread for a program, as on the command line: two test processes fill two cores.
 os.environ.setdefault("PJRT_NPROC", "1")
 # Threads of linear algebra on small matrices mostly wait for one another: with two of them on two busy cores a least-squares
 # test took thirty times as long. Before NumPy is imported.

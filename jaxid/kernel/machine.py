@@ -30,13 +30,19 @@ _METADATA_TYPE = 1
 _BUFFER_DATA, _BUFFER_SHAPE = 24, 40
 
 
-@cache
-def _machine() -> llvm.TargetMachine:
+def new_machine() -> llvm.TargetMachine:
+    """This processor, as LLVM describes it."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_default_triple()
     features = llvm.get_host_cpu_features().flatten()
     return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True)
+
+
+@cache
+def _machine() -> llvm.TargetMachine:
+    """To translate with. An engine takes one of its own, which it deletes with itself."""
+    return new_machine()
 
 
 @cache
@@ -142,8 +148,7 @@ def register(module: ir.Module) -> str:
     name = f"jaxid_{hashlib.sha256(key.encode()).hexdigest()[:32]}"
     with _lock:
         if name not in _engines:
-            _machine()
-            engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+            engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), new_machine())
             engine.add_object_file(llvm.ObjectFileRef.from_data(_stored(name, text)))
             engine.finalize_object()
             jax.ffi.register_ffi_target(name, _capsule(engine.get_function_address("handler")), platform="cpu")

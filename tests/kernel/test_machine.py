@@ -8,7 +8,7 @@ import pytest
 from llvmlite import ir
 
 from jaxid.kernel.emit import DOUBLE, INDEX
-from jaxid.kernel.machine import _machine, write_handler
+from jaxid.kernel.machine import new_machine, write_handler
 
 UNKNOWN, METADATA = 7, 1
 
@@ -63,8 +63,8 @@ def handler():
     build.store(build.fmul(build.load(given), build.sitofp(length, DOUBLE)), wanted)
     build.ret_void()
     write_handler(module, [(0, 0)], arguments=1)
-    _machine()
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(str(module)), _machine())
+    machine = new_machine()  # also makes LLVM ready
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(str(module)), machine)
     engine.finalize_object()
     yield ctypes.CFUNCTYPE(c_void_p, POINTER(Frame))(engine.get_function_address("handler"))
     engine.close()

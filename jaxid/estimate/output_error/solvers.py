@@ -122,8 +122,7 @@ def _key(structure: Structure, problem: Problem, start: Unknowns, solver: Solver
 def compile_ahead(tasks: Sequence[tuple[Structure, Problem, Unknowns]], solver: Solver = DEFAULT) -> None:
     """Compile `minimise` for several structures at once, for `minimise_compiled` to find.
 
-    Only compilation runs in threads of its own. Programs must not run in several threads at a time: their batched LAPACK
-    calls share XLA's worker threads and can wait for one another for ever.
+    Only compilation runs in threads of its own.
     """
     tasks_by_key = {_key(*task, solver): task for task in tasks}
     missing = {key: task for key, task in tasks_by_key.items() if key not in _programs}
