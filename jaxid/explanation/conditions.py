@@ -1,8 +1,8 @@
 """Under which conditions a robot was at each sample of a log: standing, slow, reversing, turning, heading, place, time.
 
-All conditions are read off the measured speeds (mean over five samples) and the inputs, never off a residual. Each is one small
-function of a `Motion`, and to add one is to write it and to name it in `conditions_of`. Thresholds relate to what the
-robot did in all logs of the set together: `fastest` is the speed that a drive axis exceeds in 5 % of the samples.
+All conditions are read off the measured speeds (mean over up to five samples) and the inputs, never off a residual. Each is
+one small function of a `Motion`, and to add one is to write it and to name it in `conditions_of`. Thresholds relate to what
+the robot did in all logs of the set together: `fastest` is the speed that a drive axis exceeds in 5 % of the samples.
 """
 
 from collections.abc import Callable
@@ -19,8 +19,8 @@ from ..simulation.scaled import axis_map, scales_of
 Mask = NDArray[np.bool_]
 Signal = NDArray[np.float64]
 
-_MEAN_OVER = 5
-"""Samples over which measured speeds are averaged."""
+_MEAN_OVER, _MOST_SAMPLES = 0.7, 5
+"""Time constants of the robot over which measured speeds are averaged, and how many samples that may be at most."""
 _NEAR_REVERSAL = 2.0
 """Time constants of the robot on either side of a reversal that count as near it."""
 _STILL = 0.03
@@ -213,10 +213,15 @@ def _averaged(values: Signal, samples: int) -> Signal:
     return np.convolve(padded, np.ones(samples) / samples, mode="valid")
 
 
-def _speeds(robot: Robot, log: Log) -> dict[str, Signal]:
-    """The velocities of the robot that the log shows, averaged."""
-    found = measured_velocities(robot, log, lambda values: _averaged(values, _MEAN_OVER))
-    return {name: _averaged(values, _MEAN_OVER) for name, values in found.items()}
+def _samples(log: Log, time_constant: float) -> int:
+    """Over how many samples of a log its speeds are averaged; an odd number."""
+    return 2 * round((min(_MEAN_OVER * time_constant / log.sampling_interval, _MOST_SAMPLES) - 1.0) / 2.0) + 1
+
+
+def _speeds(robot: Robot, log: Log, samples: int) -> dict[str, Signal]:
+    """The velocities of the robot that the log shows, averaged over `samples`."""
+    found = measured_velocities(robot, log, lambda values: _averaged(values, samples))
+    return {name: _averaged(values, samples) for name, values in found.items()}
 
 
 def _axis_names(robot: Robot, axes: Signal) -> tuple[str, ...]:
@@ -238,20 +243,22 @@ def _fastest(values: list[Signal]) -> Signal:
 def motions(robot: Robot, logs: LogSet) -> tuple[Motion, ...]:
     """What the conditions look at, for every log."""
     noise = noise_level(logs)
-    speeds = [_speeds(robot, log) for log in logs]
+    time_constant = scales_of(robot, logs).time
+    samples = [_samples(log, time_constant) for log in logs]
+    speeds = [_speeds(robot, log, n) for log, n in zip(logs, samples, strict=True)]
     names = list(speeds[0])
     to_axes = axis_map(robot, names)
     axes = [np.stack([own[name] for name in names], axis=1) @ to_axes for own in speeds]
     fastest = _fastest(axes)
     # What is left of the noise on an axis after the mean over time.
     level = np.nan_to_num([noise.get(name, 0.0) for name in names])
-    left = np.linalg.norm(level[:, None] * to_axes, axis=0) / np.sqrt(_MEAN_OVER)
+    left = np.linalg.norm(level[:, None] * to_axes, axis=0) / np.sqrt(min(samples))
     still = np.maximum(_STILL * fastest, 3.0 * left)
     reckoned = [dead_reckoned(robot, log, own) for log, own in zip(logs, speeds, strict=True)]
     paths = [path for _, path in reckoned if path is not None]
     middle = np.median(np.concatenate(paths), axis=0) if paths else None
     largest = np.max([np.max(np.abs(log.inputs), axis=0) for log in logs], axis=0)
-    near = _NEAR_REVERSAL * scales_of(robot, logs).time
+    near = _NEAR_REVERSAL * time_constant
     main, turn = names[0], robot.turning if robot.turning in names else None
     return tuple(
         Motion(
