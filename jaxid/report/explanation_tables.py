@@ -85,7 +85,7 @@ def moved_table(found: Explanation) -> Table:
     for name, (before, after) in found.moved.items():
         step = after.value - before.value
         relative = percent(100.0 * step / abs(before.value)) if before.value else "-"
-        errors = abs(step) / before.std_error if before.std_error > 0 else math.nan
+        errors = abs(step) / before.std_error if 0 < before.std_error < math.inf else math.nan
         mark = "bad" if errors > _MOVED else ""
         rows.append(
             (
