@@ -21,7 +21,7 @@ from ..parameters import ParameterError
 from ..report import Comparison, compare
 from ..report.files import write_fit
 from ..report.tables import DOUBT, Cell, Table, title_of, to_html, to_text, value_cell, with_error
-from ..robots import ClosedLoop, Robot, closed_loop
+from ..robots import Robot, closed_loop
 from .arguments import UnusableInput, for_logs, load_controller, load_robot
 from .cache import keep_compiled_programs
 from .console import say, show, step
@@ -188,7 +188,7 @@ def read_case(
 
 def _looped(fit: Fit, loop: Fit) -> Fit:
     """`fit` of a plant in the closed loop that `loop` was fitted in."""
-    if not isinstance(loop.robot, ClosedLoop) or isinstance(fit.robot, ClosedLoop):
+    if loop.robot.alone is loop.robot or fit.robot.alone is not fit.robot:
         return fit
     return replace(
         fit, robot=loop.robot.with_values(**{n: fit.robot.parameters[n].value for n in fit.robot.parameters})

@@ -13,7 +13,6 @@ from .._json import plain, write_json
 from ..estimate.confidence.validation import Validation
 from ..estimate.result import Fit
 from ..model_file import write_model
-from ..robots.closed_loop import ClosedLoop
 
 
 def _check(validation: Validation | None) -> dict[str, Any] | None:
@@ -82,5 +81,4 @@ def write_fit(
     write_json(folder / "fit.json", fit_document(fits, validation, ahead))
     last = fits[-1]
     errors = {name: estimate.std_error for name, estimate in last.parameters.items()}
-    robot = last.robot.alone if isinstance(last.robot, ClosedLoop) else last.robot
-    write_model(folder / "model.toml", robot, errors, last.method)
+    write_model(folder / "model.toml", last.robot.alone, errors, last.method)

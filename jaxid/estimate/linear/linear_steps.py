@@ -9,8 +9,8 @@ from ...logs import Log, LogError
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ..result import Estimate, Status
-from .regressors import WindowEquations, window_equations
 from .weighted_least_squares import Solution, solve
+from .window_equations import WindowEquations, window_equations
 
 Array = NDArray[np.float64]
 METHOD = "integral_least_squares"

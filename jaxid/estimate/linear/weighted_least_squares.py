@@ -18,8 +18,8 @@ from scipy.optimize import lsq_linear
 from ..._float64 import in_float64
 from ...robots.robot import Robot
 from ..result import Status
-from .regressors import WindowEquations
 from .score_covariance import score_covariance, widened
+from .window_equations import WindowEquations
 
 Array = NDArray[np.float64]
 _RANK = 1e-7

@@ -22,8 +22,8 @@ from jaxid import (
     float64,
 )
 from jaxid.estimate.linear.integral_least_squares import integral_least_squares
-from jaxid.estimate.linear.regressors import _stretches
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
+from jaxid.estimate.linear.window_equations import _stretches
 from reference.axis import AXIS
 from reference.excitation import experiment, prbs, steps, wheels
 from reference.logs import simulate_log

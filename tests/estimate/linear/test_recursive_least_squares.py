@@ -6,8 +6,8 @@ import pytest
 
 from jaxid import Axis, Log, float64
 from jaxid.estimate.linear.recursive_least_squares import RecursiveLeastSquares, recursive_least_squares
-from jaxid.estimate.linear.regressors import window_equations
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
+from jaxid.estimate.linear.window_equations import window_equations
 
 
 def random_equations(rows=60, n=4, seed=1):

@@ -1,0 +1,141 @@
+"""Linear equations for the free parameters from stretches of logs, each with an unknown initial speed (eqs. 30 and 31)."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._float64 import in_float64
+from ...logs import Log
+from ...robots.robot import Robot
+from .log_rows import gather, measured_speeds
+from .memory import memory
+from .regressors import Array, Form, axes_that_matter, evaluate, still_at
+
+
+@dataclass(frozen=True)
+class WindowEquations:
+    """Linear equations `regressors @ theta = targets` of all logs, K rows.
+
+    `equation` [K] says which speed's balance a row is (index into `speeds`), `stretch` [K] which stretch of a log it
+    belongs to, `sample` [K] its place among the samples of all logs one after the other (neighbouring stretches share
+    one), `log` [K] and `time` [K] where it was measured. `logs` [N] is the log of each of those samples, `window` the
+    samples of a stretch and `memory` those after which the motion has half forgotten.
+    `dropped` is the share of intervals left out because something stood still or was not measured.
+    """
+
+    regressors: Array
+    targets: Array
+    equation: NDArray[np.int64]
+    stretch: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    log: NDArray[np.int64]
+    time: Array
+    logs: NDArray[np.int64]
+    names: tuple[str, ...]
+    speeds: tuple[str, ...]
+    form: Form
+    window: int
+    memory: int
+    dropped: float
+
+    def __len__(self) -> int:
+        return len(self.targets)
+
+
+def _stretches(
+    whole: NDArray[np.bool_], log: NDArray[np.int64], window: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of sample numbers and of their stretches' numbers.
+
+    Usable intervals that follow one another are cut into stretches of `window` samples; where one ends the next begins,
+    at the same sample, so that every usable interval is in one of them.
+    """
+    N = len(whole)
+    usable = np.append(whole[:-1] & (log[1:] == log[:-1]), False) if N else np.zeros(0, bool)
+    interval = np.flatnonzero(usable)
+    begins = np.flatnonzero(usable & ~np.append(False, usable[:-1]))
+    chain = np.cumsum(np.isin(interval, begins)) - 1
+    first = (interval - begins[chain]) % (window - 1) == 0 if len(interval) else np.zeros(0, bool)
+    stretch = np.cumsum(first) - 1
+    sample = np.concatenate([interval, interval[np.append(first[1:], True)] + 1]) if len(interval) else interval
+    number = np.concatenate([stretch, np.arange(stretch[-1] + 1)]) if len(interval) else stretch
+    order = np.lexsort((sample, number))
+    return sample[order], number[order]
+
+
+@in_float64
+def window_equations(
+    robot: Robot, logs: Iterable[Log], form: Form = "momentum", window: int | None = None
+) -> WindowEquations:
+    """The equations that `logs` give for the free parameters of `robot`.
+
+    Logs are cut into stretches of `window` samples (by default of `memory`), each of which begins where the last one
+    ended. Within one, `P(t_k) = P_0 + integral of Q` holds at every sample with one unknown P_0, which is eliminated by
+    taking the stretch's mean off. That is generalised least squares on the differences of eq. 30, whose noise in neighbouring
+    intervals has correlation -1/2; two samples a stretch are eq. 31, all consecutive intervals.
+
+    Left out are intervals in which a rubbing axis that matters to the equation stands still or turns round (friction
+    is below its Coulomb level then), those in which any axis turns round without resting, speeds that stay below three
+    times their noise throughout a log (taken as zero), and gaps of more than five samples; shorter gaps are bridged by
+    interpolation.
+
+    The equations are exact where they are linear in the parameters and else linearised about the robot's numbers.
+    Raises `LogError` for logs without the robot's speeds.
+    """
+    if window is not None and window < 2:
+        raise ValueError(f"A window of {window} sample(s) has no interval; use two or more.")
+    names = measured_speeds(robot)
+    free, numbers = robot.parameters.free_names, robot.parameters.numbers
+    rows = gather(robot, logs, names)
+    remembered = memory(rows)
+    window = remembered if window is None else window
+    theta = np.array([numbers[name] for name in free], dtype=float)
+    P, dP, impulse, dimpulse, rubbing, shares = evaluate(robot, rows, names, form, theta)
+
+    balance = P - np.concatenate([np.zeros_like(impulse[:1]), np.cumsum(impulse, axis=0)[:-1]])
+    slope = dP - np.concatenate([np.zeros_like(dimpulse[:1]), np.cumsum(dimpulse, axis=0)[:-1]])
+    still, matters = still_at(rubbing, rows.log), axes_that_matter(shares)
+    complete = np.asarray(np.all(rows.seen, axis=1))
+    crossing = np.append(rubbing[:-1] * rubbing[1:] < 0, np.zeros((1, rubbing.shape[1]), bool), axis=0)
+    # A speed bends sharply where its own friction turns, which no interpolation between samples follows; it enters the
+    # other speeds' equations, too.
+    resting = still | np.append(still[1:], still[-1:], axis=0)
+    turning = np.any((crossing & ~resting)[:, matters.any(axis=0)], axis=1)
+
+    parts, count, dropped = [], 0, []
+    for i in range(len(names)):
+        stuck = np.any(still[:, matters[i]], axis=1)
+        # Between two samples of opposite sign the axis may have stood still for a while, too.
+        stuck = stuck | np.append(stuck[1:], False) | np.any(crossing[:, matters[i]], axis=1) | turning
+        whole = rows.whole & ~stuck
+        dropped.append(1.0 - whole.sum() / max(np.sum(rows.dt > 0), 1))
+        sample, stretch = _stretches(whole, rows.log, window)
+        sizes = np.bincount(stretch, weights=complete[sample])
+        used = complete[sample] & rows.moved[sample, i] & (sizes[stretch] >= 2)
+        sample, stretch = sample[used], np.unique(stretch[used], return_inverse=True)[1]
+        sizes = np.maximum(np.bincount(stretch), 1)
+        both = np.concatenate([slope[sample, i], balance[sample, i, None]], axis=1)
+        for column in both.T:
+            column -= (np.bincount(stretch, weights=column) / sizes)[stretch]
+        own = np.full(len(stretch), i)
+        parts.append((both[:, :-1], both[:, :-1] @ theta - both[:, -1], own, stretch + count, sample))
+        count += len(sizes)
+    F, y, equation, stretch, sample = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return WindowEquations(
+        regressors=F,
+        targets=y,
+        equation=equation,
+        stretch=stretch,
+        sample=sample,
+        log=rows.log[sample],
+        time=rows.time[sample],
+        logs=rows.log,
+        names=free,
+        speeds=names,
+        form=form,
+        window=window,
+        memory=remembered,
+        dropped=float(np.mean(dropped)),
+    )
