@@ -1,7 +1,8 @@
 """Comparisons, explanations, tables and figures."""
 
 from ..explanation.explanation import show_with
-from .comparison import Comparison, compare
+from .comparing import compare
+from .comparison import Comparison
 from .explanation_page import Page
 
 show_with(Page())

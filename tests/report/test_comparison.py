@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import jaxid
 from jaxid.estimate.result import NORMAL_95, Estimate, Fit
 from jaxid.report import tables
-from jaxid.report.comparison import compare
+from jaxid.report.comparing import compare
 
 DEMO = Path(__file__).parents[2] / "jaxid/demo_logs/pioneer"
 TRUTH = tomllib.loads((DEMO / "truth.toml").read_text())

@@ -1,0 +1,129 @@
+"""Comparing fits: each simulates the same held-out logs, whose noise is the yardstick of all."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .._float64 import in_float64
+from ..estimate.confidence.validation import validate
+from ..estimate.output_error.estimated_start import estimated_start
+from ..estimate.output_error.windows import followed
+from ..estimate.prediction_error.predict import predict
+from ..estimate.result import Fit
+from ..logs import Log, LogError, LogSet, noise_scale
+from ..simulation.simulate import simulate
+from ..simulation.start import initial_states
+from . import tables as tab
+from .comparison import Comparison
+
+HORIZONS = (1, 10)
+"""Samples ahead that a model with process noise predicts, beside its free simulation."""
+
+
+def _labels(fits: Sequence[Fit]) -> tuple[str, ...]:
+    """A label for each fit: its method, numbered where several used the same."""
+    methods = [fit.method for fit in fits]
+    seen: dict[str, int] = {}
+    labels = []
+    for method in methods:
+        seen[method] = seen.get(method, 0) + 1
+        labels.append(f"{method} {seen[method]}" if methods.count(method) > 1 else method)
+    return tuple(labels)
+
+
+def _fitted_start(fit: Fit, logs: LogSet) -> dict[str, np.ndarray] | None:
+    """The initial states that the fit estimated for these logs, where it did so for all of them."""
+    if not all(set(fit.robot.states) <= set(fit.initial_states.get(log.name, {})) for log in logs):
+        return None
+    return {name: np.array([fit.initial_states[log.name][name] for log in logs]) for name in fit.robot.states}
+
+
+def _published(fits: Sequence[Fit]) -> dict[str, float]:
+    """Defaults of the robots' tables that come from a publication."""
+    tables = [fit.robot.defaults() for fit in reversed(fits)]
+    return {n: p.value for table in tables for n, p in table.items() if p.source.startswith(("Table", "section"))}
+
+
+def _same_data(one: Log, other: Log) -> bool:
+    return one.outputs.shape == other.outputs.shape and np.array_equal(one.outputs, other.outputs, equal_nan=True)
+
+
+def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[str, ...]:
+    notes = []
+    for label, found in fits.items():
+        if not (found.converged or found.failed):
+            notes.append(f"{tab.title_of(label)}: {found.reason}.")
+        notes += [f"{tab.title_of(label)}: {note}" for note in found.notes]
+    robot = next(iter(fits.values())).robot
+    windows = [found.window for found in fits.values() if found.window is not None]
+    if windows:
+        notes.append(
+            f"Every model predicts in windows of {min(windows):.3g} s, each from the initial state that suits it best: a "
+            "free simulation of these logs says nothing."
+        )
+    for log, moving in zip(check, initial_states(robot, check).uncertain, strict=True):
+        if moving and not windows:
+            notes.append(f"{log.name} starts in motion: every model starts from the initial state that suits it best.")
+    for log in check:
+        used = [other.name for other in fit or () if _same_data(log, other)]
+        if used:
+            notes.append(f"{log.name} was also fitted (as {used[0]}): it says nothing about unseen motion.")
+    return tuple(notes)
+
+
+@in_float64
+def compare(
+    *fits: Fit, check: LogSet | Log, fit: LogSet | None = None, truth: Mapping[str, float] | None = None
+) -> Comparison:
+    """Compare estimates on logs that none of them has seen.
+
+    **Arguments:**
+
+    - `fits`: what the estimators returned, of one robot or of variants with the same channels.
+    - `check`: the held-out logs. Every model simulates them from known initial states (at rest, or as the log says; those
+      of a log that starts in motion are estimated), with nothing measured fed back; the noise that residuals are
+      measured in comes from these logs alone. Models with process noise predict them some samples ahead, too.
+    - `fit`: the logs that were fitted, to show both sides.
+    - `truth`: true values by symbol, where they are known; else published values stand beside the estimates.
+
+    Raises `ValueError` without a fit and `LogError` if the logs' channels are not the robot's.
+    """
+    if not fits:
+        raise ValueError("There is nothing to compare; give at least one fit, as in compare(fit, check=logs).")
+    check = LogSet([check]) if isinstance(check, Log) else check
+    named = dict(zip(_labels(fits), fits, strict=True))
+    for label, found in named.items():
+        for logs in (check, fit):
+            if logs is not None and logs.channels != found.robot.channels:
+                raise LogError(
+                    f"{logs[0].name} has the channels {list(logs.channels)} and the robot of {label} has "
+                    f"{list(found.robot.channels)}; compare with logs of that robot."
+                )
+    noise = noise_scale(check)
+    windows = [f.window for f in fits if f.window is not None]
+    validations, fitted = {}, {}
+    for label, f in named.items():
+        if windows:
+            seen = followed(f.robot, check, min(windows), noise)
+        else:
+            seen = simulate(f.robot, check, start=estimated_start(f.robot, check, noise))
+        validations[label] = validate(check, seen, noise)
+    ahead = {
+        label: {k: validate(check, predict(f, check, k), noise) for k in HORIZONS}
+        for label, f in named.items()
+        if f.disturbance is not None
+    }
+    if fit is not None:
+        level = noise_scale(fit)
+        for label, f in named.items():
+            if windows:
+                seen = followed(f.robot, fit, min(windows), level)
+            else:
+                seen = simulate(f.robot, fit, start=_fitted_start(f, fit))
+            fitted[label] = validate(fit, seen, level)
+    references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)
+    for found in reversed(fits):
+        for name, (function, _, _) in found.robot.combinations.items():
+            references.setdefault(name, float(function({**found.robot.defaults().numbers, **references})))
+    kind = "true" if truth is not None else "published"
+    return Comparison(named, check, noise, validations, fitted, kind, references, _notes(named, check, fit), ahead)
