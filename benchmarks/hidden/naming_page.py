@@ -284,7 +284,7 @@ in the files are all that were run, none is left out{"" if not broken else f", {
 
 `aside` was not run in one go, and the workflow changed in between. Made for cases of `main`: a delayed sensor follows parabolas
 between samples, and delays of input and sensor are one declared set where they differ by less than interpolation does (the
-cases of `aside` with delays were run again). After 43 of its cases: chi-squared of models told their wheels' angles is counted
+cases of `aside` with delays were run again). After 43 of its cases: chi-squared with prescribed wheels' angles is counted
 over the samples of the others; and for speed, once a model is at the noise floor, rivals that promised less than half of what
 its effect did are not refitted any more, but for one (the trials stored of `main` and of these 43 were searched for a name that
 this would have changed). After about 100: a robot at rest whose sensor has a bias is no longer taken to move (the cases with
@@ -298,8 +298,8 @@ logs of neither set. What is not said to have been run again stands as it ran.
 A case counts as named if the verdict is `named` or `ambiguous`, every hidden effect is named exactly or in a declared
 set, and nothing else is. Single and outside effects count where they show (held-out RMS above 1.1; {hidden_well}
 did not: what the baseline absorbs cannot be found). Intervals are Wilson's, 95 %.
-Parameter coverage and the gap closed are of the cases named right. A model with a torque ripple is told its wheels' angles,
-smoothed from the measured speeds, where a free simulation loses its way (`jaxid/explanation/told_angles.py`): which notch a
+Parameter coverage and the gap closed are of the cases named right. With a torque ripple the wheels' angles are prescribed,
+smoothed from the measured speeds, where a free simulation loses its way (`jaxid/explanation/smoothed_angles.py`): which notch a
 wheel comes to rest in hangs on less than the noise.
 {times()}
 ![Confusion matrix](naming/confusion.png)

@@ -24,7 +24,7 @@ import pandas as pd
 from jaxid import Channels, Effect, Log, LogSet, Parameter
 from jaxid.parameters import ParameterTable
 from jaxid.robots.effect import Levels, Numbers, State
-from jaxid.robots.effect import Path as Side
+from jaxid.robots.effect import Scalars as Side
 from jaxid.robots.robot import Robot, parameter
 
 from . import table

@@ -13,7 +13,7 @@ import jaxid
 from jaxid._float64 import in_float64
 from jaxid.logs import LogSet
 from jaxid.parameters import Parameter
-from jaxid.robots.effect import Effect, Levels, Numbers, Path, State
+from jaxid.robots.effect import Effect, Levels, Numbers, Scalars, State
 from jaxid.robots.robot import Robot
 from jaxid.simulation.rollout import Integrator, step
 
@@ -38,7 +38,7 @@ class Added(Effect):
             for k in range(len(library(robot)))
         }
 
-    def rates(self, state: State, currents: Path, p: Numbers, robot: Robot) -> State:
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         return {"clock": 1.0 + 0.0 * state["clock"]}
 
 
@@ -70,7 +70,7 @@ class _WithTerms:
         pairs = zip(levels, added, strict=True)
         return tuple((jnp.maximum(b + more, 0.0), jnp.maximum(f + more, 0.0)) for (b, f), more in pairs)
 
-    def rates(self: Any, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+    def rates(self: Any, state: State, inputs: Scalars, dry: Scalars, p: Numbers) -> State:
         rates = super().rates(state, inputs, dry, p)  # type: ignore[misc]
         terms = TERMS[self.name](state, inputs, p).values()
         values = jnp.stack([jnp.asarray(term.value, float) for term in terms])

@@ -90,11 +90,11 @@ def path(robot: Robot, outputs: Array, interval: float) -> Array | None:
     """
     columns = {name: outputs[..., j] for j, name in enumerate(robot.channels.measured)}
     if not set(robot.velocities) <= set(columns):
-        told = readout(robot)
-        if told is None:
+        sensors = readout(robot)
+        if sensors is None:
             return None
-        seen = np.stack([columns[name] for name in told[0]], axis=-1)
-        columns |= dict(zip(robot.velocities, np.moveaxis(seen @ told[1].T, -1, 0), strict=True))
+        seen = np.stack([columns[name] for name in sensors[0]], axis=-1)
+        columns |= dict(zip(robot.velocities, np.moveaxis(seen @ sensors[1].T, -1, 0), strict=True))
     _, found = reckoned(robot, columns, np.full(outputs.shape[-2] - 1, interval))
     if found is None or found.shape[-1] == 2:
         return found

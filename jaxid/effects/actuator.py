@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from ..parameters import Parameter
-from ..robots.effect import Effect, Numbers, Path, State
+from ..robots.effect import Effect, Numbers, Scalars, State
 from ..robots.robot import Robot
 from .effect_parameters import positive, signed
 
@@ -76,7 +76,7 @@ class BatterySag(Effect):
         winding = robot.parameters[robot.winding]
         return positive(self, "resistance", winding.unit, 0.15 * winding.value)
 
-    def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         voltage = robot.supply_voltage
         nominal: Any = p[voltage] if isinstance(voltage, str) else voltage
         r, winding, above, below = p[self.key("resistance")], p[robot.winding], nominal, 1.0
@@ -183,7 +183,7 @@ class MotorHeating(Effect):
         energy = scales.input**2 / winding * scales.duration
         return positive(self, "coefficient", "1/J", 0.3 / energy)
 
-    def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         # A resistance higher by a factor f passes the current of a voltage lowered to emf + (u - emf) / f.
         lowered, winding = list(volts), p[robot.winding]
         for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
@@ -191,7 +191,7 @@ class MotorHeating(Effect):
             lowered[k] = volts[k] - winding * currents[k] * (1.0 - 1.0 / factor)
         return tuple(lowered)
 
-    def rates(self, state: State, currents: Path, p: Numbers, robot: Robot) -> State:
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         rates: State = {}
         for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
             rates[name] = p[robot.winding] * (1.0 + p[self.key("coefficient")] * state[name]) * currents[k] ** 2

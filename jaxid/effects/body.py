@@ -6,7 +6,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..parameters import Parameter
-from ..robots.effect import Effect, Numbers, Path, State
+from ..robots.effect import Effect, Numbers, Scalars, State
 from ..robots.robot import Robot
 from .effect_parameters import signed
 
@@ -27,7 +27,7 @@ class GroundSlope(Effect):
         typical = 0.03 * robot.scales.acceleration / GRAVITY
         return signed(self, "slope_x", "rad", typical) | signed(self, "slope_y", "rad", typical)
 
-    def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         field = (GRAVITY * p[self.key("slope_x")], GRAVITY * p[self.key("slope_y")])
         added = robot.field_force(field, state, p)
         return tuple(f + extra for f, extra in zip(forces, added, strict=True))
@@ -46,7 +46,7 @@ class QuadraticDrag(Effect):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return signed(self, "coefficient", drag_unit(robot), 0.025 * robot.scales.force / robot.scales.speed**2)
 
-    def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         linear = robot.translations
         if len(linear) == 1:
             speed = jnp.abs(state[linear[0]])

@@ -6,7 +6,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..parameters import Parameter
-from ..robots.effect import Effect, Levels, Numbers, Path, State
+from ..robots.effect import Effect, Levels, Numbers, Scalars, State
 from ..robots.robot import Robot
 from ..robots.trigonometry import sincos
 from .effect_parameters import positive, shape, signed
@@ -34,7 +34,7 @@ class StribeckFriction(_OnDriveAxes):
             self, "speed", robot.rim_unit, 0.05 * robot.scales.speed
         )
 
-    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: Robot) -> Levels:
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
         first = levers[robot.drive_axes[0]]
         for axis in robot.drive_axes:
@@ -57,7 +57,7 @@ class AsymmetricFriction(_OnDriveAxes):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return signed(self, "asymmetry", "", 0.1)
 
-    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: Robot) -> Levels:
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         a, changed = p[self.key("asymmetry")], list(levels)
         for axis in robot.drive_axes:
             backward, forward = levels[axis]
@@ -76,7 +76,7 @@ class AsymmetricViscousFriction(_OnDriveAxes):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return signed(self, "asymmetry", "", 0.1)
 
-    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         changed = list(resistance)
         for axis in robot.drive_axes:
             changed[axis] = resistance[axis] * (1.0 + p[self.key("asymmetry")] * jnp.sign(speeds[axis]))
@@ -98,7 +98,7 @@ class SublinearViscousFriction(_OnDriveAxes):
         reference = shape(self, "reference", robot.rim_unit, 0.5 * robot.scales.speed, free=False)
         return signed(self, "deficit", "", 0.1) | reference
 
-    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         rims, changed = robot.rim_speeds(speeds, p), list(resistance)
         for axis in robot.drive_axes:
             # Half the logarithm of s², kept finite at standstill where the friction itself vanishes.
@@ -124,7 +124,7 @@ class CoggingTorque(_OnDriveAxes):
             found |= signed(self, f"sine_{angle}", unit, typical) | signed(self, f"cosine_{angle}", unit, typical)
         return found | shape(self, "periods", f"1/{robot.angle_unit}", 6.0 / robot.scales.angle)
 
-    def torque(self, torques: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         rippled = []
         for torque, angle in zip(torques, robot.angles, strict=True):
             sine, cosine = sincos(p[self.key("periods")] * state[angle])

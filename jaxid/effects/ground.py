@@ -6,7 +6,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..parameters import Parameter
-from ..robots.effect import Effect, Levels, Numbers, Path, State
+from ..robots.effect import Effect, Levels, Numbers, Scalars, State
 from ..robots.robot import Robot
 from ..robots.trigonometry import sincos
 from .body import Mechanism
@@ -33,7 +33,7 @@ class TractionLimit(Effect):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "inverse_limit", f"1/{robot.ground_force_unit}", 1.1 / robot.scales.force)
 
-    def torque(self, torques: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         forces = robot.drive_forces(torques, p)
         inverse = p[self.key("inverse_limit")]
         return tuple(t / jnp.maximum(1.0, jnp.abs(f) * inverse) for t, f in zip(torques, forces, strict=True))
@@ -77,13 +77,13 @@ class SurfaceChange(Effect):
         distance = state["x"] * cosine + state["y"] * sine - p[self.key("offset")]
         return 0.5 * (1.0 + jnp.tanh(distance / (self.edge * p[self.key("width")])))
 
-    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: Robot) -> Levels:
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         factor, changed = 1.0 + p[self.key("coulomb")] * self._beyond(state, p), list(levels)
         for axis in robot.drive_axes:
             changed[axis] = (levels[axis][0] * factor, levels[axis][1] * factor)
         return tuple(changed)
 
-    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         factor, changed = 1.0 + p[self.key("viscous")] * self._beyond(state, p), list(resistance)
         for axis in robot.drive_axes:
             changed[axis] = resistance[axis] * factor

@@ -12,10 +12,10 @@ from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
-from .fit_told import predicted
 from .heldout import HeldOut
 from .localise import localise, without_place
 from .next_experiment import NextExperiment, propose
+from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, differ, search
 

@@ -114,7 +114,7 @@ class Explanation:
     `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
     is; `next_experiment` what to record to settle what this data leaves open; `doubts` why names that were found are no
     answer; `notes` what else to know. `check` are the held-out logs. Where `after`
-    is that of a model told its wheels' angles (`told_angles.py`), `after.simulated_freely` is the state without. In a
+    is that with prescribed wheels' angles (`smoothed_angles.py`), `after.simulated_freely` is the state without. In a
     notebook it shows itself.
     """
 
@@ -165,7 +165,7 @@ class Explanation:
         freely = self.after.simulated_freely
         if freely is not None:
             closed += (
-                f" when the model is told its wheels' angles (simulated freely {freely.normalised_rms:.2f}: "
+                f" when the wheels' angles are prescribed from measurements (simulated freely {freely.normalised_rms:.2f}: "
                 "which notch a wheel comes to rest in hangs on less than the noise)"
             )
         if self.verdict == "ambiguous":

@@ -14,7 +14,7 @@ from ..logs import LogSet, noise_scale
 from ..logs.noise import usual_size
 from ..robots.robot import Robot
 from ..simulation.simulate import simulate
-from .told_angles import Angles
+from .smoothed_angles import Angles
 
 FALSE_ALARM = 0.005
 """How often a residual that is nothing but white noise is taken for a gap."""
@@ -34,7 +34,7 @@ class HeldOut:
 
     `normalised_rms` is 1 at the noise floor; `residuals` per log [T, channels] in units of the noise (NaN where nothing
     was measured); `p_white` the probability of autocorrelations and offsets this large if only noise were left.
-    Of a model that was told its wheels' angles (see `told_angles.py`), `simulated_freely` is the state without.
+    Where the wheels' angles were prescribed (see `smoothed_angles.py`), `simulated_freely` is the state without.
     `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
     """
 
@@ -89,8 +89,8 @@ def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
 def held_out(
     robot: Robot, logs: LogSet, noise: Mapping[str, float] | None = None, angles: Angles | None = None
 ) -> HeldOut:
-    """Simulate `logs` with `robot`, told its wheels' `angles` if given, and compare. Nothing measured is fed back; only
-    where a log starts in motion, its initial state is estimated from it.
+    """Simulate `logs` with `robot`, its wheels' `angles` prescribed if given, and compare. Nothing else measured is fed
+    back; only where a log starts in motion, its initial state is estimated from it.
 
     `noise` defaults to what the logs' own data say.
     """
@@ -99,7 +99,7 @@ def held_out(
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
     residuals = []
     start = estimated_start(robot, logs, noise, angles)
-    every = simulate(robot, logs, start=start, driven=angles)
+    every = simulate(robot, logs, start=start, prescribed=angles)
     for log, simulated in zip(logs, every, strict=True):
         errors = errors_of(log, np.nan_to_num(simulated, nan=np.inf, posinf=np.inf, neginf=-np.inf))
         scaled = np.full((len(log), len(channels)), np.nan)

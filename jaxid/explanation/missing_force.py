@@ -20,7 +20,7 @@ from .._compile import compiled
 from .._float64 import in_float64
 from ..estimate.output_error.window_start import states_at
 from ..logs import LogSet, noise_scale
-from ..robots.effect import Effect, Numbers, Path, State
+from ..robots.effect import Effect, Numbers, Scalars, State
 from ..robots.robot import Robot
 from ..robots.scales import Scales
 from ..simulation.rollout import Integrator, rollout
@@ -67,10 +67,10 @@ class MissingForce(Effect):
     def states_on(self, robot: Robot) -> tuple[str, ...]:
         return tuple(PREFIX + name for name in self.velocities)
 
-    def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         return tuple(f + state[name] for f, name in zip(forces, self.states_on(robot), strict=True))
 
-    def rates(self, state: State, currents: Path, p: Numbers, robot: Robot) -> State:
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         return {name: 0.0 * state[name] for name in self.states_on(robot)}
 
 

@@ -16,10 +16,19 @@ from ..estimate.output_error.solvers import compile_ahead, minimise_compiled
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.robot import Robot
-from ..simulation.driven import driven_angles
-from .fit_told import TOLD_STEPS, by_name, chi_squared, fitted_told, followed_up, predicted, states_from, told
+from ..simulation.integrated_angles import integrated_angles
 from .heldout import HeldOut
-from .told_angles import Angles
+from .prescribed_angles import (
+    PRESCRIBED_STEPS,
+    by_name,
+    chi_squared,
+    fit_with_prescribed_angles,
+    followed_up,
+    predicted,
+    states_from,
+    with_prescribed_angles,
+)
+from .smoothed_angles import Angles
 
 _STEPS = 25
 _WEAKER = (1.0, 0.1, 0.01)
@@ -32,7 +41,7 @@ FEW_STEPS = 8
 @dataclass(frozen=True)
 class Trial:
     """A model refitted with its effects. `id` is the effect that the trial is about, `squares` chi-squared on the logs
-    it was fitted to. `angles` are those of the wheels in these logs, if the model has to be told them."""
+    it was fitted to. `angles` are those of the wheels in these logs, if they have to be prescribed."""
 
     id: str
     robot: Robot
@@ -58,8 +67,8 @@ def compile_refits(robots: Sequence[Robot], logs: LogSet, angles: Angles | None 
     tasks = []
     for robot in robots:
         structure, problem, unknowns = build(robot, logs, start={})
-        shown = angles or (driven_angles(robot, logs) if robot.effects[-1].repeats else {})
-        tasks += [(structure, told(problem, logs, shown), unknowns)] if shown else []
+        shown = angles or (integrated_angles(robot, logs) if robot.effects[-1].repeats else {})
+        tasks += [(structure, with_prescribed_angles(problem, logs, shown), unknowns)] if shown else []
         tasks += [] if angles else [(structure, problem, unknowns)]
     compile_ahead(tasks)
 
@@ -79,20 +88,20 @@ def refit(
     """Fit `robot` (with its effects) to `logs` from each of `starts`, and predict `check` with the best.
 
     `initial_states` are those of the model without the effect, where they had to be estimated. `angles` are the wheels'
-    angles of a model that has to be told them. Where only the effect added last repeats with the wheels, it is first fitted
-    told the angles, then simulated freely; if that does not come near, it stays told. `rival` is the lowest chi-squared of
-    other candidates: such an effect that does not come below it even when told is not followed up.
+    angles of a model for which they have to be prescribed. Where only the effect added last repeats with the wheels, it is
+    first fitted with prescribed angles, then simulated freely; if that does not come near, they stay prescribed. `rival` is
+    the lowest chi-squared of other candidates: such an effect that does not come below it even so is not followed up.
     """
     sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
     known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     structure, free, _ = build(robot, logs, start={**known, **starts[0]})
     free = replace(free, sigma=jnp.where(jnp.isfinite(sigma), sigma, free.sigma))
     repeats = len(starts) > 1 and robot.effects[-1].repeats
-    angles = dict(driven_angles(robot, logs)) if repeats else dict(angles or {})
-    problem = told(free, logs, angles) if angles else free
+    angles = dict(integrated_angles(robot, logs)) if repeats else dict(angles or {})
+    problem = with_prescribed_angles(free, logs, angles) if angles else free
     states = states_from(initial_states, logs, structure, problem)
     own = [name for name in structure.names if robot.effects and name.startswith(f"{robot.effects[-1].id}.")]
-    first_steps = max_steps if len(starts) == 1 else TOLD_STEPS if repeats and angles else _FIRST_STEPS
+    first_steps = max_steps if len(starts) == 1 else PRESCRIBED_STEPS if repeats and angles else _FIRST_STEPS
     tried: list[Optimum] = []
     for start in starts:
         for weaker in _WEAKER if len(starts) > 1 else (1.0,):
@@ -116,7 +125,7 @@ def refit(
         free=len(structure.names),
         check=predicted(found, check, noise),
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
-        angles=problem.driven or None,
+        angles=problem.prescribed or None,
     )
 
 
@@ -132,5 +141,5 @@ def in_full(trial: Trial, logs: LogSet, noise: Mapping[str, float]) -> Fit:
     robot = replace(trial.robot, effects=tuple(effect.sharp for effect in trial.robot.effects))
     start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     if trial.angles:
-        return fitted_told(robot, logs, noise, start, trial.initial_states)
+        return fit_with_prescribed_angles(robot, logs, noise, start, trial.initial_states)
     return output_error(robot, logs, start=start, windows=None, max_steps=60)

@@ -20,13 +20,13 @@ from .._float64 import in_float64
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
-from ..simulation.driven import driven_angles
+from ..simulation.integrated_angles import integrated_angles
 from ..simulation.rollout import Integrator, rollout
 from ..simulation.simulate import integrator_for
 from ..simulation.start import initial_states
 from .probes import Group, groups, lanes
 from .ripple_periods import Periods, ripple_periods
-from .told_angles import Angles
+from .smoothed_angles import Angles
 
 _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
@@ -59,18 +59,18 @@ class Candidate:
 
 
 @partial(compiled, static_argnames=("robot", "integrator"))
-def _lanes(robot: Robot, integrator: Integrator, numbers, changes, start, inputs, dt, driven):
+def _lanes(robot: Robot, integrator: Integrator, numbers, changes, start, inputs, dt, prescribed):
     """Simulated outputs [P, E, T, ny] for parameters `numbers` with `changes` ([P] by name) put in."""
 
     def one(change):
         p = {**numbers, **change}
-        return jax.vmap(lambda s, u, d, k: rollout(robot, p, s, u, d, integrator, k))(start, inputs, dt, driven)
+        return jax.vmap(lambda s, u, d, k: rollout(robot, p, s, u, d, integrator, k))(start, inputs, dt, prescribed)
 
     return jax.lax.map(one, changes, batch_size=16)
 
 
 def _simulate(
-    robot: Robot, integrator: Integrator, logs: LogSet, changes: Sequence[Mapping[str, float]], states, driven
+    robot: Robot, integrator: Integrator, logs: LogSet, changes: Sequence[Mapping[str, float]], states, prescribed
 ) -> NDArray[np.float64]:
     """Whitening left aside: simulated outputs [P, samples x channels] at the logs' measured places."""
     batch = logs.batch()
@@ -79,7 +79,7 @@ def _simulate(
     padded = list(changes) + [{}] * (-len(changes) % 16)
     columns = {name: jnp.array([change.get(name, base[name]) for change in padded]) for name in names}
     numbers = {name: jnp.asarray(value, float) for name, value in base.items()}
-    outputs = _lanes(robot.structure, integrator, numbers, columns, states, batch.inputs, batch.dt, driven)
+    outputs = _lanes(robot.structure, integrator, numbers, columns, states, batch.inputs, batch.dt, prescribed)
     return np.asarray(outputs)[: len(changes)]
 
 
@@ -94,7 +94,7 @@ def screen(
 ) -> list[Candidate]:
     """Score `effects` on a fitted `robot` that lacks them, best first.
 
-    `known_states` are estimated initial states, `angles` those of the wheels if the model has to be told them.
+    `known_states` are estimated initial states, `angles` those of the wheels if they have to be prescribed.
     """
     own = list(robot.parameters.free_names)
     full = robot
@@ -113,9 +113,9 @@ def screen(
         for name, value in known_states.get(log.name, {}).items():
             states[name][e] = value
     states = {name: jnp.asarray(value) for name, value in states.items()}
-    driven = dict(angles or driven_angles(full, logs))
-    outputs = _simulate(full, integrator_for(robot, logs), logs, [{}, *secants, *changes], states, driven)
-    weights, measured = _weights(robot, logs, {name: level for name, level in noise.items() if name not in driven})
+    prescribed = dict(angles or integrated_angles(full, logs))
+    outputs = _simulate(full, integrator_for(robot, logs), logs, [{}, *secants, *changes], states, prescribed)
+    weights, measured = _weights(robot, logs, {name: level for name, level in noise.items() if name not in prescribed})
     residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()
     moved = ((outputs[1:] - outputs[0]) * weights).reshape(len(secants) + len(changes), -1)
     moved = np.where(np.all(np.isfinite(moved), axis=1, keepdims=True), moved, 0.0)

@@ -111,10 +111,10 @@ def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
 def _different(likely: Sequence[Candidate]) -> list[Candidate]:
     """The most promising candidates, one of each that explain alike.
 
-    Those that are told the wheels' angles promise more than the others can; they come on top and displace none.
+    Those with prescribed wheels' angles promise more than the others can; they come on top and displace none.
     """
-    told = [candidate for candidate in likely if candidate.effect.repeats]
-    others = [candidate for candidate in likely if candidate not in told]
+    prescribed = [candidate for candidate in likely if candidate.effect.repeats]
+    others = [candidate for candidate in likely if candidate not in prescribed]
     chosen: list[Candidate] = []
     for candidate in others:
         enough = len(chosen) >= _ALWAYS and candidate.gain < _PROMISING * others[0].gain
@@ -122,7 +122,7 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
             break
         if not any(candidate.like(other) for other in chosen):
             chosen.append(candidate)
-    return chosen + [candidate for candidate in told if candidate.gain >= _PROMISING * likely[0].gain]
+    return chosen + [candidate for candidate in prescribed if candidate.gain >= _PROMISING * likely[0].gain]
 
 
 def _all_added(

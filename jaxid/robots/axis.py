@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from ..logs import AXIS, Channels
 from ..parameters import ParameterTable
-from .effect import Levels, Numbers, Path, State
+from .effect import Levels, Numbers, Scalars, State
 from .robot import Robot, parameter
 
 
@@ -52,35 +52,37 @@ class Axis(Robot):
     def own_states(self) -> tuple[str, ...]:
         return ("q", "v")
 
-    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+    def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return (volts[0] - p["back_emf"] * state["v"],)
 
-    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+    def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return (p["gain"] * currents[0],)
 
-    def rubbing(self, state: State, p: Numbers) -> Path:
+    def rubbing(self, state: State, p: Numbers) -> Scalars:
         return (state["v"],)
 
     def own_coulomb(self, state: State, p: Numbers) -> Levels:
         return ((p["Fc"], p["Fc"]),)
 
-    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+    def own_viscous(self, speeds: Scalars, state: State, p: Numbers) -> Scalars:
         return (p["Fv"] * speeds[0],)
 
-    def own_forces(self, state: State, p: Numbers) -> Path:
+    def own_forces(self, state: State, p: Numbers) -> Scalars:
         return (-p["offset"],)
 
-    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+    def motion(
+        self, state: State, volts: Scalars, torques: Scalars, resisting: Scalars, forces: Scalars, p: Numbers
+    ) -> State:
         return {"q": state["v"], "v": (torques[0] + forces[0] - resisting[0]) / p["M"]}
 
-    def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
+    def compliance(self, state: State, p: Numbers) -> tuple[Scalars, ...]:
         return ((1.0 / p["M"],),)
 
-    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
         return (rates["v"],)
 
-    def rim_levers(self, p: Numbers) -> Path:
+    def rim_levers(self, p: Numbers) -> Scalars:
         return (1.0,)
 
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         return state["v"], state["q"]

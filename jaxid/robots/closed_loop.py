@@ -16,7 +16,7 @@ import numpy as np
 
 from ..logs import Channels, Log, LogError, LogSet
 from ..parameters import Parameter, ParameterError, ParameterTable
-from .effect import Effect, Levels, Numbers, Path, Scalar, State
+from .effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot
 from .signal_path import overrides
 
@@ -123,7 +123,7 @@ class ClosedLoop(Robot):
         added = dict.fromkeys(self._added, 0.0) | {name: float(v) for name, v in self.controller.start.items()}
         return self.plant.initial_state() | added | {_LAST: -1.0}
 
-    def _acting(self, state: State, inputs: Path, p: Numbers) -> tuple[Path, State]:
+    def _acting(self, state: State, inputs: Scalars, p: Numbers) -> tuple[Scalars, State]:
         """Commands that act, and the controller's states after them."""
         names = self.plant.channels.inputs
         given = dict(zip(self.channels.inputs, inputs, strict=True))
@@ -138,36 +138,36 @@ class ClosedLoop(Robot):
         held = {_held(name): u for name, u in zip(names, acting, strict=True)}
         return acting, {**kept, **held, _LAST: jnp.where(fresh, given[SAMPLE], state[_LAST])}
 
-    def effective_inputs(self, state: State, inputs: Path, h: Scalar, p: Numbers) -> Path:
+    def effective_inputs(self, state: State, inputs: Scalars, h: Scalar, p: Numbers) -> Scalars:
         return _Commands(self.plant.effective_inputs(state, self._acting(state, inputs, p)[0], h, p))
 
-    def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+    def rates(self, state: State, inputs: Scalars, dry: Scalars, p: Numbers) -> State:
         if not isinstance(inputs, _Commands):
             raise ParameterError(
                 f"{self.name} has equations of motion at its commands only; linear methods take the plant and its logs"
             )
         return dict(self.plant.rates(state, tuple(inputs), dry, p)) | dict.fromkeys(self._added, 0.0)
 
-    def settle(self, before: State, after: State, inputs: Path, h: Scalar, p: Numbers) -> State:
+    def settle(self, before: State, after: State, inputs: Scalars, h: Scalar, p: Numbers) -> State:
         acting, own = self._acting(before, inputs, p)
         return {**self.plant.settle(before, after, acting, h, p), **own}
 
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         acting, _ = self._acting(state, inputs, p)
         seen, own = self.plant.observe(state, acting, p), self.plant.channels
         commands = acting if self.controller.fitted else ()
         return (*seen[: len(own.outputs)], *commands, *seen[len(own.outputs) :])
 
-    def rubbing(self, state: State, p: Numbers) -> Path:
+    def rubbing(self, state: State, p: Numbers) -> Scalars:
         return self.plant.rubbing(state, p)
 
     def coulomb(self, state: State, p: Numbers) -> Levels:
         return self.plant.coulomb(state, p)
 
-    def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
+    def compliance(self, state: State, p: Numbers) -> tuple[Scalars, ...]:
         return self.plant.compliance(state, p)
 
-    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
         return self.plant.rubbing_rates(state, rates, p)
 
     def __add__(self, effect: Effect) -> Self:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..logs import Channels
 from ..parameters import Parameter, ParameterError, ParameterTable
-from .effect import Levels, Numbers, Path, Scalar, State
+from .effect import Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot
 from .signal_path import overrides
 from .trigonometry import sincos
@@ -274,23 +274,23 @@ class Custom(Robot):
     def _acts(self, stage: str) -> bool:
         return any(overrides(type(effect), stage) for effect in self.effects)
 
-    def _inputs(self, volts: Path) -> State:
+    def _inputs(self, volts: Scalars) -> State:
         return dict(zip(self.own_channels.inputs, volts, strict=True))
 
     def _own(self, state: State) -> State:
         return {name: state[name] for name in self.state_names}
 
-    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+    def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         if self.motor_currents is None:
             return volts
         found = self.motor_currents(self._own(state), self._inputs(volts), p)
         return tuple(found.get(name, 0.0) for name in self.own_channels.inputs)
 
-    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+    def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
         """The drive torques as the user gives them; what effects change of them is all that `motion` uses."""
         return self.drive_torques(volts, state, p) if self._acts("torque") else ()
 
-    def drive_torques(self, inputs: Path, state: State, p: Numbers) -> Path:
+    def drive_torques(self, inputs: Scalars, state: State, p: Numbers) -> Scalars:
         volts = inputs
         if "torque" not in self.stages:
             return ()
@@ -298,31 +298,33 @@ class Custom(Robot):
         found = (self.axes[i][1].torque for i in self.drive_axes)
         return tuple(torque(own, given, p) for torque in found if torque is not None)
 
-    def rubbing(self, state: State, p: Numbers) -> Path:
+    def rubbing(self, state: State, p: Numbers) -> Scalars:
         return tuple(state[a.speed] if isinstance(a.speed, str) else a.speed(state, p) for _, a in self.axes)
 
     def own_coulomb(self, state: State, p: Numbers) -> Levels:
         return tuple((p[a.coulomb], p[a.coulomb]) if a.coulomb else (0.0, 0.0) for _, a in self.axes)
 
-    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+    def own_viscous(self, speeds: Scalars, state: State, p: Numbers) -> Scalars:
         """Viscous resistance as the user names it; what effects change of it is all that `motion` uses."""
         if not self._acts("viscous"):
             return (0.0,) * len(speeds)
         return tuple(p[a.viscous] * s if a.viscous else 0.0 * s for (_, a), s in zip(self.axes, speeds, strict=True))
 
-    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
         if all(isinstance(axis.speed, str) for _, axis in self.axes):
             return tuple(rates[axis.speed] for _, axis in self.axes if isinstance(axis.speed, str))
         return super().rubbing_rates(state, rates, p)
 
-    def rim_levers(self, p: Numbers) -> Path:
+    def rim_levers(self, p: Numbers) -> Scalars:
         return tuple(p[axis.lever] if isinstance(axis.lever, str) else float(axis.lever) for _, axis in self.axes)
 
-    def drive_forces(self, torques: Path, p: Numbers) -> Path:
+    def drive_forces(self, torques: Scalars, p: Numbers) -> Scalars:
         levers = self.rim_levers(p)
         return tuple(torque / levers[i] for torque, i in zip(torques, self.drive_axes, strict=True))
 
-    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+    def motion(
+        self, state: State, volts: Scalars, torques: Scalars, resisting: Scalars, forces: Scalars, p: Numbers
+    ) -> State:
         friction = list(resisting)
         if self._acts("viscous"):  # the dynamics have the axes' own viscous friction
             own = self.own_viscous(self.rubbing(state, p), state, p)
@@ -344,7 +346,7 @@ class Custom(Robot):
                 rates[name] = rates[name] + acceleration
         return rates
 
-    def _with_friction(self, forces: Path, friction: list[Scalar], state: State, p: Numbers) -> Path:
+    def _with_friction(self, forces: Scalars, friction: list[Scalar], state: State, p: Numbers) -> Scalars:
         """Generalised forces with the resisting torques of the axes, each by its lever on the velocities."""
         changed = list(forces)
         for (_, axis), resisting in zip(self.axes, friction, strict=True):
@@ -360,7 +362,7 @@ class Custom(Robot):
                     changed[k] = changed[k] - lever * resisting
         return tuple(changed)
 
-    def _accelerations(self, forces: Path, state: State, p: Numbers) -> State:
+    def _accelerations(self, forces: Scalars, state: State, p: Numbers) -> State:
         by_name = dict(zip(self.velocities, forces, strict=True))
         found: State = {}
         if callable(self.forces):
@@ -379,18 +381,18 @@ class Custom(Robot):
         along, left, turning = (state[name] if name else 0.0 for name in self.plane)
         return along, left, turning
 
-    def angle_rates(self, state: State, p: Numbers) -> Path:
+    def angle_rates(self, state: State, p: Numbers) -> Scalars:
         speeds = self.rubbing(state, p)
         return tuple(speeds[i] for i in self.drive_axes)
 
-    def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Path:
+    def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Scalars:
         sine, cosine = sincos(state["theta"])
         along = p[self.mass] * (cosine * field[0] + sine * field[1])
         left = p[self.mass] * (cosine * field[1] - sine * field[0])
         by_name = dict(zip(self.plane[:2], (along, left), strict=True))
         return tuple(by_name.get(name, 0.0) for name in self.velocities)
 
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         measured = (*self.own_channels.outputs, *self.own_channels.optional)
         if self.output is None:
             return tuple(state[name] for name in measured)

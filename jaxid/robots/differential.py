@@ -19,7 +19,7 @@ from typing import ClassVar, Literal, Self
 
 from ..logs import DIFFERENTIAL, DIFFERENTIAL_WHEELS, Channels
 from ..parameters import ParameterTable
-from .effect import Levels, Numbers, Path, Scalar, State
+from .effect import Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot, parameter
 from .trigonometry import sincos
 
@@ -119,14 +119,14 @@ class DifferentialDrive(Robot):
     def own_states(self) -> tuple[str, ...]:
         return self.channels.outputs
 
-    def _nominal_rims(self, state: State, p: Numbers) -> Path:
+    def _nominal_rims(self, state: State, p: Numbers) -> Scalars:
         """Speeds of the axle's ends, right and left."""
         if self._wheels:
             return self._ends(state["v_right"], state["v_left"], p)
         return state["v"] + p["b"] * state["w"], state["v"] - p["b"] * state["w"]
 
     @staticmethod
-    def _ends(right: Scalar, left: Scalar, p: Numbers) -> Path:
+    def _ends(right: Scalar, left: Scalar, p: Numbers) -> Scalars:
         """Speeds of the axle's ends where the wheels, read with the nominal radius, show `right` and `left`."""
         return right * (1.0 + p["radius_mismatch"]), left * (1.0 - p["radius_mismatch"])
 
@@ -136,35 +136,37 @@ class DifferentialDrive(Robot):
         right, left = self._nominal_rims(state, p)
         return 0.5 * (right + left), 0.0, (right - left) / (2.0 * p["b"])
 
-    def _radii(self, p: Numbers) -> Path:
+    def _radii(self, p: Numbers) -> Scalars:
         """Radii of the wheels over the nominal one."""
         return 1.0 + p["radius_mismatch"], 1.0 - p["radius_mismatch"]
 
-    def rubbing(self, state: State, p: Numbers) -> Path:
+    def rubbing(self, state: State, p: Numbers) -> Scalars:
         """Speeds of the wheels, as rim speeds with the nominal radius."""
         if self._wheels:
             return state["v_right"], state["v_left"]
         return tuple(end / r for end, r in zip(self._nominal_rims(state, p), self._radii(p), strict=True))
 
-    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+    def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return tuple(u - p["back_emf"] * s for u, s in zip(volts, self.rubbing(state, p), strict=True))
 
-    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+    def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return tuple(p["gain"] * i for i in currents)
 
     def own_coulomb(self, state: State, p: Numbers) -> Levels:
         return (p["Fc"], p["Fc"]), (p["Fc"], p["Fc"])
 
-    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+    def own_viscous(self, speeds: Scalars, state: State, p: Numbers) -> Scalars:
         return p["Fv"] * speeds[0], p["Fv"] * speeds[1]
 
-    def drive_forces(self, torques: Path, p: Numbers) -> Path:
+    def drive_forces(self, torques: Scalars, p: Numbers) -> Scalars:
         return tuple(force / r for force, r in zip(torques, self._radii(p), strict=True))
 
-    def rim_levers(self, p: Numbers) -> Path:
+    def rim_levers(self, p: Numbers) -> Scalars:
         return 1.0, 1.0
 
-    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+    def motion(
+        self, state: State, volts: Scalars, torques: Scalars, resisting: Scalars, forces: Scalars, p: Numbers
+    ) -> State:
         wheels = tuple(t - r for t, r in zip(torques, resisting, strict=True))
         if self._wheels:  # a force on a wheel's speed acts at that wheel
             wheels = tuple(w + f for w, f in zip(wheels, forces, strict=True))
@@ -184,10 +186,10 @@ class DifferentialDrive(Robot):
         dw = (turn + p["yc"] * ahead) / (p["J"] + p["M"] * p["xc"] * p["xc"])
         return ahead / p["M"] + p["yc"] * dw, dw
 
-    def angle_rates(self, state: State, p: Numbers) -> Path:
+    def angle_rates(self, state: State, p: Numbers) -> Scalars:
         return self.rubbing(state, p)
 
-    def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Path:
+    def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Scalars:
         sine, cosine = sincos(state["theta"])
         along = p["M"] * (cosine * field[0] + sine * field[1])
         across = p["M"] * (cosine * field[1] - sine * field[0])
@@ -199,5 +201,5 @@ class DifferentialDrive(Robot):
         each = turn / (2.0 * p["b"])
         return (0.5 * along + each) * larger, (0.5 * along - each) * smaller
 
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         return tuple(state[name] for name in self.channels.outputs)

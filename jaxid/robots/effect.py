@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 Scalar = Any
 State = dict[str, Scalar]
 Numbers = Mapping[str, Scalar]
-Path = tuple[Scalar, ...]
+# One number for each axis, input or generalised force.
+Scalars = tuple[Scalar, ...]
 Levels = tuple[tuple[Scalar, Scalar], ...]
 
 
@@ -98,27 +99,27 @@ class Effect:
         """Whole commanded signals -> signals that reach the motors, on the integration grid [T, nu]."""
         return inputs
 
-    def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: "Robot") -> Path:
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: "Robot") -> Scalars:
         """Motor voltages [V], given the currents [A] they would cause."""
         return volts
 
-    def torque(self, torques: Path, state: State, p: Numbers, robot: "Robot") -> Path:
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: "Robot") -> Scalars:
         """Drive torques at the wheels (forces of a linear axis)."""
         return torques
 
-    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: "Robot") -> Levels:
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: "Robot") -> Levels:
         """(backward, forward) Coulomb levels of every rubbing axis, both positive."""
         return levels
 
-    def viscous(self, resistance: Path, speeds: Path, state: State, p: Numbers, robot: "Robot") -> Path:
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: "Robot") -> Scalars:
         """Speed-dependent resisting torques of every rubbing axis."""
         return resistance
 
-    def force(self, forces: Path, state: State, p: Numbers, robot: "Robot") -> Path:
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: "Robot") -> Scalars:
         """Generalised forces that act on the body, one per velocity."""
         return forces
 
-    def rates(self, state: State, currents: Path, p: Numbers, robot: "Robot") -> State:
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: "Robot") -> State:
         """Time derivatives of the effect's own states, and of no others."""
         return {}
 

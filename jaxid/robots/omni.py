@@ -19,25 +19,25 @@ import jax.numpy as jnp
 
 from ..logs import OMNI, Channels
 from ..parameters import ParameterTable
-from .effect import Levels, Numbers, Path, Scalar, State
+from .effect import Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot, parameter
 from .scales import Scales
 from .trigonometry import sincos
 
 
-def wheel_speeds(state: State, p: Numbers) -> Path:
+def wheel_speeds(state: State, p: Numbers) -> Scalars:
     """Rim speeds v1..v4 [m/s] of the wheels (eq. 12, signs restored)."""
     V, Vn, spin = state["V"], state["Vn"], p["b"] * state["W"]
     return Vn + spin, -V + spin, -Vn + spin, V + spin
 
 
-def _radii(p: Numbers) -> Path:
+def _radii(p: Numbers) -> Scalars:
     """Radii [m] of the four wheels."""
     large, small = p["r"] * (1.0 + p["radius_mismatch"]), p["r"] * (1.0 - p["radius_mismatch"])
     return large, large, small, small
 
 
-def body_forces(f: Path, p: Numbers) -> Path:
+def body_forces(f: Scalars, p: Numbers) -> Scalars:
     """Fv, Fvn [N] and Gamma [N m] of the wheels' traction forces f1..f4 [N] (eqs. 4-6, signs restored)."""
     return f[3] - f[1], f[0] - f[2], p["b"] * (f[0] + f[1] + f[2] + f[3])
 
@@ -135,28 +135,30 @@ class Omni(Robot):
     def estimated_states(self) -> tuple[str, ...]:
         return ("V", "Vn", "W")
 
-    def driver(self, volts: Path, state: State, p: Numbers) -> Path:
+    def driver(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return tuple(jnp.clip(u, -p["supply"], p["supply"]) for u in volts)
 
-    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+    def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         """Currents [A] of the motors at `volts`, the inductance neglected (eq. 9)."""
         emf = p["Kv"] * p["l"]
         rims = zip(volts, wheel_speeds(state, p), _radii(p), strict=True)
         return tuple((u - emf * v / r) / p["Ra"] for u, v, r in rims)
 
-    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+    def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return tuple(p["l"] * p["Kt"] * i for i in currents)
 
-    def rubbing(self, state: State, p: Numbers) -> Path:
+    def rubbing(self, state: State, p: Numbers) -> Scalars:
         return state["V"], state["Vn"], state["W"]
 
     def own_coulomb(self, state: State, p: Numbers) -> Levels:
         return tuple((p[name], p[name]) for name in ("Cv", "Cvn", "Cw"))
 
-    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+    def own_viscous(self, speeds: Scalars, state: State, p: Numbers) -> Scalars:
         return p["Bv"] * speeds[0], p["Bvn"] * speeds[1], p["Bw"] * speeds[2]
 
-    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+    def motion(
+        self, state: State, volts: Scalars, torques: Scalars, resisting: Scalars, forces: Scalars, p: Numbers
+    ) -> State:
         V, Vn, W = state["V"], state["Vn"], state["W"]
         driving = body_forces(self.drive_forces(torques, p), p)
         Q = [driving[i] + forces[i] - resisting[i] for i in range(3)]
@@ -174,10 +176,10 @@ class Omni(Robot):
     def planar(self, state: State, p: Numbers) -> tuple[Scalar, Scalar, Scalar]:
         return state["V"], state["Vn"], state["W"]
 
-    def angle_rates(self, state: State, p: Numbers) -> Path:
+    def angle_rates(self, state: State, p: Numbers) -> Scalars:
         return tuple(v / r for v, r in zip(wheel_speeds(state, p), _radii(p), strict=True))
 
-    def drive_forces(self, torques: Path, p: Numbers) -> Path:
+    def drive_forces(self, torques: Scalars, p: Numbers) -> Scalars:
         return tuple(torque * (1.0 / r) for torque, r in zip(torques, _radii(p), strict=True))
 
     def _solve(self, Q1, Q2, Q3, p: Numbers):
@@ -186,24 +188,24 @@ class Omni(Robot):
         turn = (Q3 + p["yc"] * Q1 - p["xc"] * Q2) / p["J"]
         return Q1 / p["M"] + p["yc"] * turn, Q2 / p["M"] - p["xc"] * turn, turn
 
-    def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
+    def compliance(self, state: State, p: Numbers) -> tuple[Scalars, ...]:
         columns = [self._solve(*unit, p) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
         return tuple(tuple(columns[j][i] for j in range(3)) for i in range(3))
 
-    def rim_levers(self, p: Numbers) -> Path:
+    def rim_levers(self, p: Numbers) -> Scalars:
         return 1.0, 1.0, p["b"]
 
-    def field_force(self, field, state: State, p: Numbers) -> Path:
+    def field_force(self, field, state: State, p: Numbers) -> Scalars:
         sin_t, cos_t = sincos(state["theta"])
         along = p["M"] * (cos_t * field[0] + sin_t * field[1])
         across = p["M"] * (cos_t * field[1] - sin_t * field[0])
         return along, across, p["xc"] * across - p["yc"] * along
 
-    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
         return rates["V"], rates["Vn"], rates["W"]
 
     # -- inductance: time constant La/Ra far below any step, so its transient is integrated exactly ------------------
-    def effective_inputs(self, state: State, inputs: Path, h, p: Numbers) -> Path:
+    def effective_inputs(self, state: State, inputs: Scalars, h, p: Numbers) -> Scalars:
         """Voltages whose quasi-static currents equal the true currents' mean over a step of `h` seconds (eq. 9)."""
         if not self.inductance:
             return inputs
@@ -215,7 +217,7 @@ class Omni(Robot):
             for i, (u, q) in enumerate(zip(limited, quasi, strict=True))
         )
 
-    def settle(self, before: State, after: State, inputs: Path, h, p: Numbers) -> State:
+    def settle(self, before: State, after: State, inputs: Scalars, h, p: Numbers) -> State:
         """The state after a step with the currents' exact exponential approach to their quasi-static values."""
         if not self.inductance:
             return after
@@ -225,9 +227,9 @@ class Omni(Robot):
         currents = {f"i{i + 1}": end[i] + (before[f"i{i + 1}"] - start[i]) * decay for i in range(4)}
         return {**after, **currents}
 
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         if self.inductance:
-            currents: Path = tuple(state[f"i{i}"] for i in range(1, 5))
+            currents: Scalars = tuple(state[f"i{i}"] for i in range(1, 5))
         else:
             currents = self.currents(state, inputs, p)
         return state["V"], state["Vn"], state["W"], *currents

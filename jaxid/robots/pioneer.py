@@ -15,7 +15,7 @@ from typing import ClassVar
 
 from ..logs import PIONEER, Channels
 from ..parameters import ParameterTable
-from .effect import Levels, Numbers, Path, Scalar, State
+from .effect import Levels, Numbers, Scalar, Scalars, State
 from .pioneer_closed_form import bias, reduced_inertia
 from .robot import Robot, parameter
 from .scales import Scales
@@ -147,14 +147,14 @@ class Pioneer(Robot):
     def own_states(self) -> tuple[str, ...]:
         return ("beta", "eta1", "eta2")
 
-    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+    def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         emf = p["KE"] * p["tr"]
         return tuple((u - emf * w) / p["Ra"] for u, w in zip(volts, self.angle_rates(state, p), strict=True))
 
-    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+    def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return tuple(p["tr"] * p["mu"] * p["KT"] * i for i in currents)
 
-    def rubbing(self, state: State, p: Numbers) -> Path:
+    def rubbing(self, state: State, p: Numbers) -> Scalars:
         sin_b, cos_b = sincos(state["beta"])
         return tuple(b1 * state["eta1"] + b2 * state["eta2"] for b1, b2 in _levers(sin_b, cos_b, p))
 
@@ -162,10 +162,12 @@ class Pioneer(Robot):
         wheel = p["Cs"] + p["tr"] * p["mu"] * p["tau_fr"]  # the motor's own friction, eq. 28, rubs at the same speed
         return ((wheel, wheel), (wheel, wheel), (p["Cs1"], p["Cs1"]))
 
-    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+    def own_viscous(self, speeds: Scalars, state: State, p: Numbers) -> Scalars:
         return p["Cv"] * speeds[0], p["Cv"] * speeds[1], p["Cv1"] * speeds[2]
 
-    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+    def motion(
+        self, state: State, volts: Scalars, torques: Scalars, resisting: Scalars, forces: Scalars, p: Numbers
+    ) -> State:
         eta1, eta2 = state["eta1"], state["eta2"]
         J11, J12, J22, sin_b, cos_b = _inertia(state, p)
         levers = _levers(sin_b, cos_b, p)
@@ -183,23 +185,23 @@ class Pioneer(Robot):
     def planar(self, state: State, p: Numbers) -> tuple[Scalar, Scalar, Scalar]:
         return 0.0, state["eta1"], state["eta2"]
 
-    def angle_rates(self, state: State, p: Numbers) -> Path:
+    def angle_rates(self, state: State, p: Numbers) -> Scalars:
         return tuple(b1 * state["eta1"] + b2 * state["eta2"] for b1, b2 in _wheel_levers(p))
 
-    def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
+    def compliance(self, state: State, p: Numbers) -> tuple[Scalars, ...]:
         J11, J12, J22, sin_b, cos_b = _inertia(state, p)
         levers = _levers(sin_b, cos_b, p)
         scale = 1.0 / (J11 * J22 - J12 * J12)
         moved = tuple(((J22 * b1 - J12 * b2) * scale, (J11 * b2 - J12 * b1) * scale) for b1, b2 in levers)
         return tuple(tuple(b1 * m1 + b2 * m2 for m1, m2 in moved) for b1, b2 in levers)
 
-    def rim_levers(self, p: Numbers) -> Path:
+    def rim_levers(self, p: Numbers) -> Scalars:
         return p["R"], p["R"], p["d"]
 
-    def drive_forces(self, torques: Path, p: Numbers) -> Path:
+    def drive_forces(self, torques: Scalars, p: Numbers) -> Scalars:
         return tuple(torque / p["R"] for torque in torques)
 
-    def field_force(self, field, state: State, p: Numbers) -> Path:
+    def field_force(self, field, state: State, p: Numbers) -> Scalars:
         """Body, driving wheels and caster are pulled each at its place; the caster gives way along its rolling direction."""
         sin_t, cos_t = sincos(state["theta"])
         sin_b, cos_b = sincos(state["beta"])
@@ -208,9 +210,9 @@ class Pioneer(Robot):
         forwards = (p["M"] + 2.0 * p["m"]) * ahead + rolling * cos_b
         return forwards, p["M"] * (p["xm"] * ahead - p["ym"] * right) - rolling * p["l1"] * sin_b
 
-    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
         sin_b, cos_b = sincos(state["beta"])
         return tuple(b1 * rates["eta1"] + b2 * rates["eta2"] for b1, b2 in _levers(sin_b, cos_b, p))
 
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         return state["eta1"], state["eta2"]

@@ -16,7 +16,7 @@ import jax
 from ..logs import Channels
 from ..parameters import Parameter, ParameterTable
 from . import signal_path
-from .effect import Effect, EffectError, Levels, Numbers, Path, Scalar, State
+from .effect import Effect, EffectError, Levels, Numbers, Scalar, Scalars, State
 from .scales import Scales
 from .traits import refusal, traits_of
 
@@ -177,19 +177,19 @@ class Robot:
         return dict.fromkeys(self.states, 0.0)
 
     # -- the physics, one method a stage -----------------------------------------------------------------------------
-    def driver(self, volts: Path, state: State, p: Numbers) -> Path:
+    def driver(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         """What the motors' driver makes of commanded voltages, such as limiting them."""
         return volts
 
-    def motor(self, volts: Path, state: State, p: Numbers) -> Path:
+    def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         """Motor currents [A] at these voltages; for a robot without motors the inputs themselves."""
         return volts
 
-    def gear(self, currents: Path, volts: Path, state: State, p: Numbers) -> Path:
+    def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
         """Drive torques at the wheels (forces of a linear axis) of the motors' currents."""
         return currents
 
-    def rubbing(self, state: State, p: Numbers) -> Path:
+    def rubbing(self, state: State, p: Numbers) -> Scalars:
         """Speeds at which dry friction acts, one per rubbing axis."""
         return ()
 
@@ -197,15 +197,17 @@ class Robot:
         """(backward, forward) Coulomb levels of the rubbing axes, both positive."""
         return tuple((0.0, 0.0) for _ in self.rubbing(state, p))
 
-    def own_viscous(self, speeds: Path, state: State, p: Numbers) -> Path:
+    def own_viscous(self, speeds: Scalars, state: State, p: Numbers) -> Scalars:
         """Viscous resistance of the rubbing axes."""
         return tuple(0.0 for _ in speeds)
 
-    def own_forces(self, state: State, p: Numbers) -> Path:
+    def own_forces(self, state: State, p: Numbers) -> Scalars:
         """Generalised forces of the robot's own, one per velocity."""
         return (0.0,) * len(self.velocities)
 
-    def motion(self, state: State, volts: Path, torques: Path, resisting: Path, forces: Path, p: Numbers) -> State:
+    def motion(
+        self, state: State, volts: Scalars, torques: Scalars, resisting: Scalars, forces: Scalars, p: Numbers
+    ) -> State:
         """Rates of the robot's own states.
 
         `volts` as they reach the motors, drive `torques`, `resisting` torques of the rubbing axes (viscous and dry),
@@ -217,11 +219,11 @@ class Robot:
         """(speed along x, speed along y, yaw rate) in body axes that are the world's at heading zero."""
         raise NotImplementedError
 
-    def angle_rates(self, state: State, p: Numbers) -> Path:
+    def angle_rates(self, state: State, p: Numbers) -> Scalars:
         """Rates of `angles`."""
         raise NotImplementedError
 
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         """Outputs in the order of the channels (measured ones first, then optional ones)."""
         raise NotImplementedError
 
@@ -230,24 +232,24 @@ class Robot:
         """(backward, forward) Coulomb levels of the rubbing axes, effects included."""
         return signal_path.coulomb(self, state, p)
 
-    def currents(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def currents(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         """Motor currents [A] at the commanded inputs, effects on the supply included."""
         return signal_path.powered(self, inputs, state, p)[1]
 
-    def rates(self, state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+    def rates(self, state: State, inputs: Scalars, dry: Scalars, p: Numbers) -> State:
         """Time derivative of every state under the given inputs and dry-friction torques (positive resists positive speed)."""
         return signal_path.rates(self, state, inputs, dry, p)
 
-    def drive_torques(self, inputs: Path, state: State, p: Numbers) -> Path:
+    def drive_torques(self, inputs: Scalars, state: State, p: Numbers) -> Scalars:
         """Drive torques at these inputs, effects apart."""
         volts = self.driver(inputs, state, p)
         return self.gear(self.motor(volts, state, p), volts, state, p) if "torque" in self.traits else ()
 
-    def compliance(self, state: State, p: Numbers) -> tuple[Path, ...]:
+    def compliance(self, state: State, p: Numbers) -> tuple[Scalars, ...]:
         """The Delassus matrix: -d(rubbing acceleration i) / d(dry-friction torque j), positive semidefinite."""
         no_input = (0.0,) * len(self.channels.inputs)
 
-        def speeds_after(dry: Path) -> Path:
+        def speeds_after(dry: Scalars) -> Scalars:
             rates = self.rates(state, no_input, dry, p)
             return self.rubbing_rates(state, rates, p)
 
@@ -259,31 +261,31 @@ class Robot:
             columns.append(jax.jvp(speeds_after, (zero,), (unit,))[1])
         return tuple(tuple(-columns[j][i] for j in range(axes)) for i in range(axes))
 
-    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Path:
+    def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
         """Time derivative of the rubbing speeds along `rates` of the velocities."""
         return jax.jvp(lambda s: self.rubbing(s, p), (state,), (rates,))[1]
 
-    def rim_levers(self, p: Numbers) -> Path:
+    def rim_levers(self, p: Numbers) -> Scalars:
         """What each rubbing speed is multiplied with to be one at the wheels' rims [m/s], where axes compare."""
         return (1.0,) * len(self.rubbing(dict.fromkeys(self.states, 0.0), p))
 
-    def rim_speeds(self, speeds: Path, p: Numbers) -> Path:
+    def rim_speeds(self, speeds: Scalars, p: Numbers) -> Scalars:
         """Rubbing speeds [m/s] at the wheels' rims, where friction laws of different axes can be compared."""
         return tuple(s if _one(lever) else lever * s for lever, s in zip(self.rim_levers(p), speeds, strict=True))
 
-    def drive_forces(self, torques: Path, p: Numbers) -> Path:
+    def drive_forces(self, torques: Scalars, p: Numbers) -> Scalars:
         """Forces at the ground [N] of the drive torques as the `torque` stage passes them."""
         return torques
 
-    def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Path:
+    def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Scalars:
         """Generalised forces of an acceleration field [m/s²] along the world's (x, y) that pulls at every body's mass."""
         return (0.0,) * len(self.velocities)
 
-    def effective_inputs(self, state: State, inputs: Path, h: Scalar, p: Numbers) -> Path:
+    def effective_inputs(self, state: State, inputs: Scalars, h: Scalar, p: Numbers) -> Scalars:
         """Inputs to hold over a step of `h` seconds; robots with stiff electrical states put their mean effect in here."""
         return inputs
 
-    def settle(self, before: State, after: State, inputs: Path, h: Scalar, p: Numbers) -> State:
+    def settle(self, before: State, after: State, inputs: Scalars, h: Scalar, p: Numbers) -> State:
         """The state after a step, with stiff states advanced exactly."""
         return after
 

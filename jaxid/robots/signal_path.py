@@ -10,7 +10,7 @@ from functools import cache
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from .effect import Effect, EffectError, Levels, Numbers, Path, State
+from .effect import Effect, EffectError, Levels, Numbers, Scalars, State
 from .trigonometry import sincos
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def passed(robot: "Robot", stage: str, signal: Any, *others: Any) -> Any:
     return signal
 
 
-def powered(robot: "Robot", inputs: Path, state: State, p: Numbers) -> tuple[Path, Path]:
+def powered(robot: "Robot", inputs: Scalars, state: State, p: Numbers) -> tuple[Scalars, Scalars]:
     """Voltages and currents of the motors at the commanded `inputs`: driver, supply and motor."""
     volts = robot.driver(inputs, state, p)
     currents = robot.motor(volts, state, p)
@@ -66,7 +66,7 @@ def coulomb(robot: "Robot", state: State, p: Numbers) -> Levels:
     return levels
 
 
-def rates(robot: "Robot", state: State, inputs: Path, dry: Path, p: Numbers) -> State:
+def rates(robot: "Robot", state: State, inputs: Scalars, dry: Scalars, p: Numbers) -> State:
     """Time derivative of every state under the given inputs and dry-friction torques (positive resists positive speed)."""
     volts, currents = powered(robot, inputs, state, p)
     torques = passed(robot, "torque", robot.gear(currents, volts, state, p), state, p)
@@ -100,7 +100,7 @@ def _products(*pairs: tuple[Any, Any]) -> Any:
     return sum(kept[1:], kept[0]) if kept else 0.0
 
 
-def _own_rates(robot: "Robot", found: State, state: State, currents: Path, p: Numbers) -> State:
+def _own_rates(robot: "Robot", found: State, state: State, currents: Scalars, p: Numbers) -> State:
     added: State = {}
     for effect in robot.effects:
         own = effect.states_on(robot)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 
-from ..robots.effect import Numbers, Path, State
+from ..robots.effect import Numbers, Scalars, State
 from ..robots.robot import Robot
 
 _TINY = 1e-30
@@ -44,7 +44,7 @@ class Sticking:
 
     sweeps: int = 2
 
-    def held(self, robot: Robot, state: State, inputs: Path, h, p: Numbers) -> Path:
+    def held(self, robot: Robot, state: State, inputs: Scalars, h, p: Numbers) -> Scalars:
         """Friction torques to hold over a step of `h` seconds."""
         speeds = robot.rubbing(state, p)
         if not speeds:
@@ -67,7 +67,7 @@ class Sticking:
                 slip = [slip[j] - h * compliance[j][i] * change for j in axes]
         return tuple(torques)
 
-    def present(self, robot: Robot, state: State, held: Path, p: Numbers) -> Path:
+    def present(self, robot: Robot, state: State, held: Scalars, p: Numbers) -> Scalars:
         """Friction torques inside the step: those held."""
         return held
 
@@ -82,11 +82,11 @@ class Smooth:
 
     width: float
 
-    def held(self, robot: Robot, state: State, inputs: Path, h, p: Numbers) -> Path:
+    def held(self, robot: Robot, state: State, inputs: Scalars, h, p: Numbers) -> Scalars:
         """Nothing is held: the law is evaluated at every stage."""
         return ()
 
-    def present(self, robot: Robot, state: State, held: Path, p: Numbers) -> Path:
+    def present(self, robot: Robot, state: State, held: Scalars, p: Numbers) -> Scalars:
         """Friction torques at this state."""
         torques = []
         for speed, (backward, forward) in zip(robot.rubbing(state, p), robot.coulomb(state, p), strict=True):

@@ -10,12 +10,12 @@ from jaxtyping import Array, Float
 
 from ..kernel.call import System, rollout
 from ..kernel.symbolic import Untranslated
-from ..robots.effect import Numbers, Path, State
+from ..robots.effect import Numbers, Scalars, State
 from ..robots.robot import Robot
 from .friction import DryFriction
 
 _MOST_MODELS = 256
-Step = Callable[[Robot, State, Path, Float[Array, ""], Numbers, DryFriction], State]
+Step = Callable[[Robot, State, Scalars, Float[Array, ""], Numbers, DryFriction], State]
 
 
 class SlowSimulation(UserWarning):
@@ -24,12 +24,12 @@ class SlowSimulation(UserWarning):
 
 @lru_cache(_MOST_MODELS)
 def _model(robot: Robot, names: tuple[str, ...], step: Step, friction: DryFriction, fixed: tuple[str, ...]) -> System:
-    def stepped(p: Path, x: Path, u: Path, h):
+    def stepped(p: Scalars, x: Scalars, u: Scalars, h):
         numbers, state = dict(zip(names, p, strict=True)), dict(zip(robot.states, x, strict=True))
         after = step(robot, state, u, h, numbers, friction)
         return tuple(after[name] for name in robot.states)
 
-    def shown(p: Path, x: Path, u: Path):
+    def shown(p: Scalars, x: Scalars, u: Scalars):
         numbers, state = dict(zip(names, p, strict=True)), dict(zip(robot.states, x, strict=True))
         return tuple(jnp.asarray(y, float) for y in robot.observe(state, u, numbers))
 

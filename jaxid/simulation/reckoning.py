@@ -59,9 +59,9 @@ def velocities_of(robot: Robot, columns: Mapping[str, Array], time: Array, smoot
             values = np.gradient(smooth(columns[position]), time)
         found[name] = values
     unknown = [name for name, values in found.items() if not np.isfinite(values).any()]
-    told = readout(robot) if unknown else None
-    if told is not None and all(name in columns for name in told[0]):
-        together = told[1] @ np.stack([columns[name] for name in told[0]])
+    sensors = readout(robot) if unknown else None
+    if sensors is not None and all(name in columns for name in sensors[0]):
+        together = sensors[1] @ np.stack([columns[name] for name in sensors[0]])
         found |= {name: together[robot.velocities.index(name)] for name in unknown}
     return found
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..parameters import ParameterError
-from ..robots.effect import Numbers, Path, State
+from ..robots.effect import Numbers, Scalars, State
 from ..robots.robot import Robot
 from ..robots.scales import time_constant
 from ..robots.signal_path import overrides, passed
@@ -78,7 +78,7 @@ def _plus(state: State, h, rates: State) -> State:
     return {name: state[name] + h * rates[name] for name in state}
 
 
-def step(robot: Robot, state: State, inputs: Path, h, p: Numbers, friction: DryFriction) -> State:
+def step(robot: Robot, state: State, inputs: Scalars, h, p: Numbers, friction: DryFriction) -> State:
     """The state one step of `h` seconds later, the inputs held."""
     volts = robot.effective_inputs(state, inputs, h, p)
     held = friction.held(robot, state, volts, h, p)
@@ -134,13 +134,13 @@ def rollout(
     inputs: Float[Array, "T nu"],
     dt: Float[Array, " T"],
     integrator: Integrator,
-    driven: Mapping[str, Float[Array, " T"]] = MappingProxyType({}),
+    prescribed: Mapping[str, Float[Array, " T"]] = MappingProxyType({}),
     in_xla: bool = False,
 ) -> Float[Array, "T ny"]:
     """Outputs at the sample times of one experiment.
 
     Row k of `inputs` acts from sample k to k+1, `dt[k]` seconds later (zero-order hold); row k of the result is what
-    the sensors of the model show at sample k. States in `driven` are set to these values at every sample. Runs under
+    the sensors of the model show at sample k. States in `prescribed` are set to these values at every sample. Runs under
     `jit`, `vmap` and first derivatives (forward mode; reverse mode by parameters and initial states).
 
     On a processor this is machine code made of the robot's own functions (`jaxid.kernel`), on other devices, and for
@@ -153,9 +153,9 @@ def rollout(
     outputs = None
     if not in_xla:
         n, friction = integrator.substeps, integrator.friction
-        outputs = machine_rollout(robot, p, start, inputs, dt, n, step, friction, driven)
+        outputs = machine_rollout(robot, p, start, inputs, dt, n, step, friction, prescribed)
     if outputs is None:
-        outputs = _scanned(robot, p, start, inputs, dt, integrator, driven)
+        outputs = _scanned(robot, p, start, inputs, dt, integrator, prescribed)
     return passed(robot, "measure", outputs, time, p)
 
 

@@ -24,8 +24,8 @@ def integrator_for(robot: Robot, logs: LogSet) -> Integrator:
 
 
 @partial(compiled, static_argnames=("robot", "integrator"))
-def _simulate(robot: Robot, integrator: Integrator, numbers, start, inputs, dt, driven):
-    return jax.vmap(lambda s, u, d, k: rollout(robot, numbers, s, u, d, integrator, k))(start, inputs, dt, driven)
+def _simulate(robot: Robot, integrator: Integrator, numbers, start, inputs, dt, prescribed):
+    return jax.vmap(lambda s, u, d, k: rollout(robot, numbers, s, u, d, integrator, k))(start, inputs, dt, prescribed)
 
 
 @in_float64
@@ -35,12 +35,12 @@ def simulate(
     *,
     start: Mapping[str, NDArray[np.float64]] | None = None,
     integrator: Integrator | None = None,
-    driven: Mapping[str, Float[Array, "E T"]] = MappingProxyType({}),
+    prescribed: Mapping[str, Float[Array, "E T"]] = MappingProxyType({}),
 ) -> list[NDArray[np.float64]]:
     """Simulated outputs of every log, [samples, channels.measured] each.
 
     `start` gives initial states per log ([E] by state name); by default they follow from the logs (`initial_states`).
-    States in `driven` are set to these values at every sample (padded as in `logs.batch()`).
+    States in `prescribed` are set to these values at every sample (padded as in `logs.batch()`).
     """
     batch = logs.batch()
     states = dict(initial_states(robot, logs).states)
@@ -54,6 +54,6 @@ def simulate(
         {name: jnp.asarray(value) for name, value in states.items()},
         batch.inputs,
         batch.dt,
-        dict(driven),
+        dict(prescribed),
     )
     return [np.asarray(outputs[e, : len(log)]) for e, log in enumerate(logs)]

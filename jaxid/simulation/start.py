@@ -30,7 +30,7 @@ _STEPS, _RANK = 8, 1e-8
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialConditions:
     """Initial states of E logs: `states[name]` [E], and `uncertain` [E]: whether a log starts elsewhere."""
 
     states: dict[str, NDArray[np.float64]]
@@ -87,7 +87,7 @@ def _showing(
     return {**state, **dict(zip(names, x.tolist(), strict=True))} if np.isfinite(x).all() else dict(state)
 
 
-def initial_states(robot: Robot, logs: LogSet) -> Start:
+def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
     """The initial states that the logs' own columns and first samples suggest."""
     noise = noise_level(logs)
     default = robot.initial_state()
@@ -132,4 +132,4 @@ def initial_states(robot: Robot, logs: LogSet) -> Start:
                 robot, {n: float(v[e]) for n, v in states.items()}, log.inputs[0], first
             ).items():
                 states[name][e] = value
-    return Start(states, uncertain)
+    return InitialConditions(states, uncertain)

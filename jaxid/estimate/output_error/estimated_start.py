@@ -34,7 +34,7 @@ def estimated_start(
     robot: Robot,
     logs: LogSet,
     noise: Mapping[str, float],
-    driven: Mapping[str, Float[Array, "E T"]] = MappingProxyType({}),
+    prescribed: Mapping[str, Float[Array, "E T"]] = MappingProxyType({}),
 ) -> dict[str, NDArray[np.float64]]:
     """Initial states [E] by name: of logs that start in motion the likeliest ones (Gauss-Newton), of the others as
     `initial_states` has them. `noise` is each channel's standard deviation."""
@@ -52,7 +52,9 @@ def estimated_start(
     def residuals(x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         start = {**states, **dict(zip(names, x.T, strict=True))}
         found = []
-        for e, (log, simulated) in enumerate(zip(logs, simulate(robot, logs, start=start, driven=driven), strict=True)):
+        for e, (log, simulated) in enumerate(
+            zip(logs, simulate(robot, logs, start=start, prescribed=prescribed), strict=True)
+        ):
             error = (simulated[:, columns] - log.outputs[:, columns]) / sigma
             error = np.where(np.isfinite(log.outputs[:, columns]), np.nan_to_num(error, nan=_DIVERGED), 0.0)
             found.append(np.concatenate([np.clip(error, -_DIVERGED, _DIVERGED).ravel(), prior * (x[e] - origin[e])]))

@@ -24,7 +24,7 @@ from ..result import Fit, estimate_text
 from .from_optimum import channel_noise
 from .lanes import in_lanes
 from .optimum import Optimum
-from .output_error import Start, output_error
+from .output_error import Starts, output_error
 from .problem import Problem, Structure, Unknowns
 from .setup import start_values
 from .solvers import minimise
@@ -132,7 +132,7 @@ def fit_fleet(
     robot: Robot | Mapping[str, Robot],
     fleet: Mapping[str, LogSet],
     *,
-    start: Start | Mapping[str, Start] = None,
+    start: Starts | Mapping[str, Starts] = None,
     report: Callable[[str], None] = lambda message: None,
     **options: Any,
 ) -> Fleet:

@@ -21,9 +21,9 @@ from .problem import Problem, Structure, Unknowns
 
 _LANES = 64
 """Fits computed at a time: more would not fit into the processor's cache."""
-_BY_LOG = ("dt", "inputs", "outputs", "mask", "start", "state_free", "driven", "weight")
+_BY_LOG = ("dt", "inputs", "outputs", "mask", "start", "state_free", "prescribed", "weight")
 """Fields of a problem that have one row for every log; those but the ones of initial states have one for every sample."""
-_BY_SAMPLE = ("dt", "inputs", "outputs", "mask", "driven", "weight")
+_BY_SAMPLE = ("dt", "inputs", "outputs", "mask", "prescribed", "weight")
 
 
 class Operation(NamedTuple):

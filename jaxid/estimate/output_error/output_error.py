@@ -32,7 +32,7 @@ from .pure import WEIGHT_FLOOR, WEIGHT_ROUNDS, WEIGHT_SETTLED
 from .rescue import diverging, linear_start, recovered
 from .rise import rise, with_flat_sides
 from .robust_loss import minimise_robustly
-from .setup import InitialStates, build, start_values
+from .setup import InitialStates, StartValues, build, start_values
 from .solvers import DEFAULT, Solver, minimise_compiled, minimise_each
 from .step_check import with_steps_checked
 from .window_start import started
@@ -41,7 +41,7 @@ from .windows import approached, choose, condensed
 _ROUNDS = 3
 """How often a fit goes on where the cost falls near its optimum."""
 Windows = float | Literal["auto"] | None
-Start = Fit | Mapping[str, float] | Sequence[Mapping[str, float]] | None
+Starts = StartValues | Sequence[Mapping[str, float]]
 Report = Callable[[str], None]
 
 
@@ -111,7 +111,7 @@ def _fit(
     robot: Robot,
     logs: LogSet,
     *,
-    start: Start,
+    start: Starts,
     initial_states: InitialStates,
     integrator: Integrator | None,
     loss: Loss,
@@ -249,7 +249,7 @@ def output_error(
     robot: Robot,
     logs: LogSet,
     *,
-    start: Start = None,
+    start: Starts = None,
     initial_states: InitialStates = "auto",
     integrator: Integrator | None = None,
     loss: Loss | str = "squares",
@@ -297,7 +297,7 @@ def output_error(
     if windows != "auto":
         return _fit(robot, logs, start=start, window=windows, **options)
 
-    def once(window: float | None, start: Start) -> Fit:
+    def once(window: float | None, start: Starts) -> Fit:
         if window is not None:
             report(f"windows of {window:.3g} s")
         return _fit(robot, logs, start=start, window=window, **options)

@@ -63,7 +63,7 @@ class Problem(eqx.Module):
     state_free: Bool[Array, "E s"]
     state_scale: Float[Array, " s"]
     state_precision: Float[Array, " s"]
-    driven: dict[str, Float[Array, "E T"]] = eqx.field(default_factory=dict)
+    prescribed: dict[str, Float[Array, "E T"]] = eqx.field(default_factory=dict)
     """States that are set to these values at every sample instead of being simulated."""
     weight: Float[Array, "E T ny"] | None = None
     """Square roots of the weights that a robust loss gives to the samples; none for squares."""
@@ -103,10 +103,10 @@ def shifted(y: Float[Array, "T ny"], dt: Float[Array, " T"], offset: Float[Array
 
 def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
     """Simulated outputs [T, ny] of one experiment; `e` holds its arrays."""
-    dt, inputs, start, driven = e
+    dt, inputs, start, prescribed = e
     p = {**problem.numbers, **dict(zip(structure.names, theta, strict=True))}
     moved = {name: start[name] + problem.state_scale[i] * own_states[i] for i, name in enumerate(structure.state_names)}
-    y = rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator, driven)
+    y = rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator, prescribed)
     return shifted(y, dt, moved[CLOCK_OFFSET]) if CLOCK_OFFSET in moved else y
 
 
@@ -123,7 +123,7 @@ def simulate_all(structure: Structure, problem: Problem, unknowns: Unknowns) -> 
     def one(own, e):
         return _experiment(structure, problem, theta, own, e)
 
-    return jax.vmap(one)(unknowns.states, (problem.dt, problem.inputs, problem.start, problem.driven))
+    return jax.vmap(one)(unknowns.states, (problem.dt, problem.inputs, problem.start, problem.prescribed))
 
 
 def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, ""]:
@@ -155,7 +155,7 @@ def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_f
 
 def _experiments(problem: Problem, unknowns: Unknowns):
     """What `_whitened` takes of every experiment."""
-    e = (problem.dt, problem.inputs, problem.start, problem.driven)
+    e = (problem.dt, problem.inputs, problem.start, problem.prescribed)
     return unknowns.states, problem.state_free, e, problem.outputs, problem.mask, problem.weight
 
 

@@ -20,11 +20,12 @@ from .problem import CLOCK_OFFSET, Problem, Structure, Unknowns
 from .window_start import started
 
 InitialStates = Literal["auto", "known", "estimate"]
+StartValues = Fit | Mapping[str, float] | None
 CLOCK_SPREAD = 50.0
 """Prior standard deviation of the offset between two clocks, in sampling intervals."""
 
 
-def start_values(robot: Robot, start: Fit | Mapping[str, float] | None) -> dict[str, float]:
+def start_values(robot: Robot, start: StartValues) -> dict[str, float]:
     """Start values of the free parameters."""
     if start is None:
         return {name: robot.parameters[name].value for name in robot.parameters.free_names}

@@ -25,7 +25,7 @@ from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..judge import judge, judged
 from ..linear.integral_least_squares import integral_least_squares
-from ..output_error.setup import InitialStates, start_values
+from ..output_error.setup import InitialStates, StartValues, start_values
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
 from .disturbance import SIGNIFICANT, disturbance
@@ -43,8 +43,6 @@ _STANDS_OUT = 3.0
 _DIVERGED = 1e29
 _SOONER = "All noise is the sensors': output error finds the same, sooner."
 
-Start = Fit | Mapping[str, float] | None
-
 
 def _silent(message: str) -> None:
     pass
@@ -58,7 +56,7 @@ class _Found(NamedTuple):
     iterations: int
 
 
-def _candidates(robot: Robot, logs: LogSet, start: Start) -> list[dict[str, float]]:
+def _candidates(robot: Robot, logs: LogSet, start: StartValues) -> list[dict[str, float]]:
     """Values of the free parameters to start from: those given, or a fit's, the linear estimate's and the model's own."""
     if start is not None and not isinstance(start, Fit):
         return [start_values(robot, start)]
@@ -160,7 +158,7 @@ def prediction_error(
     robot: Robot,
     logs: LogSet,
     *,
-    start: Start = None,
+    start: StartValues = None,
     process_noise: Sequence[str] | None = None,
     initial_states: InitialStates = "auto",
     integrator: Integrator | None = None,

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ...parameters import Parameter
-from ...robots.effect import Effect, Numbers, Path, State
+from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.omni import Omni, wheel_speeds
 from ...robots.robot import Robot
 from ...simulation.friction import Sticking
@@ -75,7 +75,7 @@ class ClosedLoop(NamedTuple):
     duty: np.ndarray
 
 
-def mix(command: Path) -> Path:
+def mix(command: Scalars) -> Scalars:
     """Commands of the axes (V, Vn, W) -> commands of wheels 1-4, the transpose of the traction forces' eqs. 4-6."""
     V, Vn, W = command
     return Vn + W, -V + W, -Vn + W, V + W
@@ -97,7 +97,7 @@ class CurrentLimit(Effect):
             self.key("limit"): Parameter(self.limit, "A", lower=0.0, meaning="largest motor current", source="assumed")
         }
 
-    def supply(self, volts: Path, currents: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         emf = (p["Kv"] * p["l"] / p["r"] * v for v in wheel_speeds(state, p))
         reach = p["Ra"] * p[self.key("limit")]
         return tuple(jnp.clip(u, e - reach, e + reach) for u, e in zip(volts, emf, strict=True))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from ...logs import Log, LogSet
 from ...report import figures
-from ...robots.effect import Numbers, Path, State
+from ...robots.effect import Numbers, Scalars, State
 from ...robots.pioneer import Pioneer
 from ...robots.pioneer_closed_form import traction
 from ...simulation.simulate import simulate
@@ -24,7 +24,7 @@ _METHOD = "model"
 class _Watched(Pioneer):
     """A Pioneer whose caster angle can be seen, in place of its forward speed."""
 
-    def observe(self, state: State, inputs: Path, p: Numbers) -> Path:
+    def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         return state["beta"], state["eta2"]
 
 

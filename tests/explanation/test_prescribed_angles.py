@@ -1,4 +1,4 @@
-"""Wheel angles told to a model with a torque ripple: logs of the independent simulator, whose true angle is known."""
+"""Wheel angles prescribed to a model with a torque ripple: logs of the independent simulator, whose true angle is known."""
 
 import numpy as np
 import pytest
@@ -7,11 +7,11 @@ pytest.importorskip("numba")
 from benchmarks.hidden.cases import make  # noqa: E402
 from jaxid import Axis, Log, LogSet, explain, output_error, read_logs
 from jaxid.effects import effect_by_id
-from jaxid.explanation.fit_told import TOLD, fitted_told, predicted
 from jaxid.explanation.heldout import held_out
-from jaxid.explanation.told_angles import told_angles
+from jaxid.explanation.prescribed_angles import PRESCRIBED, fit_with_prescribed_angles, predicted
+from jaxid.explanation.smoothed_angles import smoothed_angles
 from jaxid.model_file import read_model
-from jaxid.simulation.driven import driven_angles
+from jaxid.simulation.integrated_angles import integrated_angles
 from reference import excitation  # noqa: E402
 from reference.axis import AXIS  # noqa: E402
 from reference.logs import simulate  # noqa: E402
@@ -51,13 +51,16 @@ def error(found, angles) -> float:
 
 def test_the_model_knows_the_angle_better_than_the_sum_of_the_speeds(runs):
     logs, angles = runs
-    summed, smoothed = error(driven_angles(RIPPLED, logs), angles), error(told_angles(RIPPLED, logs, NOISE, {}), angles)
+    summed, smoothed = (
+        error(integrated_angles(RIPPLED, logs), angles),
+        error(smoothed_angles(RIPPLED, logs, NOISE, {}), angles),
+    )
     assert smoothed < 0.5 * summed
     assert smoothed < 0.05 / PERIODS  # of a period
 
 
-def test_a_free_simulation_that_loses_its_way_is_told_the_angles(runs):
-    """Half a percent of the ripple's period is enough to end in other notches; told its angles the model is right."""
+def test_a_free_simulation_that_loses_its_way_gets_prescribed_angles(runs):
+    """Half a percent of the ripple's period is enough to end in other notches; with prescribed angles the model is right."""
     logs, _ = runs
     off = RIPPLED.with_values(**{"cogging_torque.periods": 2 * np.pi * PERIODS * 1.005})
     free, state = held_out(off, logs, NOISE), predicted(off, logs, NOISE)
@@ -70,31 +73,31 @@ def test_what_needs_no_angles_is_simulated_freely(runs):
 
 
 @pytest.fixture(scope="module")
-def told_fit(runs):
+def prescribed_fit(runs):
     """Fitted from a start that is 10 to 20 % off, on two logs."""
     off = {"M": 1.1, "Fv": 0.9, "cogging_torque.sine_q": 0.8, "cogging_torque.periods": 1.001}
     start = {name: off.get(name, 1.0) * RIPPLED.parameters[name].value for name in RIPPLED.parameters.free_names}
-    return fitted_told(RIPPLED, runs[0], NOISE, start, {})
+    return fit_with_prescribed_angles(RIPPLED, runs[0], NOISE, start, {})
 
 
-def test_a_fit_that_is_told_the_angles_finds_the_ripple(told_fit):
-    amplitude = np.hypot(told_fit["cogging_torque.sine_q"].value, told_fit["cogging_torque.cosine_q"].value)
-    assert told_fit["M"].value == pytest.approx(20.0, rel=0.02)
-    assert told_fit["Fv"].value == pytest.approx(30.0, rel=0.1 / 3)
+def test_a_fit_with_prescribed_angles_finds_the_ripple(prescribed_fit):
+    amplitude = np.hypot(prescribed_fit["cogging_torque.sine_q"].value, prescribed_fit["cogging_torque.cosine_q"].value)
+    assert prescribed_fit["M"].value == pytest.approx(20.0, rel=0.02)
+    assert prescribed_fit["Fv"].value == pytest.approx(30.0, rel=0.1 / 3)
     assert amplitude == pytest.approx(AMPLITUDE, rel=0.05)
-    assert told_fit.noise["v"] == pytest.approx(NOISE["v"], rel=0.15)
+    assert prescribed_fit.noise["v"] == pytest.approx(NOISE["v"], rel=0.15)
 
 
 @pytest.mark.parametrize(
     ("name", "true", "within"),
     [("cogging_torque.sine_q", AMPLITUDE, 0.05), ("cogging_torque.periods", 2 * np.pi * PERIODS, 1e-3)],
 )
-def test_a_fit_that_is_told_the_angles_finds_the_ripples_phase_and_period(told_fit, name, true, within):
-    assert told_fit[name].value == pytest.approx(true, rel=within)
+def test_a_fit_with_prescribed_angles_finds_the_ripples_phase_and_period(prescribed_fit, name, true, within):
+    assert prescribed_fit[name].value == pytest.approx(true, rel=within)
 
 
 def test_a_ripple_that_can_be_followed_freely_is_so_where_the_angle_is_measured_too():
-    """Told its angle, a log's position no longer counts; the free simulation, in which it does, must not lose by that."""
+    """With the angle prescribed, a log's position no longer counts; the free simulation, in which it does, must not lose"""
     logs, angles = driven(3.0)
     rng = np.random.default_rng(9)
     measured = []
@@ -102,8 +105,10 @@ def test_a_ripple_that_can_be_followed_freely_is_so_where_the_angle_is_measured_
         outputs = {"v": log.output("v"), "q": q + 2e-3 * rng.standard_normal(q.size)}
         measured.append(Log.from_arrays(log.name, log.time, log.inputs, outputs, BARE.channels))
     start = {name: RIPPLED.parameters[name].value for name in RIPPLED.parameters.free_names}
-    fit = fitted_told(RIPPLED, LogSet(measured), NOISE | {"q": 2e-3}, start | {"cogging_torque.sine_q": 3.3}, {})
-    assert TOLD not in fit.notes
+    fit = fit_with_prescribed_angles(
+        RIPPLED, LogSet(measured), NOISE | {"q": 2e-3}, start | {"cogging_torque.sine_q": 3.3}, {}
+    )
+    assert PRESCRIBED not in fit.notes
     assert fit.noise["q"] == pytest.approx(2e-3, rel=0.15)
     assert fit["cogging_torque.sine_q"].value == pytest.approx(3.0, rel=0.02)
 
@@ -116,7 +121,7 @@ def test_a_strong_ripple_is_named_whether_or_not_it_can_be_followed_freely(tmp_p
     found = explain(output_error(robot, logs), logs, check)
     assert found.verdict == "named" and [effect.id for effect in found.effects] == ["cogging_torque"]
     assert found.after.normalised_rms < 1.3
-    assert (found.after.simulated_freely is not None) == ("told its wheels' angles" in found.sentence)
+    assert (found.after.simulated_freely is not None) == ("prescribed from measurements" in found.sentence)
     freely = (found.after.simulated_freely or found.after).normalised_rms
     gap = found.to_dict()["gap"]
     assert gap["after_simulated_freely"] == freely >= gap["after"]

@@ -1,4 +1,5 @@
-"""Fits of models that are told their wheels' angles (see `told_angles`), and the way from there to free simulation."""
+"""Fits of models whose wheels' angles are prescribed from measurements (see `smoothed_angles`), and the way from there to
+free simulation."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -22,9 +23,9 @@ from ..robots.robot import Robot
 from ..robots.scales import Scales
 from ..simulation.scaled import scales_of
 from .heldout import HeldOut, held_out
-from .told_angles import WANDER, Angles, told_angles
+from .smoothed_angles import WANDER, Angles, smoothed_angles
 
-TOLD_STEPS, _HORIZON_STEPS = 10, 5
+PRESCRIBED_STEPS, _HORIZON_STEPS = 10, 5
 _SMOOTHINGS = 10
 """Most times that the wheels' angles are smoothed anew through the model that they improved."""
 _TRUSTED = 5.0
@@ -32,7 +33,7 @@ _TRUSTED = 5.0
 _NO_BETTER = 0.99
 """Ratio of a cost to the one before above which smoothing again brings nothing."""
 _NEAR = 1.02
-"""Ratio of a free simulation's chi-squared to that of one told the wheels' angles up to which the first counts."""
+"""Ratio of a free simulation's chi-squared to that with prescribed angles up to which the first counts."""
 _TIMES, _SAMPLES = 2.0, 75
 """The first horizon: at least as many time constants of the robot, and as many samples."""
 _LONGER, _LEAST_LONGER = 1.35, 1.02
@@ -41,9 +42,9 @@ _LOST, _HOPELESS = 1.5, 5.0
 """Growth of the cost per sample at which a longer horizon has lost the way, and cost at which there is none."""
 _HORIZONS = 16
 """Most horizons that are tried."""
-TOLD = (
-    "The model was told its wheels' angles, smoothed from the measured speeds: with a torque ripple, which notch a wheel "
-    "comes to rest in hangs on less than the noise. The intervals hold for these angles."
+PRESCRIBED = (
+    "The wheels' angles were prescribed from measurements (smoothed from the measured speeds): with a torque ripple, which "
+    "notch a wheel comes to rest in hangs on less than the noise. The intervals hold for these angles."
 )
 
 
@@ -58,10 +59,10 @@ def states_from(fit_states: Mapping[str, Mapping[str, float]], logs: LogSet, str
     return jnp.where(problem.state_free, jnp.asarray(own), 0.0)
 
 
-def told(problem: Problem, logs: LogSet, angles: Angles) -> Problem:
-    """The problem with the wheels' angles told; a channel that measures one no longer counts."""
+def with_prescribed_angles(problem: Problem, logs: LogSet, angles: Angles) -> Problem:
+    """The problem with the wheels' angles prescribed; a channel that measures one no longer counts."""
     shown = jnp.array([name not in angles for name in logs.channels.measured])
-    return replace(problem, driven=dict(angles), mask=problem.mask & shown)
+    return replace(problem, prescribed=dict(angles), mask=problem.mask & shown)
 
 
 def over_longer_and_longer(structure: Structure, problem: Problem, unknowns: Unknowns, scales: Scales) -> Unknowns:
@@ -90,7 +91,7 @@ def by_name(structure: Structure, problem: Problem, unknowns: Unknowns) -> dict[
 
 
 def chi_squared(problem: Problem, optimum: Optimum, free: Problem) -> float:
-    """Chi-squared at an optimum, counted as if all samples of `free` had been: told an angle, what measures it is left out."""
+    """Chi-squared at an optimum, counted as if all samples of `free` had been: what measures a prescribed angle is left out."""
     squares = float(jnp.sum(optimum.triangle.squares))
     return squares * float(jnp.sum(free.mask)) / float(jnp.sum(problem.mask))
 
@@ -98,13 +99,13 @@ def chi_squared(problem: Problem, optimum: Optimum, free: Problem) -> float:
 def with_better_angles(
     robot: Robot, logs: LogSet, noise: Mapping[str, float], structure: Structure, free: Problem, unknowns: Unknowns
 ) -> tuple[Problem, Optimum]:
-    """Angles smoothed through the model and the model refitted to them, turn by turn: the problem told them, its optimum."""
+    """Angles smoothed through the model and the model refitted to them, turn by turn: the problem with them, its optimum."""
     wander, best, gained = WANDER, None, False
     for _ in range(_SMOOTHINGS):
         model = robot.with_values(**by_name(structure, free, unknowns))
         states = initial_states_at(robot, logs, structure, free, unknowns)
-        problem = told(free, logs, told_angles(model, logs, noise, states, wander))
-        optimum = minimise_compiled(structure, problem, unknowns, max_steps=TOLD_STEPS)
+        problem = with_prescribed_angles(free, logs, smoothed_angles(model, logs, noise, states, wander))
+        optimum = minimise_compiled(structure, problem, unknowns, max_steps=PRESCRIBED_STEPS)
         better = best is None or bool(optimum.cost < _NO_BETTER * best[1].cost)
         if best is None or bool(optimum.cost < best[1].cost):
             best, unknowns = (problem, optimum), optimum.unknowns
@@ -126,8 +127,8 @@ def followed_up(
     *,
     horizons: bool = True,
 ) -> tuple[Problem, Optimum]:
-    """From `unknowns` of a model told its angles to a free simulation: the problem `free` and its optimum; where that cannot
-    be had, with short `horizons` neither, the problem told better angles and its optimum."""
+    """From `unknowns` found with prescribed angles to a free simulation: the problem `free` and its optimum; where that cannot
+    be had, with short `horizons` neither, the problem with better angles and its optimum."""
     problem, best = with_better_angles(robot, logs, noise, structure, free, unknowns)
     enough = _NEAR * chi_squared(problem, best, free)
     freely = minimise_compiled(structure, free, best.unknowns, max_steps=max_steps)
@@ -138,17 +139,17 @@ def followed_up(
 
 
 def predicted(robot: Robot, check: LogSet, noise: Mapping[str, float]) -> HeldOut:
-    """The held-out state of `robot`: told its wheels' angles if an effect repeats with them and a free simulation of these
-    logs loses its way."""
+    """The held-out state of `robot`: with its wheels' angles prescribed if an effect repeats with them and a free simulation
+    of these logs loses its way."""
     free = held_out(robot, check, noise)
     if free.adequate or not robot.needs("wheel_angles"):
         return free
-    told = held_out(robot, check, noise, told_angles(robot, check, noise, {}))
-    return replace(told, simulated_freely=free) if free.squares > _NEAR * told.squares else free
+    prescribed = held_out(robot, check, noise, smoothed_angles(robot, check, noise, {}))
+    return replace(prescribed, simulated_freely=free) if free.squares > _NEAR * prescribed.squares else free
 
 
 @in_float64
-def fitted_told(
+def fit_with_prescribed_angles(
     robot: Robot,
     logs: LogSet,
     noise: Mapping[str, float],
@@ -157,9 +158,9 @@ def fitted_told(
     *,
     max_steps: int = 60,
 ) -> Fit:
-    """The output-error fit from `start` of a model that is told its wheels' angles; simulated freely if that does now.
+    """The output-error fit from `start` of a model whose wheels' angles are prescribed; simulated freely if that does now.
 
-    A note of the fit says if the angles were told: the intervals then hold for these angles.
+    A note of the fit says if the angles were prescribed: the intervals then hold for these angles.
     """
     structure, free, unknowns = build(robot, logs, start=start)
     unknowns = unknowns._replace(states=states_from(initial_states, logs, structure, free))
@@ -171,4 +172,4 @@ def fitted_told(
     problem, optimum, iterations = reweighted(structure, problem, best, max_steps)
     bounded = on_bounds(structure, problem, optimum, max_steps)
     fit = conclude(robot, logs, structure, problem, optimum, bounded, iterations=iterations, max_steps=max_steps)
-    return replace(fit, notes=(*fit.notes, TOLD))
+    return replace(fit, notes=(*fit.notes, PRESCRIBED))

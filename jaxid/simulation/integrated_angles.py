@@ -1,4 +1,4 @@
-"""Wheel angles as they were driven, from the measured speeds.
+"""Wheel angles integrated from the measured speeds.
 
 A ripple once per few degrees needs the wheel's angle to a fraction of that. A simulated angle drifts away within metres;
 the sum of the measured speeds does not, for their noise averages out.
@@ -27,11 +27,11 @@ def _filled(signal: np.ndarray) -> np.ndarray:
 
 
 @in_float64
-def driven_angles(robot: Robot, logs: LogSet) -> Mapping[str, Float[Array, "E T"]]:
+def integrated_angles(robot: Robot, logs: LogSet) -> Mapping[str, Float[Array, "E T"]]:
     """The angles (rad; an axis: m) of the driving wheels since the start of each log, padded as in `logs.batch()`.
 
     Empty where the robot (with its effects) integrates no wheel angles, a velocity of it was not measured, or an angle is
-    itself an output: a model that were told it would have nothing left to predict.
+    itself an output: with it prescribed, a model would have nothing left to predict.
     """
     outputs, measured = robot.channels.outputs, logs.channels.measured
     if not robot.angles or not {*robot.angles, *outputs} <= set(robot.states) or set(robot.angles) & set(outputs):
@@ -52,8 +52,8 @@ def driven_angles(robot: Robot, logs: LogSet) -> Mapping[str, Float[Array, "E T"
         return {name: jnp.asarray(everything[name], float) for name in robot.angles}
 
     found = jax.vmap(jax.vmap(rates))({name: jnp.asarray(value) for name, value in speeds.items()})
-    driven = {}
+    angles = {}
     for name, rate in found.items():
         steps = 0.5 * (rate[:, :-1] + rate[:, 1:]) * batch.dt[:, :-1]
-        driven[name] = jnp.concatenate([jnp.zeros((len(logs), 1)), jnp.cumsum(steps, axis=1)], axis=1)
-    return driven
+        angles[name] = jnp.concatenate([jnp.zeros((len(logs), 1)), jnp.cumsum(steps, axis=1)], axis=1)
+    return angles

@@ -1,11 +1,11 @@
-"""jaxid/simulate/driven.py: angles from measured speeds against closed forms and the simulator, and rollouts told them."""
+"""Angles integrated from measured speeds against closed forms and the simulator."""
 
 import numpy as np
 import pytest
 
 from jaxid import Axis, Log, LogSet, Pioneer
 from jaxid.effects import effect_by_id
-from jaxid.simulation.driven import driven_angles
+from jaxid.simulation.integrated_angles import integrated_angles
 
 INPUTS = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 60)
 
@@ -13,10 +13,10 @@ INPUTS = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 60)
 def test_an_axis_is_where_its_measured_position_says(axis_log):
     robot = Axis() + effect_by_id(Axis(), "cogging_torque")
     noisy, long = axis_log("noisy", INPUTS, noise=0.01), axis_log("long", np.tile(INPUTS, 2), noise=0.0)
-    driven = np.asarray(driven_angles(robot, LogSet([noisy, long]))["q"])
+    angles = np.asarray(integrated_angles(robot, LogSet([noisy, long]))["q"])
     # The sum of 360 samples of noise: 0.01 m/s * 0.02 s * sqrt(360) = 4 mm; the measured position's own is 10 mm.
-    np.testing.assert_allclose(driven[0, : len(noisy)], noisy.output("q"), atol=0.05)
-    np.testing.assert_allclose(driven[1, : len(long)], long.output("q"), atol=0.02)
+    np.testing.assert_allclose(angles[0, : len(noisy)], noisy.output("q"), atol=0.05)
+    np.testing.assert_allclose(angles[1, : len(long)], long.output("q"), atol=0.02)
 
 
 def test_missing_samples_are_bridged(axis_log):
@@ -25,8 +25,8 @@ def test_missing_samples_are_bridged(axis_log):
     v[100:104] = np.nan
     broken = Log.from_arrays("gap", log.time, log.inputs, {"v": v, "q": log.output("q")}, log.channels)
     robot = Axis() + effect_by_id(Axis(), "cogging_torque")
-    driven = np.asarray(driven_angles(robot, LogSet([broken]))["q"])
-    np.testing.assert_allclose(driven[0, : len(log)], log.output("q"), atol=0.03)
+    angles = np.asarray(integrated_angles(robot, LogSet([broken]))["q"])
+    np.testing.assert_allclose(angles[0, : len(log)], log.output("q"), atol=0.03)
 
 
 def test_wheels_of_a_pioneer_turn_as_rolling_says():
@@ -39,10 +39,10 @@ def test_wheels_of_a_pioneer_turn_as_rolling_says():
         Log.from_arrays(name, time, np.zeros((101, 2)), {"eta1": eta1, "eta2": eta2}, robot.channels)
         for name, eta1, eta2 in (("straight", speed, 0 * rate), ("spot", 0 * speed, rate))
     )
-    driven = {name: np.asarray(angle)[:, 100] for name, angle in driven_angles(robot, logs).items()}
+    angles = {name: np.asarray(values)[:, 100] for name, values in integrated_angles(robot, logs).items()}
     R, L = robot.parameters["R"].value, robot.parameters["L"].value
-    assert driven["phi2"][0] == pytest.approx(driven["phi3"][0]) and abs(driven["phi2"][0]) == pytest.approx(1.0 / R)
-    assert driven["phi2"][1] == pytest.approx(-driven["phi3"][1]) and abs(driven["phi2"][1]) == pytest.approx(
+    assert angles["phi2"][0] == pytest.approx(angles["phi3"][0]) and abs(angles["phi2"][0]) == pytest.approx(1.0 / R)
+    assert angles["phi2"][1] == pytest.approx(-angles["phi3"][1]) and abs(angles["phi2"][1]) == pytest.approx(
         1.6 * L / R
     )
 
@@ -50,4 +50,4 @@ def test_wheels_of_a_pioneer_turn_as_rolling_says():
 def test_nothing_for_a_robot_without_wheel_angles(axis_log):
     log = Log.from_arrays("log", np.arange(50) * 0.02, np.zeros((50, 2)), {n: np.zeros(50) for n in ("eta1", "eta2")},
                           Pioneer().channels)  # fmt: skip
-    assert dict(driven_angles(Pioneer(), LogSet([log]))) == {}
+    assert dict(integrated_angles(Pioneer(), LogSet([log]))) == {}

@@ -1,9 +1,9 @@
 """Wheel angles as the logs show them, for models with an effect that repeats with them.
 
 A torque ripple makes a wheel come to rest in one notch or the next. Which one hangs on less than the noise, and from there
-on a free simulation runs beside the robot however right its model. So such a model is also judged told its wheels' angles:
-smoothed from the measured speeds through the model itself, with missing forces that wander only weakly, so that what is
-told is the angle and not the motion, which is simulated as ever.
+on a free simulation runs beside the robot however right its model. So such a model is also judged with its wheels' angles
+prescribed from measurements: smoothed from the measured speeds through the model itself, with missing forces that wander
+only weakly, so that the angle is prescribed and not the motion, which is simulated as ever.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from ..logs import LogSet
 from ..robots.robot import Robot
-from ..simulation.driven import driven_angles
+from ..simulation.integrated_angles import integrated_angles
 from .missing_force import NoVelocities, smoothed_states
 
 WANDER = 0.035
@@ -22,7 +22,7 @@ WANDER = 0.035
 Angles = Mapping[str, Float[Array, "E T"]]
 
 
-def told_angles(
+def smoothed_angles(
     robot: Robot,
     logs: LogSet,
     noise: Mapping[str, float],
@@ -34,7 +34,7 @@ def told_angles(
     Empty where no effect of the robot repeats with the wheels or a velocity was not measured. `known_states` are
     estimated initial states by log name; less `wander` of the missing forces trusts the model more.
     """
-    rough = driven_angles(robot, logs)
+    rough = integrated_angles(robot, logs)
     if not rough:
         return {}
     try:
