@@ -2,7 +2,7 @@
 
     python -m benchmarks.explained --data ../shared/data    # about a quarter of an hour; --sets emps rot_B runs some
 
-Writes `docs/explained.md` and `benchmarks/results/explained.json`. Every set is cut into logs to fit and logs to check;
+Writes `docs/explained.md` and `benchmarks/results/explained.json`. Every set is cut into logs to fit and held-out logs;
 the baseline is the plain robot. Speeds that were filtered before they were logged have hardly any white noise, so that
 errors "in units of the noise" are large; the shares by which they fall are what counts.
 """
@@ -36,12 +36,12 @@ _EMPS_SECONDS = 4.0
 
 @dataclass(frozen=True)
 class Case:
-    """One set: baseline, logs to fit and to check, a user's own candidates, and what is known about the answer."""
+    """One set: baseline, logs to fit and held-out ones, a user's own candidates, and what is known about the answer."""
 
     title: str
     robot: Robot
     fit: LogSet
-    check: LogSet
+    held_out: LogSet
     known: str
     effects: tuple[Effect, ...] = ()
 
@@ -59,7 +59,7 @@ def _emps_logs(record: Record, name: str) -> list[Log]:
 
 
 def emps(data: Path) -> Case:
-    """The ball-screw axis: four stretches of the estimation record to fit, two to check."""
+    """The ball-screw axis: four stretches of the estimation record to fit, two held out."""
     logs = _emps_logs(load_emps(data / "emps", "DATA_EMPS"), "estimation")
     robot = Axis().with_values(M=95.0, Fv=200.0, Fc=20.0)
     known = "published: viscous friction 166.7 N s/m forwards, 240.4 backwards (asymmetry -0.181)"
@@ -82,17 +82,17 @@ def _robotrace(name: str) -> Callable[[Path], Case]:
 
 def bam_xl330(data: Path) -> Case:
     """The servo with its pendulum, in closed loop: the authors' own further terms are handed in as candidates."""
-    fit, check = bam_loop.load(data / "bam_xl330").split(check=bam.CHECK)
+    fit, held_out = bam_loop.load(data / "bam_xl330").split(held_out=bam.CHECK)
     known = "the authors' ladder: Stribeck (M2), load-dependent (M3), directional load-dependent friction (M4 to M6)"
     own = (bam.JointStribeck(), bam.LoadFriction(), bam.DirectionalFriction())
-    return Case("BAM, servo with pendulum", bam_loop.robot(), fit, check, known, own)
+    return Case("BAM, servo with pendulum", bam_loop.robot(), fit, held_out, known, own)
 
 
 def _husky(ground: str, title: str, known: str) -> Callable[[Path], Case]:
     def case(data: Path) -> Case:
         logs = husky.load(data / "husky", ground)
-        fit, check = logs.split(check=logs.names[2::3])
-        return Case(title, husky.SkidSteer(), fit, check, known, (husky.Scrub(), husky.TurningDrag()))
+        fit, held_out = logs.split(held_out=logs.names[2::3])
+        return Case(title, husky.SkidSteer(), fit, held_out, known, (husky.Scrub(), husky.TurningDrag()))
 
     return case
 
@@ -124,7 +124,7 @@ def _figures(found: Explanation, seconds: float) -> dict:
              "parameters": {name: asdict(p) for name, p in e.parameters.items()}}
             for e in found.effects
         ],
-        "refitted": [[[t.id, t.check.normalised_rms] for t in step.trials] for step in found.search.steps],
+        "refitted": [[[t.id, t.held_out.normalised_rms] for t in step.trials] for step in found.search.steps],
         "moved": {name: [before.value, after.value] for name, (before, after) in found.moved.items()},
         "seconds": seconds,
     }  # fmt: skip
@@ -166,7 +166,7 @@ def ladder(found: Explanation, data: Path) -> dict:
     own = {"jaxid, baseline (M1)": found.baseline.robot, "jaxid, explained": found.final.robot}
     theirs = bam_ladder.published_robots(data / "bam_xl330")
     return {
-        name: {"fitted": bam_ladder.errors(robot, case.fit), "held_out": bam_ladder.errors(robot, case.check)}
+        name: {"fitted": bam_ladder.errors(robot, case.fit), "held_out": bam_ladder.errors(robot, case.held_out)}
         for name, robot in (own | theirs).items()
     }
 
@@ -212,7 +212,7 @@ def main() -> None:
         case = CASES[name](arguments.data)
         begin = time.perf_counter()
         fit = output_error(case.robot, case.fit)
-        found = explain(fit, case.fit, case.check, effects=case.effects)
+        found = explain(fit, case.fit, case.held_out, effects=case.effects)
         results[name] = _figures(found, time.perf_counter() - begin)
         if name in EXTRAS:
             key, measure, _ = EXTRAS[name]
@@ -232,7 +232,7 @@ def main() -> None:
     text = f"""# Recordings explained
 
 Written by `python -m benchmarks.explained --data ../shared/data`; digits in `benchmarks/results/explained.json`. Each set
-was cut into logs to fit and logs to check, the plain robot fitted, and `jaxid.explain` run on it, with no word about what
+was cut into logs to fit and held-out logs, the plain robot fitted, and `jaxid.explain` run on it, with no word about what
 to look for; beside the catalogue it was handed a user's own candidates for BAM (three of the authors' friction terms) and
 for Husky (two laws of resistance to turning). Most of these speeds were filtered before they were logged: their white noise
 is tiny, and errors in units of it are large. What counts is how far they fall, and what remains is reported as unexplained.

@@ -3,7 +3,7 @@
     python -m benchmarks.friction            # about five minutes on two cores; --quick is a trial
 
 How far a simulation with each law and step is from the truth, and what that does to estimates by output error: six fit
-logs and three check logs of the demonstration Pioneer (creeping, stopping, reversing), at the demonstration logs' own
+logs and three held-out logs of the demonstration Pioneer (creeping, stopping, reversing), at the demonstration logs' own
 noise and at half of it. Writes `benchmarks/results/friction.json`, `docs/dry_friction.md` and `docs/friction/*.png`.
 """
 
@@ -149,7 +149,7 @@ def study(quick: bool) -> dict[str, Any]:
             text = f"{row['law']:>16}, {steps:2d} sub-steps: error {row['simulation_error']['half']:.3g} noise units"
             if "fit" in row:
                 checks = ", ".join(f"{row['fit'][noise]['check_rms']:.4f}" for noise in NOISES)
-                text += f"; check RMS {checks}; Cs1 bias {100 * row['fit']['bias']['Cs1']:+.2f} %"
+                text += f"; held-out RMS {checks}; Cs1 bias {100 * row['fit']['bias']['Cs1']:+.2f} %"
             print(text, flush=True)
     return {"sampling_s": 0.02, "noise": {k: list(v) for k, v in NOISES.items()}, "seed": SEED, "rows": rows}
 
@@ -182,7 +182,7 @@ def error_figure(rows: list[dict[str, Any]], path: Path) -> None:
 
 
 def trace_figure(path: Path) -> None:
-    """A stretch of the creeping check log: the truth and both laws, and their errors."""
+    """A stretch of the creeping held-out log: the truth and both laws, and their errors."""
     log = read_logs(DEMO / "check_crawl.csv", robot="pioneer")
     exact = exact_run(PIONEER, log[0].inputs, 0.02).speeds
     robot = Pioneer().with_values(**TRUTH)
@@ -215,7 +215,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     """The rows that were fitted, as Markdown."""
     base = next(r for r in rows if r["law"] == "sticking" and r["substeps"] == 4)["fit"]["cpu_seconds_per_iteration"]
     lines = [
-        "| law | sub-steps | simulation error, half / demo noise | check RMS, half / demo | bias of Cs, Cv, I0 [%] "
+        "| law | sub-steps | simulation error, half / demo noise | held-out RMS, half / demo | bias of Cs, Cv, I0 [%] "
         "| bias of Cs1 [%] | errors of Cs, Cv, Cs1, I0, half noise [standard errors] | the same, demo noise "
         "| iterations | time an iteration |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
@@ -261,7 +261,7 @@ axis falls with the square of the step; on these logs, with coupled axes and two
 
 {table}
 
-Six fit logs and three check logs of the demonstration Pioneer. "Half" is noise of 0.005 m/s and 0.01 rad/s, "demo"
+Six fit logs and three held-out logs of the demonstration Pioneer. "Half" is noise of 0.005 m/s and 0.01 rad/s, "demo"
 the demonstration logs' 0.01 m/s and 0.02 rad/s. Simulation error: RMS with the true parameters, in standard
 deviations of the noise. Check RMS: of the fitted model on logs it has not seen, over the RMS of the noise in them.
 Bias: error of the estimates from the noise-free speeds. Errors in the standard errors that the fit reports: where the
@@ -291,7 +291,7 @@ def page(rows: list[dict[str, Any]]) -> str:
     )
     fit = find("sticking", 2)["fit"]
     best = (
-        f"with two sub-steps of 10 ms, the default at 50 Hz, the check "
+        f"with two sub-steps of 10 ms, the default at 50 Hz, the held-out "
         f"RMS is {fit['half']['check_rms']:.3f} and {fit['demo']['check_rms']:.3f}, "
         f"and no bias of the four friction parameters and I0 exceeds "
         f"{100 * max(abs(fit['bias'][name]) for name in ('Cs', 'Cv', 'Cs1', 'Cv1', 'I0')):.2f} %"

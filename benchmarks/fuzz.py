@@ -92,7 +92,7 @@ One log of a million rows took {seconds:.1f} processor seconds to read, look ove
 not counted: they leave a file that plainly says another plausible number, which nobody could see. The same holds for faults
 that no single log shows: a speed that is twice too large, degrees where the robot hardly turned, a clean end a few seconds
 early, a measurement of another run of the same inputs. Limits of the constants in the robot's model file, and logs held out
-with `--check`, are what catches these.
+with `--held-out`, are what catches these.
 
 A killed run leaves files that are whole or as they were before; the hidden `.NAME.*.part` beside them can be deleted.
 """

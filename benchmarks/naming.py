@@ -141,13 +141,13 @@ def run(plan: Plan) -> dict:
 
     case = make(plan.robot, plan.effects, plan.seed)
     with tempfile.TemporaryDirectory() as folder:
-        fit_files, check_files, model = case.write(Path(folder))
+        fit_files, held_out_files, model = case.write(Path(folder))
         begin = time.perf_counter()
         robot = read_model(model, MODEL[plan.robot]())
         logs = jaxid.read_logs([str(path) for path in fit_files], robot=plan.robot)
-        check = jaxid.read_logs([str(path) for path in check_files], robot=plan.robot)
+        held_out = jaxid.read_logs([str(path) for path in held_out_files], robot=plan.robot)
         fit = jaxid.output_error(robot, logs)
-        found = explain(fit, logs, check)
+        found = explain(fit, logs, held_out)
         seconds = time.perf_counter() - begin
     true = true_parameters(plan.robot, case.effects)
     covered = {}
@@ -181,7 +181,7 @@ def run(plan: Plan) -> dict:
         "p_white_after": found.after.p_white,
         "first_look": [[c.effect.id, round(c.share, 4)] for c in found.search.first_look[:6]],
         "refitted": [
-            [[t.id, round(t.check.normalised_rms, 4), round(t.score, 1)] for t in step.trials]
+            [[t.id, round(t.held_out.normalised_rms, 4), round(t.score, 1)] for t in step.trials]
             for step in found.search.steps
         ],
         "covered": covered,

@@ -1,6 +1,6 @@
 """How long an explanation takes: `python -m benchmarks.naming_seconds`.
 
-One hidden case of medium strength for every robot (six logs to fit and three to check, 25 s at 50 Hz) is explained on the
+One hidden case of medium strength for every robot (six logs to fit and three held out, 25 s at 50 Hz) is explained on the
 command line, page included, in a process of its own: first with an empty cache of compiled programs, then again with that
 cache filled. Writes `benchmarks/results/naming_seconds.json`; `python -m benchmarks.naming --report` shows it.
 """
@@ -26,7 +26,7 @@ def seconds(robot: str, folder: Path, cache: Path) -> tuple[float, str]:
     out = folder / "out"
     command = [
         *(sys.executable, "-m", "jaxid.cli", "explain", robot),
-        *("--fit", str(folder / "fit_*.csv"), "--check", str(folder / "check_*.csv")),
+        *("--fit", str(folder / "fit_*.csv"), "--held-out", str(folder / "check_*.csv")),
         *("--model", str(folder / "nominal.toml"), "--out", str(out)),
     ]
     begin = time.perf_counter()

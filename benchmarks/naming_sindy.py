@@ -19,7 +19,7 @@ from pathlib import Path
 from .naming import FIRST_SEED, Plan, plans, results, run_left
 
 
-def answer(robot, logs, check, setting) -> dict:
+def answer(robot, logs, held_out, setting) -> dict:
     """What PySINDy's surviving terms say of the logs, given the fitted `robot` and how PySINDy is set."""
     from jaxid.effects import catalogue
 
@@ -27,7 +27,7 @@ def answer(robot, logs, check, setting) -> dict:
     from .sindy.readings import read_all
     from .sindy.regression import identify
 
-    found = identify(robot, logs, check, setting)
+    found = identify(robot, logs, held_out, setting)
     known = {effect.id for effect in catalogue(robot)}
     read_as = read_all(library(robot), found.coefficients)
     terms = [
@@ -53,16 +53,16 @@ def run(plan: Plan) -> dict:
 
     case = make(plan.robot, plan.effects, plan.seed)
     with tempfile.TemporaryDirectory() as folder:
-        fit_files, check_files, model = case.write(Path(folder))
+        fit_files, held_out_files, model = case.write(Path(folder))
         begin, worked = time.perf_counter(), time.process_time()
         robot = read_model(model, MODEL[plan.robot]())
         logs = jaxid.read_logs([str(path) for path in fit_files], robot=plan.robot)
-        check = jaxid.read_logs([str(path) for path in check_files], robot=plan.robot)
+        held_out = jaxid.read_logs([str(path) for path in held_out_files], robot=plan.robot)
         fit = jaxid.output_error(robot, logs)
         between = time.perf_counter()
-        found = answer(fit.robot, logs, check, Setting())
+        found = answer(fit.robot, logs, held_out, Setting())
         end, spent = time.perf_counter(), time.process_time() - worked
-        other = answer(fit.robot, logs, check, Setting(optimizer="STLSQ"))
+        other = answer(fit.robot, logs, held_out, Setting(optimizer="STLSQ"))
     return {
         "case": plan.name,
         "robot": plan.robot,

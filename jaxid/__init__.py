@@ -3,11 +3,11 @@
 import jaxid
 
 logs = jaxid.read_logs("logs/*.csv", robot="pioneer")
-fit, check = logs.split(check=["turns.csv", "crawl.csv"])
+fit, held_out = logs.split(held_out=["turns.csv", "crawl.csv"])
 ls = jaxid.integral_least_squares(jaxid.Pioneer(), fit)
 oe = jaxid.output_error(jaxid.Pioneer(), fit, start=ls)
-jaxid.compare(ls, oe, check=check)
-jaxid.explain(oe, fit, check)
+jaxid.compare(ls, oe, held_out=held_out)
+jaxid.explain(oe, fit, held_out)
 """
 
 from . import checks as checks

@@ -37,11 +37,11 @@ def truth(name: str) -> dict[str, float]:
 
 
 class Case(NamedTuple):
-    """One robot of the demonstration: start values, logs to fit and to check, and the truth by symbol."""
+    """One robot of the demonstration: start values, logs to fit and held out, and the truth by symbol."""
 
     robot: Robot
     fit: LogSet
-    check: LogSet
+    held_out: LogSet
     truth: dict[str, float]
 
 

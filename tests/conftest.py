@@ -183,6 +183,6 @@ def explained(hidden_drag):
     """The explanation of `hidden_drag`, its held-out logs with it."""
     from jaxid import Axis, explain, integral_least_squares, output_error
 
-    logs, check = (read_logs(hidden_drag / f"{role}_*.csv", "axis") for role in ("fit", "check"))
+    logs, held_out = (read_logs(hidden_drag / f"{role}_*.csv", "axis") for role in ("fit", "check"))
     start = integral_least_squares(Axis(), logs)
-    return explain(output_error(Axis(), logs, start=start), logs, check)
+    return explain(output_error(Axis(), logs, start=start), logs, held_out)

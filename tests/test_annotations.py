@@ -38,7 +38,7 @@ def recorded(name, robot, outputs):
 logs = LogSet([recorded(name, Axis(), 2) for name in "ab"])
 linear = integral_least_squares(Axis(), logs[:1])
 fit = output_error(Axis(), logs[:1], start=linear, integrator=Integrator(2))
-found = compare(linear, fit, check=logs[1:])
+found = compare(linear, fit, held_out=logs[1:])
 repr(found), repr(fit), fit._repr_html_(), logs.preflight()
 
 def pendulum(x, u, p, dry):

@@ -64,7 +64,7 @@ def check_schema(document, robot, channels, checked):
     assert set(document) == {"robot", "methods"} and document["robot"] == robot
     assert list(document["methods"]) == ["integral_least_squares", "output_error"]
     for name, method in document["methods"].items():
-        keys = {"judgement", "standard_errors", "parameters", "combinations", "check"}
+        keys = {"judgement", "standard_errors", "parameters", "combinations", "held_out"}
         assert method["judgement"]["verdict"] in ("sound", "coloured", "poor", "failed")
         own = {"converged", "iterations", "logs", "clock_offsets", "outliers"} if name == "output_error" else set()
         assert set(method) == keys | own
@@ -77,19 +77,19 @@ def check_schema(document, robot, channels, checked):
             if entry["status"] == "fixed":
                 assert entry["std_error"] is None and entry["ci95"] == [None, None]
         if checked:
-            assert set(method["check"]) == {"normalised_rms", "fit_percent"}
-            assert set(method["check"]["fit_percent"]) == set(channels)
+            assert set(method["held_out"]) == {"normalised_rms", "fit_percent"}
+            assert set(method["held_out"]["fit_percent"]) == set(channels)
         else:
-            assert method["check"] is None
+            assert method["held_out"] is None
 
 
 def test_flags_take_many_values():
-    many = ("--fit", "--check")
-    plain = ["fit", "axis", "--fit", "a", "--fit", "b", "--check", "c", "--out", "d"]
+    many = ("--fit", "--held-out")
+    plain = ["fit", "axis", "--fit", "a", "--fit", "b", "--held-out", "c", "--out", "d"]
     for line in (
-        "fit axis --fit a b --check c --out d",
-        "fit axis --fit a --fit b --check c --out d",
-        "fit axis --fit=a b --check=c --out d",
+        "fit axis --fit a b --held-out c --out d",
+        "fit axis --fit a --fit b --held-out c --out d",
+        "fit axis --fit=a b --held-out=c --out d",
     ):
         joined = repeat_flags(line.split(), many)
         assert [part for argument in joined for part in argument.split("=")] == plain
@@ -104,7 +104,7 @@ def test_from_fit_to_simulation(jaxid, axis_logs, tmp_path):
         "axis",
         "--fit",
         *axis_logs[:2],
-        "--check",
+        "--held-out",
         axis_logs[2],
         "--model",
         known_offset(tmp_path),
@@ -116,7 +116,7 @@ def test_from_fit_to_simulation(jaxid, axis_logs, tmp_path):
     document = json.loads((out / "fit.json").read_text())
     check_schema(document, "axis", ("v",), True)
     found = document["methods"]["output_error"]
-    assert found["converged"] and 0.8 < found["check"]["normalised_rms"] < 1.2
+    assert found["converged"] and 0.8 < found["held_out"]["normalised_rms"] < 1.2
     for name, value in AXIS.items():
         assert found["parameters"][name]["status"] == "identified"
         assert within(found["parameters"][name], value)
@@ -135,7 +135,7 @@ def test_from_fit_to_simulation(jaxid, axis_logs, tmp_path):
     assert list(table) == ["t", "u", "v", "q"]
     assert np.array_equal(table["t"], log.time) and np.array_equal(table["u"], log.input("u"))
     rms = float(np.sqrt(np.mean(((table["v"] - log.output("v")) / noise_level(log)["v"]) ** 2)))
-    assert rms == pytest.approx(found["check"]["normalised_rms"], rel=1e-9)
+    assert rms == pytest.approx(found["held_out"]["normalised_rms"], rel=1e-9)
 
 
 def test_axis_without_check(jaxid, axis_logs, tmp_path):
@@ -147,7 +147,7 @@ def test_axis_without_check(jaxid, axis_logs, tmp_path):
     check_schema(document, "axis", ("v",), False)
     for method in document["methods"].values():
         assert all(within(method["parameters"][name], value) for name, value in AXIS.items())
-    assert "--check" in said and not list((tmp_path / "out").glob("*.png"))
+    assert "--held-out" in said and not list((tmp_path / "out").glob("*.png"))
     assert (tmp_path / "out" / "report.html").exists()
 
 
@@ -215,7 +215,7 @@ def test_unusable_input_is_one_line_and_status_1(jaxid, axis_logs, tmp_path, mon
         (("fit", "axis", "--fit", "none_*.csv", "--out", "o"), ("none_*.csv", "pattern")),
         (("fit", "axis", "--fit", "wrong.csv", "--out", "o"), ("wrong.csv", "'v'")),
         (("fit", "axis", "--fit", "still.csv", "--out", "o"), ("still.csv", "did not move", "drive it harder")),
-        ((*fit, "--check", "absent.csv", "--out", "o"), ("absent.csv",)),
+        ((*fit, "--held-out", "absent.csv", "--out", "o"), ("absent.csv",)),
         ((*fit, "--model", "bad.toml", "--out", "o"), ("bad.toml", "parameters.M.value")),
         ((*fit, "--model", "absent.toml", "--out", "o"), ("absent.toml", "check the path")),
         ((*fit, "--model", "fixed.toml", "--out", "o"), ("no parameter is free", "free = true")),

@@ -21,8 +21,8 @@ def no_cache_of_its_own(monkeypatch):
 
 def test_from_logs_to_a_model_with_its_effect(jaxid, hidden_drag, explained, tmp_path):
     out = tmp_path / "new" / "out"
-    fit, check = sorted(hidden_drag.glob("fit_*.csv")), sorted(hidden_drag.glob("check_*.csv"))
-    code, said, remarks = jaxid("explain", "axis", "--fit", *fit, "--check", *check, "--out", out)
+    fit, held_out = sorted(hidden_drag.glob("fit_*.csv")), sorted(hidden_drag.glob("check_*.csv"))
+    code, said, remarks = jaxid("explain", "axis", "--fit", *fit, "--held-out", *held_out, "--out", out)
     assert code == 0, remarks
     assert said.startswith("Missing was quadratic drag") and "Traceback" not in remarks
     assert max(map(len, said.splitlines())) <= 100
@@ -35,16 +35,16 @@ def test_from_logs_to_a_model_with_its_effect(jaxid, hidden_drag, explained, tmp
     assert set(fits) == {"integral_least_squares", "output_error"}
     assert fits["output_error"]["parameters"]["Fv"]["value"] == pytest.approx(explained.baseline["Fv"].value, rel=1e-6)
     # One noise and one judge in both files.
-    assert fits["output_error"]["check"]["normalised_rms"] == pytest.approx(document["gap"]["before"], rel=1e-9)
+    assert fits["output_error"]["held_out"]["normalised_rms"] == pytest.approx(document["gap"]["before"], rel=1e-9)
     page = (out / "report.html").read_text()
     assert page.startswith("<!doctype html>") and page.rstrip().endswith("</html>") and "quadratic drag" in page
     assert {"ranking.png", "before_after.png", "localisation.png"} <= {path.name for path in out.glob("*.png")}
     assert not list(out.glob(".*"))
 
     # The model predicts the held-out logs as well as the explanation says it does.
-    noise = noise_level(read_logs(check, "axis"))["v"]
+    noise = noise_level(read_logs(held_out, "axis"))["v"]
     errors = []
-    for path in check:
+    for path in held_out:
         predicted = tmp_path / path.name
         argv = ("simulate", "axis", "--log", path, "--model", out / "model.toml", "--out", predicted)
         assert jaxid(*argv)[0] == 0
@@ -71,7 +71,7 @@ def test_from_logs_to_a_model_with_its_effect(jaxid, hidden_drag, explained, tmp
     ],
 )
 def test_a_baseline_that_does_not_apply_is_status_2(jaxid, hidden_drag, tmp_path, more, words):
-    logs = ("--fit", hidden_drag / "fit_crawl.csv", "--check", hidden_drag / "check_crawl.csv")
+    logs = ("--fit", hidden_drag / "fit_crawl.csv", "--held-out", hidden_drag / "check_crawl.csv")
     code, said, remarks = jaxid("explain", "axis", *logs, "--out", tmp_path / "o", *more)
     assert code == 2 and not said and "Traceback" not in remarks
     assert all(word in remarks for word in words) and not (tmp_path / "o").exists()
@@ -81,17 +81,17 @@ def test_a_baseline_that_does_not_apply_is_status_2(jaxid, hidden_drag, tmp_path
 def test_held_out_logs_and_a_robot_are_needed(jaxid, hidden_drag, tmp_path):
     logs = ("--fit", hidden_drag / "fit_crawl.csv")
     assert jaxid("explain", "axis", *logs, "--out", tmp_path / "o")[0] == 2
-    assert jaxid("explain", "axes", *logs, "--check", *logs[1:], "--out", tmp_path / "o")[0] == 2
+    assert jaxid("explain", "axes", *logs, "--held-out", *logs[1:], "--out", tmp_path / "o")[0] == 2
 
 
 def test_unusable_input_is_one_line_and_status_1(jaxid, hidden_drag, tmp_path):
-    fit, check = ("--fit", hidden_drag / "fit_crawl.csv"), ("--check", hidden_drag / "check_crawl.csv")
+    fit, held_out = ("--fit", hidden_drag / "fit_crawl.csv"), ("--held-out", hidden_drag / "check_crawl.csv")
     model = tmp_path / "model.toml"
     model.write_text('[[effects]]\nid = "quadratic_dragg"\n')
     for argv, words in (
-        ((*fit, "--check", tmp_path / "absent.csv"), ("absent.csv",)),
-        (("--fit", tmp_path / "none_*.csv", *check), ("none_*.csv",)),
-        ((*fit, *check, "--model", model), ("model.toml", "quadratic_drag")),
+        ((*fit, "--held-out", tmp_path / "absent.csv"), ("absent.csv",)),
+        (("--fit", tmp_path / "none_*.csv", *held_out), ("none_*.csv",)),
+        ((*fit, *held_out, "--model", model), ("model.toml", "quadratic_drag")),
     ):
         code, said, remarks = jaxid("explain", "axis", *argv, "--out", tmp_path / "o")
         assert code == 1 and not said, remarks
@@ -113,7 +113,7 @@ def test_the_uncoupled_baseline_lacks_the_turning_frames_terms(jaxid, tmp_path, 
     monkeypatch.setattr("jaxid.cli.explain.estimate", stop)
     for more in ((), ("--baseline", "uncoupled")):
         paths = sorted(demo.folder("omni").glob("check_*.csv"))
-        argv = ("explain", "omni", "--fit", paths[0], "--check", paths[1], "--out", tmp_path, *more)
+        argv = ("explain", "omni", "--fit", paths[0], "--held-out", paths[1], "--out", tmp_path, *more)
         assert jaxid(*argv)[0] == 1
     assert [robot.parameters["coriolis"].value for robot in started] == [1.0, 0.0]
 

@@ -9,7 +9,7 @@ import jaxid
 from benchmarks.sindy.model import library
 from benchmarks.sindy.readings import read
 from benchmarks.sindy.regression import Setting, identify
-from jaxid.explanation.heldout import held_out
+from jaxid.explanation.heldout import held_out_state
 from jaxid.robots.axis import Axis
 from reference.axis import AXIS
 from reference.logs import simulate_log
@@ -36,15 +36,15 @@ def logs_with_drag(count: int, seed: int) -> jaxid.LogSet:
 def test_drag_is_found_as_the_odd_square_of_the_speed():
     """With the true constants the residual acceleration is -DRAG v|v| / M; the held-out error falls to the noise."""
     robot = Axis().with_values(M=M, gain=GAIN, Fv=FV, Fc=FC)
-    check = logs_with_drag(2, 50)
-    found = identify(robot, logs_with_drag(3, 10), check, Setting(), {"v": NOISE})
+    held_out = logs_with_drag(2, 50)
+    found = identify(robot, logs_with_drag(3, 10), held_out, Setting(), {"v": NOISE})
     assert [term for _, term in found.coefficients] == ["s|s|"]
     coefficient = found.coefficients["v", "s|s|"]
     np.testing.assert_allclose(coefficient, -DRAG / M, rtol=0.05)
     assert read(library(robot)["s|s|"], "v", coefficient) == ("quadratic_drag",)
     # With all terms at zero the robot is the one that was given.
     np.testing.assert_allclose(
-        found.before.normalised_rms, held_out(robot, check, {"v": NOISE}).normalised_rms, rtol=1e-9
+        found.before.normalised_rms, held_out_state(robot, held_out, {"v": NOISE}).normalised_rms, rtol=1e-9
     )
     assert found.before.normalised_rms > 5
     assert found.after.normalised_rms < 1.1

@@ -51,7 +51,7 @@ class Case:
     truth: Numbers
     start: Numbers
     fit: jaxid.LogSet
-    check: jaxid.LogSet
+    held_out: jaxid.LogSet
     clean: tuple[np.ndarray, ...]
     adequate: bool
     facts: dict = field(default_factory=dict)
@@ -210,7 +210,7 @@ def draw(number: int, seed: int) -> Case:
         truth=truth,
         start=begin,
         fit=jaxid.LogSet(logs[:FIT_LOGS]),
-        check=jaxid.LogSet(logs[FIT_LOGS:]),
+        held_out=jaxid.LogSet(logs[FIT_LOGS:]),
         clean=tuple(cleans),
         adequate=condition in GOOD,
         facts={"noise": float(level), "push": float(push), "effects": effects},

@@ -54,15 +54,15 @@ def own_scatter(case: Case, fit: jaxid.Fit) -> float:
     centre = np.array([fit[name].value for name in names])
     table = fit.robot.parameters
     low, high = (np.array([getattr(table[name], side) for name in names]) for side in ("lower", "upper"))
-    clean, log = case.clean[-1], case.check[0]
+    clean, log = case.clean[-1], case.held_out[0]
     measured = log.outputs[:, : clean.shape[1]]
     floor = np.sqrt(np.nanmean((measured - clean) ** 2, axis=0)) + 1e-4 * np.sqrt(np.nanmean(measured**2, axis=0))
-    best = jaxid.simulate(fit.robot, case.check)[0][:, : clean.shape[1]]
+    best = jaxid.simulate(fit.robot, case.held_out)[0][:, : clean.shape[1]]
     squares = []
     for _ in range(_DRAWS):
         drawn = np.clip(rng.multivariate_normal(centre, covariance, check_valid="ignore"), low, high)
         robot = fit.robot.with_values(**dict(zip(names, drawn.tolist(), strict=True)))
-        other = jaxid.simulate(robot, case.check)[0][:, : clean.shape[1]]
+        other = jaxid.simulate(robot, case.held_out)[0][:, : clean.shape[1]]
         squares.append(float(np.mean(((other - best) / floor) ** 2)))
     return float(np.sqrt(1.0 + np.mean(squares)))
 
@@ -95,7 +95,7 @@ def run(case: Case, estimate) -> dict:
         if all(log.name in fit.initial_states for log in case.fit):
             states = {n: np.array([fit.initial_states[log.name][n] for log in case.fit]) for n in fit.robot.states}
         free = errors(case, jaxid.simulate(fit.robot, case.fit, start=states), case.fit, 0)
-        held_out = errors(case, jaxid.simulate(fit.robot, case.check), case.check, len(case.fit))
+        held_out = errors(case, jaxid.simulate(fit.robot, case.held_out), case.held_out, len(case.fit))
     except (jaxid.ParameterError, jaxid.LogError) as error:
         return row | {"outcome": "refused", "words": [str(error)]}
     except Exception:

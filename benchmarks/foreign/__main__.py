@@ -30,9 +30,9 @@ def run(case: Any) -> dict[str, Any]:
         begin = time.perf_counter()
         robot = read_model(files.model, jaxid.Pioneer())
         logs = jaxid.read_logs([str(path) for path in files.fit], robot="pioneer")
-        check = jaxid.read_logs([str(path) for path in files.check], robot="pioneer")
+        held_out = jaxid.read_logs([str(path) for path in files.held_out], robot="pioneer")
         fit = jaxid.output_error(robot, logs)
-        found = jaxid.explain(fit, logs, check, effects=case.effects)
+        found = jaxid.explain(fit, logs, held_out, effects=case.effects)
         seconds = time.perf_counter() - begin
     true = constants(case.seed)
     true["Cs"] += case.world.extra_loss / 2.0  # the model's one constant stands for both wheels

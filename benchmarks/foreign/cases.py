@@ -84,18 +84,18 @@ def constants(seed: int) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Written:
-    """Files to fit and to check, the nominal model's, the wheels' `largest_slip` [m/s] and `slipping`, the share of
+    """Files to fit and held out, the nominal model's, the wheels' `largest_slip` [m/s] and `slipping`, the share of
     samples at which one slips by more than `SLIPS`."""
 
     fit: list[Path]
-    check: list[Path]
+    held_out: list[Path]
     model: Path
     largest_slip: float
     slipping: float
 
 
 def write(case: Case, folder: Path) -> Written:
-    """Drive, and write six logs to fit, three to check and the nominal model into `folder`."""
+    """Drive, and write six logs to fit, three held out and the nominal model into `folder`."""
     p = constants(case.seed)
     files: dict[str, list[Path]] = {"fit": [], "check": []}
     slips = []

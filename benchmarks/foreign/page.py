@@ -9,7 +9,7 @@ Written by `python -m benchmarks.foreign` (MuJoCo {mujoco}, JAX {jax}); all numb
 
 MuJoCo drives a Pioneer of rigid bodies in three dimensions: a body on a free joint, two driven wheels, a caster's fork and
 wheel, held up and moved by contacts with the floor. Nothing rolls by constraint: the wheels roll because friction holds
-them. Every case draws its constants anew (15 %), drives six logs to fit and three to check (25 s at 50 Hz, about
+them. Every case draws its constants anew (15 %), drives six logs to fit and three held out (25 s at 50 Hz, about
 {level:g} V, noise 0.01 m/s and 0.02 rad/s), and gives `jaxid.explain` the CSV files and the nominal model.
 """
 

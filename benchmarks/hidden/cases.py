@@ -1,4 +1,4 @@
-"""One hidden case: six logs to fit and three to check, with physical constants, noise, excitation and effect drawn from a seed.
+"""One hidden case: six logs to fit and three held out, with physical constants, noise, excitation and effect drawn from a seed.
 
 Whoever explains the case sees the CSV files and the nominal model (`model.toml`: the known constants, and the published
 values as starts for the unknown ones), nothing else.
@@ -60,7 +60,7 @@ class Case:
     tables: dict[str, pd.DataFrame]
 
     def write(self, folder: Path) -> tuple[list[Path], list[Path], Path]:
-        """The CSV files to fit and to check and the nominal model; the truth goes into `truth.json` beside them."""
+        """The CSV files to fit and to hold out and the nominal model; the truth goes into `truth.json` beside them."""
         folder.mkdir(parents=True, exist_ok=True)
         for stem, table in self.tables.items():
             table.to_csv(folder / f"{stem}.csv", index=False, float_format="%.6g")

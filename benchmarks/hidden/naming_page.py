@@ -276,7 +276,7 @@ Written by `python -m benchmarks.naming --report` from `benchmarks/results/namin
 `python -m benchmarks.naming --set main` and `--set aside` append to, case by case. Every case is simulated by the
 independent simulator in `reference/` (event-accurate sticking, adaptive steps) with physical constants, noise level and
 excitation drawn from its seed, written to CSV, read back, fitted and explained; the workflow sees the files and the
-nominal model. Six logs to fit and three to check, 25 s at 50 Hz. `main` was looked at while the workflow was built, and
+nominal model. Six logs to fit and three held out, 25 s at 50 Hz. `main` was looked at while the workflow was built, and
 its cases were run as the workflow grew: whenever a change touched an effect, the cases with that effect were run again.
 `aside` has other seeds and was run at the end, in an order in which every part of it is a fair sample. The cases that stand
 in the files are all that were run, none is left out{"" if not broken else f", {len(broken)} of them ended with an error"}:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import jaxid
-from jaxid.explanation.heldout import held_out
+from jaxid.explanation.heldout import held_out_state
 from reference.effects import EFFECTS, NOT_FOR
 
 from .cases import MODEL, STRENGTHS, make
@@ -97,7 +97,7 @@ def held_out_rms(robot: str, identifier: str, size: float) -> float:
         model = MODEL[robot]().with_values(**case.nominal)
         fit = jaxid.output_error(model, jaxid.LogSet(logs["fit"]), max_steps=25)
         noise = dict(zip(channels.outputs, case.noise, strict=True))
-        squares.append(held_out(fit.robot, jaxid.LogSet(logs["check"]), noise).normalised_rms ** 2)
+        squares.append(held_out_state(fit.robot, jaxid.LogSet(logs["check"]), noise).normalised_rms ** 2)
     return math.sqrt(float(np.mean(squares)))
 
 

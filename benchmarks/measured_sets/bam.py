@@ -186,7 +186,7 @@ def _picture(logs: list[Log], fits: dict[str, Fit], scores, pictures: Path) -> s
 def measure(folder: Path, pictures: Path) -> Section:
     """Inertia and motor constant against the known load, model by model, with the errors on held-out runs."""
     logs = load(folder)
-    check = [log for log in logs if log.name in CHECK]
+    held_out = [log for log in logs if log.name in CHECK]
     rest = [log for log in logs if log.name not in CHECK]
     fits = {name: identify(model, rest) for name, model in ladder().items()}
     scores = {name: errors(fit, logs) for name, fit in fits.items()}
@@ -266,7 +266,7 @@ def measure(folder: Path, pictures: Path) -> Section:
         ],
     )
     text = f"""
-Sixteen runs of 6 s, irregular stamps (5.3 ms driven, 3.5 ms released); {len(check)} runs are held out. Position is the
+Sixteen runs of 6 s, irregular stamps (5.3 ms driven, 3.5 ms released); {len(held_out)} runs are held out. Position is the
 only output (the servo's own speed is late); every run is simulated from rest with the measured supply times the duty.
 The known load of {MASS} kg at {LENGTH} m gives the scale of torque, and only the released stretches of lift-and-drop
 tell back-EMF from viscous friction.
@@ -295,7 +295,7 @@ friction holds it (up-and-down, the lift before the drop), so that a small error
 position; lift-and-drop at a gain of 400 is predicted worst. The standard errors, which take the residual for white
 noise, are too small for the same reason.
 
-{_picture(check, fits, scores, pictures)}
+{_picture(held_out, fits, scores, pictures)}
 """
     figures = {
         "models": {

@@ -10,7 +10,7 @@ import pysindy
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import savgol_filter
 
-from jaxid.explanation.heldout import HeldOut, held_out
+from jaxid.explanation.heldout import HeldOut, held_out_state
 from jaxid.logs import Log, LogSet
 from jaxid.robots.robot import Robot
 
@@ -174,12 +174,12 @@ def weights(target: np.ndarray, terms: np.ndarray, kept: np.ndarray, own: np.nda
 
 
 def identify(
-    robot: Robot, logs: LogSet, check: LogSet, setting: Setting, noise: Mapping[str, float] | None = None
+    robot: Robot, logs: LogSet, held_out: LogSet, setting: Setting, noise: Mapping[str, float] | None = None
 ) -> Answer:
     """SINDy's answer: terms whose threshold the held-out logs chose, simulated as additional accelerations."""
     names = library(robot)
     base = extended(robot)
-    before = held_out(base, check, noise)
+    before = held_out_state(base, held_out, noise)
     target, terms, slides = regression_data(base, logs, setting, before.noise)
     own = {e: np.array([e in term.own for term in names.values()]) for e in robot.velocities}
     data = {e: (target[slides[:, i], i], terms[slides[:, i]]) for i, e in enumerate(robot.velocities)}
@@ -193,7 +193,7 @@ def identify(
             count = int(sum(mask.sum() for mask in kept.values()))
             # Once something is added anywhere, the model's own constants may move in all equations.
             coefficients = {e: weights(*data[e], kept[e], own[e], setting) for e in robot.velocities}
-            after = held_out(with_coefficients(base, coefficients), check, before.noise) if count else before
+            after = held_out_state(with_coefficients(base, coefficients), held_out, before.noise) if count else before
             tried[key] = (count, after, coefficients)
         return tried[key]
 

@@ -17,7 +17,7 @@ import typer
 from .arguments import UnusableInput, repeat_flags, window_option
 from .console import complain
 
-MANY = ("--fit", "--check", "--method", "--limit", "--noise", "--already", "--speed", "--floor")
+MANY = ("--fit", "--held-out", "--check", "--method", "--limit", "--noise", "--already", "--speed", "--floor")
 """Flags that take every value up to the next flag."""
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """Reasons why the results cannot be printed; other errors without a file are bugs."""
@@ -90,8 +90,11 @@ def fit(
     robot: RobotArgument,
     fit: Annotated[list[str], typer.Option("--fit", metavar="LOG...", help="Logs to identify from; patterns work.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for fit.json, model.toml and pictures.")],
-    check: Annotated[
-        list[str] | None, typer.Option("--check", metavar="LOG...", help="Logs held out to check the result on.")
+    held_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--held-out", "--check", metavar="LOG...", help="Logs that are not fitted, on which predictions are judged."
+        ),
     ] = None,
     model: Model = None,
     mapping: Mapping = None,
@@ -150,7 +153,7 @@ def fit(
     if controller is not None and intersample != "hold":
         raise typer.BadParameter("--intersample linear is for measured inputs; a --controller holds its commands.")
     methods = tuple(dict.fromkeys(map(str, method or USUAL)))
-    run_fit(robot, fit, check or [], model, mapping, out, options, intersample, controller, methods)
+    run_fit(robot, fit, held_out or [], model, mapping, out, options, intersample, controller, methods)
 
 
 @app.command()
@@ -158,8 +161,14 @@ def fit(
 def explain(
     robot: RobotArgument,
     fit: Annotated[list[str], typer.Option("--fit", metavar="LOG...", help="Logs to identify from; patterns work.")],
-    check: Annotated[
-        list[str], typer.Option("--check", metavar="LOG...", help="Logs held out, on which explanations are judged.")
+    held_out: Annotated[
+        list[str],
+        typer.Option(
+            "--held-out",
+            "--check",
+            metavar="LOG...",
+            help="Logs that are not fitted, on which explanations are judged.",
+        ),
     ],
     out: Annotated[
         Path,
@@ -175,7 +184,7 @@ def explain(
     """Find where simulation and logs disagree, name the missing effect, add it, and show the gap shrink."""
     from .explain import run_explain
 
-    run_explain(robot, fit, check, model, baseline, mapping, out)
+    run_explain(robot, fit, held_out, model, baseline, mapping, out)
 
 
 @app.command()

@@ -20,7 +20,7 @@ def run_demo(out: Path) -> None:
             case = demo.case(name)
         fits = estimate(case.robot, case.fit)
         show(f"\n{demo.title(name)}\n")
-        write_results(out / name, fits, case.check, case.fit, case.truth)
+        write_results(out / name, fits, case.held_out, case.fit, case.truth)
     for title, tables in demo.PAPERS.items():
         with step(title):
             found = tables()

@@ -45,16 +45,16 @@ def without_coupling(robot: Robot) -> Robot:
     return robot
 
 
-def _write_fits(out: Path, fits: list[Fit], fit: LogSet, check: LogSet) -> None:
+def _write_fits(out: Path, fits: list[Fit], fit: LogSet, held_out: LogSet) -> None:
     with step("Check on held-out logs"):
-        comparison = compare(*fits, check=check, fit=fit)
+        comparison = compare(*fits, held_out=held_out, fit=fit)
     write_fit(out, fits, comparison.validations)
 
 
 def run_explain(
     spec: str,
     fit: list[str],
-    check: list[str],
+    held_out: list[str],
     model: Path | None,
     baseline: str | None,
     mapping: Path | None,
@@ -66,14 +66,14 @@ def run_explain(
     robot = identifiable(spec, model, fit, mapping)
     if baseline is not None:
         robot = without_coupling(robot)
-    fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
-    assert check_logs is not None  # --check is required
-    apart(fit_logs, check_logs)
+    fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
+    assert held_out_logs is not None  # --held-out is required
+    apart(fit_logs, held_out_logs)
     fits = estimate(robot, fit_logs)
     fits[-1] = without_windows(fits[-1], fit_logs, say)
-    _write_fits(out, fits, fit_logs, check_logs)
+    _write_fits(out, fits, fit_logs, held_out_logs)
     with step("Explanation") as report:
-        found = explain(fits[-1], fit_logs, check_logs, report=report)
+        found = explain(fits[-1], fit_logs, held_out_logs, report=report)
     for note in found.final.notes if found.effects else ():
         say(f"warning: {note}", style="yellow")
     show(repr(found))

@@ -1,4 +1,4 @@
-"""`jaxid fit`: read, look, estimate by every method asked for, check; files for programs and tables for people."""
+"""`jaxid fit`: read, look, estimate by every method asked for, predict held-out logs; files for programs, tables for people."""
 
 import html
 import tempfile
@@ -29,7 +29,7 @@ from .findings import warn_of_findings
 
 _SHOWN = 5
 """Stretches of outliers that are printed."""
-UNCHECKED = "No logs were held out (--check), so nothing says how well these models predict."
+UNCHECKED = "No logs were held out (--held-out), so nothing says how well these models predict."
 
 
 def prepare_folder(out: Path) -> None:
@@ -114,7 +114,7 @@ def estimate(
 
 
 def _estimates_table(fits: Sequence[Fit]) -> Table:
-    """Estimated parameters and combinations of every method, without a check."""
+    """Estimated parameters and combinations of every method, without held-out logs."""
     rows = []
     named = dict.fromkeys(name for fit in fits for name in (*fit.free_names, *fit.combinations))
     for name in named:
@@ -131,11 +131,11 @@ def _estimates_table(fits: Sequence[Fit]) -> Table:
 
 
 def write_results(
-    out: Path, fits: Sequence[Fit], check: LogSet | None, fitted: LogSet, truth: Mapping[str, float] | None = None
+    out: Path, fits: Sequence[Fit], held_out: LogSet | None, fitted: LogSet, truth: Mapping[str, float] | None = None
 ) -> Comparison | None:
     """Everything a fit leaves in its folder, and its tables on stdout. Raises `OSError` if the folder cannot be written."""
     name = fits[-1].robot.name
-    if check is None:
+    if held_out is None:
         table = _estimates_table(fits)
         said = [f"{title_of(fit.method)}: {fit.judgement.sentence}" for fit in fits if fit.judgement]
         page = "".join(f"<p><b>{html.escape(text)}</b></p>" for text in said) + to_html(table)
@@ -143,7 +143,7 @@ def write_results(
         write_fit(out, fits)
     else:
         with step("Check on held-out logs"):
-            comparison = compare(*fits, check=check, fit=fitted, truth=truth)
+            comparison = compare(*fits, held_out=held_out, fit=fitted, truth=truth)
         text, page = repr(comparison), comparison._repr_html_()
         write_fit(out, fits, comparison.validations, comparison.ahead)
         with step("Pictures"):
@@ -172,18 +172,18 @@ def identifiable(spec: str, model: Path | None, logs: Sequence[str] = (), mappin
 
 
 def read_case(
-    robot: Robot, fit: list[str], check: list[str], mapping: Path | None, out: Path
+    robot: Robot, fit: list[str], held_out: list[str], mapping: Path | None, out: Path
 ) -> tuple[LogSet, LogSet | None]:
-    """Logs to fit and to check, looked over; `out` is made first. Raises `UnusableInput` if no log can be fitted."""
+    """Logs to fit and held-out ones, looked over; `out` is made first. Raises `UnusableInput` if no log can be fitted."""
     prepare_folder(out)
     fit_logs = read_logs(fit, robot, mapping=mapping)
-    check_logs = read_logs(check, robot, mapping=mapping) if check else None
+    held_out_logs = read_logs(held_out, robot, mapping=mapping) if held_out else None
     useless = {finding.file: finding for finding in fit_logs.preflight() if finding.severity == "error"}
     if len(useless) == len(fit_logs):
         raise UnusableInput(next(iter(useless.values())).message)
-    say(f"{len(fit_logs)} logs to fit, {len(check_logs or ())} to check")
-    warn_of_findings(fit_logs, check_logs)
-    return fit_logs, check_logs
+    say(f"{len(fit_logs)} logs to fit, {len(held_out_logs or ())} held out")
+    warn_of_findings(fit_logs, held_out_logs)
+    return fit_logs, held_out_logs
 
 
 def _looped(fit: Fit, loop: Fit) -> Fit:
@@ -198,7 +198,7 @@ def _looped(fit: Fit, loop: Fit) -> Fit:
 def run_fit(
     spec: str,
     fit: list[str],
-    check: list[str],
+    held_out: list[str],
     model: Path | None,
     mapping: Path | None,
     out: Path,
@@ -210,9 +210,9 @@ def run_fit(
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
     robot = identifiable(spec, model, fit, mapping)
-    fit_logs, check_logs = read_case(robot, fit, check, mapping, out)
+    fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
     fit_logs = between_samples(fit_logs, intersample)
-    check_logs = None if check_logs is None else between_samples(check_logs, intersample)
+    held_out_logs = None if held_out_logs is None else between_samples(held_out_logs, intersample)
     law = None if controller is None else load_controller(controller)
     if law is not None and methods[-1] != "output_error":
         raise UnusableInput(
@@ -225,7 +225,7 @@ def run_fit(
     if law is not None:
         # The linear estimate is judged in the loop, too.
         fit_logs = closed_loop(robot, fit_logs, law)[1]
-        check_logs = None if check_logs is None else closed_loop(robot, check_logs, law)[1]
+        held_out_logs = None if held_out_logs is None else closed_loop(robot, held_out_logs, law)[1]
         fits = [_looped(fit, fits[-1]) for fit in fits]
-    write_results(out, fits, check_logs, fit_logs)
-    say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if check_logs is not None else ""))
+    write_results(out, fits, held_out_logs, fit_logs)
+    say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if held_out_logs is not None else ""))

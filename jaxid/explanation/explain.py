@@ -34,10 +34,10 @@ def _evidence(step: Step) -> Evidence:
     best, before, after = step.chosen, step.before, step.after
     rivals = [trial for trial in step.trials[1:] if trial.id not in step.equivalent]
     return Evidence(
-        before=before.check.normalised_rms,
-        after=after.check.normalised_rms,
+        before=before.held_out.normalised_rms,
+        after=after.held_out.normalised_rms,
         fit_gain=before.squares - after.squares,
-        check_gain=before.check.squares - after.check.squares,
+        held_out_gain=before.held_out.squares - after.held_out.squares,
         looked_at=len(step.screened),
         refitted=len(step.trials),
         runner_up=rivals[0].id if rivals else None,
@@ -97,7 +97,7 @@ def _next(found: Search, logs: LogSet) -> NextExperiment | None:
             continue
         other = open_[0]
         two = (best.id, best.robot), (other.id, other.robot)
-        proposal = propose(*two, logs, best.check.noise, differ(best, other))
+        proposal = propose(*two, logs, best.held_out.noise, differ(best, other))
         if proposal:
             return proposal
     return None
@@ -112,9 +112,9 @@ def _stages(found: Search) -> dict[str, float]:
     return shares
 
 
-def apart(logs: LogSet, check: LogSet) -> None:
+def apart(logs: LogSet, held_out: LogSet) -> None:
     """Raise `LogError` where a fitted and a held-out log have one name: what a fit knows of logs, it knows by name."""
-    shared = [name for name in check.names if name in logs.names]
+    shared = [name for name in held_out.names if name in logs.names]
     if shared:
         raise LogError(
             f"A fitted and a held-out log are both called {shared[0]!r}; give each its own name (a log is called like its "
@@ -143,13 +143,13 @@ def without_windows(fit: Fit, logs: LogSet, report: Callable[[str], None] = lamb
 def explain(
     fit: Fit,
     logs: LogSet,
-    check: LogSet,
+    held_out: LogSet,
     *,
     effects: Sequence[Effect] = (),
     most: int = MOST_EFFECTS,
     report: Callable[[str], None] = lambda message: None,
 ) -> Explanation:
-    """Say what is missing in `fit`, an output-error fit to `logs`, judged on the held-out logs `check`.
+    """Say what is missing in `fit`, an output-error fit to `logs`, judged on logs that were not fitted (`held_out`).
 
     `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `report` is
     called with a sentence whenever something is done.
@@ -163,27 +163,27 @@ def explain(
 
     Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share.
     """
-    apart(logs, check)
+    apart(logs, held_out)
     fit = without_windows(fit, logs, report)
     placeless = without_place(fit.robot)
     if placeless:
         report(placeless)
     if fit.window is not None:
-        logs, check = in_windows(logs, fit.window), in_windows(check, fit.window)
+        logs, held_out = in_windows(logs, fit.window), in_windows(held_out, fit.window)
         report(f"the fit is in windows of {fit.window:.3g} s, and so is its explanation")
     report("looking for a gap on the held-out logs")
-    found = search(fit, logs, check, effects=effects, most=most, report=report)
+    found = search(fit, logs, held_out, effects=effects, most=most, report=report)
     final, after = fit, found.before
     if found.steps and found.final:
         final = in_full(found.final, logs, after.noise)
-        after = predicted(final.robot, check, after.noise)
+        after = predicted(final.robot, held_out, after.noise)
     named = _named(found, final)
     doubts = _doubts(found, final, named, after)
     verdict = _verdict(found, named, most, doubts)
     localisation = None
     if verdict != "adequate" and not placeless:
         report("finding where simulation and data disagree")
-        localisation = localise(fit, check, found.before, stages=_stages(found))
+        localisation = localise(fit, held_out, found.before, stages=_stages(found))
     return Explanation(
         verdict=verdict,
         effects=named,
@@ -192,7 +192,7 @@ def explain(
         before=found.before,
         after=after,
         search=found,
-        check=check,
+        held_out=held_out,
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),

@@ -25,14 +25,14 @@ class Evidence:
     """Why an effect was added.
 
     Held-out normalised RMS `before` and `after` it, the drop of chi-squared on the fitted logs (`fit_gain`) and on the
-    held-out ones (`check_gain`), how many candidates were looked at and refitted, and how far the next distinguishable
+    held-out ones (`held_out_gain`), how many candidates were looked at and refitted, and how far the next distinguishable
     candidate lies behind (`runner_up`, `margin` in chi-squared; None if none was refitted).
     """
 
     before: float
     after: float
     fit_gain: float
-    check_gain: float
+    held_out_gain: float
     looked_at: int
     refitted: int
     runner_up: str | None
@@ -113,7 +113,7 @@ class Explanation:
 
     `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
     is; `next_experiment` what to record to settle what this data leaves open; `doubts` why names that were found are no
-    answer; `notes` what else to know. `check` are the held-out logs. Where `after`
+    answer; `notes` what else to know. `held_out` are the logs it was judged on. Where `after`
     is that with prescribed wheels' angles (`smoothed_angles.py`), `after.simulated_freely` is the state without. In a
     notebook it shows itself.
     """
@@ -125,7 +125,7 @@ class Explanation:
     before: HeldOut
     after: HeldOut
     search: Search = field(repr=False)
-    check: LogSet = field(repr=False)
+    held_out: LogSet = field(repr=False)
     localisation: Any = None
     next_experiment: NextExperiment | None = None
     doubts: tuple[str, ...] = ()
@@ -265,7 +265,7 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
             "held_out_before": evidence.before,
             "held_out_after": evidence.after,
             "chi_squared_gain_fit": evidence.fit_gain,
-            "chi_squared_gain_check": evidence.check_gain,
+            "chi_squared_gain_held_out": evidence.held_out_gain,
             "candidates_looked_at": evidence.looked_at,
             "candidates_refitted": evidence.refitted,
             "runner_up": evidence.runner_up,

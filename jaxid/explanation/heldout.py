@@ -86,7 +86,7 @@ def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
     return float(stats.chi2.sf(statistic, freedom)) if freedom else 1.0
 
 
-def held_out(
+def held_out_state(
     robot: Robot, logs: LogSet, noise: Mapping[str, float] | None = None, angles: Angles | None = None
 ) -> HeldOut:
     """Simulate `logs` with `robot`, its wheels' `angles` prescribed if given, and compare. Nothing else measured is fed

@@ -22,7 +22,7 @@ from ..logs import LogSet
 from ..robots.robot import Robot
 from ..robots.scales import Scales
 from ..simulation.scaled import scales_of
-from .heldout import HeldOut, held_out
+from .heldout import HeldOut, held_out_state
 from .smoothed_angles import WANDER, Angles, smoothed_angles
 
 PRESCRIBED_STEPS, _HORIZON_STEPS = 10, 5
@@ -138,13 +138,13 @@ def followed_up(
     return (free, freely) if chi_squared(free, freely, free) < enough else (problem, best)
 
 
-def predicted(robot: Robot, check: LogSet, noise: Mapping[str, float]) -> HeldOut:
+def predicted(robot: Robot, held_out: LogSet, noise: Mapping[str, float]) -> HeldOut:
     """The held-out state of `robot`: with its wheels' angles prescribed if an effect repeats with them and a free simulation
     of these logs loses its way."""
-    free = held_out(robot, check, noise)
+    free = held_out_state(robot, held_out, noise)
     if free.adequate or not robot.needs("wheel_angles"):
         return free
-    prescribed = held_out(robot, check, noise, smoothed_angles(robot, check, noise, {}))
+    prescribed = held_out_state(robot, held_out, noise, smoothed_angles(robot, held_out, noise, {}))
     return replace(prescribed, simulated_freely=free) if free.squares > _NEAR * prescribed.squares else free
 
 

@@ -47,7 +47,7 @@ class Trial:
     robot: Robot
     squares: float
     free: int
-    check: HeldOut
+    held_out: HeldOut
     initial_states: dict[str, dict[str, float]]
     angles: Angles | None = None
 
@@ -57,7 +57,7 @@ class Trial:
 
         The Bayesian information criterion on the logs fitted, plus chi-squared on those held out.
         """
-        total = self.squares + self.free * float(np.log(self.check.samples)) + self.check.squares
+        total = self.squares + self.free * float(np.log(self.held_out.samples)) + self.held_out.squares
         return total if np.isfinite(total) else np.inf
 
 
@@ -78,14 +78,14 @@ def refit(
     robot: Robot,
     starts: Sequence[Mapping[str, float]],
     logs: LogSet,
-    check: LogSet,
+    held_out: LogSet,
     noise: Mapping[str, float],
     initial_states: Mapping[str, Mapping[str, float]],
     max_steps: int = _STEPS,
     rival: float = np.inf,
     angles: Angles | None = None,
 ) -> Trial:
-    """Fit `robot` (with its effects) to `logs` from each of `starts`, and predict `check` with the best.
+    """Fit `robot` (with its effects) to `logs` from each of `starts`, and predict `held_out` with the best.
 
     `initial_states` are those of the model without the effect, where they had to be estimated. `angles` are the wheels'
     angles of a model for which they have to be prescribed. Where only the effect added last repeats with the wheels, it is
@@ -123,16 +123,16 @@ def refit(
         robot=found,
         squares=chi_squared(problem, optimum, free),
         free=len(structure.names),
-        check=predicted(found, check, noise),
+        held_out=predicted(found, held_out, noise),
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         angles=problem.prescribed or None,
     )
 
 
-def continued(trial: Trial, logs: LogSet, check: LogSet, noise: Mapping[str, float]) -> Trial:
+def continued(trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:
     """The same refit carried on from where it stopped."""
     start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
-    again = refit(trial.robot, [start], logs, check, noise, trial.initial_states, angles=trial.angles)
+    again = refit(trial.robot, [start], logs, held_out, noise, trial.initial_states, angles=trial.angles)
     return again if again.score < trial.score else trial
 
 

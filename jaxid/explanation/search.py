@@ -11,7 +11,7 @@ from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulation.scaled import scaled_to
-from .heldout import HeldOut, held_out
+from .heldout import HeldOut, held_out_state
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
 
@@ -78,7 +78,7 @@ class Search:
 def told_apart(one: Trial, other: Trial) -> float:
     """Vuong's statistic: how many standard errors `one` predicts the held-out logs better than `other`."""
     blocks = []
-    for a, b in zip(one.check.residuals, other.check.residuals, strict=True):
+    for a, b in zip(one.held_out.residuals, other.held_out.residuals, strict=True):
         difference = np.nansum(b**2 - a**2, axis=1)
         n = len(difference) // _BLOCK
         blocks.append(difference[: n * _BLOCK].reshape(n, _BLOCK).sum(axis=1))
@@ -89,7 +89,7 @@ def told_apart(one: Trial, other: Trial) -> float:
 
 def differ(one: Trial, other: Trial, skip: int = 0) -> float:
     """RMS difference of two predictions of the held-out logs, times the noise; the first samples of each log left out."""
-    pairs = zip(one.check.residuals, other.check.residuals, strict=True)
+    pairs = zip(one.held_out.residuals, other.held_out.residuals, strict=True)
     return float(np.sqrt(np.nanmean(np.concatenate([(a - b)[skip:].ravel() for a, b in pairs]) ** 2)))
 
 
@@ -126,7 +126,7 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _all_added(
-    base: Trial, candidates: Sequence[Candidate], logs: LogSet, check: LogSet, noise: dict[str, float]
+    base: Trial, candidates: Sequence[Candidate], logs: LogSet, held_out: LogSet, noise: dict[str, float]
 ) -> list[Trial]:
     """A few steps of the refit with each of the candidates; last those that are dear to follow up."""
     candidates = sorted(candidates, key=lambda candidate: candidate.effect.repeats)
@@ -136,7 +136,7 @@ def _all_added(
     for robot, candidate in zip(robots, candidates, strict=True):
         rival = min((trial.squares for trial in trials), default=np.inf)
         states = base.initial_states
-        trials.append(refit(robot, candidate.starts, logs, check, noise, states, FEW_STEPS, rival, base.angles))
+        trials.append(refit(robot, candidate.starts, logs, held_out, noise, states, FEW_STEPS, rival, base.angles))
     return trials
 
 
@@ -148,14 +148,14 @@ def _best(candidates: Sequence[Candidate], trials: Sequence[Trial]) -> tuple[Can
 
 def _least(before: Trial, first: Trial) -> float:
     """The least drop of the held-out RMS that explains something."""
-    return max(LEAST_GAIN * before.check.gap, _LEAST_OF_FIRST * first.check.gap)
+    return max(LEAST_GAIN * before.held_out.gap, _LEAST_OF_FIRST * first.held_out.gap)
 
 
 def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
     """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
-    gain = before.check.normalised_rms - after.check.normalised_rms
+    gain = before.held_out.normalised_rms - after.held_out.normalised_rms
     likelier = before.squares - after.squares
-    price = (after.free - before.free) * np.log(before.check.samples) + 2 * np.log(tried)
+    price = (after.free - before.free) * np.log(before.held_out.samples) + 2 * np.log(tried)
     return gain >= _least(before, first) and likelier > price and told_apart(after, before) > _SEPARATED
 
 
@@ -163,7 +163,7 @@ def name_next(
     base: Trial,
     first: Trial,
     logs: LogSet,
-    check: LogSet,
+    held_out: LogSet,
     noise: dict[str, float],
     effects: Sequence[Effect],
     say: Report,
@@ -175,21 +175,21 @@ def name_next(
     if not likely:
         return screened
     shortlist = _different(likely)
-    trials = _all_added(base, shortlist[:_FIRST_TRIALS], logs, check, noise)
+    trials = _all_added(base, shortlist[:_FIRST_TRIALS], logs, held_out, noise)
     leader, best = _best(shortlist, trials)
-    least = _RIVAL * leader.gain if best.check.adequate else 0.0
+    least = _RIVAL * leader.gain if best.held_out.adequate else 0.0
     shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
-    trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, check, noise)
+    trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise)
     leader, _ = _best(shortlist, trials)
     alike = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
-    trials += _all_added(base, alike, logs, check, noise)
+    trials += _all_added(base, alike, logs, held_out, noise)
     best = min(trials, key=lambda t: t.score)
     near = best.score + max(100.0, _IN_THE_RUNNING * (base.score - best.score))
-    promising = base.check.normalised_rms - best.check.normalised_rms > 0.5 * _least(base, first)
-    trials = [continued(t, logs, check, noise) if promising and t.score < near else t for t in trials]
+    promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * _least(base, first)
+    trials = [continued(t, logs, held_out, noise) if promising and t.score < near else t for t in trials]
     trials.sort(key=lambda t: t.score)
     for trial in trials:
-        say(f"refitted with {trial.id}: held-out {trial.check.normalised_rms:.3f} x noise, score {trial.score:.0f}")
+        say(f"refitted with {trial.id}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}")
     shapes = next((c.out_of for c in screened if c.effect.id == trials[0].id), 1)
     if not _worth(base, trials[0], first, len(effects) * shapes):
         return screened
@@ -205,21 +205,21 @@ def _with_effects(base: Trial, effects: Sequence[Effect]) -> Robot:
     return robot
 
 
-def _refitted(robot: Robot, like: Trial, extra: dict[str, float], logs, check, noise: dict[str, float]) -> Trial:
+def _refitted(robot: Robot, like: Trial, extra: dict[str, float], logs, held_out, noise: dict[str, float]) -> Trial:
     """`robot` refitted from the numbers of the trial `like`, and from `extra` where that has none."""
     known = like.robot.parameters
     start = {name: known[name].value for name in robot.parameters.free_names if name in known}
     angles = like.angles if robot.needs("wheel_angles") else None
-    return refit(robot, [{**start, **extra}], logs, check, noise, like.initial_states, angles=angles)
+    return refit(robot, [{**start, **extra}], logs, held_out, noise, like.initial_states, angles=angles)
 
 
-def _pruned(current: Trial, base: Trial, logs: LogSet, check: LogSet, noise: dict[str, float], say: Report) -> Trial:
+def _pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report) -> Trial:
     """Drop effects that later ones made superfluous."""
     given = {effect.id for effect in base.robot.effects}
     own = [effect.id for effect in current.robot.effects if effect.id not in given]
     for identifier in own[:-1]:
         kept = [effect for effect in current.robot.effects if effect.id != identifier]
-        trial = _refitted(_with_effects(base, kept), current, {}, logs, check, noise)
+        trial = _refitted(_with_effects(base, kept), current, {}, logs, held_out, noise)
         if trial.score < current.score + 10.0:
             say(f"{identifier} is not needed any more")
             current = trial
@@ -227,7 +227,7 @@ def _pruned(current: Trial, base: Trial, logs: LogSet, check: LogSet, noise: dic
 
 
 def _reconsidered(
-    steps: list[Step], final: Trial, base: Trial, logs, check, noise, say: Report
+    steps: list[Step], final: Trial, base: Trial, logs, held_out, noise, say: Report
 ) -> tuple[list[Step], Trial]:
     """Look again at the rivals of each of several effects, now that the others are there.
 
@@ -248,9 +248,9 @@ def _reconsidered(
             own = {n: p.value for n, p in rival.robot.parameters.items() if n.startswith(f"{rival.id}.")}
             instead = rival.robot.effects[-1]
             effects = [instead if effect.id == step.chosen.id else effect for effect in final.robot.effects]
-            swapped = _refitted(_with_effects(base, effects), final, own, logs, check, noise)
+            swapped = _refitted(_with_effects(base, effects), final, own, logs, held_out, noise)
             trials.append(replace(swapped, id=rival.id))
-            say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.check.normalised_rms:.3f} x noise")
+            say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
         trials.sort(key=lambda t: t.score)
         final = trials[0]
         if rivals:
@@ -263,34 +263,34 @@ def _reconsidered(
 def search(
     fit: Fit,
     logs: LogSet,
-    check: LogSet,
+    held_out: LogSet,
     *,
     effects: Sequence[Effect] = (),
     most: int = MOST_EFFECTS,
     report: Report = lambda message: None,
 ) -> Search:
     """Add effects to a fitted model as long as they explain something. `effects` are further candidates."""
-    noise = noise_scale(check, otherwise=logs)
+    noise = noise_scale(held_out, otherwise=logs)
     fit = replace(fit, robot=scaled_to(fit.robot, logs))
-    state = held_out(fit.robot, check, noise)
+    state = held_out_state(fit.robot, held_out, noise)
     if state.adequate:
         return Search(state, state, None, (), ())
     # With the same weights as the refits, so that likelihoods compare.
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
-    baseline = current = refit(fit.robot, [start], logs, check, noise, fit.initial_states)
+    baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
     first_look: tuple[Candidate, ...] = ()
     steps: list[Step] = []
-    while not current.check.adequate and len(steps) < most:
+    while not current.held_out.adequate and len(steps) < most:
         present = {effect.id for effect in current.robot.effects}
         remaining = [e.blurred for e in (*catalogue(current.robot), *effects) if e.id not in present]
-        found = name_next(current, baseline, logs, check, noise, remaining, report)
+        found = name_next(current, baseline, logs, held_out, noise, remaining, report)
         first_look = first_look or (found.screened if isinstance(found, Step) else found)
         if not isinstance(found, Step):
             break
         steps.append(found)
         current = found.chosen
         if len(steps) > 1:
-            current = _pruned(current, baseline, logs, check, noise, report)
-        report(f"added {found.chosen.id}: held-out {current.check.normalised_rms:.3f} x noise")
-    steps, current = _reconsidered(steps, current, baseline, logs, check, noise, report)
-    return Search(state, current.check, current, tuple(steps), tuple(first_look))
+            current = _pruned(current, baseline, logs, held_out, noise, report)
+        report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
+    steps, current = _reconsidered(steps, current, baseline, logs, held_out, noise, report)
+    return Search(state, current.held_out, current, tuple(steps), tuple(first_look))

@@ -332,14 +332,14 @@ class LogSet(Sequence[Log]):
             raise LogError(f"There is no log number {key}; there are {len(self)}: {list(self.names)}.")
         return range(len(self))[key]
 
-    def split(self, check: Sequence[str | int]) -> tuple["LogSet", "LogSet"]:
-        """`(fit, check)`: the logs to identify from and those (by name or index) held out to check the result.
+    def split(self, held_out: Sequence[str | int]) -> tuple["LogSet", "LogSet"]:
+        """`(fit, held_out)`: the logs to identify from and those (by name or index) to judge the result on.
 
         Raises `LogError` for an unknown name, and if either part would be empty.
         """
-        chosen = {self._position(key) for key in ([check] if isinstance(check, str | int) else check)}
+        chosen = {self._position(key) for key in ([held_out] if isinstance(held_out, str | int) else held_out)}
         if not chosen or len(chosen) == len(self):
-            part = "check" if not chosen else "fit"
+            part = "hold out" if not chosen else "fit"
             raise LogError(f"This split leaves no log to {part}; hold out some, not all, of {list(self.names)}.")
         fit = [log for position, log in enumerate(self._logs) if position not in chosen]
         return LogSet(fit), LogSet(self._logs[position] for position in sorted(chosen))

@@ -48,7 +48,7 @@ def _same_data(one: Log, other: Log) -> bool:
     return one.outputs.shape == other.outputs.shape and np.array_equal(one.outputs, other.outputs, equal_nan=True)
 
 
-def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[str, ...]:
+def _notes(fits: Mapping[str, Fit], held_out: LogSet, fit: LogSet | None) -> tuple[str, ...]:
     notes = []
     for label, found in fits.items():
         if not (found.converged or found.failed):
@@ -61,10 +61,10 @@ def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[
             f"Every model predicts in windows of {min(windows):.3g} s, each from the initial state that suits it best: a "
             "free simulation of these logs says nothing."
         )
-    for log, moving in zip(check, initial_states(robot, check).uncertain, strict=True):
+    for log, moving in zip(held_out, initial_states(robot, held_out).uncertain, strict=True):
         if moving and not windows:
             notes.append(f"{log.name} starts in motion: every model starts from the initial state that suits it best.")
-    for log in check:
+    for log in held_out:
         used = [other.name for other in fit or () if _same_data(log, other)]
         if used:
             notes.append(f"{log.name} was also fitted (as {used[0]}): it says nothing about unseen motion.")
@@ -73,43 +73,43 @@ def _notes(fits: Mapping[str, Fit], check: LogSet, fit: LogSet | None) -> tuple[
 
 @in_float64
 def compare(
-    *fits: Fit, check: LogSet | Log, fit: LogSet | None = None, truth: Mapping[str, float] | None = None
+    *fits: Fit, held_out: LogSet | Log, fit: LogSet | None = None, truth: Mapping[str, float] | None = None
 ) -> Comparison:
     """Compare estimates on logs that none of them has seen.
 
     **Arguments:**
 
     - `fits`: what the estimators returned, of one robot or of variants with the same channels.
-    - `check`: the held-out logs. Every model simulates them from known initial states (at rest, or as the log says; those
-      of a log that starts in motion are estimated), with nothing measured fed back; the noise that residuals are
-      measured in comes from these logs alone. Models with process noise predict them some samples ahead, too.
+    - `held_out`: logs that were not fitted. Every model simulates them from known initial states (at rest, or as the log
+      says; those of a log that starts in motion are estimated), with nothing measured fed back; the noise that residuals
+      are measured in comes from these logs alone. Models with process noise predict them some samples ahead, too.
     - `fit`: the logs that were fitted, to show both sides.
     - `truth`: true values by symbol, where they are known; else published values stand beside the estimates.
 
     Raises `ValueError` without a fit and `LogError` if the logs' channels are not the robot's.
     """
     if not fits:
-        raise ValueError("There is nothing to compare; give at least one fit, as in compare(fit, check=logs).")
-    check = LogSet([check]) if isinstance(check, Log) else check
+        raise ValueError("There is nothing to compare; give at least one fit, as in compare(fit, held_out=logs).")
+    held_out = LogSet([held_out]) if isinstance(held_out, Log) else held_out
     named = dict(zip(_labels(fits), fits, strict=True))
     for label, found in named.items():
-        for logs in (check, fit):
+        for logs in (held_out, fit):
             if logs is not None and logs.channels != found.robot.channels:
                 raise LogError(
                     f"{logs[0].name} has the channels {list(logs.channels)} and the robot of {label} has "
                     f"{list(found.robot.channels)}; compare with logs of that robot."
                 )
-    noise = noise_scale(check)
+    noise = noise_scale(held_out)
     windows = [f.window for f in fits if f.window is not None]
     validations, fitted = {}, {}
     for label, f in named.items():
         if windows:
-            seen = followed(f.robot, check, min(windows), noise)
+            seen = followed(f.robot, held_out, min(windows), noise)
         else:
-            seen = simulate(f.robot, check, start=estimated_start(f.robot, check, noise))
-        validations[label] = validate(check, seen, noise)
+            seen = simulate(f.robot, held_out, start=estimated_start(f.robot, held_out, noise))
+        validations[label] = validate(held_out, seen, noise)
     ahead = {
-        label: {k: validate(check, predict(f, check, k), noise) for k in HORIZONS}
+        label: {k: validate(held_out, predict(f, held_out, k), noise) for k in HORIZONS}
         for label, f in named.items()
         if f.disturbance is not None
     }
@@ -126,4 +126,6 @@ def compare(
         for name, (function, _, _) in found.robot.combinations.items():
             references.setdefault(name, float(function({**found.robot.defaults().numbers, **references})))
     kind = "true" if truth is not None else "published"
-    return Comparison(named, check, noise, validations, fitted, kind, references, _notes(named, check, fit), ahead)
+    return Comparison(
+        named, held_out, noise, validations, fitted, kind, references, _notes(named, held_out, fit), ahead
+    )

@@ -30,12 +30,12 @@ class Comparison:
     """Estimates side by side and their predictions of held-out logs; the last line of a cell shows it.
 
     - `fits`: by label (the method's name, numbered where several fits used the same).
-    - `validations`: by label, how the model predicts the check logs `logs`; `fitted`: the same of the logs that were
+    - `validations`: by label, how the model predicts the held-out logs `logs`; `fitted`: the same of the logs that were
       fitted, where they were given.
-    - `noise`: standard deviation of each channel's noise, from the check logs alone.
+    - `noise`: standard deviation of each channel's noise, from the held-out logs alone.
     - `reference`: "true" or "published", and `references`: those values by symbol.
     - `notes`: sentences that the user should read.
-    - `ahead`: by label of the fits with process noise, how their filters predict the check logs that many samples ahead.
+    - `ahead`: by label of the fits with process noise, how their filters predict the held-out logs that many samples ahead.
     """
 
     fits: dict[str, Fit]
@@ -109,7 +109,7 @@ class Comparison:
         return frame
 
     @property
-    def check(self) -> pd.DataFrame:
+    def held_out(self) -> pd.DataFrame:
         """By method: normalised_rms, fit_percent of each channel (`fit_percent eta1`), the residual's RMS, mean and std
         of each channel, and normalised_rms of each log."""
         rows = {}
@@ -204,7 +204,7 @@ class Comparison:
         estimates = {label: {name: self._estimate(label, name) for name in names} for label in self.fits}
         doubtful = [label for label, fit in self.fits.items() if not fit.trustworthy]
         return (
-            tab.check_table(self.validations, self.fitted, self.noise, units),
+            tab.held_out_table(self.validations, self.fitted, self.noise, units),
             tab.log_table(self.validations),
             *([tab.ahead_table(self.ahead, self.validations)] if self.ahead else []),
             *tab.parameter_tables(estimates, self.references, self.reference, doubtful),
@@ -219,7 +219,7 @@ class Comparison:
     # -- figures ---------------------------------------------------------------------------------------------------
     @property
     def worst_log(self) -> str:
-        """The check log with the largest normalised RMS of any method; one that diverges comes first."""
+        """The held-out log with the largest normalised RMS of any method; one that diverges comes first."""
         found = {log.name: [v.by_log[log.name] for v in self.validations.values()] for log in self.logs}
         key = {n: max(np.inf if f.diverged else f.normalised_rms for f in own) for n, own in found.items()}
         return max(key, key=lambda name: key[name])
@@ -261,7 +261,7 @@ class Comparison:
 
     @cached_property
     def _responses(self) -> dict[str, str]:
-        """Name of each check log's figure."""
+        """Name of each held-out log's figure."""
         found: dict[str, str] = {}
         for log in self.logs:
             short, whole = (_UNFIT_FOR_A_FILE.sub("_", x) for x in (_ENDING.sub("", log.name), log.name))
@@ -288,7 +288,7 @@ class Comparison:
         return self._drawn[name]
 
     def figures(self) -> dict[str, Figure]:
-        """Figures by name: `response_<log>` of every check log, `residuals_<channel>`, `parameters`."""
+        """Figures by name: `response_<log>` of every held-out log, `residuals_<channel>`, `parameters`."""
         return {name: drawn() for name, drawn in self._drawings.items()}
 
     def save(self, folder: str | Path) -> list[Path]:
@@ -307,9 +307,11 @@ class Comparison:
             self.channels, key=lambda c: max(np.nan_to_num(v.rms[c]) / self.noise[c] for v in self.validations.values())
         )
         notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
-        check, logs, *parameters, tests = map(tab.to_html, self.tables)  # predictions ahead stand with the parameters
+        held_out, logs, *parameters, tests = map(
+            tab.to_html, self.tables
+        )  # predictions ahead stand with the parameters
         return (
-            f"<div><p><b>{html.escape(self.sentence)}</b></p>{f'<ul>{notes}</ul>' if notes else ''}{check}{logs}"
+            f"<div><p><b>{html.escape(self.sentence)}</b></p>{f'<ul>{notes}</ul>' if notes else ''}{held_out}{logs}"
             f"{draw.as_html(self._picture(self._responses[worst]), 'response')}{''.join(parameters)}"
             f"{draw.as_html(self._picture('parameters'), 'parameters')}{tests}"
             f"{draw.as_html(self._picture(f'residuals_{largest}'), 'residuals')}</div>"

@@ -61,7 +61,7 @@ def before_after(found: Explanation) -> Figure:
     is missing (thick: its mean over 0.3 s). Right: measured and simulated in the framed
     stretch.
     """
-    time = [log.time for log in found.check]
+    time = [log.time for log in found.held_out]
     e = worst_log(found)
     channels, shown = list(found.before.by_channel), states(found)
     window = worst_window(found.before.residuals[e], time[e])
@@ -83,7 +83,7 @@ def before_after(found: Explanation) -> Figure:
     for ax in grid.ravel():
         _tidy(ax)
         ax.margins(x=0.01)
-    grid[-1, 0].set_xlabel(f"time in {found.check[e].name} [s]")
+    grid[-1, 0].set_xlabel(f"time in {found.held_out[e].name} [s]")
     grid[-1, 1].set_xlabel("time [s]")
     grid[0, 1].set_title("the framed stretch enlarged", loc="left", fontsize="small", fontweight="bold")
     grid[0, 0].set_title("simulated minus measured", loc="left", fontsize="small", fontweight="bold")
@@ -98,7 +98,7 @@ def before_after(found: Explanation) -> Figure:
 def _enlarged(
     found: Explanation, axes: Sequence[Axes], e: int, window: tuple[float, float], channels: Sequence[str]
 ) -> None:
-    log = found.check[e]
+    log = found.held_out[e]
     shown = (log.time >= window[0]) & (log.time <= window[1])
     for ax, name in zip(axes, channels, strict=True):
         column = log.channels.measured.index(name)
@@ -136,7 +136,7 @@ def spectrum(parts: Sequence[Array], interval: float) -> tuple[Array, Array]:
 
 def whiteness(found: Explanation) -> Figure:
     """Autocorrelation and spectrum of the held-out residuals before and after, one row a channel."""
-    interval = float(np.median(np.diff(found.check[0].time)))
+    interval = float(np.median(np.diff(found.held_out[0].time)))
     channels, shown = list(found.before.by_channel), states(found)
     figure = Figure(figsize=(11.5, 0.9 + 1.9 * len(channels)), layout="constrained")
     grid = figure.subplots(len(channels), 2, squeeze=False, sharex="col")

@@ -39,7 +39,7 @@ def figures(found: Explanation) -> dict[str, Figure]:
     """The figures that apply, by the names of `ALT`."""
     made: dict[str, Figure | None] = {}
     if found.localisation is not None:
-        made["localisation"] = localisation(found.localisation, found.check)
+        made["localisation"] = localisation(found.localisation, found.held_out)
         made["localisation"].suptitle("")  # the page says the same sentence above the picture
         if found.verdict == "unexplained":
             made["leads"] = leads(found)

@@ -138,7 +138,7 @@ def residuals(
     colour = colours(list(parts))
     figure = Figure(figsize=(11, 0.8 + 2.3 * max(len(labels), 1)), layout="constrained")
     grid = figure.subplots(max(len(labels), 1), 3, squeeze=False, width_ratios=(2.2, 1, 1), sharex="col")
-    figure.suptitle(f"Residual of {channel} on the check logs", fontsize="medium", x=0.01, ha="left")
+    figure.suptitle(f"Residual of {channel} on the held-out logs", fontsize="medium", x=0.01, ha="left")
     every = np.concatenate([e[np.isfinite(e)] for label in labels for e in parts[label].values()] or [np.zeros(1)])
     limit = 1.1 * max(float(np.quantile(np.abs(every), 0.999)), 3.0 * noise)
     begins, shift = {}, 0.0

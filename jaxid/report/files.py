@@ -15,7 +15,7 @@ from ..estimate.result import Fit
 from ..model_file import write_model
 
 
-def _check(validation: Validation | None) -> dict[str, Any] | None:
+def _prediction(validation: Validation | None) -> dict[str, Any] | None:
     if validation is None:
         return None
     return {
@@ -30,9 +30,9 @@ def fit_document(
     validation: Mapping[str, Validation] | None = None,
     ahead: Mapping[str, Mapping[int, Validation]] | None = None,
 ) -> dict[str, Any]:
-    """What fit.json holds: every method's parameters, combinations and check.
+    """What fit.json holds: every method's parameters, combinations and prediction of the held-out logs.
 
-    `validation` is by method, `ahead` by method and samples ahead; "check" is None for a method without (no logs were held
+    `validation` is by method, `ahead` by method and samples ahead; "held_out" is None for a method without (no logs were held
     out). Raises `ValueError` for no fits.
     """
     if not fits:
@@ -44,11 +44,13 @@ def fit_document(
             "standard_errors": fit.standard_errors,
             "parameters": {name: estimate.to_dict() for name, estimate in fit.parameters.items()},
             "combinations": {name: estimate.to_dict() for name, estimate in fit.combinations.items()},
-            "check": _check((validation or {}).get(fit.method)),
+            "held_out": _prediction((validation or {}).get(fit.method)),
         }
         horizons = (ahead or {}).get(fit.method)
         if horizons is not None:
-            methods[fit.method]["check"] |= {"samples_ahead": {str(k): v.normalised_rms for k, v in horizons.items()}}
+            methods[fit.method]["held_out"] |= {
+                "samples_ahead": {str(k): v.normalised_rms for k, v in horizons.items()}
+            }
         if fit.disturbance is not None:
             methods[fit.method] |= {
                 "converged": fit.converged,

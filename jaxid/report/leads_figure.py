@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 def _leads(found: Explanation, e: int, column: int) -> dict[str, Array]:
     """What the missing force of log `e` may depend on [T], by axis label."""
     assert found.localisation is not None
-    motion = motions(found.baseline.robot, found.check)[e]
-    force, log = found.localisation.forces[e], found.check[e]
+    motion = motions(found.baseline.robot, found.held_out)[e]
+    force, log = found.localisation.forces[e], found.held_out[e]
     units = log.channels.units
     signals: dict[str, Array] = {}
     name = force.names[column]

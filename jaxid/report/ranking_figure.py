@@ -56,7 +56,7 @@ def _refits(ax: Axes, errors: Sequence[float | None], colours: Sequence[str], be
 
 
 def _step(axes: Sequence[Axes], step: Step, before: float) -> None:
-    refitted = {trial.id: trial.check.normalised_rms for trial in step.trials}
+    refitted = {trial.id: trial.held_out.normalised_rms for trial in step.trials}
     shares = {c.effect.id: c.share for c in step.screened}
     names = list(refitted) + [name for name in shares if name not in refitted and shares[name] > 0.005]
     names = names[: max(_MOST_ROWS, len(refitted))]
@@ -103,7 +103,7 @@ def ranking(found: Explanation) -> Figure | None:
     figure = Figure(figsize=(11, 0.6 + sum(1.1 + 0.3 * n for n in counts)), layout="constrained")
     grid = figure.subplots(len(steps), 2, squeeze=False, width_ratios=(1, 1.5), height_ratios=[n + 3 for n in counts])
     for row, step in zip(grid, steps, strict=True):
-        _step(row, step, step.before.check.normalised_rms)
+        _step(row, step, step.before.held_out.normalised_rms)
     handles = [Patch(color=AFTER, label="added")]
     if any(step.equivalent for step in steps):
         handles.append(Patch(color=ALIKE, label="not told apart from it by this data"))

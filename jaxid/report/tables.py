@@ -189,7 +189,7 @@ def parameter_tables(
     return found, Table("Errors of the parameters", ("parameter", *methods), tuple(errors), (f"E{relative}",))
 
 
-def check_table(
+def held_out_table(
     validations: Mapping[str, Validation],
     fitted: Mapping[str, Validation],
     noise: Mapping[str, float],

@@ -12,8 +12,8 @@ from jaxid.explanation.search import _equivalent, differ
 
 
 def trial(name: str, residual: np.ndarray) -> Trial:
-    check = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 0.01}, 0.5)
-    return Trial(name, Axis(), float(2 * np.sum(residual**2)), 5, check, {})
+    held_out = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 0.01}, 0.5)
+    return Trial(name, Axis(), float(2 * np.sum(residual**2)), 5, held_out, {})
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from jaxid import Axis, output_error, read_logs, simulate
-from jaxid.explanation.heldout import held_out
+from jaxid.explanation.heldout import held_out_state
 from jaxid.explanation.next_experiment import NextExperiment
 from jaxid.model_file import read_model
 
@@ -53,11 +53,11 @@ def test_the_json_file_is_as_agreed(explained, tmp_path):
 
 def test_what_was_added_is_an_ordinary_model(explained, hidden_drag, tmp_path):
     explained.save(tmp_path)
-    model, check = read_model(tmp_path / "model.toml", Axis()), explained.check
+    model, held_out = read_model(tmp_path / "model.toml", Axis()), explained.held_out
     assert model == explained.model
-    for one, other in zip(simulate(model, check), simulate(explained.model, check), strict=True):
+    for one, other in zip(simulate(model, held_out), simulate(explained.model, held_out), strict=True):
         assert np.array_equal(one, other)
-    assert held_out(model, check, explained.before.noise).normalised_rms == explained.after.normalised_rms
+    assert held_out_state(model, held_out, explained.before.noise).normalised_rms == explained.after.normalised_rms
     again = output_error(model, read_logs(hidden_drag / "fit_*.csv", "axis"))
     for name, estimate in again.parameters.items():
         if estimate.status == "identified":

@@ -32,9 +32,9 @@ def heavy(axis_log, name, seed):
 
 @pytest.fixture(scope="module")
 def heavy_tailed(axis_log):
-    logs, check = LogSet([heavy(axis_log, "a", 1)]), LogSet([heavy(axis_log, "b", 2)])
+    logs, held_out = LogSet([heavy(axis_log, "a", 1)]), LogSet([heavy(axis_log, "b", 2)])
     fit = output_error(ROBOT, logs)
-    return explain(fit, logs, check, most=1), fit, logs, check
+    return explain(fit, logs, held_out, most=1), fit, logs, held_out
 
 
 def test_heavy_tails_of_a_sensor_are_no_missing_effect_and_files_are_json(heavy_tailed, tmp_path):
@@ -45,9 +45,9 @@ def test_heavy_tails_of_a_sensor_are_no_missing_effect_and_files_are_json(heavy_
 
 
 def test_fit_and_explanation_measure_with_one_yardstick(heavy_tailed):
-    found, fit, _, check = heavy_tailed
-    document = fit_document([fit], compare(fit, check=check).validations)
-    of_fit = document["methods"]["output_error"]["check"]["normalised_rms"]
+    found, fit, _, held_out = heavy_tailed
+    document = fit_document([fit], compare(fit, held_out=held_out).validations)
+    of_fit = document["methods"]["output_error"]["held_out"]["normalised_rms"]
     assert found.to_dict()["gap"]["before"] == pytest.approx(of_fit, rel=1e-12)
 
 
@@ -121,10 +121,10 @@ def test_a_robot_without_velocities_is_told_so_first_and_explained_without_a_pla
         noise = 0.002 * np.random.default_rng(seed).normal(size=SAMPLES)
         return Log.from_arrays(name, 0.02 * np.arange(SAMPLES), u[:, None], (np.array(values) + noise)[:, None], tank)
 
-    logs, check, said = LogSet([measured("a", 1)]), LogSet([measured("b", 2)]), []
+    logs, held_out, said = LogSet([measured("a", 1)]), LogSet([measured("b", 2)]), []
     fit = output_error(tank, logs)
     assert fit.judgement.verdict == "poor"
-    found = explain(fit, logs, check, most=1, report=said.append)
+    found = explain(fit, logs, held_out, most=1, report=said.append)
     assert (
         "velocities" in said[0]
         and found.localisation is None

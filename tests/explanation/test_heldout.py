@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Log, LogSet
-from jaxid.explanation.heldout import held_out
+from jaxid.explanation.heldout import held_out_state
 
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
 SAMPLES = 300
@@ -26,7 +26,7 @@ def held(axis_log, noise, seed, **hidden):
     rng = np.random.default_rng(seed)
     clean = axis_log("check", np.repeat(rng.uniform(-5, 5, SAMPLES // 20), 20), position=False, **{**TRUE, **hidden})
     log = Log.from_arrays("check", clean.time, clean.inputs, clean.output("v") + noise(rng), "axis")
-    return held_out(Axis().with_values(**TRUE, offset=0.0), LogSet([log]))
+    return held_out_state(Axis().with_values(**TRUE, offset=0.0), LogSet([log]))
 
 
 @pytest.mark.parametrize("noise", [white, heavy_tailed, with_outliers])

@@ -8,7 +8,7 @@ import pytest
 from jaxid import Fit, Log, LogSet, Omni, Pioneer
 from jaxid.explanation.condition_shares import condition_shares
 from jaxid.explanation.conditions import conditions_of, motions
-from jaxid.explanation.heldout import held_out
+from jaxid.explanation.heldout import held_out_state
 from jaxid.explanation.localise import concentration, gap_shares, localise
 from jaxid.explanation.missing_force import ForceHistory
 from reference import excitation
@@ -39,7 +39,7 @@ def true_fit() -> Fit:
 
 def located(effects, **options):
     fit = true_fit()
-    return localise(fit, logs_with(effects), held_out(fit.robot, logs_with(effects, 10), NOISE), **options)
+    return localise(fit, logs_with(effects), held_out_state(fit.robot, logs_with(effects, 10), NOISE), **options)
 
 
 def by_name(found):
@@ -84,7 +84,7 @@ def test_a_complete_model_leaves_nothing_to_place():
 
 def test_the_gap_is_split_by_channel():
     fit = true_fit()
-    shares = gap_shares(held_out(fit.robot, logs_with({"sensor_bias": {"bias": 0.05, "channel": 2.0}}), NOISE))
+    shares = gap_shares(held_out_state(fit.robot, logs_with({"sensor_bias": {"bias": 0.05, "channel": 2.0}}), NOISE))
     assert shares["eta2"] > 0.97 and sum(shares.values()) == pytest.approx(1.0)
 
 

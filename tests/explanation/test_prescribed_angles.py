@@ -7,7 +7,7 @@ pytest.importorskip("numba")
 from benchmarks.hidden.cases import make  # noqa: E402
 from jaxid import Axis, Log, LogSet, explain, output_error, read_logs
 from jaxid.effects import effect_by_id
-from jaxid.explanation.heldout import held_out
+from jaxid.explanation.heldout import held_out_state
 from jaxid.explanation.prescribed_angles import PRESCRIBED, fit_with_prescribed_angles, predicted
 from jaxid.explanation.smoothed_angles import smoothed_angles
 from jaxid.model_file import read_model
@@ -63,7 +63,7 @@ def test_a_free_simulation_that_loses_its_way_gets_prescribed_angles(runs):
     """Half a percent of the ripple's period is enough to end in other notches; with prescribed angles the model is right."""
     logs, _ = runs
     off = RIPPLED.with_values(**{"cogging_torque.periods": 2 * np.pi * PERIODS * 1.005})
-    free, state = held_out(off, logs, NOISE), predicted(off, logs, NOISE)
+    free, state = held_out_state(off, logs, NOISE), predicted(off, logs, NOISE)
     assert free.normalised_rms > 3 and free.simulated_freely is None
     assert state.normalised_rms < 1.5 and state.simulated_freely.normalised_rms == free.normalised_rms
 
@@ -117,8 +117,8 @@ def test_a_strong_ripple_is_named_whether_or_not_it_can_be_followed_freely(tmp_p
     case = make("axis", {"cogging_torque": 30.5}, 367)
     fitted, held, nominal = case.write(tmp_path)
     robot = read_model(nominal, Axis())
-    logs, check = (read_logs([str(path) for path in paths], robot="axis") for paths in (fitted, held))
-    found = explain(output_error(robot, logs), logs, check)
+    logs, held_out = (read_logs([str(path) for path in paths], robot="axis") for paths in (fitted, held))
+    found = explain(output_error(robot, logs), logs, held_out)
     assert found.verdict == "named" and [effect.id for effect in found.effects] == ["cogging_torque"]
     assert found.after.normalised_rms < 1.3
     assert (found.after.simulated_freely is not None) == ("prescribed from measurements" in found.sentence)

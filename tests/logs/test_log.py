@@ -82,17 +82,17 @@ def test_csv_gives_the_same_numbers_back(tmp_path):
 def test_set_is_indexed_by_number_slice_and_name_and_splits():
     logs = LogSet([_log("a.csv"), _log("b.csv"), _log("c.csv")])
     assert logs["b.csv"] is logs[1] and logs[-1].name == "c.csv" and logs[:2].names == ("a.csv", "b.csv")
-    fit, check = logs.split(check=["c.csv", 0])
-    assert fit.names == ("b.csv",) and check.names == ("a.csv", "c.csv")
+    fit, held_out = logs.split(held_out=["c.csv", 0])
+    assert fit.names == ("b.csv",) and held_out.names == ("a.csv", "c.csv")
 
 
 @pytest.mark.parametrize(
-    ("check", "says"),
-    [(["d.csv"], r"'d.csv'.*a.csv.*b.csv"), ([5], "number 5"), ([], "no log to check"), ([0, 1], "no log to fit")],
+    ("held_out", "says"),
+    [(["d.csv"], r"'d.csv'.*a.csv.*b.csv"), ([5], "number 5"), ([], "no log to hold out"), ([0, 1], "no log to fit")],
 )
-def test_split_refuses_unknown_logs_and_empty_parts(check, says):
+def test_split_refuses_unknown_logs_and_empty_parts(held_out, says):
     with pytest.raises(LogError, match=says):
-        LogSet([_log("a.csv"), _log("b.csv")]).split(check=check)
+        LogSet([_log("a.csv"), _log("b.csv")]).split(held_out=held_out)
 
 
 def test_set_refuses_equal_names_mixed_robots_and_nothing():

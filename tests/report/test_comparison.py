@@ -36,7 +36,7 @@ def fit_of(method, robot, relative_error=0.01, **changed):
 
 
 @pytest.fixture(scope="module")
-def check():
+def held_out():
     return jaxid.LogSet(log.window(0, 12) for log in jaxid.read_logs(DEMO / "check_*.csv", robot="pioneer"))
 
 
@@ -50,8 +50,8 @@ def fits():
 
 
 @pytest.fixture(scope="module")
-def comparison(fits, check):
-    return compare(*fits, check=check, truth=TRUTH)
+def comparison(fits, held_out):
+    return compare(*fits, held_out=held_out, truth=TRUTH)
 
 
 def test_the_truth_reaches_the_noise_floor_and_a_wrong_model_does_not(comparison):
@@ -82,14 +82,14 @@ def test_parameters_side_by_side(comparison):
     assert "KT" not in table.index
 
 
-def test_published_values_stand_in_for_an_unknown_truth(fits, check):
-    table = compare(fits[1], check=check).parameters
+def test_published_values_stand_in_for_an_unknown_truth(fits, held_out):
+    table = compare(fits[1], held_out=held_out).parameters
     assert table.loc["Cs", ("", "published")] == 0.3184
     assert ("", "true") not in table.columns
 
 
 def test_check_table_and_tests(comparison):
-    table = comparison.check
+    table = comparison.held_out
     assert list(table.index) == ["integral_least_squares", "output_error"]
     row, v = table.loc["output_error"], comparison.validations["output_error"]
     assert row["normalised_rms"] == v.normalised_rms
@@ -108,8 +108,8 @@ def test_the_sentence_names_the_better_method_and_the_culprit(comparison):
     assert f"{(0.4 - 0.3184) / np.hypot(0.004, 0.003184):.1f} combined standard errors" in comparison.sentence
 
 
-def test_equal_fits_are_called_equal_and_numbered(fits, check):
-    same = compare(fits[1], fits[1], check=check)
+def test_equal_fits_are_called_equal_and_numbered(fits, held_out):
+    same = compare(fits[1], fits[1], held_out=held_out)
     assert list(same.fits) == ["output_error 1", "output_error 2"]
     assert "no difference that counts" in same.sentence and "agrees within 2 combined" in same.sentence
 
@@ -123,8 +123,8 @@ def test_text_fits_a_terminal_and_tells_everything(comparison):
     assert re.sub(r"\s+", " ", text).startswith(comparison.sentence)
 
 
-def test_three_methods_still_fit_a_terminal(fits, check):
-    text = repr(compare(*fits, replace(fits[0], method="recursive_least_squares"), check=check, truth=TRUTH))
+def test_three_methods_still_fit_a_terminal(fits, held_out):
+    text = repr(compare(*fits, replace(fits[0], method="recursive_least_squares"), held_out=held_out, truth=TRUTH))
     assert max(map(len, text.splitlines())) <= 100 and "…" not in text
     assert "Errors of the parameters" in text
 
@@ -139,9 +139,9 @@ def test_html_carries_tables_and_figures(comparison):
     assert "http" not in words and "nan" not in words  # nothing from elsewhere, no unexplained blanks
 
 
-def test_names_from_files_are_escaped(fits, check):
-    odd = jaxid.Log("<b>.csv", check[0].time, check[0].inputs, check[0].outputs, check.channels)
-    page = compare(fits[1], check=odd)._repr_html_()
+def test_names_from_files_are_escaped(fits, held_out):
+    odd = jaxid.Log("<b>.csv", held_out[0].time, held_out[0].inputs, held_out[0].outputs, held_out.channels)
+    page = compare(fits[1], held_out=odd)._repr_html_()
     assert "<b>.csv" not in page and "&lt;b&gt;.csv" in page
 
 
@@ -205,7 +205,7 @@ def test_a_simulation_that_diverges_is_reported_for_its_log_alone():
         jaxid.Log.from_arrays(name, t, u, y, robot)
         for name, u, y in (("rest.csv", np.zeros(1001), rest), ("step.csv", np.ones(1001), step))
     )
-    found = compare(fit_of("integral_least_squares", unstable(80.0)), fit_of("output_error", robot), check=logs)
+    found = compare(fit_of("integral_least_squares", unstable(80.0)), fit_of("output_error", robot), held_out=logs)
     assert found.validations["integral_least_squares"].diverged == ("step.csv",)
     assert found.validations["output_error"].rms["v"] == pytest.approx(0.01, rel=0.05)
     assert not found.validations["output_error"].diverged
@@ -217,27 +217,27 @@ def test_a_simulation_that_diverges_is_reported_for_its_log_alone():
     assert page.count("diverges") >= 2 and "on 1 of 2 logs" in page
 
 
-def test_both_sides_and_logs_that_were_fitted(fits, check):
-    found = compare(fits[1], check=check[:2], fit=check[1:])
+def test_both_sides_and_logs_that_were_fitted(fits, held_out):
+    found = compare(fits[1], held_out=held_out[:2], fit=held_out[1:])
     assert found.fitted["output_error"].normalised_rms == pytest.approx(1.0, abs=0.06)
-    assert "normalised_rms (fitted logs)" in found.check.columns
-    assert [note.split(" ")[0] for note in found.notes if "also fitted" in note] == [check[1].name]
+    assert "normalised_rms (fitted logs)" in found.held_out.columns
+    assert [note.split(" ")[0] for note in found.notes if "also fitted" in note] == [held_out[1].name]
 
 
-def test_notes_of_the_estimators_are_passed_on(fits, check):
+def test_notes_of_the_estimators_are_passed_on(fits, held_out):
     slow = replace(fits[1], converged=False, reason="not converged in 3 steps", notes=("Read this.",))
-    text = re.sub(r"\s+", " ", repr(compare(slow, check=check)))
+    text = re.sub(r"\s+", " ", repr(compare(slow, held_out=held_out)))
     assert "Note: output error: not converged in 3 steps." in text and "Note: output error: Read this." in text
 
 
-def test_bad_requests(fits, check):
+def test_bad_requests(fits, held_out):
     with pytest.raises(ValueError, match="give at least one fit"):
-        compare(check=check)
+        compare(held_out=held_out)
     other = jaxid.read_logs(DEMO.parent / "omni/check_multilevel.csv", robot="omni")
     with pytest.raises(
         jaxid.LogError, match="check_multilevel.csv has the channels .* compare with logs of that robot"
     ):
-        compare(*fits, check=other)
+        compare(*fits, held_out=other)
 
 
 @pytest.mark.parametrize(

@@ -162,7 +162,7 @@ def test_the_ranking_shows_promises_and_refits(ambiguous):
     for bar, name in zip(bars.patches, names, strict=True):
         assert colours.same_color(bar.get_facecolor(), expected.get(name, OTHER))
     dots = [line.get_xdata()[0] for line in refits.lines if line.get_marker() == "o"]
-    assert dots[0] == step.chosen.check.normalised_rms and len(dots) == len(step.trials)
+    assert dots[0] == step.chosen.held_out.normalised_rms and len(dots) == len(step.trials)
     assert sum(text.get_text() == "not refitted" for text in refits.texts) == len(names) - len(step.trials)
 
 
@@ -175,8 +175,8 @@ def test_before_and_after_are_the_held_out_residuals(explained):
     for line, state in zip(error.lines[::2], (explained.before, explained.after), strict=True):
         np.testing.assert_array_equal(line.get_ydata(), state.residuals[e][:, 0])
     measured, before, after = enlarged.lines
-    shown = np.isin(explained.check[e].time, measured.get_xdata())
-    np.testing.assert_array_equal(measured.get_ydata(), explained.check[e].output("v")[shown])
+    shown = np.isin(explained.held_out[e].time, measured.get_xdata())
+    np.testing.assert_array_equal(measured.get_ydata(), explained.held_out[e].output("v")[shown])
     noise = explained.before.noise["v"]
     for line, state in ((before, explained.before), (after, explained.after)):
         own = (line.get_ydata() - measured.get_ydata()) / noise

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("numba")
 from jaxid import Axis, Log, LogSet, Pioneer, compare, output_error, simulate
 from jaxid.estimate.output_error.estimated_start import estimated_start
-from jaxid.explanation.heldout import held_out
+from jaxid.explanation.heldout import held_out_state
 from reference import excitation  # noqa: E402
 from reference.axis import AXIS  # noqa: E402
 from reference.logs import simulate as reference  # noqa: E402
@@ -38,7 +38,7 @@ def test_the_speed_at_the_start_is_known_better_than_by_one_sample(axis):
     start = estimated_start(MODEL, logs, {"v": 0.01})
     np.testing.assert_allclose(start["v"], true, atol=0.01)  # a third of the noise each
     assert np.all(start["q"] == 0.0)
-    assert held_out(MODEL, logs).adequate
+    assert held_out_state(MODEL, logs).adequate
 
 
 def test_logs_at_rest_are_left_alone(axis):
@@ -54,7 +54,7 @@ def test_logs_at_rest_are_left_alone(axis):
 def test_a_comparison_says_so_and_reaches_the_noise(axis):
     logs, _ = axis
     fit = output_error(MODEL, logs)
-    found = compare(fit, check=logs)
+    found = compare(fit, held_out=logs)
     assert sum("starts in motion" in note for note in found.notes) == 2
     assert found.validations["output_error"].normalised_rms == pytest.approx(1.0, abs=0.04)
 

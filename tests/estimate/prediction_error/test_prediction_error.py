@@ -78,12 +78,12 @@ def test_process_noise_does_not_hide_what_the_model_lacks(disturbed_axis):
 
 def test_predictions_lie_between_one_sample_ahead_and_a_free_simulation(disturbed, disturbed_axis):
     _, fit = disturbed
-    check = LogSet([disturbed_axis(9)])
+    held_out = LogSet([disturbed_axis(9)])
 
     def rms(outputs):
-        return float(np.sqrt(np.nanmean((outputs[0][:, 0] - check[0].outputs[:, 0]) ** 2)))
+        return float(np.sqrt(np.nanmean((outputs[0][:, 0] - held_out[0].outputs[:, 0]) ** 2)))
 
-    one, ten, free = rms(predict(fit, check, 1)), rms(predict(fit, check, 10)), rms(simulate(fit.robot, check))
+    one, ten, free = rms(predict(fit, held_out, 1)), rms(predict(fit, held_out, 10)), rms(simulate(fit.robot, held_out))
     assert one < ten < free
     # One sample ahead of a linear motion: the stationary Kalman filter of v' = -2 v, by its Riccati recursion.
     decay, added, P = np.exp(-0.04), 0.05**2 * (1 - np.exp(-0.08)) / 4, 0.0
@@ -91,7 +91,7 @@ def test_predictions_lie_between_one_sample_ahead_and_a_free_simulation(disturbe
         P = decay**2 * (P - P**2 / (P + 0.01**2)) + added
     assert one == pytest.approx(np.sqrt(P + 0.01**2), rel=0.15)
     with pytest.raises(ValueError, match="1 or more"):
-        predict(fit, check, 0)
+        predict(fit, held_out, 0)
 
 
 def test_a_balanced_pendulum_is_found_though_no_simulation_follows_it(balanced):
@@ -102,7 +102,7 @@ def test_a_balanced_pendulum_is_found_though_no_simulation_follows_it(balanced):
     low, high = fit.disturbance.process["speed"].ci95
     assert low < 0.1 < high
     assert fit.disturbance.share_of_simulation["angle"] > 0.95
-    found = compare(fit, check=logs)
+    found = compare(fit, held_out=logs)
     assert found.ahead["prediction_error"][1].normalised_rms < 1.6
     assert "one sample ahead" in found.sentence
 
