@@ -10,6 +10,8 @@ jaxid.compare(ls, oe, held_out=held_out)
 jaxid.explain(oe, fit, held_out)
 """
 
+from importlib.metadata import version
+
 from . import checks as checks
 from ._float64 import float64
 from .design import Design, DesignError, design_experiment
@@ -51,6 +53,8 @@ from .robots import (
 from .simulation.friction import Smooth, Sticking
 from .simulation.rollout import Integrator
 from .simulation.simulate import simulate
+
+__version__ = version("jaxid")
 
 __all__ = [
     "AXIS",

@@ -1,6 +1,8 @@
 """jaxid/cli: outputs, exit statuses and error lines of the commands, run in this process on short logs."""
 
+import importlib
 import json
+import tomllib
 from pathlib import Path
 
 import jax
@@ -194,6 +196,12 @@ def test_own_robot(jaxid, axis_logs, tmp_path, monkeypatch, attribute, name):
     assert jaxid(*argv)[0] == 0
     error = pd.read_csv("p.csv")["v"].to_numpy() - pd.read_csv("axis_1.csv")["v"].to_numpy()
     assert np.std(error) == pytest.approx(NOISE, rel=0.2)
+
+
+def test_the_version_is_that_of_the_package(jaxid):
+    stated = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]["version"]
+    assert jaxid("--version") == (0, f"jaxid {stated}\n", "")
+    assert importlib.import_module("jaxid").__version__ == stated
 
 
 def test_unusable_input_is_one_line_and_status_1(jaxid, axis_logs, tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from functools import wraps
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -79,8 +80,18 @@ def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"jaxid {version('jaxid')}")
+        raise typer.Exit
+
+
 @app.callback()
-def _jaxid() -> None:
+def _jaxid(
+    _version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and exit.")
+    ] = False,
+) -> None:
     pass
 
 

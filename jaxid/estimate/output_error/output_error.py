@@ -49,9 +49,9 @@ def _silent(message: str) -> None:
     pass
 
 
-def _from_many(structure: Structure, problem: Problem, starts: Unknowns) -> Unknowns:
+def _from_many(structure: Structure, problem: Problem, starts: Unknowns, solver: Solver) -> Unknowns:
     """The best of many starts, all minimised in one compiled batch."""
-    optima = minimise_each(structure, problem, starts, max_steps=60)
+    optima = minimise_each(structure, problem, starts, max_steps=60, solver=solver)
     costs = jnp.where(jnp.isfinite(optima.cost), optima.cost, jnp.inf)
     best = jnp.argmin(costs)
     return jax.tree.map(lambda x: x[best], optima.unknowns)
@@ -146,7 +146,7 @@ def _fit(
     if many is not None:
         coordinates = [problem.bounds.coordinates(jnp.array([v[n] for n in structure.names])) for v in many]
         states = jnp.broadcast_to(unknowns.states, (len(many), *unknowns.states.shape))
-        unknowns = _from_many(structure, problem, Unknowns(jnp.stack(coordinates), states))
+        unknowns = _from_many(structure, problem, Unknowns(jnp.stack(coordinates), states), solver)
         report(f"best of {len(many)} starts chosen")
 
     def linear_unknowns() -> Unknowns | None:
@@ -199,7 +199,7 @@ def _fit(
             return reweighted(structure, problem, optimum, max_steps, report, solver)
 
         checked = with_steps_checked(
-            structure, problem, optimum, settle, start=unknowns, max_steps=max_steps, report=report
+            structure, problem, optimum, settle, start=unknowns, max_steps=max_steps, solver=solver, report=report
         )
         doubts = checked.note
         if checked.structure != structure:
@@ -273,7 +273,8 @@ def output_error(
       estimates would move with shorter ones (`step_check`).
     - `loss`: "squares", or "huber", "cauchy", "student_t" against outliers, which the result lists; or a `Loss` of your own
       (`losses`).
-    - `solver`: the optimiser; any `optimistix` least-squares solver can take the place of jaxid's own (`solvers`).
+    - `solver`: the optimiser; any `optimistix` least-squares solver can take the place of jaxid's own (`solvers`). Only
+      the search for a start (short horizons, an unknown angle's grid) is always by jaxid's own.
     - `clock_offset`: whether inputs and outputs may run on different clocks; every log's offset is then estimated.
     - `covariance`: of the parameters, for "white" residuals, or "robust" against coloured ones (`robust_covariance`). By
       default the residual decides, and `Fit.standard_errors` says what it was.

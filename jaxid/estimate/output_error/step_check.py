@@ -23,7 +23,7 @@ from ...simulation.rollout import Integrator
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_loss import simulated
-from .solvers import minimise_compiled
+from .solvers import DEFAULT, Solver, minimise_compiled
 
 _FINER = 4
 _VISIBLE = 0.1
@@ -82,10 +82,10 @@ def _in_signal(problem: Problem, change: Float[np.ndarray, "E T ny"]) -> float:
     return float(np.sqrt(np.max(power[0][power[1] > 0] / power[1][power[1] > 0], initial=0.0)))
 
 
-def _would_move(structure: Structure, problem: Problem, optimum: Optimum, change) -> float:
+def _would_move(structure: Structure, problem: Problem, optimum: Optimum, change, solver: Solver) -> float:
     """How far the estimates move, in standard errors, if measurements are corrected by the `change`."""
     corrected = replace(problem, outputs=jnp.asarray(np.asarray(problem.outputs) - change))
-    moved = minimise_compiled(structure, corrected, optimum.unknowns, max_steps=_STEPS)
+    moved = minimise_compiled(structure, corrected, optimum.unknowns, max_steps=_STEPS, solver=solver)
     step = np.asarray(moved.unknowns.z) - np.asarray(optimum.unknowns.z)
     return float(np.linalg.norm(np.asarray(optimum.triangle.shared) @ step))
 
@@ -98,11 +98,13 @@ def with_steps_checked(
     *,
     start: Unknowns | None = None,
     max_steps: int = 100,
+    solver: Solver = DEFAULT,
     report: Callable[[str], None] = lambda message: None,
 ) -> Checked:
     """The optimum, minimised again with shorter steps where these matter, and with the noise that `settle` finds then.
 
-    Shorter steps that fit worse are also tried from `start`, where the fit began. Call under float64.
+    Shorter steps that fit worse are also tried from `start`, where the fit began; always by the same `solver` as the fit.
+    Call under float64.
     """
     shortened, iterations, before = 1, 0, None
     while True:
@@ -118,7 +120,7 @@ def with_steps_checked(
                 "of the motion). The estimates are exact to about that, and standard errors mean nothing."
             )
             return Checked(structure, problem, optimum, error, note, iterations)
-        if error <= _VISIBLE and _would_move(structure, problem, optimum, change) <= _MOVED:
+        if error <= _VISIBLE and _would_move(structure, problem, optimum, change, solver) <= _MOVED:
             return Checked(structure, problem, optimum, error, "", iterations)
         if shortened >= _MOST or (before is not None and error > _GAINED * _in_noise(problem, before)):
             note = (
@@ -131,11 +133,11 @@ def with_steps_checked(
         structure = _finer(structure)
         report("integration steps were too long; went on with shorter ones")
         longer, asked = np.asarray(problem.sigma), problem
-        optimum = minimise_compiled(structure, asked, optimum.unknowns, max_steps=max_steps)
+        optimum = minimise_compiled(structure, asked, optimum.unknowns, max_steps=max_steps, solver=solver)
         problem, optimum, more = settle(structure, asked, optimum)
         iterations += more
         if start is not None and np.any(np.asarray(problem.sigma) > _LOST * longer):
-            other = minimise_compiled(structure, asked, start, max_steps=max_steps)
+            other = minimise_compiled(structure, asked, start, max_steps=max_steps, solver=solver)
             other_problem, other, more = settle(structure, asked, other)
             iterations += more
             if np.sum(np.log(np.asarray(other_problem.sigma))) < np.sum(np.log(np.asarray(problem.sigma))) - 0.01:

@@ -3,9 +3,12 @@
 import math
 
 import numpy as np
+import optimistix as optx
 import pytest
 
 from jaxid import Channels, Custom, Integrator, Log, LogSet, Parameter, output_error
+from jaxid.estimate.output_error import step_check
+from jaxid.estimate.output_error.solvers import DEFAULT
 
 CHANNELS = Channels(inputs=("command",), outputs=("speed",))
 TRUE, INTERVAL, NOISE = 5.27e-3, 1.33e-3, 1e-3
@@ -86,3 +89,18 @@ def test_a_log_without_noise_is_told_so_and_not_that_its_motion_is_chaotic() -> 
     assert abs(fit["T"].value - TRUE) < 1e-6 * TRUE
     said = " ".join(fit.notes)
     assert "no noise to speak of" in said and "chaotic" not in said
+
+
+def test_shorter_steps_are_fitted_by_the_solver_that_was_given(monkeypatch) -> None:
+    mine, used = optx.LevenbergMarquardt(1e-8, 1e-8), []
+    own = step_check.minimise_compiled
+
+    def noted(*problem, solver=DEFAULT, **options):
+        used.append((problem[0].integrator.substeps, solver))
+        return own(*problem, solver=solver, **options)
+
+    monkeypatch.setattr(step_check, "minimise_compiled", noted)
+    fit = output_error(robot(1.0), sampled(2e-3, NOISE), solver=mine)
+    assert 4 in {steps for steps, _ in used}  # from one step a sample
+    assert {solver for _, solver in used} == {mine}
+    assert abs(fit["T"].value - 2e-3) < 4 * fit["T"].std_error
