@@ -21,21 +21,21 @@ from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.simulate import simulate
 from ..judge import judged_equations
-from ..result import Estimate, Fit, Status
+from ..result import Fit, Status
 from ..uncertainty import combinations
 from .integral_least_squares import integral_least_squares
-from .linear_steps import estimates_of, with_estimate
+from .linear_steps import estimates_of, estimates_with, status_notes, with_estimate
 from .log_rows import gather, measured_speeds
 from .memory import memory
 from .refined_instruments import Instruments, refined_instruments
 from .regressors import check_linear
 from .score_covariance import score_covariance, stationary_covariance, widened
-from .weighted_least_squares import USELESS, known_size
+from .weighted_least_squares import USELESS, known_size, statuses, unseen_of
 
 Array = NDArray[np.float64]
 METHOD = "instrumental_variables"
 _PASSES = 12
-_CHOSEN = 3
+_CHOSEN = 6
 """Passes after which the simulated motion and the intervals stay those of the last one."""
 _SETTLED = 0.02
 """Standard errors that the estimate may still move by."""
@@ -53,6 +53,7 @@ _CHANCE = 0.05
 class _Solved:
     theta: Array
     covariance: Array  # NaN where there is none
+    errors: Array  # standard errors; NaN also at bounds
     status: tuple[Status, ...]
     noise: Array  # by measured speed
     relevance: float
@@ -76,14 +77,36 @@ def _relevance(F: Array, Z: Array) -> tuple[float, int]:
     return float(singular[-1] ** 2), int(np.argmax(np.abs(direction)))
 
 
+def _concentrated(found: Instruments, Z: Array, residual: Array, leverage: Array, inverse: Array) -> Array:
+    """Factors [n, n] by which a covariance grows where residuals are larger at the samples that tell a parameter.
+
+    A caster's noise acts while it turns, where alone its friction shows. Squares of single residuals, each of what a fit
+    without it would leave (J. G. MacKinnon and H. White, Journal of Econometrics 29, 1985: HC3), against their mean.
+    """
+    squares, kinds = (residual / np.maximum(1.0 - leverage, 0.5)) ** 2, found.equation
+    mean = np.bincount(kinds, squares) / np.maximum(np.bincount(kinds), 1)
+    each, alike = (inverse @ (Z.T * power) @ Z @ inverse.T for power in (squares, mean[kinds]))
+    ratio = np.sqrt(np.maximum(np.diag(each) / np.maximum(np.diag(alike), 1e-300), 1.0))
+    return np.outer(ratio, ratio)
+
+
 def _covariance(
-    found: Instruments, Z: Array, residual: Array, prior: Array, inverse: Array, remembered: int, taken: Array
+    found: Instruments,
+    F: Array,
+    Z: Array,
+    residual: Array,
+    prior: Array,
+    inverse: Array,
+    remembered: int,
+    taken: Array,
 ) -> Array:
     """Sandwich [n, n] around the covariance of Z^T residual: that of a stationary residual, widened where the scores' own
     scatter in time is larger (residuals that depend on what the robot does)."""
     middle, own = stationary_covariance(Z, residual, found.equation, found.sample, found.logs, taken)
     middle += np.diag(prior)
     spread = widened(inverse @ middle @ inverse.T, own)
+    leverage = np.sum((F @ inverse) * Z, axis=1)
+    spread = spread * _concentrated(found, Z, residual, leverage, inverse)
     scores = np.zeros((len(found.logs), Z.shape[1]))
     np.add.at(scores, found.sample, Z * residual[:, None])
     scatter, degrees = score_covariance(scores, found.logs, remembered)
@@ -97,7 +120,11 @@ def _covariance(
 
 
 def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Array, remembered: int) -> _Solved:
-    """Solve Z^T (y - F theta) = 0 with bounds and priors; what the instruments do not tell stays at the table's value."""
+    """Solve Z^T (y - F theta) = 0 with bounds and priors.
+
+    Held at the table's value is what the instruments do not contain, or not beside the others. The covariance is that of
+    all others together, those at a bound included.
+    """
     table = [robot.parameters[name] for name in names]
     default = np.array([p.value for p in table])
     lower, upper = np.array([p.lower for p in table]), np.array([p.upper for p in table])
@@ -105,34 +132,37 @@ def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Arra
     prior = np.array([p.prior[1] ** -2.0 if p.prior else 0.0 for p in table])
     n, kinds = len(names), len(noise)
     held, bound = np.zeros(n, bool), np.zeros(n, bool)
-    theta, covariance = default.copy(), np.full((n, n), np.nan)
-    relevance, weakest, settled = 0.0, 0, False
+    theta, covariance, size = default.copy(), np.full((n, n), np.nan), np.zeros(n)
+    unseen, relevance, weakest = np.zeros(n, bool), 0.0, 0
     table_of_rows = np.concatenate([found.regressors, found.instruments, found.targets[:, None]], axis=1)
     table_of_rows = _without_starts(table_of_rows, found)
-    for _ in range(4 * n + 12):
+    for _ in range(3 * n + 12):
         columns = table_of_rows / noise[found.equation, None]
         F, Z, y = columns[:, :n], columns[:, n : 2 * n], columns[:, -1]
         scale = np.sqrt(np.sum(Z * Z, axis=0) + prior)
         held |= scale == 0
-        free = np.flatnonzero(~held & ~bound)
-        stacked = np.concatenate([Z, np.diag(np.sqrt(prior))])[:, free] / np.where(scale > 0, scale, 1.0)[free]
-        if len(free):
+        seen = np.flatnonzero(~held)
+        stacked = np.concatenate([Z, np.diag(np.sqrt(prior))])[:, seen] / np.where(scale > 0, scale, 1.0)[seen]
+        if len(seen):
             order = np.asarray(pivoted_qr(stacked, mode="economic", pivoting=True)[-1], dtype=int)
             diagonal = np.abs(np.diag(np.linalg.qr(stacked[:, order], mode="r")))
-            follows = free[order[: len(diagonal)][diagonal < _RANK]]
+            follows = seen[order[: len(diagonal)][diagonal < _RANK]]
             if len(follows):
                 held[follows] = True
                 continue
-        fixed = held | bound
-        s = scale[free]
-        matrix = (Z[:, free].T @ F[:, free] + np.diag(prior[free])) / np.outer(s, s)
-        right = (Z[:, free].T @ (y - F[:, fixed] @ theta[fixed]) + prior[free] * mean[free]) / s
-        if len(free) and (not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1.0 / _RANK**2):
-            held[free[np.argmin(np.abs(np.diag(matrix)))]] = True
+        s = scale[seen]
+        matrix = (Z[:, seen].T @ F[:, seen] + np.diag(prior[seen])) / np.outer(s, s)
+        right = (Z[:, seen].T @ (y - F[:, held] @ default[held]) + prior[seen] * mean[seen]) / s
+        if len(seen) and (not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1.0 / _RANK**2):
+            held[seen[np.argmin(np.abs(np.diag(matrix)))]] = True
             continue
-        theta = theta.copy()
-        theta[free] = np.linalg.solve(matrix, right) / s if len(free) else theta[free]
-        outside = free[(theta[free] < lower[free]) | (theta[free] > upper[free])]
+        free = ~bound[seen]
+        theta[held] = default[held]
+        inside = matrix[np.ix_(free, free)]
+        if free.any() and np.linalg.cond(inside) <= 1.0 / _RANK**2:
+            known = matrix[np.ix_(free, ~free)] @ (theta * scale)[seen[~free]]
+            theta[seen[free]] = np.linalg.solve(inside, right[free] - known) / s[free]
+        outside = seen[free & ((theta[seen] < lower[seen]) | (theta[seen] > upper[seen]))]
         if len(outside):
             theta[outside] = np.clip(theta[outside], lower[outside], upper[outside])
             bound[outside] = True
@@ -142,28 +172,29 @@ def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Arra
         runs = [len(np.unique(found.run[found.equation == i])) for i in range(kinds)]
         count = np.array([np.sum(found.equation == i) for i in range(kinds)])
         squares = np.array([np.sum(residual[found.equation == i] ** 2) for i in range(kinds)])
-        freedom = np.maximum(count - runs - len(free) * count / max(count.sum(), 1), 1.0)
+        freedom = np.maximum(count - runs - len(seen) * count / max(count.sum(), 1), 1.0)
         noise = np.where(squares > 0, noise * np.sqrt(squares / freedom), noise)
-        if not settled and np.max(np.abs(noise / before - 1.0)) > 0.02:
+        if np.max(np.abs(noise / before - 1.0)) > 0.02:
             continue
-        covariance = np.full((n, n), np.nan)
-        if not len(free):
+        if not len(seen):
             break
         inverse = np.linalg.inv(matrix) / s[:, None]
-        spread = _covariance(found, Z[:, free] / s, residual, prior[free] / s**2, inverse, remembered, count - freedom)
-        covariance[np.ix_(free, free)] = spread
-        relevance, weakest = _relevance(F[:, free], Z[:, free])
-        weakest = int(free[weakest])
-        share = np.sqrt(np.diag(spread)) / known_size(theta, default, F, y)[free]
-        if share.max() <= USELESS:
-            break
-        # One at a time, and a bound that it may have pushed another to is tried anew.
-        held[free[np.argmax(share)]] = True
-        theta[held], bound[:], settled = default[held], False, True
-    status: list[Status] = [
-        "not_identifiable" if h else "at_bound" if b else "identified" for h, b in zip(held, bound, strict=True)
-    ]
-    return _Solved(theta, covariance, tuple(status), noise, relevance, weakest)
+        spread = _covariance(
+            found, F[:, seen], Z[:, seen] / s, residual, prior[seen] / s**2, inverse, remembered, count - freedom
+        )
+        covariance[np.ix_(seen, seen)] = spread
+        size, unseen = known_size(theta, default, F, y), unseen_of(Z, prior)
+        told = seen[np.sqrt(np.diag(spread)) <= USELESS * size[seen]]
+        if len(told):
+            # What the data says nothing about may have instruments as weak as it likes: its interval says so.
+            relevance, weakest = _relevance(F[:, told], Z[:, told])
+            weakest = int(told[weakest])
+        break
+    unseen = unseen | held
+    covariance = np.where(unseen[:, None] | unseen, np.nan, covariance)
+    errors = np.sqrt(np.diag(covariance))
+    status = statuses(theta, errors, size, unseen, bound)
+    return _Solved(theta, covariance, np.where(bound, np.nan, errors), status, noise, relevance, weakest)
 
 
 def _simulated(robot: Robot, logs: LogSet) -> list[Array] | None:
@@ -247,7 +278,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
             )
         solved = _solve(found, robot, names, noise, remembered)
         noise, moved, theta = solved.noise, np.abs(solved.theta - theta), solved.theta
-        error = np.nan_to_num(np.sqrt(np.diag(solved.covariance)))
+        error = np.nan_to_num(solved.errors)
         if np.all(moved <= np.maximum(_SETTLED * error, 1e-7 * np.abs(theta))):
             converged, reason = True, f"settled in {passes} passes"
             break
@@ -257,7 +288,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         # An estimate whose model runs away says nothing; the one it began from is at least that of a known method.
         n, found = len(names), None
         theta = np.array([start.robot.parameters[name].value for name in names])
-        solved = _Solved(theta, np.full((n, n), np.nan), ("not_identifiable",) * n, noise, 1.0, 0)
+        solved = _Solved(theta, np.full((n, n), np.nan), np.full(n, np.nan), ("not_identifiable",) * n, noise, 1.0, 0)
         reason += "; the values are those of the start"
     if found is not None and simulated is not None:
         solved = replace(solved, relevance=min(solved.relevance, _followed(logs, simulated, moving)))
@@ -273,19 +304,9 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
                 f"The instruments are weak, most of all for {names[solved.weakest]}. Estimates and intervals are not to be "
                 "trusted; look for missing effects or a wrong channel, or excite the robot more."
             )
-    for kind, text in (
-        ("not_identifiable", "not determined by these logs and kept at the table's value"),
-        ("at_bound", "at a bound of the table: the unbounded estimate lies outside"),
-    ):
-        some = [name for name, s in zip(names, solved.status, strict=True) if s == kind]
-        if some:
-            notes.append(f"{', '.join(some)}: {text}.")
+    notes += status_notes(names, solved.status, solved.errors)
     identified = with_estimate(robot, names, solved.theta)
-    errors = np.sqrt(np.diag(solved.covariance))
-    own = {
-        name: Estimate.of(solved.theta[i], errors[i], robot.parameters[name].unit, solved.status[i])
-        for i, name in enumerate(names)
-    }
+    own = estimates_with(robot, names, solved.theta, solved.errors, solved.status)
     known = np.where(np.isfinite(solved.covariance), solved.covariance, 0.0)
     fit = Fit(
         method=METHOD,

@@ -18,7 +18,7 @@ from ...robots.robot import Robot
 from ..judge import judged_equations
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
-from .linear_steps import METHOD, STEPS, estimates_of, identify, notes_on, with_estimate
+from .linear_steps import METHOD, STEPS, estimates_of, estimates_with, identify, notes_on, status_notes, with_estimate
 from .regressors import check_linear
 from .weighted_least_squares import USELESS, Solution
 
@@ -41,26 +41,22 @@ def _identified(robot: Robot, logs: list[Log], window: int | None) -> Fit:
     solution, equations, iterations, stands = identify(robot, logs, window)
     names = equations.names
     identified = with_estimate(robot, names, solution.theta)
-    errors = np.sqrt(np.diag(solution.covariance))
-    status = dict(zip(names, solution.status, strict=True))
-    found = {
-        name: Estimate.of(solution.theta[i], errors[i], robot.parameters[name].unit, status[name])
-        for i, name in enumerate(names)
-    }
+    errors = solution.errors()
+    found = estimates_with(robot, names, solution.theta, errors, solution.status)
     return Fit(
         method=METHOD,
         robot=identified,
         parameters=estimates_of(identified, found),
         combinations=_combinations(identified, names, solution),
         free_names=names,
-        covariance=solution.covariance,
+        covariance=np.where(solution.unseen[:, None] | solution.unseen, np.nan, solution.covariance),
         noise={
             name: float(solution.noise[i]) for i, name in enumerate(equations.speeds) if np.any(equations.equation == i)
         },
         converged=stands,
         reason="linear least squares, solved" if stands else f"equation 33 did not settle in {STEPS} linearisations",
         iterations=iterations,
-        notes=notes_on(robot, equations, status),
+        notes=(*notes_on(robot, equations), *status_notes(names, solution.status, errors)),
     )
 
 
@@ -81,10 +77,10 @@ def integral_least_squares(
       those after which the motion has half forgotten, at least 10. Long ones average noise, short ones forget errors of
       the integrals; 2 is the paper's eq. 31: all consecutive intervals.
 
-    Status of a parameter: "not_identifiable" if its column follows from others or its standard error exceeds both
-    its estimate and its table value (it then stays at the table's value, the others being estimated with it there);
-    "at_bound" if bounded least squares put it on a bound. Standard errors come from the scores' scatter in
-    time (`score_covariance`).
+    Status of a parameter: "not_identifiable" if it takes part in a direction that the equations do not see (one of such
+    parameters stays at the table's value, none has a standard error), or if its standard error exceeds both its estimate
+    and its table value (it is estimated with the others all the same, whose intervals so know of it); "at_bound" if
+    bounded least squares put it on a bound. Standard errors come from the scores' scatter in time (`score_covariance`).
 
     Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
     one does not enter linearly.

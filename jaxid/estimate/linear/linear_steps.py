@@ -1,6 +1,7 @@
 """From logs to a solution of the linear equations: momentum balances first, then equation 33 about the estimate."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ def identify(robot: Robot, logs: list[Log], window: int | None) -> tuple[Solutio
     # What is left then is rounding of the table's values, which may be in other units and so be far too large.
     driven = np.linalg.norm(equations.targets) > 1e-11 * np.linalg.norm(equations.regressors * theta)
     if driven:
-        solution = solve(equations, robot, nothing, judge=False)
+        solution = solve(equations, robot, nothing)
     start = theta if solution is None else solution.theta
     best, held, previous = solution, nothing, start
     moved, error, size = np.full(len(names), np.inf), np.zeros(len(names)), np.zeros(len(names))
@@ -47,8 +48,8 @@ def identify(robot: Robot, logs: list[Log], window: int | None) -> tuple[Solutio
                 previous = theta
                 continue
             break
-        best, equations = solve(trial, robot, held, judge=True), trial
-        held = held | best.undetermined
+        best, equations = solve(trial, robot, held), trial
+        held = held | best.held
         error = np.nan_to_num(np.sqrt(np.diag(best.covariance)))
         moved, size = np.abs(best.theta - previous), np.abs(best.theta)
         previous = best.theta
@@ -70,20 +71,48 @@ def estimates_of(robot: Robot, found: Mapping[str, Estimate]) -> dict[str, Estim
     }
 
 
-def notes_on(robot: Robot, equations: WindowEquations, status: Mapping[str, Status]) -> tuple[str, ...]:
+def estimates_with(
+    robot: Robot, names: Sequence[str], theta: Array, errors: Array, status: Sequence[Status]
+) -> dict[str, Estimate]:
+    """Estimates of free parameters, their intervals cut off at the bounds."""
+    found = {}
+    for name, value, error, own in zip(names, theta, errors, status, strict=True):
+        p = robot.parameters[name]
+        estimate = Estimate.of(value, error, p.unit, own)
+        low, high = estimate.ci95
+        # Comparisons that a NaN keeps.
+        low, high = (p.lower if low < p.lower else low), (p.upper if high > p.upper else high)
+        found[name] = replace(estimate, ci95=(low, high))
+    return found
+
+
+def status_notes(names: Sequence[str], status: Sequence[Status], errors: Array) -> list[str]:
+    """What the owner should know of parameters that are not identified."""
+    blind = [n for n, s, e in zip(names, status, errors, strict=True) if s == "not_identifiable" and np.isnan(e)]
+    vague = [n for n, s, e in zip(names, status, errors, strict=True) if s == "not_identifiable" and not np.isnan(e)]
+    bound = [n for n, s in zip(names, status, strict=True) if s == "at_bound"]
+    notes = []
+    if blind:
+        notes.append(
+            f"{', '.join(blind)}: not determined by these logs; one at the table's value goes with whatever the others are."
+        )
+    if vague:
+        notes.append(
+            f"{', '.join(vague)}: the standard error exceeds the value; estimated all the same, so that the intervals of "
+            "the others hold whatever it is."
+        )
+    if bound:
+        notes.append(f"{', '.join(bound)}: at a bound of the table: the unbounded estimate lies outside.")
+    return notes
+
+
+def notes_on(robot: Robot, equations: WindowEquations) -> tuple[str, ...]:
     notes = [
         "Noise on the measured speeds also enters the regressors (errors in variables), which biases integral least "
         "squares; the standard errors do not include that. Output error has no such bias.",
         f"Balances over stretches of {equations.window} samples; {100 * equations.dropped:.1f} % of the intervals were "
         "left out because something stood still, turned round, or was not measured.",
     ]
-    for kind, text in (
-        ("not_identifiable", "not determined by these logs and kept at the table's value"),
-        ("at_bound", "at a bound of the table: the unbounded estimate lies outside"),
-    ):
-        some = [name for name, s in status.items() if s == kind]
-        if some:
-            notes.append(f"{', '.join(some)}: {text}.")
     unseen = [
         effect.id
         for effect in robot.effects

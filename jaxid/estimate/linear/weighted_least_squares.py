@@ -1,7 +1,8 @@
 r"""Weighted, bounded linear least squares of window equations, by QR, with honest standard errors.
 
-Equations of different units are weighted by their own residual's standard deviation, estimated on the way. Parameters
-that the data does not determine are held at the table's value, the others being estimated with them there.
+Equations of different units are weighted by their own residual's standard deviation, estimated on the way. Held at the
+table's value is only what the equations do not contain at all, or what follows from the other columns; whatever is merely
+uncertain is estimated with the others, whose intervals know of it.
 """
 
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from .window_equations import WindowEquations
 
 Array = NDArray[np.float64]
 _RANK = 1e-7
+_PART = 1e-3  # share of an unseen direction (columns of length one) from which a parameter takes part in it
 _NOTHING = 1e-10  # share of the largest effect: rounding
 USELESS = 1.0
 """A standard error above this multiple of the parameter: the data says nothing about it."""
@@ -52,14 +54,17 @@ def solve_by_qr(
 @dataclass(frozen=True)
 class Solution:
     theta: Array  # [n]
-    covariance: Array  # [n, n], NaN where there is none
+    covariance: Array  # [n, n], NaN for what is held
     full: Array  # [n, n], nothing held: infinite variance in directions that the data does not see
     status: tuple[Status, ...]
     noise: Array  # [equations]
+    held: NDArray[np.bool_]  # [n], at the table's value: not in the equations, or following from other columns
+    unseen: NDArray[np.bool_]  # [n], part of a direction that the equations do not see, the held ones among them
 
-    @property
-    def undetermined(self) -> NDArray[np.bool_]:
-        return np.array([status == "not_identifiable" for status in self.status], bool)
+    def errors(self) -> Array:
+        """Standard errors [n]; NaN where there is none: in directions that nothing shows, and at bounds."""
+        none = self.unseen | np.array([status == "at_bound" for status in self.status], bool)
+        return np.where(none, np.nan, np.sqrt(np.diag(self.covariance)))
 
 
 def _covariance(F: Array, residuals: Array, equations: WindowEquations, prior: Array) -> Array:
@@ -96,6 +101,25 @@ def _full_covariance(F: Array, prior: Array) -> Array:
     return (Vt.T * inverse) @ Vt / np.outer(scale, scale)
 
 
+def unseen_of(F: Array, prior: Array) -> NDArray[np.bool_]:
+    """[n]: parameters that take part in a direction which the columns F [K, n] do not see."""
+    scale = np.sqrt(np.sum(F * F, axis=0) + prior)
+    stacked = np.concatenate([F, np.diag(np.sqrt(prior))]) / np.where(scale > 0, scale, 1.0)
+    _, singular, Vt = np.linalg.svd(np.linalg.qr(stacked, mode="r"))
+    blind = Vt[singular <= _RANK * singular.max(initial=1e-300)]
+    return np.any(np.abs(blind) > _PART, axis=0) | (scale == 0)
+
+
+def statuses(
+    theta: Array, errors: Array, size: Array, unseen: NDArray[np.bool_], bound: NDArray[np.bool_]
+) -> tuple[Status, ...]:
+    """What may be said of estimates with these joint standard `errors` [n], beside what they must stay below (`size`)."""
+    useless = unseen | ~(errors <= USELESS * size)
+    return tuple(
+        "not_identifiable" if u else "at_bound" if b else "identified" for u, b in zip(useless, bound, strict=True)
+    )
+
+
 def known_size(theta: Array, default: Array, F: Array, y: Array) -> Array:
     """What a standard error [n] must stay below to say anything: the estimate or the table's value, whichever is larger.
 
@@ -108,8 +132,12 @@ def known_size(theta: Array, default: Array, F: Array, y: Array) -> Array:
     return np.where(default != 0, size, np.inf)
 
 
-def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_], judge: bool) -> Solution:
-    """Weigh, bound and solve; parameters that the data does not determine stay at the robot's table."""
+def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_]) -> Solution:
+    """Weigh, bound and solve; parameters that the equations do not contain, or not beside the others, stay at the table.
+
+    The covariance is that of all others together, also of those that a bound stops: with one of them taken as known, the
+    intervals of its neighbours would be too short.
+    """
     table = [robot.parameters[name] for name in equations.names]
     default = np.array([p.value for p in table])
     lower, upper = np.array([p.lower for p in table]), np.array([p.upper for p in table])
@@ -126,6 +154,7 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_], jud
     held, theta = held.copy(), default.copy()
     bound = np.zeros(n, bool)
     covariance, full = np.full((n, n), np.nan), np.full((n, n), np.inf)
+    weighted, target = F, y
     for _ in range(3 * n + 6):
         weighted, target = F / noise[kind, None], y / noise[kind]
         lengths = np.sqrt(np.sum(weighted**2, axis=0) + prior)
@@ -162,16 +191,11 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_], jud
         noise = np.maximum(noise, 1e-13 * np.array([max(s, 1e-300) for s in size]))
         if np.max(np.abs(noise / before - 1.0)) > 0.02 and np.max(noise / np.maximum(size, 1e-300)) > 1e-9:
             continue
-        weighted, moving = F / noise[kind, None], np.flatnonzero(~held & ~bound)
-        covariance = np.full((n, n), np.nan)
-        own = _covariance(weighted[:, moving], residuals / noise[kind], equations, prior[moving])
-        covariance[np.ix_(moving, moving)] = own
+        weighted, target = F / noise[kind, None], y / noise[kind]
+        own = _covariance(weighted[:, index], residuals / noise[kind], equations, prior[index])
+        covariance[np.ix_(index, index)] = own
         full = _full_covariance(weighted, prior)
-        share = np.sqrt(np.diag(own)) / known_size(theta, default, weighted, target)[moving]
-        if not judge or not len(share) or share.max() <= USELESS:
-            break
-        held[moving[np.argmax(share)]] = True
-    status: list[Status] = [
-        "not_identifiable" if h else "at_bound" if b else "identified" for h, b in zip(held, bound, strict=True)
-    ]
-    return Solution(theta, covariance, full, tuple(status), noise)
+        break
+    unseen = held | unseen_of(weighted, prior)
+    errors, size = np.sqrt(np.diag(covariance)), known_size(theta, default, weighted, target)
+    return Solution(theta, covariance, full, statuses(theta, errors, size, unseen, bound), noise, held, unseen)
