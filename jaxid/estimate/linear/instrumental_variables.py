@@ -35,7 +35,7 @@ from .weighted_least_squares import USELESS, known_size, statuses, unseen_of
 Array = NDArray[np.float64]
 METHOD = "instrumental_variables"
 _PASSES = 12
-_CHOSEN = 6
+_CHOSEN = 4
 """Passes after which the simulated motion and the intervals stay those of the last one."""
 _SETTLED = 0.02
 """Standard errors that the estimate may still move by."""

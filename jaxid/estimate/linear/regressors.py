@@ -288,6 +288,8 @@ def check_linear(robot: Robot, logs: Iterable[Log]) -> None:
     """Raise `ParameterError` naming free parameters in which, together, the robot's balances are not linear."""
     names = measured_speeds(robot)
     rows = gather(robot, logs, names)
+    if not rows.moved.any():
+        return  # nothing but noise: there are no balances to judge
     numbers, free = robot.parameters.numbers, robot.parameters.free_names
     theta = np.array([numbers[name] for name in free], dtype=float)
     elsewhere = np.where(theta == 0, 0.1, theta * (1.1 + 0.05 * np.arange(len(theta))))

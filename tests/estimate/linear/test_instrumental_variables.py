@@ -108,6 +108,24 @@ def test_least_squares_is_what_it_mends():
     assert 0.85 <= np.mean(np.abs(off["iv"]) <= 1.96 * errors)
 
 
+@pytest.mark.parametrize("estimator", [integral_least_squares, instrumental_variables])
+def test_an_interval_knows_what_its_neighbour_leaves_open(axis_log, estimator):
+    """Viscous friction that the logs hardly show beside dry friction, and a table that has it ten times too large: the
+    interval of dry friction holds the truth, and would not with the other held at the table's value."""
+    rng = np.random.default_rng(1)
+    u = np.repeat(2.0 * (-1.0) ** np.arange(20) * rng.uniform(0.8, 1.2, 20), 25)
+    clean = axis_log("reversing", u, M=1.0, Fv=0.05, Fc=0.5, offset=0.0)
+    table = Axis().change("offset", value=0.0, free=False).with_values(M=1.0, Fv=0.5, Fc=0.4)
+    held = Axis().change("offset", value=0.0, free=False).change("Fv", value=0.5, free=False)
+    within, with_it_held = [], []
+    for seed in range(15):
+        log = measured(clean, 0.05, seed)
+        fit, other = (estimator(robot, [log])["Fc"] for robot in (table, held))
+        within.append(fit.status == "identified" and abs(fit.value - 0.5) <= 1.96 * fit.std_error)
+        with_it_held.append(abs(other.value - 0.5) <= 1.96 * other.std_error)
+    assert np.mean(within) >= 0.85 > 0.6 > np.mean(with_it_held)
+
+
 def test_omni_against_the_independent_simulator():
     rng = np.random.default_rng(4)
     logs = []
