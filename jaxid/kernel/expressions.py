@@ -1,7 +1,8 @@
 """Scalar expressions as a graph in which equal expressions stand once and known numbers are folded."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 Node = int
@@ -158,3 +159,30 @@ class Graph:
         if operation in ("max", "min") and arguments[0] == arguments[1]:
             return arguments[0]
         return self._intern(operation, arguments)
+
+    def replaced(self, outputs: Sequence[Node], by: Mapping[Node, Node]) -> list[Node]:
+        """`outputs` with other expressions in the place of some that they are made of."""
+        needed, stack = set(), list(outputs)
+        while stack:
+            node = stack.pop()
+            if node not in needed and node not in by:
+                needed.add(node)
+                stack += (*self.arguments(node), *(x for pair in self.partials.get(node, ()) for x in pair))
+        rules = {"add": self.add, "sub": self.sub, "mul": self.mul, "neg": self.neg, "select": self.select}
+        rules["reciprocal"] = partial(self.div, self.constant(1.0))
+        after = dict(by)
+        for node in sorted(needed):  # arguments have smaller numbers
+            there = [after[a] for a in self.arguments(node)]
+            operation = self.nodes[node][0]
+            same = there == list(self.arguments(node))
+            after[node] = node if same else rules.get(operation, partial(self.apply, operation))(*there)
+        for node in needed & self.partials.keys():
+            if after[node] != node and self.value(after[node]) is None:
+                own = [(after[argument], after[slope]) for argument, slope in self.partials[node]]
+                self.partials.setdefault(after[node], own)
+        return [after[node] for node in outputs]
+
+    def arguments(self, node: Node) -> tuple[Node, ...]:
+        """What an expression is made of, one step down."""
+        operation, arguments = self.nodes[node]
+        return () if operation in ("const", "input") else arguments

@@ -108,6 +108,7 @@ def write_handler(
 
 _lock = threading.Lock()
 _engines: dict[str, llvm.ExecutionEngine] = {}
+_registered: set[str] = set()
 _REVISION = "1"
 """To be raised where the same instructions shall be compiled differently."""
 
@@ -140,8 +141,8 @@ def _stored(name: str, text: str) -> bytes:
     return code
 
 
-def register(module: ir.Module) -> str:
-    """Compile `module` for this processor, unless it has been; the name under which XLA's programs call its `handler`."""
+def _loaded(module: ir.Module) -> str:
+    """Compile `module` for this processor, unless it has been; the name of its engine."""
     text = str(module)
     machine = (_REVISION, *llvm.llvm_version_info, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
     key = "\n".join([*map(str, machine), text])
@@ -151,8 +152,23 @@ def register(module: ir.Module) -> str:
             engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), new_machine())
             engine.add_object_file(llvm.ObjectFileRef.from_data(_stored(name, text)))
             engine.finalize_object()
-            jax.ffi.register_ffi_target(name, _capsule(engine.get_function_address("handler")), platform="cpu")
             _engines[name] = engine  # its code lives as long as it does
+    return name
+
+
+def address(module: ir.Module, function: str) -> int:
+    """Where the machine code of one of the module's functions stands."""
+    return _engines[_loaded(module)].get_function_address(function)
+
+
+def register(module: ir.Module) -> str:
+    """The name under which XLA's programs call the `handler` of `module`, compiled for this processor."""
+    name = _loaded(module)
+    with _lock:
+        if name not in _registered:
+            handler = _capsule(_engines[name].get_function_address("handler"))
+            jax.ffi.register_ffi_target(name, handler, platform="cpu")
+            _registered.add(name)
     return name
 
 

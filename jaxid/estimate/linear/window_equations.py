@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from ..._float64 import in_float64
 from ...logs import Log
 from ...robots.robot import Robot
+from .integrals import Form
 from .log_rows import gather, measured_speeds
 from .memory import memory
-from .regressors import Array, Form, axes_that_matter, evaluate, still_at
+from .regressors import Array, axes_that_matter, evaluate, still_at
 
 
 @dataclass(frozen=True)
