@@ -3,12 +3,15 @@
 Random robots in random units with random starts and good and poor logs, simulated by `reference/` (no code shared with the
 models), fitted by output error as a user calls it. Counts results that are wrong and do not say so, and how often intervals
 hold the truth where the data is adequate. Every finished case is a line of `benchmarks/results/silent.jsonl`; a run that is
-stopped goes on where it was. `--report` writes `docs/silent.md`.
+stopped goes on where it was, cases that older code ran are run again, and two processes share the work with `--part 1/2` and
+`--part 2/2`. `--report` writes `docs/silent.md`.
 """
 
 import argparse
+import hashlib
 import json
 import math
+import os
 import subprocess
 import time
 from collections import Counter
@@ -26,6 +29,10 @@ SEED = 10
 _CHUNK = 500
 """Cases that are done robot by robot before the next ones are begun."""
 
+_ASKED = 20
+"""Cases after which a process looks at what the others have done."""
+_MAKING = ("__init__", "draw", "family", "judge", "robots")
+"""Files of `benchmarks/cases` on which rows depend."""
 _HOPELESS = ("one log in other units", "swapped sign")
 
 
@@ -35,11 +42,27 @@ def estimate(robot: jaxid.Robot, logs: jaxid.LogSet) -> jaxid.Fit:
 
 
 def rows_of(path: Path) -> list[dict]:
-    """Finished cases, by number."""
-    if not path.exists():
-        return []
-    rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return sorted(rows, key=lambda row: row["number"])
+    """Finished cases, by number: of a case that was run again, the last row; a line that was cut short counts for nothing."""
+    rows = {}
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
+        try:
+            row = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        rows[row["number"]] = row
+    return [rows[number] for number in sorted(rows)]
+
+
+def append(path: Path, row: dict) -> None:
+    """One line at the end, in one piece, so that several processes may write to one file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cut_short = path.exists() and path.stat().st_size and not path.read_bytes().endswith(b"\n")
+    line = "\n" * cut_short + json.dumps(finite(row), allow_nan=False) + "\n"
+    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        os.write(descriptor, line.encode())
+    finally:
+        os.close(descriptor)
 
 
 def finite(value):
@@ -54,27 +77,37 @@ def finite(value):
 
 
 def code_version() -> str:
-    """The version of the package that makes the rows: git's name for its tree, marked where files differ from it."""
-    package = Path(jaxid.__file__).parent
+    """The version of the code that makes the rows (package, reference, cases and their judge; not the page that shows them):
+    a hash of git's names for it, marked where files differ from what git has."""
+    root = Path(__file__).parents[1]
 
     def git(*words: str) -> str:
-        return subprocess.run(["git", "-C", str(package), *words], capture_output=True, text=True).stdout.strip()
+        return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True).stdout.strip()
 
-    return git("rev-parse", "--short", "HEAD:./") + "+" * bool(git("status", "--porcelain", "."))
+    package = os.path.relpath(Path(jaxid.__file__).parent, root)
+    made_by = [package, "reference", "benchmarks/silent.py", *(f"benchmarks/cases/{name}.py" for name in _MAKING)]
+    names = git("rev-parse", *(f"HEAD:{path}" for path in made_by))
+    return hashlib.sha1(names.encode()).hexdigest()[:7] + "+" * bool(git("status", "--porcelain", "--", *made_by))
 
 
-def by_kind(numbers: Sequence[int], arguments: argparse.Namespace) -> list[int]:
-    """The wanted of these numbers, a few hundred at a time, one robot after the other, so that cases share programs.
+def blocks(numbers: Sequence[int], arguments: argparse.Namespace) -> list[list[int]]:
+    """The wanted of these numbers, a few hundred at a time, robot by robot, so that the cases of a block share programs.
 
     Those in which one log is of another robot, so to say, come last: every rescue is tried on them.
     """
-    kinds = {number: kind(number, arguments.seed) for number in numbers}
-    wanted = [
-        number
-        for number, (family, condition) in kinds.items()
-        if arguments.family in (None, family) and (arguments.condition is None or arguments.condition in condition)
-    ]
-    return sorted(wanted, key=lambda n: (n // _CHUNK, kinds[n][1] in _HOPELESS, kinds[n][0], n))
+    found: dict[tuple, list[int]] = {}
+    for number in numbers:
+        family, condition = kind(number, arguments.seed)
+        if arguments.family in (None, family) and (arguments.condition is None or arguments.condition in condition):
+            found.setdefault((number // _CHUNK, condition in _HOPELESS, family), []).append(number)
+    return [sorted(found[key]) for key in sorted(found)]
+
+
+def in_turn(found: list[list[int]], part: int, parts: int) -> list[int]:
+    """The order of one of several processes: every so-many-th block, then the others' from the end, as far as left undone."""
+    own = [number for k, block in enumerate(found) if k % parts == part for number in block]
+    others = [number for k, block in enumerate(found) if k % parts != part for number in block]
+    return own + others[::-1]
 
 
 def main() -> None:
@@ -87,27 +120,40 @@ def main() -> None:
     parser.add_argument("--condition", help="only conditions that hold this word")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument(
+        "--part", default="1/1", help="which of how many processes this is, such as 1/2; they may share --out"
+    )
     parser.add_argument("--report", action="store_true", help="write docs/silent.md from what has been run")
     arguments = parser.parse_args()
     if arguments.report:
         write(rows_of(arguments.out), PAGE)
         return
-    done = {row["number"] for row in rows_of(arguments.out)}
     count, begin, code = Counter(), time.perf_counter(), code_version()
+
+    def done() -> set[int]:
+        return {row["number"] for row in rows_of(arguments.out) if row.get("code") == code}
+
+    part, parts = (int(word) for word in arguments.part.split("/"))
     numbers = arguments.numbers or range(arguments.first, arguments.first + arguments.cases)
-    for number in by_kind([n for n in numbers if n not in done], arguments):
+    first = done()
+    order, finished = in_turn(blocks([n for n in numbers if n not in first], arguments), part - 1, parts), first
+    for k, number in enumerate(order):
+        # Another process starts on these from the end.
+        finished = done() if parts > 1 and (k % _ASKED == 0 or k > len(order) // parts) else finished
+        if number in finished:
+            continue
         try:
             case = draw(number, arguments.seed)
         except RuntimeError as error:  # the independent simulator gave up: no case
             print(f"{number}: {error}", flush=True)
             continue
         row = run(case, estimate) | {"code": code}
-        with arguments.out.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(finite(row), allow_nan=False) + "\n")
+        append(arguments.out, row)
         count[row["outcome"]] += 1
         print(
             f"{number} {row['family']}, {row['condition']}: {row['outcome']} {' '.join(row.get('why', []))} "
-            f"[{row.get('fit_error', 0):.3g} {row.get('held_out_error', 0):.3g}] {row.get('seconds', 0):.2f} s",
+            f"[{row.get('fit_error', 0):.3g} {row.get('held_out_error', 0):.3g}] {row.get('seconds', 0):.2f} s, "
+            f"{sum(count.values())} of {len(order)} in {time.perf_counter() - begin:.0f} s",
             flush=True,
         )
     print(dict(count), f"{time.perf_counter() - begin:.0f} s")

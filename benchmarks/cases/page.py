@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binom
 
-from benchmarks.cases.judge import TOO_FAR, TOO_WRONG
+from benchmarks.cases.judge import TOO_FAR, explained
 
 _LISTED = 40
 SILENT = "wrong, silent"
@@ -21,9 +21,16 @@ from `reference/`, which shares no code with the models and whose dry friction s
 A result is **wrong** if its error on the fit logs or on the held-out log is above twice that of the truth's own
 simulation (hidden effects included, no noise), or if a parameter that is called identified is off by more than five of
 its standard errors. It is **silent** if it claims to have converged, is judged neither "poor" nor "failed" ("coloured"
-alone says that the estimates stand), calls that parameter identified, and has no other note; a miss on the held-out log
-of up to twice the scatter of the fit's own covariance counts as said. Cases are drawn once and for all and run in an order
-that lets them share compiled programs; what has not been run yet is missing here, not left out.
+alone says that the estimates stand), calls that parameter identified, and has no other note. Cases are drawn once and for
+all and run in an order that lets them share compiled programs; what has not been run yet is missing here, not left out.
+
+A miss on the held-out log is not held against a result whose own stated uncertainty leaves it open: a miss of up to twice
+the scatter of draws from its covariance; or a truth that lies within its joint region of five standard errors (all
+parameters together, chi-squared) and whose own simulation follows the held-out log. Some held-out motions hang on a hair (a
+pendulum close to the top, a caster pushed over its dead point): there parameters that are right to a standard error
+predict the wrong side, no fit of those logs could do better, and `compare` says what its standard errors let expect. How
+many cases that excuses stands in the table. Nothing that the model lacks is excused by it: then the true parameters do not
+follow the held-out log.
 """
 
 
@@ -63,10 +70,10 @@ def _share(inside: int, count: int) -> str:
     return f"{100 * inside / count:.1f} % of {count} (chance alone: ± {50 * (high - low) / count:.1f})"
 
 
-def by_chance(row: dict) -> bool:
-    """Whether all that is wrong is a miss on the held-out log that five standard errors explain, as they do parameters."""
-    scatter = row["own_scatter"] ** 2 - 1.0
-    return row["why"] == ["held-out error"] and row["held_out_error"] ** 2 <= TOO_FAR**2 + TOO_WRONG**2 * scatter
+def excused(row: dict) -> bool:
+    """Whether a miss on the held-out log beyond the scatter of its covariance is not held against the result."""
+    missed = not (row.get("held_out_error") or 0.0) <= TOO_FAR * (row.get("own_scatter") or 1.0)
+    return missed and explained(row) and "held-out error" not in row["why"]
 
 
 def versions(rows: Sequence[dict]) -> str:
@@ -81,13 +88,14 @@ def write(rows: Sequence[dict], page: Path) -> None:
     adequate = [row for row in rows if row["adequate"]]
     fine = [row for row in adequate if row["outcome"] == "right"]
     broken = [row for row in rows if row["outcome"] == "traceback"]
+    forgiven = [row for row in rows if row["outcome"] == "right" and excused(row)]
     lines = [
         _HEAD,
         "| figure | target | found |",
         "| --- | --- | --- |",
         f"| cases run | 2,000 | {len(rows)} |",
         f"| wrong and silent | 0 | {len(silent)} ({100 * len(silent) / max(len(rows), 1):.1f} %) |",
-        f"| of these, missed by no more than five standard errors of its covariance | | {sum(map(by_chance, silent))} |",
+        f"| held-out miss not held against them: the truth is within their uncertainty | | {len(forgiven)} |",
         f"| tracebacks | 0 | {len(broken)} |",
         f"| adequate data: wrong and silent | 0 | {sum(row['adequate'] for row in silent)} of {len(adequate)} |",
         f"| adequate data: right | | {len(fine)} of {len(adequate)} |",
@@ -95,7 +103,7 @@ def write(rows: Sequence[dict], page: Path) -> None:
         f"| the same, of the right results alone | | {_share(*coverage(fine))} |",
         f"| right, adequate data, but doubts itself | few | {sum(bool(row['words']) for row in fine)} of {len(fine)} |",
         "",
-        f"The package's version (git's name of its tree): {versions(rows)}.",
+        f"Versions of the code (package, reference and study; git's names): {versions(rows)}.",
         "",
         "## By what is poor about the logs",
         "",

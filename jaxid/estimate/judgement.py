@@ -1,6 +1,6 @@
 """What a fit's residual says about the fit: one word, plain sentences, and whether another estimator would suit it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 Verdict = Literal["sound", "coloured", "poor", "failed"]
@@ -13,8 +13,8 @@ class Judgement:
     - `verdict`: "sound": nothing but the sensors' noise is left. "coloured": neighbouring residuals are related, but not
       to the motion; if that is the sensor's doing the estimates stand, with standard errors made for it (above twice the
       noise the sentences say that this is open). "poor": the model leaves much more than the
-      noise, or what it leaves follows the motion, or is slow where the sensor's noise is white; the estimates may carry a
-      bias that no standard error shows. "failed": the
+      noise, or what it leaves follows the motion, bears the mark of a force that is not in it, or is slow where the sensor's
+      noise is white; the estimates may carry a bias that no standard error shows. "failed": the
       model does not follow the logs; its parameters mean nothing.
     - `normalised_rms`: RMS of the residual in units of the noise, all channels; `by_channel`.
     - `white`: whether the residual passed the test of whiteness; None where the method has none to test.
@@ -42,6 +42,10 @@ class Judgement:
     def trustworthy(self) -> bool:
         """Whether an identified parameter may be shown without a qualifier."""
         return self.verdict in ("sound", "coloured")
+
+    def doubted(self, sentence: str) -> "Judgement":
+        """The same of a fit whose residual turned out to hold what `sentence` says: a poor one."""
+        return replace(self, verdict="poor", sentences=(sentence, *self.sentences))
 
     def to_dict(self) -> dict[str, Any]:
         """As fit.json has it."""

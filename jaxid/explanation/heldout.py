@@ -13,7 +13,7 @@ from ..estimate.residual_tests import ljung_box
 from ..logs import LogSet, noise_scale
 from ..logs.noise import usual_size
 from ..robots.robot import Robot
-from ..simulation.simulate import simulate
+from ..simulation.simulate import integrator_for, simulate
 from .smoothed_angles import Angles
 
 FALSE_ALARM = 0.005
@@ -99,7 +99,7 @@ def held_out_state(
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
     residuals = []
     start = estimated_start(robot, logs, noise, angles)
-    every = simulate(robot, logs, start=start, prescribed=angles)
+    every = simulate(robot, logs, start=start, integrator=integrator_for(robot, logs), prescribed=angles)
     for log, simulated in zip(logs, every, strict=True):
         errors = errors_of(log, np.nan_to_num(simulated, nan=np.inf, posinf=np.inf, neginf=-np.inf))
         scaled = np.full((len(log), len(channels)), np.nan)

@@ -1,4 +1,8 @@
-"""Simulate logs with a model: the same inputs, no measurement fed back."""
+"""Simulate logs with a model: the same inputs, no measurement fed back.
+
+Steps that suit a robot on one log may be too long for another: a caster that is pushed over its dead point, or a pendulum
+close to going over the top, makes much of the integration's own error. So steps are shortened until that changes nothing.
+"""
 
 from collections.abc import Mapping
 from functools import partial
@@ -13,9 +17,17 @@ from numpy.typing import NDArray
 from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import LogSet
+from ..logs.noise import noise_scale
 from ..robots.robot import Robot
 from .rollout import Integrator, rollout
 from .start import initial_states
+
+_FINER, _MOST = 4, 64
+"""Factor by which steps are shortened at a time, and at most."""
+_VISIBLE = 0.1
+"""Difference that shorter steps make on a log, RMS in units of the noise, from which steps are too long."""
+_NEGLIGIBLE = 1e-3
+"""The same in units of what is simulated, for logs without noise, or without measurements."""
 
 
 def integrator_for(robot: Robot, logs: LogSet) -> Integrator:
@@ -40,20 +52,40 @@ def simulate(
     """Simulated outputs of every log, [samples, channels.measured] each.
 
     `start` gives initial states per log ([E] by state name); by default they follow from the logs (`initial_states`).
-    States in `prescribed` are set to these values at every sample (padded as in `logs.batch()`).
+    States in `prescribed` are set to these values at every sample (padded as in `logs.batch()`). Without an `integrator` the
+    steps suit the robot, and are shortened, to a 64th at most, until that changes no log by a tenth of its noise.
     """
     batch = logs.batch()
     states = dict(initial_states(robot, logs).states)
     if start is not None:
         states |= {name: np.asarray(values, dtype=float) for name, values in start.items()}
     numbers = {name: jnp.asarray(value, float) for name, value in robot.parameters.numbers.items()}
-    outputs = _simulate(
-        robot.structure,
-        integrator or integrator_for(robot, logs),
-        numbers,
-        {name: jnp.asarray(value) for name, value in states.items()},
-        batch.inputs,
-        batch.dt,
-        dict(prescribed),
-    )
-    return [np.asarray(outputs[e, : len(log)]) for e, log in enumerate(logs)]
+    states = {name: jnp.asarray(value) for name, value in states.items()}
+
+    def with_steps(integrator: Integrator) -> list[NDArray[np.float64]]:
+        given = batch.inputs, batch.dt, dict(prescribed)
+        outputs = _simulate(robot.structure, integrator, numbers, states, *given)
+        return [np.asarray(outputs[e, : len(log)]) for e, log in enumerate(logs)]
+
+    if integrator is not None:
+        return with_steps(integrator)
+    integrator, factor = integrator_for(robot, logs), 1
+    outputs = with_steps(integrator)
+    noise = np.array(list(noise_scale(logs).values()))
+    measured = np.any([np.isfinite(log.outputs).any(axis=0) for log in logs], axis=0)
+    while factor < _MOST:
+        factor *= _FINER
+        finer = with_steps(Integrator(integrator.substeps * factor, integrator.friction))
+        if all(_alike(a, b, np.where(measured, noise, 0.0)) for a, b in zip(outputs, finer, strict=True)):
+            break
+        outputs = finer
+    return outputs
+
+
+def _alike(one: NDArray[np.float64], other: NDArray[np.float64], noise: NDArray[np.float64]) -> bool:
+    """Whether two simulations [T, ny] of a log differ by nothing that its noise [ny] would show."""
+    if not (np.isfinite(one).all() and np.isfinite(other).all()):
+        return not (np.isfinite(one).all() or np.isfinite(other).all())
+    difference = np.sqrt(np.mean((one - other) ** 2, axis=0))
+    size = np.sqrt(np.mean(other**2, axis=0))
+    return bool(np.all(difference <= np.maximum(_VISIBLE * noise, _NEGLIGIBLE * size)))

@@ -19,7 +19,7 @@ from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
-from ...simulation.simulate import simulate
+from ...simulation.simulate import integrator_for, simulate
 from ..judge import judged_equations
 from ..result import Fit, Status
 from ..uncertainty import combinations
@@ -198,7 +198,7 @@ def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Arra
 
 
 def _simulated(robot: Robot, logs: LogSet) -> list[Array] | None:
-    outputs = simulate(robot, logs)
+    outputs = simulate(robot, logs, integrator=integrator_for(robot, logs))
     speeds = [np.nanmax(np.abs(log.outputs)) for log in logs]
     fine = all(np.isfinite(y).all() and np.abs(y).max() <= 1e3 * most for y, most in zip(outputs, speeds, strict=True))
     return outputs if fine else None

@@ -14,6 +14,7 @@ from ...robots.robot import Robot
 from ..judge import judge, judged
 from ..result import Fit
 from .from_optimum import AtBounds, fit_at
+from .neglected import neglected
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_covariance import robust_covariance
@@ -56,6 +57,7 @@ def conclude(
     rivals: Rivals | None = None,
     left_out: Sequence[str] = (),
     whole: tuple[LogSet, float] | None = None,
+    integration: float | None = None,
     **others: Any,
 ) -> Fit:
     """The `Fit` at an optimum (see `fit_at`, which takes `others`) with its judgement. Call under float64.
@@ -63,7 +65,8 @@ def conclude(
     `covariance` "auto" is the robust one where the residual is not white. `bread` is what a robust loss takes off the
     information. `rivals` are what the fit must not be worse than, by words; they are only simulated where the residual
     raises doubts. `whole`: the logs whose windows, of so many seconds, `logs` are; the
-    residual is then judged along them.
+    residual is then judged along them. `integration`: RMS of the simulation's own error in units of the noise; where it is
+    given, the residual of a free simulation is asked for forces that the model lacks, too (`neglected`).
     """
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
     seen = _without_outliers(logs, problem)
@@ -100,7 +103,12 @@ def conclude(
     fit = fit_at(robot, logs, structure, problem, inner, bounded, covariance=matrix, left_out=left_out, **others)
     if found and np.any(found.between > 1.0):
         fit = replace(fit, notes=(*fit.notes, _disagreement(structure.names, found.between, len(kept))))
-    return judged(replace(fit, standard_errors="robust" if robust else "white"), judgement)
+    fit = replace(fit, standard_errors="robust" if robust else "white")
+    if judgement.trustworthy and whole is None and integration is not None:
+        there, at = bounded.problem, optimum.unknowns
+        lacking = neglected(fit.robot, logs, structure, there, at, white=bool(judgement.white), error=integration)
+        judgement = judgement if lacking is None else judgement.doubted(lacking.sentence(fit))
+    return judged(fit, judgement)
 
 
 def _disagreement(names: Sequence[str], between: NDArray[np.float64], logs: int) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...logs import LogSet
 from ...robots.robot import Robot
-from ...simulation.simulate import simulate
+from ...simulation.simulate import integrator_for, simulate
 from ...simulation.start import initial_states
 
 _STEPS = 5
@@ -48,12 +48,13 @@ def estimated_start(
     columns, sigma = [measured.index(c) for c in counted], np.array([noise[c] for c in counted])
     prior = np.array([0.0 if name in counted else 1.0 / robot.prior_spreads.get(name, np.inf) for name in names])
     origin = np.stack([states[name] for name in names], axis=1)
+    steps = integrator_for(robot, logs)
 
     def residuals(x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         start = {**states, **dict(zip(names, x.T, strict=True))}
         found = []
         for e, (log, simulated) in enumerate(
-            zip(logs, simulate(robot, logs, start=start, prescribed=prescribed), strict=True)
+            zip(logs, simulate(robot, logs, start=start, integrator=steps, prescribed=prescribed), strict=True)
         ):
             error = (simulated[:, columns] - log.outputs[:, columns]) / sigma
             error = np.where(np.isfinite(log.outputs[:, columns]), np.nan_to_num(error, nan=_DIVERGED), 0.0)

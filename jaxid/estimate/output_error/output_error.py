@@ -192,7 +192,7 @@ def _fit(
         note = f"The simulation diverges at the result of {start.method}; the fit started from the model's own values."
         return replace(again, notes=(*again.notes, note))
     problem, optimum, iterations = reweighted(structure, problem, optimum, max_steps, report, solver)
-    doubts = ""
+    doubts, error = "", 0.0
     if integrator is None:
 
         def settle(structure: Structure, problem: Problem, optimum: Optimum):
@@ -201,7 +201,7 @@ def _fit(
         checked = with_steps_checked(
             structure, problem, optimum, settle, start=unknowns, max_steps=max_steps, solver=solver, report=report
         )
-        doubts = checked.note
+        doubts, error = checked.note, checked.error
         if checked.structure != structure:
             structure, problem, optimum = checked.structure, checked.problem, checked.optimum
             interval = max(log.sampling_interval for log in logs)
@@ -236,6 +236,7 @@ def _fit(
         robot, logs, structure, problem, inner, bounded, iterations=iterations, max_steps=max_steps, bread=bread,
         covariance=covariance, rivals=rivals, noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
         whole=None if window is None else (whole, window), start_cost=float(begun.cost),
+        integration=error,
     )  # fmt: skip
     found = with_flat_sides(found, flat)
     if doubts:

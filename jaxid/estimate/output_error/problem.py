@@ -137,7 +137,7 @@ def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Ar
     return 0.5 * (jnp.sum(residual**2) + jnp.sum(pull) + jnp.sum(own))
 
 
-def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_free, e, measured, mask, robust=None):
+def whitened(structure: Structure, problem: Problem, theta, columns, own, own_free, e, measured, mask, robust=None):
     """Weighted residual [T, ny] of one experiment and its sensitivity [T, ny, n + s]; zero where nothing was measured."""
     n, s = len(structure.names), len(structure.state_names)
 
@@ -153,8 +153,8 @@ def _whitened(structure: Structure, problem: Problem, theta, columns, own, own_f
     return residual, jnp.where(mask[..., None], tangents * weight[..., None] * columns, 0.0)
 
 
-def _experiments(problem: Problem, unknowns: Unknowns):
-    """What `_whitened` takes of every experiment."""
+def experiments(problem: Problem, unknowns: Unknowns):
+    """What `whitened` takes of every experiment."""
     e = (problem.dt, problem.inputs, problem.start, problem.prescribed)
     return unknowns.states, problem.state_free, e, problem.outputs, problem.mask, problem.weight
 
@@ -164,7 +164,7 @@ def sensitivities(structure: Structure, problem: Problem, unknowns: Unknowns):
     and by each experiment's own initial states, in units of their scale."""
     theta = parameters_at(problem, unknowns.z)
     ones = jnp.ones_like(theta)
-    return jax.vmap(lambda *own: _whitened(structure, problem, theta, ones, *own))(*_experiments(problem, unknowns))
+    return jax.vmap(lambda *own: whitened(structure, problem, theta, ones, *own))(*experiments(problem, unknowns))
 
 
 def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Triangle:
@@ -174,7 +174,7 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
     slope = jnp.where(problem.free, problem.bounds.slope(unknowns.z), 0.0)
 
     def experiment(own, own_free, *rest):
-        residual, jacobian = _whitened(structure, problem, theta, slope, own, own_free, *rest)
+        residual, jacobian = whitened(structure, problem, theta, slope, own, own_free, *rest)
         squares = jnp.sum(residual**2, axis=0)
         residual, jacobian = residual.reshape(-1), jacobian.reshape(-1, n + s)
         sound = jnp.all(jnp.isfinite(residual)) & jnp.all(jnp.isfinite(jacobian))
@@ -185,7 +185,7 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
         prior = jnp.concatenate([jnp.diag(state_prior), jnp.zeros((s, n)), (state_prior * own)[:, None]], axis=1)
         return triangle_of(jnp.concatenate([block, prior])), squares
 
-    triangles, squares = jax.vmap(experiment)(*_experiments(problem, unknowns))
+    triangles, squares = jax.vmap(experiment)(*experiments(problem, unknowns))
     pull = jnp.sqrt(problem.prior_precision)
     prior = jnp.concatenate([jnp.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
     prior = jnp.where(problem.free[:, None], prior, 0.0)

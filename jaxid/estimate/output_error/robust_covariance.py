@@ -89,7 +89,7 @@ def _by_lag(a: Float[NDArray, "E T *a"], b: Float[NDArray, "E T *b"], lag: int, 
     return np.einsum(subscripts, a[:, lag:], b[:, :-lag]) + np.einsum(subscripts, a[:, :-lag], b[:, lag:])
 
 
-def _stationary(residual, jacobian, mask, inverse) -> NDArray[np.float64]:
+def stationary(residual, jacobian, mask, inverse) -> NDArray[np.float64]:
     """B [n, n] of a residual whose autocovariance depends on the lag alone, channel by channel."""
     n, total = jacobian.shape[-1], np.zeros((jacobian.shape[-1],) * 2)
     lags = _lags(residual)
@@ -194,7 +194,7 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
     if problem.weight is not None:  # scores are psi(u) J: all of a robust loss's weight belongs to the residual
         weight = np.asarray(problem.weight)
         residual, own = residual * weight, own / weight[..., None]
-    by_lags = inverse @ _stationary(residual, own, mask, inverse) @ inverse
+    by_lags = inverse @ stationary(residual, own, mask, inverse) @ inverse
     one, other = np.diag(by_blocks), np.diag(by_lags)
     if np.all(other > 0.0):
         widen = np.sqrt(np.maximum(one / other, 1.0))

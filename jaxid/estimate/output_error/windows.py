@@ -23,7 +23,7 @@ from ...logs.noise import noise_scale
 from ...logs.windows import bridged, in_windows, stitched
 from ...parameters import ParameterError
 from ...robots.robot import Robot
-from ...simulation.simulate import simulate
+from ...simulation.simulate import integrator_for, simulate
 from ..result import Fit
 from .feedback import Feedback, feedback
 from .predictability import Predictability, predictability
@@ -116,7 +116,7 @@ def _loop(fit: Fit | None, logs: LogSet) -> Feedback:
     """The input that most plainly follows the outputs, by the residuals of `fit`, or the outputs themselves."""
     outputs = [np.array(log.outputs) for log in logs]
     if fit is not None and fit.window is None:
-        seen = simulate(fit.robot, logs)
+        seen = simulate(fit.robot, logs, integrator=integrator_for(fit.robot, logs))
         if all(np.isfinite(y).all() for y in seen):
             outputs = [y - s for y, s in zip(outputs, seen, strict=True)]
     found = [feedback([log.input(name) for log in logs], outputs, name) for name in logs.channels.inputs]

@@ -1,0 +1,241 @@
+"""Forces that a model may lack and its residual still shows: the score test (Lagrange multiplier, Rao 1948).
+
+Whiteness and correlation with what was commanded are tests against anything, and so weak against any one thing: a drag or
+a rise of friction towards standstill can bias every parameter by many standard errors and leave a residual that both pass.
+So the directions in which the simulation would move if such a force were added, from nothing, are held against the
+residual, after what the fitted parameters and initial states could have taken up. With white noise a direction of length
+one finds a standard normal number there; with coloured noise its variance follows from the residual's autocovariance.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ..._compile import compiled
+from ...logs import LogSet
+from ...parameters import Parameter
+from ...robots.effect import Effect, Levels, Numbers, Path, State
+from ...robots.robot import Robot
+from ...robots.traits import refusal
+from ...simulation.scaled import scales_of
+from ..result import Fit
+from .lanes import Operation, ask
+from .problem import Problem, Structure, Unknowns, experiments, parameters_at, whitened
+from .robust_covariance import stationary
+
+FALSE_ALARM = 0.001
+"""How often a fit that lacks nothing is said to lack a force."""
+_SHARES = (0.05, 0.2)
+"""Speeds, in shares of the largest, below which friction may rise towards standstill."""
+_OWN = 1e-6
+"""Share of a direction that must be its own, beside what parameters and initial states do."""
+_FEWEST = 30
+"""Samples, less what is fitted to them, below which nothing is asked."""
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ConstantAndDrag(Effect):
+    """A constant force and one that grows with the speed's square, on every velocity."""
+
+    id: ClassVar[str] = "neglected_force"
+    where: ClassVar[str] = "body"
+    formula: ClassVar[str] = "Q' = Q + constant - drag v |v|"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        kinds = ("constant", "drag")
+        return {self.key(f"{kind}_{v}"): Parameter(0.0, free=True) for v in robot.velocities for kind in kinds}
+
+    def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
+        changed = []
+        for force, v in zip(forces, robot.velocities, strict=True):
+            drag = p[self.key(f"drag_{v}")] * state[v] * jnp.abs(state[v])
+            changed.append(force + p[self.key(f"constant_{v}")] - drag)
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class RiseTowardsStandstill(Effect):
+    """Dry friction that rises towards standstill, below either of two speeds."""
+
+    id: ClassVar[str] = "neglected_friction"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "C' = C + rise exp(-(s / speed)^2)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found = {}
+        for k, share in enumerate(_SHARES):
+            found[self.key(f"rise_{k}")] = Parameter(0.0, free=True)
+            found[self.key(f"speed_{k}")] = Parameter(share * robot.scales.speed)
+        return found
+
+    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: Robot) -> Levels:
+        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), []
+        axes = robot.drive_axes or tuple(range(len(levels)))
+        for i, (backward, forward) in enumerate(levels):
+            rise = 0.0
+            if i in axes:
+                for k in range(len(_SHARES)):
+                    near = jnp.exp(-((rims[i] / p[self.key(f"speed_{k}")]) ** 2))
+                    rise = rise + p[self.key(f"rise_{k}")] * near * (levers[i] / levers[axes[0]])
+            changed.append((backward + rise, forward + rise))
+        return tuple(changed)
+
+
+class Neglected(NamedTuple):
+    """A force that the residual asks for.
+
+    What it is in `words`; how many standard deviations of chance it stands out by, `z`, and how likely chance is to bring
+    as much among all that were looked at, `p_value`; the change `shift` [n] of the fitted parameters to first order, were it
+    in the model.
+    """
+
+    words: str
+    z: float
+    p_value: float
+    shift: NDArray[np.float64]
+
+    def sentence(self, fit: Fit) -> str:
+        """What that means for the parameters of `fit`."""
+        errors = np.array([fit[name].std_error for name in fit.free_names])
+        known = np.isfinite(errors) & (errors > 0)
+        moves = np.where(known, np.abs(self.shift) / np.where(known, errors, 1.0), 0.0)
+        most = int(np.argmax(moves))
+        then = f": with it {fit.free_names[most]} would move by {moves[most]:.2g} of its standard errors"
+        return (
+            f"What is left holds the mark of {self.words} (p = {self.p_value:.1g}), which the model does not have"
+            f"{then if moves[most] > 1.0 else ''}; `explain` looks further."
+        )
+
+
+def probed(robot: Robot, logs: LogSet) -> tuple[Robot, tuple[str, ...]]:
+    """The robot with everything in it that it may lack, at nothing, and the names of those parameters."""
+    robot = replace(robot, scales=scales_of(robot, logs))
+    own = robot.parameters
+    if "force" not in robot.traits and robot.velocities:
+        robot = robot.per_unit_inertia()
+    for effect in (ConstantAndDrag(), RiseTowardsStandstill()):
+        if refusal(effect, robot) is None:
+            robot = robot + effect
+    added = [name for name in robot.parameters if name not in own and robot.parameters[name].free]
+    return robot, tuple(added)
+
+
+def _sensitivities(structure: Structure, added: tuple[str, ...], problem: Problem, unknowns: Unknowns):
+    """Weighted residual [E, T, ny] and its derivative by own parameters, those `added`, and initial states."""
+    theta = jnp.concatenate([parameters_at(problem, unknowns.z), jnp.zeros(len(added))])
+    full = structure._replace(names=(*structure.names, *added))
+    ones = jnp.ones_like(theta)
+    return jax.vmap(lambda *own: whitened(full, problem, theta, ones, *own))(*experiments(problem, unknowns))
+
+
+_look = compiled(_sensitivities, static_argnums=(0, 1))
+
+
+@partial(compiled, static_argnums=(0, 1))
+def _look_many(structure: Structure, added: tuple[str, ...], problems: Problem, unknowns: Unknowns, others: tuple[()]):
+    return jax.vmap(lambda problem, at: _sensitivities(structure, added, problem, at))(problems, unknowns)
+
+
+_LOOK = Operation("neglected", _look_many, lambda both, logs, samples: tuple(x[:logs, :samples] for x in both))
+
+
+def _words(name: str) -> str:
+    kind, _, of = name.partition(".")[2].partition("_")
+    if kind == "rise":
+        return "friction that rises towards standstill"
+    return f"a constant force on {of}" if kind == "constant" else f"drag that grows with the square of {of}"
+
+
+class _Directions(NamedTuple):
+    """Whitened `residual` [E, T, ny]; unit `columns` [E T ny, k] of the free parameters; `found` [E T ny, m], unit directions
+    of the forces beyond what parameters and initial states do, the places `kept` [m] of these among all forces, their
+    `lengths` [m], and what of the free parameters' columns goes with each, `onto` [k, m]."""
+
+    residual: Array
+    columns: Array
+    found: Array
+    kept: NDArray[np.int64]
+    lengths: Array
+    onto: Array
+
+
+def _without_starts(problem: Problem, columns: Array, local: Array) -> Array:
+    """Columns [E, T, ny, *] less what every log's initial states, whose own are `local`, can do of them."""
+    E, T, Y, _ = columns.shape
+    if not np.asarray(problem.state_free).any():
+        return columns
+    left = np.empty_like(columns)
+    for e in range(E):
+        own, of = local[e].reshape(T * Y, -1), columns[e].reshape(T * Y, -1)
+        left[e] = (of - own @ np.linalg.lstsq(own, of, rcond=1e-10)[0]).reshape(T, Y, -1)
+    return left
+
+
+def _directions(problem: Problem, n: int, m: int, residual: Array, jacobian: Array) -> _Directions:
+    """Directions from sensitivities [E, T, ny, n + m + s] by own parameters, forces and initial states."""
+    size = np.linalg.norm(jacobian[..., n : n + m].reshape(-1, m), axis=0)
+    both = _without_starts(problem, jacobian[..., : n + m], jacobian[..., n + m :]).reshape(-1, n + m)
+    own, forces = both[:, :n][:, np.asarray(problem.free)], both[:, n:]
+    norms = np.linalg.norm(own, axis=0)
+    columns = own / np.where(norms > 0, norms, 1.0)
+    onto = np.linalg.lstsq(columns, forces, rcond=1e-10)[0]
+    forces = forces - columns @ onto
+    lengths = np.linalg.norm(forces, axis=0)
+    kept = np.flatnonzero(lengths > _OWN * np.maximum(size, 1e-300))
+    onto = onto / np.where(norms > 0, norms, np.inf)[:, None]
+    return _Directions(residual, columns, forces[:, kept] / lengths[kept], kept, lengths[kept], onto[:, kept])
+
+
+def _by_chance(problem: Problem, d: _Directions) -> Array:
+    """Standard deviation [m] of coloured noise along each direction."""
+    k = d.columns.shape[1]
+    every = np.concatenate([d.columns, d.found], axis=1)
+    inverse = np.zeros((every.shape[1],) * 2)
+    inverse[:k, :k] = np.linalg.pinv(d.columns.T @ d.columns, rcond=1e-12)
+    shape = (*d.residual.shape, every.shape[1])
+    spread = np.diag(stationary(d.residual, every.reshape(shape), np.asarray(problem.mask), inverse))[k:]
+    return np.sqrt(np.maximum(spread, np.finfo(float).tiny))
+
+
+def neglected(
+    robot: Robot, logs: LogSet, structure: Structure, problem: Problem, unknowns: Unknowns, *, white: bool, error: float
+) -> Neglected | None:
+    """What the residual at the optimum `unknowns` most plainly asks for, None where that may be chance.
+
+    `robot` has the estimates. `error` is the RMS of the simulation's own error in units of the noise, which may lie along
+    any one direction. Call under float64.
+    """
+    full, added = probed(robot, logs)
+    if not added:
+        return None
+    numbers = {n: jnp.asarray(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
+    wider = replace(problem, numbers={**problem.numbers, **numbers})
+    structure = structure._replace(robot=full.structure)
+    together = ask(_LOOK, structure, added, wider, unknowns)
+    found = _look(structure, added, wider, unknowns) if together is None else together
+    residual, jacobian = (np.asarray(x) for x in found)
+    samples = int(np.count_nonzero(np.asarray(problem.mask)))
+    freedom = samples - jacobian.shape[-1]
+    if freedom < _FEWEST or not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
+        return None
+    d = _directions(problem, len(structure.names), len(added), residual, jacobian)
+    if not d.kept.size:
+        return None
+    deviation = np.ones(len(d.kept)) if white else _by_chance(problem, d)
+    scores = d.found.T @ residual.ravel()
+    z = np.maximum(np.abs(scores) - error * np.sqrt(samples), 0.0) / deviation
+    best = int(np.argmax(z))
+    p = min(2.0 * float(stats.t.sf(z[best], freedom)) * len(z), 1.0)
+    if p >= FALSE_ALARM:
+        return None
+    shift = np.zeros(len(structure.names))
+    # The fitted parameters have taken up what they can of the force; in the model, it gives that back.
+    shift[np.asarray(problem.free)] = d.onto[:, best] * scores[best] / d.lengths[best]
+    return Neglected(_words(added[d.kept[best]]), float(z[best]), p, shift)
