@@ -47,6 +47,10 @@ class Judgement:
         """The same of a fit whose residual turned out to hold what `sentence` says: a poor one."""
         return replace(self, verdict="poor", sentences=(sentence, *self.sentences))
 
+    def also(self, sentence: str) -> "Judgement":
+        """The same with one more sentence."""
+        return replace(self, sentences=(*self.sentences, sentence))
+
     def to_dict(self) -> dict[str, Any]:
         """As fit.json has it."""
         return {

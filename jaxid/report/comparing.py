@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .._float64 import in_float64
+from ..estimate.confidence.prediction_spread import prediction_sentence
 from ..estimate.confidence.validation import validate
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.output_error.windows import followed
@@ -101,13 +102,15 @@ def compare(
                 )
     noise = noise_scale(held_out)
     windows = [f.window for f in fits if f.window is not None]
-    validations, fitted = {}, {}
+    validations, fitted, said = {}, {}, []
     for label, f in named.items():
         if windows:
-            seen = followed(f.robot, held_out, min(windows), noise)
-        else:
-            seen = simulate(f.robot, held_out, start=estimated_start(f.robot, held_out, noise))
-        validations[label] = validate(held_out, seen, noise)
+            validations[label] = validate(held_out, followed(f.robot, held_out, min(windows), noise), noise)
+            continue
+        start = estimated_start(f.robot, held_out, noise)
+        validations[label] = validate(held_out, simulate(f.robot, held_out, start=start), noise)
+        sentence = prediction_sentence(f, validations[label].normalised_rms, held_out, noise, fit, start)
+        said += [f"{tab.title_of(label)}: {sentence}"] if sentence else []
     ahead = {
         label: {k: validate(held_out, predict(f, held_out, k), noise) for k in HORIZONS}
         for label, f in named.items()
@@ -127,5 +130,5 @@ def compare(
             references.setdefault(name, float(function({**found.robot.defaults().numbers, **references})))
     kind = "true" if truth is not None else "published"
     return Comparison(
-        named, held_out, noise, validations, fitted, kind, references, _notes(named, held_out, fit), ahead
+        named, held_out, noise, validations, fitted, kind, references, (*said, *_notes(named, held_out, fit)), ahead
     )

@@ -19,6 +19,7 @@ from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_covariance import robust_covariance
 from .robust_loss import simulated
+from .went_nowhere import with_search
 
 Covariance = Literal["auto", "white", "robust"]
 Rivals = Mapping[str, Callable[[], Unknowns | None]]
@@ -58,6 +59,7 @@ def conclude(
     left_out: Sequence[str] = (),
     whole: tuple[LogSet, float] | None = None,
     integration: float | None = None,
+    begun: Mapping[str, float] | None = None,
     **others: Any,
 ) -> Fit:
     """The `Fit` at an optimum (see `fit_at`, which takes `others`) with its judgement. Call under float64.
@@ -67,6 +69,7 @@ def conclude(
     raises doubts. `whole`: the logs whose windows, of so many seconds, `logs` are; the
     residual is then judged along them. `integration`: RMS of the simulation's own error in units of the noise; where it is
     given, the residual of a free simulation is asked for forces that the model lacks, too (`neglected`).
+    `begun`: the values from which the search began, for a sentence where it went nowhere.
     """
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
     seen = _without_outliers(logs, problem)
@@ -108,6 +111,8 @@ def conclude(
         there, at = bounded.problem, optimum.unknowns
         lacking = neglected(fit.robot, logs, structure, there, at, white=bool(judgement.white), error=integration)
         judgement = judgement if lacking is None else judgement.doubted(lacking.sentence(fit))
+    if begun is not None:
+        fit, judgement = with_search(fit, judgement, begun)
     return judged(fit, judgement)
 
 

@@ -237,6 +237,7 @@ def _fit(
         covariance=covariance, rivals=rivals, noise=noise, left_out=[logs[e].name for e in left_out], outliers=outliers,
         whole=None if window is None else (whole, window), start_cost=float(begun.cost),
         integration=error,
+        begun=first,
     )  # fmt: skip
     found = with_flat_sides(found, flat)
     if doubts:
