@@ -2,6 +2,7 @@
 
 import importlib
 import json
+from dataclasses import replace
 import tomllib
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxid import noise_level, read_logs
+from jaxid import Axis, noise_level, read_logs
 from jaxid.cli import main
 from jaxid.cli.arguments import repeat_flags
 
@@ -151,6 +152,19 @@ def test_axis_without_check(jaxid, axis_logs, tmp_path):
         assert all(within(method["parameters"][name], value) for name, value in AXIS.items())
     assert "--held-out" in said and not list((tmp_path / "out").glob("*.png"))
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_the_judgement_is_not_said_before_the_results_that_it_heads(monkeypatch, capsys):
+    from jaxid.cli import fit as command
+    from jaxid.estimate.judgement import Judgement
+    from tests.report.test_comparison import fit_of
+
+    judgement = Judgement("poor", 3.0, {"v": 3.0}, False, ("What is left follows the motion.",))
+    found = replace(fit_of("output_error", Axis()), judgement=judgement, notes=(judgement.sentence, "Fc is flat."))
+    monkeypatch.setattr(command, "output_error", lambda *given, **options: found)
+    assert command.METHODS["output_error"](found.robot, None, None, {}) is found
+    said = capsys.readouterr().err
+    assert "Fc is flat." in said and "follows the motion" not in said
 
 
 def test_other_column_names(jaxid, axis_logs, tmp_path):

@@ -76,7 +76,7 @@ def own_scatter(case: Case, fit: jaxid.Fit) -> float:
 def truth_within(case: Case, fit: jaxid.Fit) -> bool:
     """Whether the truth explains the held-out log in the user's model and lies in the fit's own joint region."""
     true = fit.robot.with_values(**case.truth)
-    if not errors(case, jaxid.simulate(true, case.check), case.check, len(case.fit)) <= TOO_FAR:
+    if not errors(case, jaxid.simulate(true, case.held_out), case.held_out, len(case.fit)) <= TOO_FAR:
         return False
     away = np.array([fit[name].value - case.truth[name] for name in fit.free_names])
     deviations = np.sqrt(np.diag(fit.covariance))

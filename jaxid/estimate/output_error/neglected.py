@@ -20,7 +20,7 @@ from scipy import stats
 from ..._compile import compiled
 from ...logs import LogSet
 from ...parameters import Parameter
-from ...robots.effect import Effect, Levels, Numbers, Path, State
+from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ...robots.traits import refusal
 from ...simulation.scaled import scales_of
@@ -52,7 +52,7 @@ class ConstantAndDrag(Effect):
         kinds = ("constant", "drag")
         return {self.key(f"{kind}_{v}"): Parameter(0.0, free=True) for v in robot.velocities for kind in kinds}
 
-    def force(self, forces: Path, state: State, p: Numbers, robot: Robot) -> Path:
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         changed = []
         for force, v in zip(forces, robot.velocities, strict=True):
             drag = p[self.key(f"drag_{v}")] * state[v] * jnp.abs(state[v])
@@ -75,7 +75,7 @@ class RiseTowardsStandstill(Effect):
             found[self.key(f"speed_{k}")] = Parameter(share * robot.scales.speed)
         return found
 
-    def dry(self, levels: Levels, speeds: Path, state: State, p: Numbers, robot: Robot) -> Levels:
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), []
         axes = robot.drive_axes or tuple(range(len(levels)))
         for i, (backward, forward) in enumerate(levels):

@@ -1,0 +1,38 @@
+"""What standard errors let expect of held-out logs: a drive axis in closed form."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, LogSet, compare, output_error
+
+ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5, offset=0.0).change("offset", free=False).change("Fc", free=False)
+
+
+def levels(seed, size, n=300):
+    return np.repeat(np.random.default_rng(seed).uniform(-size, size, n // 20), 20)
+
+
+@pytest.fixture(scope="module")
+def weak(axis_log):
+    """Fitted to motion that hardly stands out of its noise."""
+    return LogSet([axis_log("weak", levels(1, 1.2), noise=0.05, seed=1, position=False)])
+
+
+def said(fit, held_out, fitted):
+    return " ".join(note for note in compare(fit, held_out=held_out, fit=fitted).notes if "held-out logs by" in note)
+
+
+def test_a_miss_that_the_covariance_explains_says_so_and_what_the_logs_do_not_cover(weak, axis_log):
+    held_out = LogSet([axis_log("strong", levels(2, 6), noise=0.005, seed=2, position=False)])
+    fit = output_error(ROBOT, weak)
+    text = said(fit, held_out, weak)
+    assert fit.trustworthy and "let expect" in text and "goes from" in text
+
+
+def test_a_robot_that_has_changed_is_beyond_what_standard_errors_explain(axis_log):
+    fitted = LogSet([axis_log("light", levels(3, 4), noise=0.01, seed=3, position=False)])
+    fit = output_error(ROBOT, fitted)
+    laden = LogSet([axis_log("laden", levels(4, 4), noise=0.01, seed=4, position=False, M=1.5)])
+    assert "standard errors explain" in said(fit, laden, fitted)
+    same = LogSet([axis_log("same", levels(4, 4), noise=0.01, seed=4, position=False)])
+    assert said(fit, same, fitted) == ""

@@ -1,0 +1,53 @@
+"""Forces that a model lacks and whose mark stays in a residual that passes for noise: a drive integrated by SciPy."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxid import Axis, Log, LogSet, output_error
+
+SAMPLES, DT, NOISE = 400, 0.05, 0.02
+ROBOT = Axis().with_values(M=1.0, Fv=1.0, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
+
+
+def driven(drag=0.0, push=0.0, seed=0, colour=0.0):
+    """M = 1 kg, 1 N s/m, and what the model lacks: `drag` v |v| and a constant `push`."""
+    random = np.random.default_rng(seed)
+    inputs = np.repeat(random.uniform(-3, 3, SAMPLES // 20), 20)
+    v = [0.0]
+    for u in inputs[:-1]:
+        found = solve_ivp(lambda t, x, u=u: u + push - x - drag * x * abs(x), (0, DT), v[-1:], rtol=1e-8, atol=1e-10)
+        v.append(float(found.y[0, -1]))
+    noise = random.normal(size=SAMPLES)
+    for k in range(1, SAMPLES):
+        noise[k] = colour * noise[k - 1] + np.sqrt(1 - colour**2) * noise[k]
+    measured = np.array(v) + NOISE * noise
+    return LogSet([Log.from_arrays("run", DT * np.arange(SAMPLES), inputs[:, None], measured[:, None], "axis")])
+
+
+@pytest.mark.parametrize(
+    ("hidden", "words"), [({"drag": 0.02}, "the square of v"), ({"push": 0.012}, "a constant force on v")]
+)
+def test_a_small_force_that_biases_the_estimates_is_named_and_the_bias_foretold(hidden, words):
+    right, fit = output_error(ROBOT, driven()), output_error(ROBOT, driven(**hidden))
+    assert right.judgement.verdict == "sound"
+    # The residual is hardly above the noise, and white to every other test.
+    assert fit.judgement.normalised_rms < 1.2 * right.judgement.normalised_rms and fit.judgement.white
+    assert fit.judgement.verdict == "poor" and words in fit.judgement.sentence and fit.converged
+    # What the sentence foretells: by how much the worst parameter is off.
+    off = max(abs(fit[name].value - 1.0) / fit[name].std_error for name in ("M", "Fv"))
+    if off > 2.0:
+        text = fit.judgement.sentence.partition("would move by ")[2]
+        assert float(text.split()[0]) == pytest.approx(off, rel=0.25, abs=1.0)
+
+
+def test_noise_alone_white_or_not_bears_no_mark():
+    for seed in range(5):
+        assert "mark of" not in output_error(ROBOT, driven(seed=seed)).judgement.sentence
+        assert "mark of" not in output_error(ROBOT, driven(seed=seed, colour=0.8)).judgement.sentence
+
+
+def test_a_force_that_the_model_has_is_not_missed():
+    fit = output_error(ROBOT.change("offset", free=True), driven(push=0.05))
+    assert fit.judgement.verdict == "sound"
+    assert fit["offset"].value == pytest.approx(-0.05, abs=5 * fit["offset"].std_error)  # a force that resists
