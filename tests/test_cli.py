@@ -2,8 +2,8 @@
 
 import importlib
 import json
-from dataclasses import replace
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import jax
