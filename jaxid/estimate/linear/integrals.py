@@ -64,7 +64,9 @@ def integrals(
     # Numbers far from the truth may run away; what is not finite is left out by who asked.
     with np.errstate(all="ignore"):
         found = _Integrals(code, asked, np.array([*numbers.values()], dtype=float), rows).all(sliding, places)
-    return tuple(np.where(np.isfinite(x), x, np.nan) for x in found)
+    for x in found:
+        x[~np.isfinite(x)] = np.nan
+    return found
 
 
 def has_mass_matrix(robot: Robot, names: tuple[str, ...]) -> bool:
