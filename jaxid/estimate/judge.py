@@ -65,7 +65,7 @@ def _times(value: float) -> str:
     return f"{value:.2f}" if value < 10 else f"{value:.3g}"
 
 
-def _drivers(logs: LogSet, simulated: Sequence[Array]) -> dict[str, list[Array]]:
+def drivers(logs: LogSet, simulated: Sequence[Array]) -> dict[str, list[Array]]:
     """What a residual may follow: inputs, and the simulated motion, its square with its sign, and its direction."""
     found = {name: [log.input(name) for log in logs] for name in logs.channels.inputs}
     for i, name in enumerate(logs.channels.measured):
@@ -155,13 +155,13 @@ def judge(
             )
 
     coloured = [c for c, own in parts.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
-    drivers = _drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
+    driving = drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
     follows = {}
     for c, own in parts.items():
         if by_channel[c] < _NOTHING:
             continue
         there = [c in errors[k] for k in kept]
-        mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in drivers.items()}
+        mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in driving.items()}
         p, name = relation(own, mine)
         large = pooled > POOR and c in coloured
         if p < (_FOLLOWS_LARGE if large else _FOLLOWS) / len(parts):

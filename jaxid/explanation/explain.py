@@ -62,7 +62,7 @@ def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: Held
     doubts = []
     if after.diverged:
         doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
-    elif after.normalised_rms > MANY:
+    elif after.normalised_rms > MANY and not _all_noise(found):
         doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
     if final.judgement is not None and final.failed:
         doubts.append(
@@ -74,16 +74,22 @@ def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: Held
     return tuple(doubts)
 
 
+def _all_noise(found: Search) -> bool:
+    """Whether what the search leaves is coloured noise such as a sensor's filter makes, and nothing else."""
+    return found.colour is not None and found.colour.simple
+
+
 def _verdict(found: Search, named: Sequence[NamedEffect], most: int, doubts: Sequence[str]) -> Verdict:
     before, after = found.before, found.after
-    if not found.steps and after.adequate:
+    enough = after.adequate or _all_noise(found)
+    if not found.steps and enough:
         return "adequate"
     if doubts:
         return "unexplained"
     left = after.gap > _LEFT_OVER * before.gap and after.normalised_rms > _SMALL
     # As many effects as may be added and still not noise: they stand in for something else.
     used_up = len(found.steps) >= most > 1
-    if not named or (not after.adequate and (left or used_up)):
+    if not named or (not enough and (left or used_up)):
         return "unexplained"
     return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"
 
@@ -156,6 +162,8 @@ def explain(
 
     Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. The false-alarm rate
     of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong estimate of the noise adds.
+    What is coloured, follows nothing that drove the robot and no candidate explains (in whitened samples) is the sensors'
+    noise, or said to be open (`colour`): nothing is missing for it.
     No name is the answer that leaves more than `MANY` times the noise, or whose own parameters are not identified: the
     verdict is then "unexplained", with the `doubts` why. A robot that does not say which of its states forces accelerate
     is explained without `localisation`. A fit in windows of a plant that is not unstable is repeated without
@@ -197,4 +205,5 @@ def explain(
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
         notes=(placeless,) if placeless else (),
+        colour=found.colour,
     )

@@ -11,6 +11,7 @@ from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
 from ..model_file import write_model
 from ..robots.robot import Robot
+from .coloured import OnlyColour
 from .heldout import HeldOut
 from .next_experiment import NextExperiment
 from .search import Search
@@ -113,8 +114,9 @@ class Explanation:
 
     `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
     is; `next_experiment` what to record to settle what this data leaves open; `doubts` why names that were found are no
-    answer; `notes` what else to know. `held_out` are the logs it was judged on. Where `after`
-    is that with prescribed wheels' angles (`smoothed_angles.py`), `after.simulated_freely` is the state without. In a
+    answer; `notes` what else to know; `colour` is that of the noise if nothing but coloured noise is left. `held_out` are
+    the logs it was judged on. Where `after` is that with prescribed wheels' angles (`smoothed_angles.py`),
+    `after.simulated_freely` is the state without. In a
     notebook it shows itself.
     """
 
@@ -130,6 +132,7 @@ class Explanation:
     next_experiment: NextExperiment | None = None
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    colour: OnlyColour | None = None
 
     @property
     def model(self) -> Robot:
@@ -139,15 +142,39 @@ class Explanation:
     @property
     def gap_closed(self) -> float:
         """Share of the held-out gap that the added effects closed; NaN where there was none."""
-        if self.before.gap <= 0:
+        gap = self.before.normalised_rms - self.noise_floor
+        if gap <= 0:
             return math.nan
-        return (self.before.normalised_rms - self.after.normalised_rms) / self.before.gap
+        return (self.before.normalised_rms - self.after.normalised_rms) / gap
+
+    @property
+    def noise_floor(self) -> float:
+        """The error that noise alone leaves, in units of its white part: one, more where it is coloured."""
+        coloured = self.colour is not None and self.colour.simple
+        return max(self.after.normalised_rms, 1.0) if coloured else 1.0
 
     @property
     def sentence(self) -> str:
         """The verdict in one sentence."""
         before, after = self.before.normalised_rms, self.after.normalised_rms
         names = " and ".join(effect.title for effect in self.effects)
+        if self.verdict == "adequate" and self.colour is not None:
+            coloured = f"the noise of {self.colour.phrase} is coloured."
+            if not self.colour.faster:
+                coloured = (
+                    f"what is left in {self.colour.phrase} is coloured noise of the sensor, or a disturbance of the motion "
+                    "that is as slow (a log of the robot at rest tells them apart)."
+                )
+            return (
+                f"Nothing is missing that these logs show: {coloured} The held-out error is {before:.2f} times the noise "
+                "that neighbouring samples show, follows nothing that drove the robot, and no effect explains it."
+            )
+        if self.verdict == "unexplained" and self.colour is not None and not self.effects:
+            return (
+                f"No effect explains what is left, and it follows nothing that drove the robot: the held-out error of "
+                f"{before:.4g} times the noise looks like slow noise of {self.colour.phrase} or a disturbance of the "
+                "motion. A log of the robot at rest tells them apart."
+            )
         if self.verdict == "adequate":
             return (
                 f"Nothing is missing: on held-out logs the model's error is {before:.2f} times the noise and has no "
@@ -176,7 +203,8 @@ class Explanation:
                 for e in self.effects
             )
             return f"Missing was {sets}: {closed}, but this data does not tell these names apart."
-        return f"Missing was {names}: {closed}."
+        left = f" What is left is coloured noise of {self.colour.phrase}." if self.colour is not None else ""
+        return f"Missing was {names}: {closed}.{left}"
 
     @property
     def moved(self) -> dict[str, tuple[Estimate, Estimate]]:
@@ -204,7 +232,7 @@ class Explanation:
                 "gap": {
                     "before": _number(self.before),
                     "after": _number(self.after),
-                    "noise_floor": 1.0,
+                    "noise_floor": self.noise_floor,
                     "closed": self.gap_closed,
                     "after_simulated_freely": _number(self.after.simulated_freely or self.after),
                     "by_channel": {
@@ -214,6 +242,7 @@ class Explanation:
                     "noise": self.before.noise,
                 },
                 "localisation": self.localisation.to_dict() if self.localisation is not None else {},
+                "colour": self.colour.to_dict() if self.colour is not None else {},
                 "first_look": [{"id": c.effect.id, "share": c.share} for c in self.search.first_look],
                 "next_experiment": self.next_experiment.to_dict() if self.next_experiment else {},
             }

@@ -41,7 +41,8 @@ FEW_STEPS = 8
 @dataclass(frozen=True)
 class Trial:
     """A model refitted with its effects. `id` is the effect that the trial is about, `squares` chi-squared on the logs
-    it was fitted to. `angles` are those of the wheels in these logs, if they have to be prescribed."""
+    it was fitted to. `angles` are those of the wheels in these logs, if they have to be prescribed. `in_colour` is its score
+    among others once coloured noise is whitened (`coloured.py`)."""
 
     id: str
     robot: Robot
@@ -50,6 +51,7 @@ class Trial:
     held_out: HeldOut
     initial_states: dict[str, dict[str, float]]
     angles: Angles | None = None
+    in_colour: float | None = None
 
     @property
     def score(self) -> float:
@@ -57,6 +59,8 @@ class Trial:
 
         The Bayesian information criterion on the logs fitted, plus chi-squared on those held out.
         """
+        if self.in_colour is not None:
+            return self.in_colour
         total = self.squares + self.free * float(np.log(self.held_out.samples)) + self.held_out.squares
         return total if np.isfinite(total) else np.inf
 

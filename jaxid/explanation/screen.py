@@ -24,6 +24,7 @@ from ..simulation.integrated_angles import integrated_angles
 from ..simulation.rollout import Integrator, rollout
 from ..simulation.simulate import integrator_for
 from ..simulation.start import initial_states
+from .coloured import colour_of
 from .probes import Group, groups, lanes
 from .ripple_periods import Periods, ripple_periods
 from .smoothed_angles import Angles
@@ -40,10 +41,11 @@ class Candidate:
     """One effect's score.
 
     `gain` is the drop of the sum of squares (in units of the noise) that the effect promises with all fitted parameters
-    re-estimated, to first order, less what its parameters and the shapes looked at cost; `share` the part of the excess
-    over the noise floor; `starts` the values to begin refits from, best first. `direction` is the change of the simulation
-    (whitened, fitted parameters projected off, of length one) by which it explains. `out_of` is how many shapes of it were
-    looked at.
+    re-estimated, to first order, less what its parameters and the shapes looked at cost; `in_colour` the same of the whitened
+    residual, what the best candidate leaves taken for coloured noise; `share` the part of the excess over the noise floor;
+    `starts` the values to begin refits from, best first. `direction` is the change of the simulation (in
+    units of the noise, fitted parameters projected off, of length one) by which it explains. `out_of` is how many shapes of it
+    were looked at.
     """
 
     effect: Effect
@@ -52,6 +54,7 @@ class Candidate:
     starts: tuple[dict[str, float], ...]
     direction: NDArray[np.float32] = field(repr=False, compare=False)
     out_of: int = 1
+    in_colour: float = 0.0
 
     def like(self, other: "Candidate") -> bool:
         """Whether the two explain by the same change, so that only refits can tell them apart."""
@@ -124,6 +127,7 @@ def screen(
     residual = residual - basis @ (basis.T @ residual)
     excess = max(float(residual @ residual) - np.count_nonzero(weights), 1.0)
     scored: dict[str, list[tuple[float, dict[str, float], dict[str, float], Group, NDArray[np.float32]]]] = {}
+    explained = 0.0, np.zeros_like(residual)
     for group, mine in zip(found, columns, strict=True):
         block = moved[len(own) :][mine]
         block = block - (block @ basis) @ basis.T
@@ -137,9 +141,11 @@ def screen(
         size = _sizes(group, names, start)
         shift = -np.linalg.lstsq(triangle, basis.T @ (whole + plain.T @ size), rcond=1e-6)[0] * np.array(steps)
         given_way = {n: _inside(robot, n, base[n] + d) for n, d in zip(own, shift, strict=True)}
-        score = gain - len(names) * float(np.log(residual.size)) - 2.0 * float(np.log(group.out_of))
+        score = gain - _price(group, names, residual)
+        explained = max(explained, (score, change), key=lambda entry: entry[0])
         direction = (change / max(float(np.linalg.norm(change)), 1e-300)).astype(np.float32)
         scored.setdefault(group.effect.id, []).append((score, start, given_way, group, direction))
+    in_colour = _in_colour(full, found, columns, residual + explained[1], whole, moved, len(own), weights)
     candidates = []
     for tried in scored.values():
         tried.sort(key=lambda entry: -entry[0])
@@ -147,8 +153,54 @@ def screen(
         best = tried[: _STARTS if len(tried[0][1]) > 1 else 1]
         starts = tuple(start for entry in best for start in (entry[1], {**entry[2], **entry[1]}))
         share = float(score / excess)
-        candidates.append(Candidate(group.effect, float(score), share, starts, direction, group.out_of))
+        coloured = in_colour.get(group.effect.id, float(score))
+        candidates.append(Candidate(group.effect, float(score), share, starts, direction, group.out_of, coloured))
     return sorted(candidates, key=lambda candidate: -candidate.gain)
+
+
+def _price(group: Group, names: Sequence[str], residual: NDArray) -> float:
+    """What the gain of a group must pay for its parameters and for the shapes looked at."""
+    return len(names) * float(np.log(residual.size)) + 2.0 * float(np.log(group.out_of))
+
+
+def _in_colour(
+    full: Robot,
+    found: Sequence[Group],
+    columns: Sequence[list[int]],
+    left: NDArray,
+    whole: NDArray,
+    moved: NDArray,
+    own: int,
+    weights: NDArray,
+) -> dict[str, float]:
+    """The gains of effects once all is whitened as what the best one leaves (`left`) asks for; empty where that is white.
+
+    `whole` is the residual and `moved` [P, E T ny] the changes, of the `own` fitted parameters first, all in units of the
+    noise. Gains are then in units of independent samples, which those of coloured noise are not.
+    """
+    there = weights > 0
+    parts = np.where(there, left.reshape(weights.shape), np.nan)
+    colours = [colour_of(list(parts[:, :, i])) for i in range(weights.shape[2])]
+    if not any(colour.order for colour in colours):
+        return {}
+    every = np.vstack([whole, moved]).reshape(-1, *weights.shape)
+    white = np.zeros_like(every)
+    for i, colour in enumerate(colours):
+        for e in range(len(weights)):
+            white[:, e, :, i] = colour.whiten(every[:, e, :, i], there[e, :, i])
+    white = white.reshape(len(every), -1)
+    basis, _ = np.linalg.qr(white[1 : 1 + own].T)
+    residual = white[0] - basis @ (basis.T @ white[0])
+    gains: dict[str, float] = {}
+    for group, mine in zip(found, columns, strict=True):
+        block = white[1 + own :][mine]
+        block = block - (block @ basis) @ basis.T
+        useful = np.linalg.norm(block, axis=1) > 1e-6
+        if useful.any():
+            names = [name for name, ok in zip(group.strengths, useful, strict=True) if ok]
+            gain = _promise(full, group, names, block[useful], residual)[0] - _price(group, names, residual)
+            gains[group.effect.id] = max(gain, gains.get(group.effect.id, -np.inf))
+    return gains
 
 
 def _sizes(group: Group, names: Sequence[str], start: Mapping[str, float]) -> NDArray:
@@ -175,7 +227,7 @@ def _promise(
         c = float(np.clip(coefficients[0], 0.0, 1.5))
         name, probe = names[0], 1.0 / group.strengths[names[0]]
         start = {name: 1.0 / (group.limit - c * (group.limit - probe))} if c > 0 else {name: group.strengths[name]}
-        return float(-2 * c * block[0] @ residual - c**2 * block[0] @ block[0]), start, block[0]
+        return float(-2 * c * block[0] @ residual - c**2 * block[0] @ block[0]), start, c * block[0]
     change = block.T @ coefficients
     gain = float(-change @ residual)
     values = {name: float(c * group.strengths[name]) for name, c in zip(names, coefficients, strict=True)}

@@ -1,16 +1,18 @@
 """Naming: refit the shortlist, rank by likelihood on all logs, go on until nothing but noise is left or nothing helps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..effects import catalogue
+from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from ..robots.robot import Robot
-from ..simulation.scaled import scaled_to
+from ..simulation.scaled import scaled_to, scales_of
+from .coloured import Colour, OnlyColour, colours_of, only_colour, whitened
 from .heldout import HeldOut, held_out_state
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
@@ -31,6 +33,10 @@ _LEAST_OF_FIRST = 0.02
 """Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
 _SEPARATED = 2.0
 """Standard errors of the log-likelihood difference beyond which two names are told apart (Vuong 1989)."""
+_FROM_COLOUR = 2
+"""Most candidates that are refitted only because they explain the whitened residual."""
+_NEARLY_ALL = 0.15
+"""Share of the held-out gap up to which what is left of it says that an effect explains it, on however few stretches."""
 _SAME_BUT_LATER = {"input_delay", "sensor_delay"}
 """One model by two names: the same motion, later; but for what was commanded before a log began."""
 _UNKNOWN_PAST = 10
@@ -66,13 +72,15 @@ class Step:
 @dataclass(frozen=True)
 class Search:
     """What naming found: how the fit and the `final` model (None where nothing is missing) do on the held-out logs, the
-    effects in the order in which they were added, and the candidates of the first look."""
+    effects in the order in which they were added, and the candidates of the first look. `colour` where all that is left is
+    coloured noise."""
 
     before: HeldOut
     after: HeldOut
     final: Trial | None
     steps: tuple[Step, ...]
     first_look: tuple[Candidate, ...]
+    colour: OnlyColour | None = None
 
 
 def told_apart(one: Trial, other: Trial) -> float:
@@ -154,30 +162,98 @@ def _least(before: Trial, first: Trial) -> float:
 def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
     """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
     gain = before.held_out.normalised_rms - after.held_out.normalised_rms
-    likelier = before.squares - after.squares
+    # Where nearly all of the gap is closed, that was no chance, on however few stretches it was.
+    closed = after.held_out.gap < _NEARLY_ALL * before.held_out.gap or told_apart(after, before) > _SEPARATED
+    return gain >= _least(before, first) and closed and _likelier(before, after, tried)
+
+
+def _likelier(before: Trial, after: Trial, tried: int) -> bool:
+    """Whether an effect explains more of the fitted logs than chance does."""
     price = (after.free - before.free) * np.log(before.held_out.samples) + 2 * np.log(tried)
-    return gain >= _least(before, first) and likelier > price and told_apart(after, before) > _SEPARATED
+    return before.squares - after.squares > price
+
+
+def _worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
+    """The same of whitened trials, whose chi-squared on the held-out logs, to which nothing was fitted, tells by itself."""
+    return _likelier(before, after, tried) and before.held_out.squares - after.held_out.squares > (2 * _SEPARATED) ** 2
+
+
+def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> list[tuple[HeldOut, LogSet]]:
+    """What a model leaves, on the held-out and on the fitted logs."""
+    return [(trial.held_out, held_out), (held_out_state(trial.robot, logs, noise, trial.angles), logs)]
+
+
+def _colour(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
+    """The coloured noise that is all that `trial` leaves, as far as what drove the robot tells; None where it is not."""
+    scales = scales_of(trial.robot, logs)
+    return only_colour(_states(trial, logs, held_out, noise), scales.time / scales.interval)
+
+
+def _whitened(trial: Trial, colours: Mapping[str, Colour], logs: LogSet, held_out: LogSet, noise) -> Trial:
+    """The trial with residuals and chi-squared whitened."""
+    (state, _), (fitted, _) = _states(trial, logs, held_out, noise)
+    return replace(trial, squares=whitened(fitted, colours).squares, held_out=whitened(state, colours))
+
+
+def _ranked_in_colour(
+    base: Trial, trials: Sequence[Trial], tried: int, logs: LogSet, held_out: LogSet, noise: dict[str, float]
+) -> tuple[list[Trial], tuple[str, ...], bool] | None:
+    """The trials ranked anew, those that cannot be told from the best, and whether that one is worth its price, where all that
+    the best leaves is coloured noise: samples of it are related, so that chi-squared promises too much. Else None."""
+    best = trials[0]
+    if best.held_out.adequate or _colour(best, logs, held_out, noise) is None:
+        return None
+    colours = colours_of([state for state, _ in _states(best, logs, held_out, noise)])
+    white = {trial.id: _whitened(trial, colours, logs, held_out, noise) for trial in trials}
+    ranked = sorted(trials, key=lambda trial: white[trial.id].score)
+    ranked = [replace(trial, in_colour=white[trial.id].score) for trial in ranked]
+    before, after = _whitened(base, colours, logs, held_out, noise), white[ranked[0].id]
+    return ranked, _equivalent([white[trial.id] for trial in ranked]), _worth_in_colour(before, after, tried)
+
+
+def _explaining(screened: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates that explain more than chance of a coloured residual, best first; their number is accounted for."""
+    price = 2.0 * float(np.log(max(len(screened), 1)))
+    return sorted((c for c in screened if c.in_colour > price), key=lambda c: -c.in_colour)
+
+
+def _explained_somewhere(
+    base: Trial,
+    effects: Sequence[Effect],
+    screened: Sequence[Candidate],
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+) -> bool:
+    """Whether a candidate explains part of the whitened residual, on the fitted logs or on these and the held-out ones."""
+    if _explaining(screened) or base.angles:
+        return bool(_explaining(screened))
+    begun = estimated_start(base.robot, held_out, noise)
+    states = {log.name: {name: float(begun[name][e]) for name in begun} for e, log in enumerate(held_out)}
+    every = screen(base.robot, LogSet([*logs, *held_out]), effects, noise, {**base.initial_states, **states})
+    return bool(_explaining(every))
 
 
 def name_next(
     base: Trial,
     first: Trial,
+    screened: Sequence[Candidate],
     logs: LogSet,
     held_out: LogSet,
     noise: dict[str, float],
-    effects: Sequence[Effect],
     say: Report,
-) -> Step | tuple[Candidate, ...]:
-    """The best effect to add to `base`; what the first look found if none explains enough."""
-    screened = tuple(screen(base.robot, logs, effects, noise, base.initial_states, base.angles))
+) -> Step | None:
+    """The best effect to add to `base` of those `screened`, None if none explains enough."""
     likely = [c for c in screened if c.gain > 0]
     say("first look: " + (", ".join(f"{c.effect.id} {100 * c.share:.0f} %" for c in likely[:6]) or "no candidate"))
     if not likely:
-        return screened
+        return None
     shortlist = _different(likely)
+    # What coloured noise has hidden from the first order.
+    shortlist += [c for c in _explaining(screened)[:_FROM_COLOUR] if c not in shortlist]
     trials = _all_added(base, shortlist[:_FIRST_TRIALS], logs, held_out, noise)
     leader, best = _best(shortlist, trials)
-    least = _RIVAL * leader.gain if best.held_out.adequate else 0.0
+    least = _RIVAL * leader.gain if best.held_out.adequate else -np.inf
     shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
     trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise)
     leader, _ = _best(shortlist, trials)
@@ -188,12 +264,16 @@ def name_next(
     promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * _least(base, first)
     trials = [continued(t, logs, held_out, noise) if promising and t.score < near else t for t in trials]
     trials.sort(key=lambda t: t.score)
+    shapes = next((c.out_of for c in screened if c.effect.id == trials[0].id), 1)
+    tried = len(screened) * shapes
+    in_colour = _ranked_in_colour(base, trials, tried, logs, held_out, noise)
+    if in_colour is None:
+        equivalent, worth = _equivalent(trials), _worth(base, trials[0], first, tried)
+    else:
+        trials, equivalent, worth = in_colour
     for trial in trials:
         say(f"refitted with {trial.id}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}")
-    shapes = next((c.out_of for c in screened if c.effect.id == trials[0].id), 1)
-    if not _worth(base, trials[0], first, len(effects) * shapes):
-        return screened
-    return Step(tuple(trials), _equivalent(trials), screened, base, trials[0])
+    return Step(tuple(trials), equivalent, tuple(screened), base, trials[0]) if worth else None
 
 
 def _with_effects(base: Trial, effects: Sequence[Effect]) -> Robot:
@@ -280,17 +360,28 @@ def search(
     baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
     first_look: tuple[Candidate, ...] = ()
     steps: list[Step] = []
-    while not current.held_out.adequate and len(steps) < most:
+    colour = None
+    while not current.held_out.adequate:
+        colour = _colour(current, logs, held_out, noise)
+        if len(steps) >= most and colour is None:
+            break
         present = {effect.id for effect in current.robot.effects}
         remaining = [e.blurred for e in (*catalogue(current.robot), *effects) if e.id not in present]
-        found = name_next(current, baseline, logs, held_out, noise, remaining, report)
-        first_look = first_look or (found.screened if isinstance(found, Step) else found)
-        if not isinstance(found, Step):
+        screened = screen(current.robot, logs, remaining, noise, current.initial_states, current.angles)
+        first_look = first_look or tuple(screened)
+        if colour is not None and _explained_somewhere(current, remaining, screened, logs, held_out, noise):
+            colour = None
+        if len(steps) >= most or colour is not None:
+            break
+        found = name_next(current, baseline, screened, logs, held_out, noise, report)
+        if found is None:
             break
         steps.append(found)
-        current = found.chosen
+        current = replace(found.chosen, in_colour=None)
         if len(steps) > 1:
             current = _pruned(current, baseline, logs, held_out, noise, report)
         report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
+    if colour is not None:
+        report(f"what is left is coloured noise: {colour.phrase}")
     steps, current = _reconsidered(steps, current, baseline, logs, held_out, noise, report)
-    return Search(state, current.held_out, current, tuple(steps), tuple(first_look))
+    return Search(state, current.held_out, current, tuple(steps), first_look, colour)

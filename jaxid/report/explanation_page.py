@@ -61,7 +61,7 @@ def _render(found: Explanation, pictures: dict[str, Figure], whole: bool) -> str
     template = environment.from_string(files("jaxid.report").joinpath(_TEMPLATE).read_text(encoding="utf-8"))
     bars = [("error " + label if found.effects else "error", state.normalised_rms, colour)
             for state, colour, label in draw.states(found)]  # fmt: skip
-    bars.append(("noise floor", 1.0, "#8c8c8c"))
+    bars.append(("noise floor" if found.noise_floor == 1.0 else "coloured noise", found.noise_floor, "#8c8c8c"))
     top = max(value for _, value, _ in bars)
     return template.render(
         whole=whole,

@@ -1,0 +1,144 @@
+"""Coloured noise of a sensor is no missing effect, and hides none: an axis in closed form, and residuals made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
+from jaxid.explanation.coloured import colour_of, only_colour, whitened
+from jaxid.explanation.heldout import HeldOut
+
+SAMPLES, DT = 500, 0.02
+ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5, offset=0.0)
+
+
+def first_order(correlation, samples, rng, start=300):
+    """Noise of unit variance whose neighbours have this correlation."""
+    white = np.sqrt(1 - correlation**2) * rng.normal(size=samples + start)
+    return signal.lfilter([1.0], [1.0, -correlation], white)[start:]
+
+
+def boxcar(width, samples, rng):
+    """Noise of unit variance, averaged over `width` samples."""
+    return np.convolve(rng.normal(size=samples + width - 1), np.ones(width) / np.sqrt(width), "valid")
+
+
+# -- the autoregression --------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("correlation", [0.5, 0.8, 0.95])
+def test_first_order_noise_is_recognised_and_whitened(correlation):
+    rng = np.random.default_rng(3)
+    parts = [first_order(correlation, 1500, rng) for _ in range(2)]
+    found = colour_of(parts)
+    assert found.order == 1
+    assert found.coefficients[0] == pytest.approx(correlation, abs=4 * np.sqrt((1 - correlation**2) / 3000))
+    assert found.correlations[:4] == pytest.approx(found.coefficients[0] ** np.arange(4), abs=1e-9)
+    white = found.whiten(parts[0], np.ones(1500, bool))[1:]
+    assert white.std() == pytest.approx(1.0, abs=0.1) and abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.1
+
+
+def test_white_noise_has_no_colour_and_gaps_are_stepped_over():
+    rng = np.random.default_rng(4)
+    assert colour_of([rng.normal(size=1000)]).order == 0
+    # A slow sensor: every fifth sample is measured, and its neighbours are five samples away.
+    slow = np.full(5000, np.nan)
+    slow[::5] = first_order(0.8, 1000, rng)
+    assert colour_of([slow]).coefficients[0] == pytest.approx(0.8, abs=0.06)
+
+
+# -- what is left: made up -----------------------------------------------------------------------------------------
+def left(residuals, inputs, speeds, noise=0.01):
+    """Residuals [T] in units of the noise as states of a held-out log and the fitted ones."""
+    logs = [
+        Log.from_arrays(f"run {k}", DT * np.arange(len(r)), u, {"v": v - noise * r}, AXIS)
+        for k, (r, u, v) in enumerate(zip(residuals, inputs, speeds, strict=True))
+    ]
+    rms = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    state = HeldOut(rms, {"v": rms}, tuple(r[:, None] for r in residuals), {"v": noise}, 0.0)
+    first = replace(state, residuals=state.residuals[:1]), LogSet(logs[:1])
+    return [first, (replace(state, residuals=state.residuals[1:]), LogSet(logs[1:]))]
+
+
+@pytest.fixture(scope="module")
+def motions(axis_law):
+    inputs = [np.repeat(np.random.default_rng(seed).uniform(-4, 4, 20), 25) for seed in range(3)]
+    return [u[:, None] for u in inputs], [axis_law(u, DT)[0] for u in inputs]
+
+
+def made(motions, make, seed=5):
+    rng = np.random.default_rng(seed)
+    return left([make(rng, u[:, 0], v) for u, v in zip(*motions, strict=True)], *motions)
+
+
+def test_a_sensors_filter_is_told_from_what_may_be_a_disturbance(motions):
+    filtered = only_colour(made(motions, lambda rng, u, v: 2.8 * first_order(0.8, SAMPLES, rng)), memory=25.0)
+    assert filtered is not None and filtered.simple and filtered.faster
+    averaged = only_colour(made(motions, lambda rng, u, v: 2.8 * boxcar(4, SAMPLES, rng)), memory=25.0)
+    assert averaged is not None and averaged.simple and averaged.faster
+    # As slow as the robot itself: its inertia would make the same of a random force.
+    slow = only_colour(made(motions, lambda rng, u, v: 4.0 * first_order(0.96, SAMPLES, rng)), memory=25.0)
+    assert slow is not None and not slow.faster
+    # White noise beside something slow: a sensor's own noise is hardly both.
+    both = only_colour(
+        made(motions, lambda rng, u, v: 2.0 * first_order(0.96, SAMPLES, rng) + rng.normal(size=SAMPLES)), memory=25.0
+    )
+    assert both is not None and not both.simple
+
+
+def follows_speed(rng, u, v):
+    return 2.8 * first_order(0.8, SAMPLES, rng) + 3.0 * v * np.abs(v) / np.std(v * np.abs(v))
+
+
+def on_one_log(rng, u, v):
+    # Not the sensor's: its differences are as small as ever.
+    bump = 15.0 * np.exp(-0.5 * ((np.arange(SAMPLES) - 250) / 60) ** 2) if u[0] == FIRST else 0.0
+    return first_order(0.5, SAMPLES, rng) + bump
+
+
+FIRST = np.random.default_rng(0).uniform(-4, 4, 20)[0]
+
+
+@pytest.mark.parametrize("make", [follows_speed, on_one_log])
+def test_what_follows_the_motion_or_comes_on_one_log_is_no_noise(motions, make):
+    assert only_colour(made(motions, make), memory=25.0) is None
+
+
+def test_squares_of_whitened_residuals_count_independent_samples(motions):
+    states = made(motions, lambda rng, u, v: 2.8 * first_order(0.8, SAMPLES, rng))
+    found = only_colour(states, memory=25.0)
+    white = whitened(states[1][0], found.colours)
+    assert white.squares == pytest.approx(white.samples, rel=0.1)
+    assert states[1][0].squares > 5 * white.squares
+
+
+# -- the whole workflow --------------------------------------------------------------------------------------------
+def recorded(axis_law, correlation, dead=0.0, seed=1):
+    """Two logs to fit and one to check; the motor ignores commands below `dead`."""
+    logs = []
+    for k in range(3):
+        rng = np.random.default_rng([seed, k])
+        u = np.repeat(rng.uniform(-4, 4, SAMPLES // 20), 20)
+        v, _ = axis_law(np.sign(u) * np.maximum(np.abs(u) - dead, 0.0), DT)
+        y = v + 0.02 * first_order(correlation, SAMPLES, rng)
+        logs.append(Log.from_arrays(f"run {k}", DT * np.arange(SAMPLES), u[:, None], {"v": y}, AXIS))
+    return LogSet(logs[:2]), LogSet(logs[2:])
+
+
+def test_nothing_is_missing_where_only_the_sensors_noise_is_coloured(axis_law):
+    for seed in (1, 2, 3):
+        logs, check = recorded(axis_law, 0.8, seed=seed)
+        found = explain(output_error(ROBOT, logs), logs, check)
+        assert found.verdict == "adequate" and not found.effects, seed
+        assert found.before.normalised_rms > 2.0 and "coloured" in found.sentence
+        assert found.colour.colours["v"].correlation == pytest.approx(0.8, abs=0.08)
+        assert found.to_dict()["colour"]["channels"]["v"]["order"] == found.colour.colours["v"].order
+
+
+def test_coloured_noise_hides_no_effect(axis_law):
+    logs, check = recorded(axis_law, 0.8, dead=0.4)
+    found = explain(output_error(ROBOT, logs), logs, check)
+    assert found.verdict == "named" and [effect.id for effect in found.effects] == ["actuator_dead_zone"]
+    own = found.effects[0].parameters["threshold"]
+    assert own.value == pytest.approx(0.4, abs=4 * own.std_error)
+    assert found.colour is not None and found.gap_closed == pytest.approx(1.0)
