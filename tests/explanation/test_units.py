@@ -108,19 +108,25 @@ PENDULUM_UNITS = [(1.0, 1.0), (1e-3, 1e3), (1e3, 1e-3)]
 """How many times as large the units of time and torque are; an angle is an angle."""
 
 
+def swinging(s, u, p, friction):
+    force = u["u"] - p["weight"] * jnp.sin(s["q"]) - p["d"] * s["v"] - friction["joint"]
+    return {"q": s["v"], "v": force / p["J"]}
+
+
+def motor(s, u, p):
+    return u["u"]
+
+
 def pendulum(time, torque):
     si = {"J": (0.3, 1 / (torque * time**2)), "d": (0.25, 1 / (torque * time)), "Fc": (0.05, 1 / torque)}
     si["weight"] = (1.0, 1 / torque)
     table = {name: Parameter(value * factor, free=name != "weight", lower=0.0) for name, (value, factor) in si.items()}
     return Custom(
-        dynamics=lambda s, u, p, friction: {
-            "q": s["v"],
-            "v": (u["u"] - p["weight"] * jnp.sin(s["q"]) - p["d"] * s["v"] - friction["joint"]) / p["J"],
-        },
+        dynamics=swinging,
         state_names=("q", "v"),
         own_channels=Channels(("u",), ("q",), units={"q": "rad"}),
         table=table,
-        axes={"joint": DriveAxis("v", "Fc", "d", torque=lambda s, u, p: u["u"], angle="q")},
+        axes={"joint": DriveAxis("v", "Fc", "d", torque=motor, angle="q")},
         forces={"v": "J"},
         velocities=("v",),
         title="pendulum",

@@ -186,9 +186,13 @@ def test_the_residual_figure_draws_the_residual(comparison):
     np.testing.assert_array_equal(drawn, own)
 
 
+def growing(state, inputs, p):
+    return {"v": p["k"] * state["v"] + inputs["u"]}
+
+
 def unstable(rate):
     return jaxid.Custom(
-        dynamics=lambda state, input, p: {"v": p["k"] * state["v"] + input["u"]},
+        dynamics=growing,
         state_names=("v",),
         own_channels=jaxid.Channels(inputs=("u",), outputs=("v",)),
         table={"k": jaxid.Parameter(rate, "1/s", free=True)},

@@ -26,12 +26,12 @@ INTERVAL, SAMPLES, NOISE = 0.02, 300, 0.003
 GAINS = (12.0, 3.0, 6.0)  # proportional, derivative, integral
 
 
+def dynamics(state, inputs, p):
+    return {"q": state["w"], "w": p["g"] * jnp.sin(state["q"]) - p["d"] * state["w"] + p["b"] * inputs["u"]}
+
+
 def plant(**values: float) -> Custom:
     """An inverted pendulum, the angle from upright measured."""
-
-    def dynamics(state, inputs, p):
-        return {"q": state["w"], "w": p["g"] * jnp.sin(state["q"]) - p["d"] * state["w"] + p["b"] * inputs["u"]}
-
     table = {name: Parameter(value, free=True, lower=0.0) for name, value in TRUTH.items()}
     robot = Custom(dynamics=dynamics, state_names=("q", "w"), own_channels=CHANNELS, table=table)
     return robot.with_values(**values)

@@ -12,12 +12,13 @@ from reference import pendulum as scipys
 CHANNELS = Channels(("u",), ("q",), units={"u": "N m", "q": "rad"})
 
 
+def dynamics(state, inputs, p):
+    """q'' = -g sin q - d q' + b u."""
+    return {"q": state["w"], "w": -p["g"] * jnp.sin(state["q"]) - p["d"] * state["w"] + p["b"] * inputs["u"]}
+
+
 def robot(**values: float) -> Custom:
-    """q'' = -g sin q - d q' + b u, the angle measured."""
-
-    def dynamics(state, inputs, p):
-        return {"q": state["w"], "w": -p["g"] * jnp.sin(state["q"]) - p["d"] * state["w"] + p["b"] * inputs["u"]}
-
+    """The pendulum, its angle measured; its function is one and the same, so that all of them share their programs."""
     table = {
         "g": Parameter(9.0, "1/s²", free=True, lower=0.0),
         "d": Parameter(0.1, "1/s", free=True, lower=0.0),

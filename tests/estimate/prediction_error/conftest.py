@@ -36,12 +36,12 @@ def disturbed_axis():
     return log
 
 
+def dynamics(s, u, p):
+    return {"angle": s["speed"], "speed": p["k"] * jnp.sin(s["angle"]) - p["c"] * s["speed"] + p["b"] * u["u"]}
+
+
 def pendulum_robot(k=5.0, c=0.3, b=1.0):
     """An inverted pendulum of which only the angle is measured; the start values are far off."""
-
-    def dynamics(s, u, p):
-        return {"angle": s["speed"], "speed": p["k"] * jnp.sin(s["angle"]) - p["c"] * s["speed"] + p["b"] * u["u"]}
-
     return Custom(
         dynamics=dynamics,
         state_names=("angle", "speed"),
