@@ -5,6 +5,7 @@ noise, so that a watch's motor and a mining truck are looked at alike.
 """
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,16 +63,24 @@ def _halfway(values: Array) -> float:
     if variance <= 4 * white or variance == 0:
         return np.nan
     lags = np.unique(np.geomspace(1, len(values) // 2, 40).astype(int))
-    apart = np.array([0.5 * np.mean((values[lag:] - values[:-lag]) ** 2) for lag in lags]) - white
-    reached = np.flatnonzero(apart >= 0.5 * (variance - white))
-    return float(lags[reached[0]]) if len(reached) else float(lags[-1])
+    for lag in lags:
+        apart = values[lag:] - values[:-lag]
+        if 0.5 * float(apart @ apart) / len(apart) - white >= 0.5 * (variance - white):
+            return float(lag)
+    return float(lags[-1])
+
+
+_responses: WeakKeyDictionary[Log, int] = WeakKeyDictionary()
+"""A log never changes, and most checks ask for this."""
 
 
 def response(log: Log) -> int:
     """Samples in which the robot's speeds change noticeably, at least 4: the unit of time of the checks."""
-    found = [_halfway(speed(log, name)) for name in log.channels.mixing if name in log.measured]
-    found = [lag for lag in found if np.isfinite(lag)]
-    return max(4, round(float(np.median(found)))) if found else max(4, len(log) // 50)
+    if log not in _responses:
+        found = [_halfway(speed(log, name)) for name in log.channels.mixing if name in log.measured]
+        found = [lag for lag in found if np.isfinite(lag)]
+        _responses[log] = max(4, round(float(np.median(found)))) if found else max(4, len(log) // 50)
+    return _responses[log]
 
 
 @dataclass(frozen=True)

@@ -51,16 +51,24 @@ class Answer:
         return float(shares.max(initial=-1.0))
 
 
-def _lagged(inputs: Array, lag: float, delay: int) -> Array:
-    """First-order lag of `lag` samples, then `delay` samples late."""
+def _lagged(inputs: Array, lag: float) -> Array:
+    """First-order lag of `lag` samples."""
     decay = np.exp(-1 / lag) if lag > 0 else 0.0
-    slow = np.asarray(lfilter([1 - decay], [1, -decay], inputs, axis=0))
-    return np.concatenate([np.zeros((delay, inputs.shape[1])), slow[:-delay]])
+    return np.asarray(lfilter([1 - decay], [1, -decay], inputs, axis=0))
 
 
-def _without(values: Array, nuisance: Array, weight: NDArray[np.bool_]) -> Array:
-    q, _ = np.linalg.qr(nuisance[weight])
-    return values[weight] - q @ (q.T @ values[weight])
+def _late(signals: Array, delay: int) -> Array:
+    """`delay` samples late, zero before."""
+    return np.concatenate([np.zeros((delay, signals.shape[1])), signals[:-delay]])
+
+
+def _centred(values: Array) -> Array:
+    return values - values.mean(axis=0)
+
+
+def _without(values: Array, nuisance: Array) -> Array:
+    q, _ = np.linalg.qr(nuisance)
+    return values - q @ (q.T @ values)
 
 
 def _answer(log: Log, rows: Even, name: str, speeds: dict[str, Array]) -> Answer | None:
@@ -79,17 +87,19 @@ def _answer(log: Log, rows: Even, name: str, speeds: dict[str, Array]) -> Answer
     products = [a * b for k, a in enumerate(others) for b in [*others[k:], np.nan_to_num(values)]]
     lags = [0.0, *np.geomspace(1, max(2, len(values) / 4), 14)]
     grams, pushes, energies = [], [], []
+    alone, nu = _centred(values[there]), rows.inputs.shape[1]
+    signals = np.stack([*rows.inputs.T, *products], axis=-1)
     for lag in lags:
+        slow = _lagged(signals, lag)
         for delay in _DELAYS:
-            drive = _lagged(rows.inputs, lag, delay)
-            one = np.ones((len(values), 1))
-            plain = _without(drive, one, there)
-            target, drive_left = _without(values, one, there), plain
+            # A constant and the products are left out of what the inputs are to explain.
+            late = _centred(_late(slow, delay)[there])
+            plain = late[:, :nu]
+            target, drive_left = alone, plain
             if products:
-                coupled = np.concatenate([one, _lagged(np.stack(products, axis=-1), lag, delay)], axis=1)
-                left = _without(drive, coupled, there)
-                if np.sum((left @ mixing) ** 2) > 0.3 * np.sum((plain @ mixing) ** 2):
-                    target, drive_left = _without(values, coupled, there), left
+                left = _without(np.column_stack([plain, alone]), late[:, nu:])
+                if np.sum((left[:, :nu] @ mixing) ** 2) > 0.3 * np.sum((plain @ mixing) ** 2):
+                    target, drive_left = left[:, nu], left[:, :nu]
             grams.append(drive_left.T @ drive_left)
             pushes.append(drive_left.T @ target)
             energies.append(max(float(target @ target), 1e-300))
