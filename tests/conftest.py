@@ -2,6 +2,7 @@
 
 import gc
 import os
+from importlib.metadata import version
 from pathlib import Path
 
 # Both test processes, the notebooks' kernels and the command line share what one of them has compiled, small programs too.
@@ -9,7 +10,10 @@ from pathlib import Path
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache/compiled"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 # Most of the tests' time is compiling, for programs that run on a few hundred samples: as little of it as possible.
-os.environ["XLA_FLAGS"] = "--xla_backend_optimization_level=0 " + os.environ.get("XLA_FLAGS", "")
+HASTY = ["--xla_backend_optimization_level=0", "--xla_llvm_disable_expensive_passes=true"]
+if tuple(map(int, version("jaxlib").split(".")[:2])) < (0, 12):
+    HASTY.append("--xla_cpu_use_fusion_emitters=false")  # XLA refuses to start with an option that it does not know
+os.environ["XLA_FLAGS"] = " ".join([*HASTY, os.environ.get("XLA_FLAGS", "")])
 
 if os.environ.get("JAXID_CHECK_ANNOTATIONS"):
     # Every annotation of jaxid, shapes of arrays included, is checked at every call. Before jaxid is imported.
