@@ -54,8 +54,6 @@ from .simulation.friction import Smooth, Sticking
 from .simulation.rollout import Integrator
 from .simulation.simulate import simulate
 
-__version__ = version("jaxid")
-
 __all__ = [
     "AXIS",
     "OMNI",
@@ -127,3 +125,10 @@ __all__ = [
     "repeatability",
     "simulate",
 ]
+
+
+def __getattr__(name: str) -> str:
+    # Asked for when needed: a checkout that is not installed has no version and can be imported all the same.
+    if name == "__version__":
+        return version("jaxid")
+    raise AttributeError(f"module 'jaxid' has no attribute {name!r}")

@@ -104,7 +104,13 @@ class ParameterTable(Mapping[str, Parameter]):
         """The table with new values, all else unchanged. Raises `ParameterError` for unknown names."""
         table = dict(self._parameters)
         for name, value in values.items():
-            table[name] = replace(self[name], value=float(value))
+            parameter = self[name]
+            try:
+                table[name] = replace(parameter, value=float(value))
+            except (TypeError, ValueError):
+                raise ParameterError(
+                    f"parameter {name} = {value!r:.60} is no number; give one in {parameter.unit}"
+                ) from None
         return ParameterTable(table)
 
     def with_free(self, *names: str) -> "ParameterTable":

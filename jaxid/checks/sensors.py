@@ -118,7 +118,8 @@ def _moved(log: Log, names: list[str]) -> Iterator[Finding]:
         if np.ptp(values[np.isfinite(values)]) > 0 and (loud or carried):
             return
     listed = ", ".join(map(repr, names))
-    text = f"{listed} never rise above their noise, so the robot did not move; drive it harder or leave this log out"
+    what = f"{listed} never rises above its" if len(names) == 1 else f"{listed} never rise above their"
+    text = f"{what} noise, so the robot did not move; drive it harder or leave this log out"
     yield finding(log, names[0], None, "error", "never_moved", text)
 
 

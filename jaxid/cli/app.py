@@ -32,7 +32,10 @@ app = typer.Typer(
 )
 
 RobotArgument = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="pioneer, omni, axis, or package.module:attribute for your own.")
+    str,
+    typer.Argument(
+        metavar="ROBOT", help="pioneer, omni, axis, differential, or package.module:attribute for your own."
+    ),
 ]
 Mapping = Annotated[
     Path | None, typer.Option("--map", metavar="MAPPING.toml", help="Standard column name to the file's column.")

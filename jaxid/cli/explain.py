@@ -46,7 +46,7 @@ def without_coupling(robot: Robot) -> Robot:
 
 
 def _write_fits(out: Path, fits: list[Fit], fit: LogSet, held_out: LogSet) -> None:
-    with step("Check on held-out logs"):
+    with step("Prediction of held-out logs"):
         comparison = compare(*fits, held_out=held_out, fit=fit)
     write_fit(out, fits, comparison.validations)
 

@@ -147,7 +147,7 @@ def write_results(
         comparison, text = None, to_text([table], said)
         write_fit(out, fits)
     else:
-        with step("Check on held-out logs"):
+        with step("Prediction of held-out logs"):
             comparison = compare(*fits, held_out=held_out, fit=fitted, truth=truth)
         text, page = repr(comparison), comparison._repr_html_()
         write_fit(out, fits, comparison.validations, comparison.ahead)

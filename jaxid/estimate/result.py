@@ -204,5 +204,8 @@ class Fit:
         return html_table(self._rows(), before, after)
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of a parameter or combination by its symbol."""
+        """The estimate of a parameter or combination by its symbol; `KeyError` for one that the model does not have."""
+        if name not in self.parameters and name not in self.combinations:
+            known = ", ".join([*self.parameters, *self.combinations])
+            raise KeyError(f"There is no {name!r} in this fit; it has {known}.")
         return self.parameters[name] if name in self.parameters else self.combinations[name]

@@ -27,22 +27,24 @@ def _finite(value: Any) -> bool:
         return False
 
 
-def _source(name: str, entry: Any) -> Source:
+def _source(place: str, name: str, entry: Any) -> Source:
     if isinstance(entry, str):
         return Source(entry)
     if not isinstance(entry, Mapping):
-        raise LogError(f"The mapping of {name!r} is {shown(entry)}; give a column name or {{column=..., scale=...}}.")
+        raise LogError(f"{place} of {name!r} is {shown(entry)}; give a column name or {{column=..., scale=...}}.")
     known = ("column", "scale", "offset", *(("interval",) if name == "t" else ()))
     for key, value in entry.items():
         if key not in known:
-            raise LogError(f"The mapping of {name!r} has an unknown entry {key!r:.60}; use {', '.join(known)}.")
+            raise LogError(
+                f"{place} of {name!r} has an unknown entry {key!r:.60}; use {', '.join(known)}, which lead to SI units."
+            )
         if not (isinstance(value, str) if key == "column" else _finite(value)):
             kind = "name" if key == "column" else "number"
-            raise LogError(f"The mapping of {name!r} has {key} = {value!r:.60}; give a {kind}.")
+            raise LogError(f"{place} of {name!r} has {key} = {value!r:.60}; give a {kind}.")
     if entry.get("scale", 1) == 0 or entry.get("interval", 1) <= 0:
-        raise LogError(f"The mapping of {name!r} has a scale or interval of zero or less where it cannot; correct it.")
+        raise LogError(f"{place} of {name!r} has a scale or interval of zero or less where it cannot; correct it.")
     if "interval" in entry and len(entry) > 1:
-        raise LogError(f"The mapping of {name!r} has an interval and a column or scale; give one of the two.")
+        raise LogError(f"{place} of {name!r} has an interval and a column or scale; give one of the two.")
     return Source(**{"column": name, **entry})
 
 
@@ -54,11 +56,12 @@ def read_mapping(mapping: Mapping[str, Any] | str | Path | None, channels: Chann
     """
     if mapping is None:
         return {}
+    place = f"The mapping {mapping}" if isinstance(mapping, str | Path) else "The mapping"
     if isinstance(mapping, str | Path):
         try:
             mapping = read_toml(Path(mapping))
         except OSError as error:
-            raise LogError(f"The mapping {mapping} cannot be opened ({error.strerror}); check the path.") from None
+            raise LogError(f"{place} cannot be opened ({error.strerror}); check the path.") from None
         except ValueError as error:
             raise LogError(
                 f'The mapping {mapping} is not TOML ({error}); write lines like V2 = "right_volts".'
@@ -67,7 +70,7 @@ def read_mapping(mapping: Mapping[str, Any] | str | Path | None, channels: Chann
     for name in mapping:
         if name not in known:
             raise LogError(
-                f"The mapping names {name!r:.60}, which is no column of this robot{did_you_mean(name, known)}; use "
-                f"{list(known)}."
+                f"{place} names {name!r:.60}, which is no column of this robot{did_you_mean(name, known)}; use "
+                f"{', '.join(known)}, each with the name that the file has for it."
             )
-    return {name: _source(name, entry) for name, entry in mapping.items()}
+    return {name: _source(place, name, entry) for name, entry in mapping.items()}

@@ -225,7 +225,9 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
     try:
         return Log(name, columns["t"], inputs, outputs, channels, extra, str(path), tuple(findings))
     except LogError as error:
-        raise LogError(str(error).replace(name, str(path), 1)) from None
+        lost = [f.column for f in findings if f.check == "infinite"]
+        why = f" In {lost[0]!r} numbers beyond {ABSURD:.0e} count as not measured; mind its unit." if lost else ""
+        raise LogError(str(error).replace(name, str(path), 1) + why) from None
 
 
 def read_logs(
@@ -239,7 +241,7 @@ def read_logs(
     **Arguments:**
 
     - `paths`: a file, a pattern (`"logs/*.csv"`), or a list of them; patterns are read in alphabetical order.
-    - `robot`: `"pioneer"`, `"omni"`, `"axis"`, a `Channels`, or any object with `.channels`.
+    - `robot`: `"pioneer"`, `"omni"`, `"axis"`, `"differential"`, a `Channels`, or any object with `.channels`.
     - `mapping`: standard name to the file's column, as a dict or the path of a TOML file:
       `V2 = "right_volts"`, `eta1 = {column = "speed_mm_s", scale = 0.001}` (value = scale * column + offset), and, for
       files without a time column, `t = {interval = 0.001}`.

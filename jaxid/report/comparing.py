@@ -91,6 +91,9 @@ def compare(
     """
     if not fits:
         raise ValueError("There is nothing to compare; give at least one fit, as in compare(fit, held_out=logs).")
+    for other in fits:
+        if not isinstance(other, Fit):
+            raise TypeError(f"{other!r:.60} is no fit; compare what the estimators returned.")
     held_out = LogSet([held_out]) if isinstance(held_out, Log) else held_out
     named = dict(zip(_labels(fits), fits, strict=True))
     for label, found in named.items():

@@ -296,6 +296,10 @@ class Robot:
     # -- building models -------------------------------------------------------------------------------------------
     def __add__(self, effect: Effect) -> Self:
         """The robot with one more effect. Raises `EffectError` where it cannot have it, saying why."""
+        if not isinstance(effect, Effect):
+            raise EffectError(
+                f"{effect!r:.60} is no effect; add one of jaxid.catalogue(robot), or an Effect of your own"
+            )
         why = refusal(effect, self)
         if why is not None:
             raise EffectError(why)

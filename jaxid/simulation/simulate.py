@@ -18,6 +18,7 @@ from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import LogSet
 from ..logs.noise import noise_scale
+from ..robots.given import check_given
 from ..robots.robot import Robot
 from .rollout import Integrator, rollout
 from .start import initial_states
@@ -55,6 +56,7 @@ def simulate(
     States in `prescribed` are set to these values at every sample (padded as in `logs.batch()`). Without an `integrator` the
     steps suit the robot, and are shortened, to a 64th at most, until that changes no log by a tenth of its noise.
     """
+    check_given(robot, logs)
     batch = logs.batch()
     states = dict(initial_states(robot, logs).states)
     if start is not None:

@@ -141,7 +141,7 @@ def profile_likelihood(
     `logs`, `initial_states` and `integrator` are those of the fit. Raises `ParameterError` for a parameter that the fit
     did not estimate.
     """
-    names = fit.free_names if parameters is None else tuple(parameters)
+    names = (parameters,) if isinstance(parameters, str) else tuple(parameters or fit.free_names)
     for name in names:
         if name not in fit.free_names:
             raise ParameterError(

@@ -18,6 +18,7 @@ from scipy.stats import chi2
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
 from ...parameters import ParameterError
+from ...robots.given import check_given
 from ...robots.robot import Robot
 from ...simulation.simulate import integrator_for, simulate
 from ..judge import judged_equations
@@ -235,6 +236,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
     Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
     one does not enter linearly.
     """
+    check_given(robot, logs)
     logs = LogSet(logs)
     names = robot.parameters.free_names
     if not names:

@@ -14,6 +14,7 @@ import numpy as np
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
 from ...parameters import ParameterError
+from ...robots.given import check_given
 from ...robots.robot import Robot
 from ..judge import judged_equations
 from ..result import Estimate, Fit
@@ -85,6 +86,7 @@ def integral_least_squares(
     Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
     one does not enter linearly.
     """
+    check_given(robot, logs)
     logs = list(logs)
     if not logs:
         raise LogError("There are no logs to identify from; give at least one.")

@@ -16,6 +16,7 @@ from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
+from ...robots.given import check_choice, check_given
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..linear.integral_least_squares import integral_least_squares
@@ -96,6 +97,8 @@ def multi_start(
     `factor` of what would matter in these logs, either sign. Raises `ParameterError` if no parameter is free or no start
     leads anywhere.
     """
+    check_given(robot, logs)
+    check_choice("initial_states", initial_states, InitialStates)
     values = start_values(robot, None)
     structure, problem, unknowns = build(robot, logs, start=values, initial=initial_states, integrator=integrator)
     rng = np.random.default_rng(seed)

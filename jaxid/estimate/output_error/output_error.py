@@ -19,6 +19,7 @@ from ...logs import LogSet
 from ...logs.windows import in_windows
 from ...parameters import ParameterError
 from ...robots.closed_loop import Controller, Law, closed_loop
+from ...robots.given import check_choice, check_given
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
@@ -293,6 +294,9 @@ def output_error(
     """
     if controller is not None:
         robot, logs = closed_loop(robot, logs, controller)
+    check_given(robot, logs)
+    check_choice("initial_states", initial_states, InitialStates)
+    check_choice("covariance", covariance, Covariance)
     options: dict[str, Any] = dict(
         initial_states=initial_states, integrator=integrator, loss=loss_named(loss), solver=solver, covariance=covariance,
         clock_offset=clock_offset, max_steps=max_steps, report=report,

@@ -32,8 +32,12 @@ def start_values(robot: Robot, start: StartValues) -> dict[str, float]:
     if isinstance(start, Fit):
         values = start.robot.parameters.numbers
         return {name: values.get(name, robot.parameters[name].value) for name in robot.parameters.free_names}
-    for name in start:
+    for name, value in start.items():
         robot.parameters[name]  # an unknown name is an error, not a silently ignored start
+        if not isinstance(value, int | float | np.number | np.ndarray | jnp.ndarray):
+            raise ParameterError(
+                f"the start value of {name} is {value!r:.60}; give a number in {robot.parameters[name].unit}"
+            )
     return {**start_values(robot, None), **{k: float(v) for k, v in start.items() if k in robot.parameters.free_names}}
 
 

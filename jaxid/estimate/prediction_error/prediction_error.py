@@ -21,6 +21,7 @@ from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
+from ...robots.given import check_choice, check_given
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..judge import judge, judged
@@ -183,6 +184,8 @@ def prediction_error(
     for unknown or no free parameters, unknown states, sensors that remember in any other way, and where the filter
     diverges at every start.
     """
+    check_given(robot, logs)
+    check_choice("initial_states", initial_states, InitialStates)
     candidates = _candidates(robot, logs, start)
     task = build(
         robot, logs, start=candidates[0], initial=initial_states, process_noise=process_noise, integrator=integrator

@@ -1,0 +1,30 @@
+"""What an estimator is given, looked at before it works: a robot, logs of that robot, and words that choose."""
+
+from collections.abc import Iterable
+from typing import Any, get_args
+
+from ..logs import Log, LogError, LogSet
+from .robot import Robot
+
+
+def check_given(robot: Any, logs: Any) -> None:
+    """Raise `TypeError` for what is no robot or no logs, and `LogError` for logs of another robot, with the remedy."""
+    if not isinstance(robot, Robot):
+        called = f"{robot.__name__}()" if isinstance(robot, type) else "jaxid.Pioneer()"
+        raise TypeError(f"{robot!r:.60} is no robot; give an object such as {called}.")
+    if isinstance(logs, Log):
+        raise TypeError(f"{logs.name} is a single log; give LogSet([log]).")
+    if isinstance(logs, str) or not isinstance(logs, Iterable):
+        raise TypeError(f"{logs!r:.60} is no set of logs; give what read_logs returns, or LogSet([...]).")
+    for log in logs if isinstance(logs, LogSet) else ():
+        if (log.channels.inputs, log.channels.measured) != (robot.channels.inputs, robot.channels.measured):
+            raise LogError(
+                f"{log.name} has the columns {list(log.channels)} and the robot {robot.name!r} has "
+                f"{list(robot.channels)}; give logs of this robot, or the robot of these logs."
+            )
+
+
+def check_choice(what: str, value: Any, choices: Any) -> None:
+    """Raise `ValueError` if `value` is none of `choices`, a `Literal` type."""
+    if value not in get_args(choices):
+        raise ValueError(f"{what} = {value!r} is no choice; use one of {', '.join(map(repr, get_args(choices)))}.")

@@ -1,0 +1,71 @@
+"""What a newcomer gets wrong in Python: every error says what was given and what to give instead, before anything is fitted."""
+
+import os
+
+import numpy as np
+import pytest
+
+import jaxid
+from jaxid import Axis, Log, LogError, LogSet, Omni, ParameterError
+
+pytestmark = pytest.mark.skipif(
+    bool(os.environ.get("JAXID_CHECK_ANNOTATIONS")), reason="the annotations' checker refuses these first"
+)
+
+ESTIMATORS = [
+    jaxid.integral_least_squares,
+    jaxid.instrumental_variables,
+    jaxid.output_error,
+    jaxid.prediction_error,
+    jaxid.multi_start,
+    jaxid.output_error_problem,
+    jaxid.simulate,
+]
+every_estimator = pytest.mark.parametrize("estimate", ESTIMATORS, ids=lambda function: function.__name__)
+
+
+@pytest.fixture(scope="module")
+def logs() -> LogSet:
+    return LogSet([Log.from_arrays("a", np.arange(50) * 0.02, np.ones((50, 1)), np.ones((50, 1)), "axis")])
+
+
+@every_estimator
+def test_a_robot_must_be_a_robot(estimate, logs):
+    with pytest.raises(TypeError, match=r"'axis' is no robot; give an object such as"):
+        estimate("axis", logs)
+    with pytest.raises(TypeError, match=r"Axis'> is no robot; give an object such as Axis\(\)"):
+        estimate(Axis, logs)
+
+
+@every_estimator
+def test_logs_must_be_logs_of_the_robot(estimate, logs):
+    with pytest.raises(TypeError, match=r"'a.csv' is no set of logs; give what read_logs returns"):
+        estimate(Axis(), "a.csv")
+    with pytest.raises(TypeError, match=r"a is a single log; give LogSet\(\[log\]\)"):
+        estimate(Axis(), logs[0])
+    with pytest.raises(LogError, match=r"a has the columns \['u', 'v', 'q'\] and the robot 'omni' has \['u1',"):
+        estimate(Omni(), logs)
+
+
+@pytest.mark.parametrize("estimate", [jaxid.output_error, jaxid.prediction_error, jaxid.output_error_problem])
+def test_words_and_starts_are_looked_at(estimate, logs):
+    with pytest.raises(ValueError, match="initial_states = 'estimated' is no choice; use one of 'auto', 'known'"):
+        estimate(Axis(), logs, initial_states="estimated")
+    with pytest.raises(ParameterError, match="M (is|=) 'two'"):
+        estimate(Axis(), logs, start={"M": "two"})
+
+
+def test_other_words_that_nothing_has(logs):
+    with pytest.raises(ValueError, match="covariance = 'robus' is no choice; use one of 'auto', 'white', 'robust'"):
+        jaxid.output_error(Axis(), logs, covariance="robus")
+    with pytest.raises(jaxid.EffectError, match="'cogging_torque' is no effect; add one of jaxid.catalogue"):
+        Axis() + "cogging_torque"
+    with pytest.raises(TypeError, match="is no fit; compare what the estimators returned"):
+        jaxid.compare(Axis(), held_out=logs)
+
+
+def test_a_fit_says_what_it_has(axis_log):
+    inputs = np.repeat(np.random.default_rng(3).uniform(-2, 2, 25), 10)
+    fit = jaxid.integral_least_squares(Axis(), LogSet([axis_log("a", inputs, 0.02, 1, position=False)]))
+    with pytest.raises(KeyError, match=r"There is no 'mass' in this fit; it has M, Fv"):
+        fit["mass"]
