@@ -166,9 +166,17 @@ def _with_own_rule(graph: Graph, equation: Any, inputs: Sequence[Values]) -> lis
 
 def _scan(graph: Graph, equation: Any, inputs: Sequence[Values]) -> list[Values]:
     params = equation.params
-    length, n_const, n_carry = params["length"], params["num_consts"], params["num_carry"]
+    length, body = params["length"], params["jaxpr"].jaxpr
     if length > MOST_UNROLLED:
         raise Untranslated(f"an inner loop of {length} turns")
+
+    def by_row(outer: Sequence[Any], inner: Sequence[Any]) -> int:
+        """How many variables the body sees one row of at a time."""
+        return sum(v.aval.ndim > w.aval.ndim for v, w in zip(outer, inner, strict=True))
+
+    # From the shapes: the names under which JAX keeps these numbers change with its versions.
+    n_carry = len(equation.outvars) - by_row(equation.outvars, body.outvars)
+    n_const = len(equation.invars) - by_row(equation.invars, body.invars) - n_carry
     fixed, carry, rows = inputs[:n_const], list(inputs[n_const : n_const + n_carry]), inputs[n_const + n_carry :]
     stacked: list[list[Values]] = []
     turns = range(length)
