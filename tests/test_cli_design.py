@@ -4,7 +4,7 @@ import json
 
 import pandas as pd
 
-LIMITS = ("--limit", "4", "--seconds", "4", "--rounds", "1", "--radius", "1")
+LIMITS = ("--limit", "4", "--seconds", "4", "--interval", "0.02", "--rounds", "1", "--radius", "1")
 
 
 def test_a_design_is_written(jaxid, tmp_path):

@@ -100,6 +100,18 @@ def test_limits_hold_on_the_exact_trajectory(designed, axis_law):
     assert any("radius" in words or "u is at its limit" in words for words in run.limited_by)
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_nothing_hangs_on_the_unit_of_time(sticking, unit):
+    """Without a length given, an experiment takes it from the robot: the same samples, whatever its times are counted in."""
+    si = design_experiment(sticking, limit=4.0, noise={"v": NOISE}, rounds=0)
+    other = Axis().with_values(M=1.0 / unit**2, Fv=2.0 / unit, Fc=0.5, offset=0.1)
+    found = design_experiment(other, limit=4.0, noise={"v": NOISE * unit}, rounds=0)
+    assert found.runs[0].time[-1] * unit == pytest.approx(si.runs[0].time[-1], rel=1e-9)
+    np.testing.assert_allclose(found.runs[0].inputs, si.runs[0].inputs, atol=1e-9)
+    for name, factor in {"M": unit**2, "Fv": unit, "Fc": 1.0}.items():
+        assert found.std_errors[name] * factor == pytest.approx(si.std_errors[name], rel=1e-4), name
+
+
 def test_a_seed_gives_one_design(sticking, designed):
     again = design_experiment(sticking, **QUICK, radius=0.5, speeds={"v": 1.2}, seed=3)
     assert np.array_equal(again.runs[0].inputs, designed.runs[0].inputs) and again.std_errors == designed.std_errors

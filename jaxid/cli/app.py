@@ -241,8 +241,18 @@ def design(
         list[float] | None, typer.Option("--floor", metavar="X Y", help="Extents of the floor to stay on [m].")
     ] = None,
     radius: Annotated[float | None, typer.Option("--radius", help="Largest distance from the start [m].")] = None,
-    seconds: Annotated[float, typer.Option("--seconds", help="Length of an experiment [s].")] = 20.0,
-    interval: Annotated[float, typer.Option("--interval", help="Sampling interval [s].")] = 0.02,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            "--seconds", help="Length of an experiment [s]; as the logs in --already, else 100 time constants."
+        ),
+    ] = None,
+    interval: Annotated[
+        float | None,
+        typer.Option(
+            "--interval", help="Sampling interval [s]; as the logs in --already, else a tenth of a time constant."
+        ),
+    ] = None,
     experiments: Annotated[int, typer.Option("--experiments", help="How many experiments to design.")] = 1,
     rounds: Annotated[int, typer.Option("--rounds", help="Rounds of improvement, 64 inputs each.")] = 60,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the random exchanges.")] = 0,

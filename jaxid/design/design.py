@@ -20,6 +20,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_level
 from ..parameters import ParameterError
 from ..robots.robot import Robot
+from ..robots.scales import time_constant
 from ..simulation.excitation import Drive, binary, combined_modes, plain_shapes, shifted, single_modes, tuned_shapes
 from .candidates import Candidates, Judge
 from .designed import Design, PlannedRun
@@ -35,6 +36,8 @@ _LOOKED_AT = 3 * LANES
 """Candidates of the family, best first, that are looked at with all three sets of parameters."""
 _CHILDREN = 2 * LANES
 _FEWEST_SAMPLES = 20
+_TIME_CONSTANTS, _A_TIME_CONSTANT = 100, 10
+"""Length of an experiment in time constants of the robot, and samples in each."""
 _LEAST_GAIN = 1.0
 """Gain in log det below which an experiment teaches nothing."""
 
@@ -151,12 +154,25 @@ def _noise(robot: Robot, noise: Mapping[str, float] | None, already: Fit | LogSe
     return {name: float(level) for name, level in found.items() if name in (*channels.outputs, *robot.states)}
 
 
+def _usual_times(robot: Robot, already: Fit | LogSet | None) -> tuple[float, float]:
+    """Length and sampling interval of an experiment like the logs so far, else by the robot's own time constant."""
+    if isinstance(already, LogSet):
+        median = float(np.median([log.duration for log in already]))
+        return median, float(np.median([log.sampling_interval for log in already]))
+    constant = time_constant(robot)
+    if not (np.isfinite(constant) and constant > 0):
+        raise DesignError("The robot has no time constant to go by; give seconds and interval.")
+    # Two digits: somebody has to set them.
+    interval = float(f"{constant / _A_TIME_CONSTANT:.1e}")
+    return _TIME_CONSTANTS * _A_TIME_CONSTANT * interval, interval
+
+
 def design_experiment(
     robot: Robot,
     *,
     limit: float | Sequence[float] | Mapping[str, float],
-    seconds: float = 20.0,
-    interval: float = 0.02,
+    seconds: float | None = None,
+    interval: float | None = None,
     noise: Mapping[str, float] | None = None,
     already: Fit | LogSet | None = None,
     speeds: Mapping[str, float] | None = None,
@@ -173,7 +189,8 @@ def design_experiment(
     **Arguments:**
 
     - `limit`: largest absolute input, one for all or one each, in the inputs' unit (usually volts).
-    - `seconds`, `interval`: length and sampling interval of each experiment [s].
+    - `seconds`, `interval`: length and sampling interval of each experiment [s]. By default those of the logs recorded so
+      far (`already`), else a hundred time constants of the robot at its parameters and a tenth of one.
     - `noise`: standard deviation by channel. `already`: a `Fit` or the logs recorded so far, to whose information the
       experiments shall add, and from which the noise is taken if it is not given. A fit also gives the parameters.
     - `speeds`: largest absolute value by output channel. `rectangle` (x, y) [m]: the path stays on a floor of this size,
@@ -191,6 +208,8 @@ def design_experiment(
         robot = robot.with_values(**shared)
     if not robot.parameters.free_names:
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
+    usual = _usual_times(robot, already)
+    seconds, interval = seconds or usual[0], interval or usual[1]
     if not (interval > 0 and np.isfinite(seconds) and seconds >= _FEWEST_SAMPLES * interval):
         raise DesignError(
             f"An experiment of {seconds} s at {interval} s is too short; give at least {_FEWEST_SAMPLES} sampling intervals."

@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 BEFORE, AFTER = COLOURS[1], COLOURS[2]
 _MEASURED, _NOISE = "0.45", "0.88"
 _LAGS = 50
-_WINDOW = 3.0  # s
+_WINDOW, _SMOOTHED = 0.1, 0.01
+"""Length of the enlarged stretch and of moving averages, in shares of the longest log."""
 
 
 def states(found: Explanation) -> list[tuple[HeldOut, str, str]]:
@@ -39,7 +40,7 @@ def worst_log(found: Explanation) -> int:
     return int(np.argmax([np.nanmean(r**2) for r in found.before.residuals]))
 
 
-def worst_window(residual: Array, time: Array, length: float = _WINDOW) -> tuple[float, float]:
+def worst_window(residual: Array, time: Array, length: float) -> tuple[float, float]:
     """The stretch of `length` seconds with the largest squared residual."""
     squares = np.nansum(residual**2, axis=1)
     samples = max(min(round(length / float(np.median(np.diff(time)))), len(time) - 1), 1)
@@ -47,7 +48,7 @@ def worst_window(residual: Array, time: Array, length: float = _WINDOW) -> tuple
     return float(time[first]), float(time[min(first + samples, len(time) - 1)])
 
 
-def _mean_over(values: Array, time: Array, length: float = 0.3) -> Array:
+def _mean_over(values: Array, time: Array, length: float) -> Array:
     """Moving average over `length` seconds."""
     n = max(round(length / float(np.median(np.diff(time)))), 1)
     there = np.convolve(np.isfinite(values), np.ones(n), mode="same")
@@ -55,16 +56,17 @@ def _mean_over(values: Array, time: Array, length: float = 0.3) -> Array:
 
 
 def before_after(found: Explanation) -> Figure:
-    """The worst held-out log: residuals before and after over the whole run; its worst seconds enlarged.
+    """The worst held-out log: residuals before and after over the whole run; its worst tenth enlarged.
 
     Left, one row a channel: residual in units of the noise, which stays in the grey band 95 % of the time when nothing
-    is missing (thick: its mean over 0.3 s). Right: measured and simulated in the framed
+    is missing (thick: its mean over a hundredth of the log). Right: measured and simulated in the framed
     stretch.
     """
     time = [log.time for log in found.held_out]
     e = worst_log(found)
     channels, shown = list(found.before.by_channel), states(found)
-    window = worst_window(found.before.residuals[e], time[e])
+    longest = max(float(np.ptp(own)) for own in time)
+    window = worst_window(found.before.residuals[e], time[e], _WINDOW * longest)
     figure = Figure(figsize=(11.5, 1.0 + 1.9 * len(channels)), layout="constrained")
     grid = figure.subplots(len(channels), 2, squeeze=False, sharex="col", width_ratios=(1.9, 1.0))
     for i, name in enumerate(channels):
@@ -73,7 +75,7 @@ def before_after(found: Explanation) -> Figure:
         for state, colour, _ in shown:
             error = state.residuals[e][:, i]
             ax.plot(time[e], error, color=colour, lw=0.5, alpha=0.4)
-            ax.plot(time[e], _mean_over(error, time[e]), color=colour, lw=1.6, zorder=3)
+            ax.plot(time[e], _mean_over(error, time[e], _SMOOTHED * longest), color=colour, lw=1.6, zorder=3)
         largest = [np.nanquantile(np.abs(state.residuals[e][:, i]), 0.999) for state, *_ in shown]
         reach = 1.1 * max(*largest, 4.0)
         ax.set_ylim(-reach, reach)

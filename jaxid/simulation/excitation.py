@@ -41,17 +41,15 @@ def modes(robot: Robot) -> Mapping[str, Direction]:
 
 
 def plain_shapes(duration: float, interval: float) -> dict[str, Array]:
-    """Signals of unit amplitude that suit most wheeled robots, [T] each."""
+    """Signals of unit amplitude for a robot of which nothing is known, [T] each: their parts are shares of the `duration`."""
     n = round(duration / interval)
-    shapes = {
-        "a step forwards and back": signals.step_forward_and_back(1.0, 1.0, 8.0, 8.0, 3.0, interval),
-        "a fast random binary sequence": signals.prbs(7, 1.0, max(interval, 0.3), interval, seed=3),
-        "a slow random binary sequence": signals.prbs(5, 1.0, max(interval, 1.2), interval, seed=2),
-        "a sweep from 0.1 to 3 Hz": signals.chirp(1.0, 0.1, 3.0, duration, interval),
-        "random levels": signals.multilevel([-1.0, -0.5, 0.2, 0.5, 1.0], 1.0, duration, interval, 5),
-        "one long run": signals.step(1.0, 0.5, duration, interval),
-    }
-    return {name: np.resize(np.asarray(s, float).ravel(), n) for name, s in shapes.items()}
+    begin, forward, back = round(0.05 * n), round(0.4 * n), round(0.4 * n)
+    back_and_forth = np.zeros(n)
+    back_and_forth[begin : begin + forward] = 1.0
+    back_and_forth[begin + forward : begin + forward + back] = -1.0
+    run = np.ones(n)
+    run[: max(round(0.025 * n), 1)] = 0.0
+    return {"a step forwards and back": back_and_forth, "one long run": run}
 
 
 def binary(duration: float, interval: float, clock: float) -> Array:
