@@ -54,8 +54,8 @@ def _document(design: Design, files: list[Path]) -> str:
 
 def run_design(
     spec: str, model: Path | None, out: Path, limit: list[float], seconds: float | None, interval: float | None,
-    noise: list[str], speed: list[str], floor: list[float], radius: float | None, already: list[str], experiments: int, rounds: int, seed: int,
-    mapping: Path | None,
+    noise: list[str], speed: list[str], floor: list[float], radius: float | None, already: list[str],
+    experiments: int, rounds: int, seed: int, mapping: Path | None,
 ) -> None:  # fmt: skip
     """Write experiment.csv (or experiment_1.csv ...), design.json and report.html to `out` and print the design."""
     keep_compiled_programs()
