@@ -7,6 +7,8 @@ is needed.
 
 import ctypes
 import hashlib
+import os
+import re
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -30,13 +32,20 @@ _METADATA_TYPE = 1
 _BUFFER_DATA, _BUFFER_SHAPE = 24, 40
 
 
+@cache
+def _effort() -> int:
+    """How much LLVM optimises, 0 to 3: as much as XLA, by its own flag."""
+    asked = re.search(r"--xla_backend_optimization_level=(\d)", os.environ.get("XLA_FLAGS", ""))
+    return min(int(asked[1]), 3) if asked else 2
+
+
 def new_machine() -> llvm.TargetMachine:
     """This processor, as LLVM describes it."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_default_triple()
     features = llvm.get_host_cpu_features().flatten()
-    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True)
+    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=_effort(), jit=True)
 
 
 @cache
@@ -116,10 +125,11 @@ _REVISION = "1"
 def _translated(text: str) -> bytes:
     """Object code of a module."""
     parsed = llvm.parse_assembly(text)
-    tuning = llvm.create_pipeline_tuning_options(speed_level=2)
-    tuning.loop_vectorization = tuning.slp_vectorization = False  # the vectors are written out
-    passes = llvm.create_pass_builder(_machine(), tuning)
-    passes.getModulePassManager().run(parsed, passes)
+    if _effort() > 0:
+        tuning = llvm.create_pipeline_tuning_options(speed_level=_effort())
+        tuning.loop_vectorization = tuning.slp_vectorization = False  # the vectors are written out
+        passes = llvm.create_pass_builder(_machine(), tuning)
+        passes.getModulePassManager().run(parsed, passes)
     return _machine().emit_object(parsed)
 
 
@@ -144,7 +154,13 @@ def _stored(name: str, text: str) -> bytes:
 def _loaded(module: ir.Module) -> str:
     """Compile `module` for this processor, unless it has been; the name of its engine."""
     text = str(module)
-    machine = (_REVISION, *llvm.llvm_version_info, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+    machine = (
+        _REVISION,
+        _effort(),
+        *llvm.llvm_version_info,
+        llvm.get_host_cpu_name(),
+        llvm.get_host_cpu_features().flatten(),
+    )
     key = "\n".join([*map(str, machine), text])
     name = f"jaxid_{hashlib.sha256(key.encode()).hexdigest()[:32]}"
     with _lock:
