@@ -28,7 +28,7 @@ def test_recordings_of_one_robot_agree(axis_log):
 
 def test_p_values_are_uniform_for_repeatable_recordings(axis_log):
     p = []
-    for seed in range(0, 60, 3):
+    for seed in range(0, 30, 3):
         p += repeatability(ROBOT, LogSet(recordings(axis_log, [1.0] * 3, seed)), covariance="white").p_values.values()
     # Kolmogorov-Smirnov would ask for independence; three quarters of a flat distribution lie above 0.25.
     assert 0.55 < np.mean(np.array(p) > 0.25) < 0.92 and min(p) > 1e-4
