@@ -90,23 +90,32 @@ def code_version() -> str:
     return hashlib.sha1(names.encode()).hexdigest()[:7] + "+" * bool(git("status", "--porcelain", "--", *made_by))
 
 
-def blocks(numbers: Sequence[int], arguments: argparse.Namespace) -> list[list[int]]:
-    """The wanted of these numbers, a few hundred at a time, robot by robot, so that the cases of a block share programs.
+def blocks(numbers: Sequence[int], arguments: argparse.Namespace) -> list[tuple[str, list[int]]]:
+    """The wanted of these numbers, with their robot, a few hundred at a time, robot by robot: a block's cases share programs.
 
     Those in which one log is of another robot, so to say, come last: every rescue is tried on them.
     """
-    found: dict[tuple, list[int]] = {}
+    found: dict[tuple[int, bool, str], list[int]] = {}
     for number in numbers:
         family, condition = kind(number, arguments.seed)
         if arguments.family in (None, family) and (arguments.condition is None or arguments.condition in condition):
             found.setdefault((number // _CHUNK, condition in _HOPELESS, family), []).append(number)
-    return [sorted(found[key]) for key in sorted(found)]
+    return [(key[-1], sorted(found[key])) for key in sorted(found)]
 
 
-def in_turn(found: list[list[int]], part: int, parts: int) -> list[int]:
-    """The order of one of several processes: every so-many-th block, then the others' from the end, as far as left undone."""
-    own = [number for k, block in enumerate(found) if k % parts == part for number in block]
-    others = [number for k, block in enumerate(found) if k % parts != part for number in block]
+def in_turn(found: Sequence[tuple[str, list[int]]], part: int, parts: int) -> list[int]:
+    """The order of one of several processes: all cases of its own robots, whose programs it alone compiles then, and those of
+    the others' from the end, as far as left undone."""
+    sizes = Counter({family: 0 for family, _ in found})
+    for family, block in found:
+        sizes[family] += len(block)
+    loads = [0] * parts
+    owner = {}
+    for family, size in sorted(sizes.items(), key=lambda item: (-item[1], item[0])):
+        owner[family] = loads.index(min(loads))
+        loads[owner[family]] += size
+    own = [number for family, block in found if owner[family] == part for number in block]
+    others = [number for family, block in found if owner[family] != part for number in block]
     return own + others[::-1]
 
 
