@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import subprocess
 import time
 from collections import Counter
@@ -29,8 +30,8 @@ SEED = 10
 _CHUNK = 500
 """Cases that are done robot by robot before the next ones are begun."""
 
-_ASKED = 20
-"""Cases after which a process looks at what the others have done."""
+_ROW = r'^{"number": (\d+), .*"code": "([^"]*)"}$'
+"""A whole row: its number comes first and the code's version last."""
 _MAKING = ("__init__", "draw", "family", "judge", "robots")
 """Files of `benchmarks/cases` on which rows depend."""
 _HOPELESS = ("one log in other units", "swapped sign")
@@ -51,6 +52,12 @@ def rows_of(path: Path) -> list[dict]:
             continue
         rows[row["number"]] = row
     return [rows[number] for number in sorted(rows)]
+
+
+def done_by(path: Path, code: str) -> set[int]:
+    """Numbers of the cases that this version of the code has run, so far, in any process."""
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    return {int(number) for number, version in re.findall(_ROW, text, re.MULTILINE) if version == code}
 
 
 def append(path: Path, row: dict) -> None:
@@ -139,17 +146,13 @@ def main() -> None:
         return
     count, begin, code = Counter(), time.perf_counter(), code_version()
 
-    def done() -> set[int]:
-        return {row["number"] for row in rows_of(arguments.out) if row.get("code") == code}
-
     part, parts = (int(word) for word in arguments.part.split("/"))
     numbers = arguments.numbers or range(arguments.first, arguments.first + arguments.cases)
-    first = done()
-    order, finished = in_turn(blocks([n for n in numbers if n not in first], arguments), part - 1, parts), first
-    for k, number in enumerate(order):
-        # Another process starts on these from the end.
-        finished = done() if parts > 1 and (k % _ASKED == 0 or k > len(order) // parts) else finished
-        if number in finished:
+    # Shared out before anything is left out, so that a process that begins again has the share that it had.
+    order = in_turn(blocks(numbers, arguments), part - 1, parts)
+    left = len(set(order) - done_by(arguments.out, code))
+    for number in order:
+        if number in done_by(arguments.out, code):
             continue
         try:
             case = draw(number, arguments.seed)
@@ -162,7 +165,7 @@ def main() -> None:
         print(
             f"{number} {row['family']}, {row['condition']}: {row['outcome']} {' '.join(row.get('why', []))} "
             f"[{row.get('fit_error', 0):.3g} {row.get('held_out_error', 0):.3g}] {row.get('seconds', 0):.2f} s, "
-            f"{sum(count.values())} of {len(order)} in {time.perf_counter() - begin:.0f} s",
+            f"{sum(count.values())} of {left} in {time.perf_counter() - begin:.0f} s",
             flush=True,
         )
     print(dict(count), f"{time.perf_counter() - begin:.0f} s")

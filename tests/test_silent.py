@@ -6,7 +6,7 @@ import json
 import pytest
 
 from benchmarks.cases.judge import errors, run, verdict
-from benchmarks.silent import SEED, append, blocks, estimate, in_turn, rows_of
+from benchmarks.silent import SEED, append, blocks, done_by, estimate, in_turn, rows_of
 from jaxid import simulate
 from jaxid.simulation.simulate import integrator_for
 
@@ -59,5 +59,6 @@ def test_a_row_that_was_cut_short_costs_that_row_alone_and_the_last_one_counts(t
     with path.open("a") as file:
         file.write('{"number": 3, "code"')
     append(path, {"number": 2, "code": "new"})
+    assert done_by(path, "new") == done_by(path, "old") == {2} and done_by(path, "other") == set()
     assert rows_of(path) == [{"number": 1, "fit_error": None}, {"number": 2, "code": "new"}]
     assert all(json.loads(line) for line in path.read_text().splitlines() if line.endswith("}"))
