@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs import LogSet
-from ..logs.noise import noise_scale, usual_size
+from ..logs.noise import usual_size
 from .confidence.validation import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .residual_tests import FALSE_ALARM, autocorrelation, relation, whiteness
@@ -25,7 +25,7 @@ POOR = 2.0
 """Root mean square of the residual, in units of the noise, from which a residual that follows the motion is poor."""
 FAR = 10.0
 """The same of any residual: no colour of a sensor's noise hides that much of it from its differences over four samples."""
-_ABOVE = 1.2
+ABOVE = 1.2
 """Normalised RMS that is worth a word."""
 _UNEXPLAINED = 0.5
 """Share of the motion's variance above which a fit that leaves it does not follow the logs."""
@@ -33,11 +33,11 @@ _INTEGRATION = 1e-4
 """Residual in units of the motion's standard deviation that may be the simulation's own error."""
 _FOLLOWS_LARGE = 0.05
 """The same where the residual is `POOR` in size and coloured: then a doubt is worth more than a false alarm is dear."""
-_NOTHING = 0.1
+NOTHING = 0.1
 """Residual in units of the noise that only logs without noise can have: rounding and integration, whatever it follows."""
 _WORSE = 1.02
 """Ratio of two residuals (RMS) above which the first is worse."""
-_FOLLOWS = 0.002
+FOLLOWS = 0.002
 """p value below which a residual follows the motion. Against slow noise the test rejects a few times too often."""
 LOST = (
     "Where a free simulation loses its way, short windows with initial states of their own (multiple shooting), the closed "
@@ -52,7 +52,7 @@ _WHITE = 1.12
 white: that of first-order noise is 1.17 for a correlation of 0.6 and 1.28 for 0.97."""
 _CERTAIN = 4.0
 """Standard errors by which neighbours must be related for that to be no chance."""
-_LEFT, _LEFT_IN_ONE = 0.7, 1.0
+LEFT, LEFT_IN_ONE = 0.7, 1.0
 """Slow part of a residual, in units of white noise, from which a fit is poor, of all logs and of one. It is not the sensor's,
 so that nothing says that the estimates stand; from here on it is too much of the residual to be passed over."""
 
@@ -90,7 +90,7 @@ def _wandering(parts: Sequence[Array]) -> bool:
     return bool(rho[1] > _SLOW and np.abs(changes[1:]).max() < rho[1])
 
 
-def _slow(parts: Sequence[Array], noise: float) -> tuple[float, float]:
+def slow_part(parts: Sequence[Array], noise: float) -> tuple[float, float]:
     """What is slow in a residual, root mean square in units of white noise: of all logs, and of the one that has most of it.
 
     Between neighbouring samples hardly anything slow changes, so that they differ by the sensor's noise alone. Zero where
@@ -125,7 +125,7 @@ def judge(
     - `noise`: standard deviation of each channel's noise, from the data alone (`noise_scale`).
     - `others`: what other parameters simulate, by words such as "its own start"; the fit must not be worse.
     """
-    noise = _with_integration(logs, noise)
+    noise = with_integration(logs, noise)
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
     lost = diverging(logs, simulated, noise)
     errors = [errors_of(log, y) for log, y in zip(logs, simulated, strict=True)]
@@ -149,7 +149,7 @@ def judge(
             )
     for words, other in (others or {}).items():
         rival = _pooled(logs, other, noise, [logs[k].name for k in kept])
-        if pooled > max(_ABOVE, _WORSE * rival):
+        if pooled > max(ABOVE, _WORSE * rival):
             failures.append(
                 f"The fit is worse than {words}: it leaves {_times(pooled)} times the noise, that {_times(rival)}."
             )
@@ -158,23 +158,23 @@ def judge(
     driving = drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
     follows = {}
     for c, own in parts.items():
-        if by_channel[c] < _NOTHING:
+        if by_channel[c] < NOTHING:
             continue
         there = [c in errors[k] for k in kept]
         mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in driving.items()}
         p, name = relation(own, mine)
         large = pooled > POOR and c in coloured
-        if p < (_FOLLOWS_LARGE if large else _FOLLOWS) / len(parts):
+        if p < (_FOLLOWS_LARGE if large else FOLLOWS) / len(parts):
             follows[c] = name
     sentences = list(failures)
-    if pooled > _ABOVE or failures:
+    if pooled > ABOVE or failures:
         sentences.append(f"The residual is {_times(pooled)} times the noise that the sensors show (RMS).")
     for c, name in follows.items():
         sentences.append(
             f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
         )
-    slow = {c: _slow(parts[c], noise[c]) for c in coloured if c not in follows}
-    slow = {c: sizes for c, sizes in slow.items() if sizes[0] > _LEFT or sizes[1] > _LEFT_IN_ONE}
+    slow = {c: slow_part(parts[c], noise[c]) for c in coloured if c not in follows}
+    slow = {c: sizes for c, sizes in slow.items() if sizes[0] > LEFT or sizes[1] > LEFT_IN_ONE}
     if slow:
         several = len(kept) > 1
         sizes = _listed([_times(every) + f" (on one log {_times(most)})" * several for every, most in slow.values()])
@@ -208,7 +208,7 @@ def judge(
     elif coloured or pooled > POOR:
         verdict = "coloured"
     better = LOST if failures and not lost else ""
-    if not better and any(_wandering(own) for c, own in parts.items() if c in coloured and by_channel[c] > _ABOVE):
+    if not better and any(_wandering(own) for c, own in parts.items() if c in coloured and by_channel[c] > ABOVE):
         better = (
             "The residual wanders as disturbances of the motion make it (floor, slip, gears), or slow noise of a sensor: if "
             "it is the motion, prediction error, which has noise of the process beside that of the sensors, fits it better; "
@@ -217,7 +217,7 @@ def judge(
     return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better)
 
 
-def _with_integration(logs: LogSet, noise: Mapping[str, float]) -> dict[str, float]:
+def with_integration(logs: LogSet, noise: Mapping[str, float]) -> dict[str, float]:
     """The noise, not below what a simulation's own error may be."""
     found = {}
     for name in logs.channels.measured:
@@ -235,59 +235,6 @@ def _pooled(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float]
             y = np.clip(np.nan_to_num(np.asarray(y), nan=_ENDLESS), -_ENDLESS, _ENDLESS)
             found += [error / noise[c] for c, error in errors_of(log, y).items()]
     return rms(np.concatenate(found))
-
-
-def _of_speeds(logs: LogSet, noise: Mapping[str, float]) -> dict[str, float]:
-    """The noise, and that of speeds which no log measures but a position stands for: of its central differences."""
-    found = dict(noise)
-    for name, position in logs.channels.substitutes.items():
-        own = [log for log in logs if np.isfinite(log.output(position)).any()]
-        if own and not any(np.isfinite(log.output(name)).any() for log in logs):
-            found[name] = noise[position] / (np.sqrt(2.0) * float(np.median([log.sampling_interval for log in own])))
-    return found
-
-
-def in_regressors(fit: Fit, logs: LogSet, noise: Mapping[str, float]) -> str:
-    """A sentence where noise in the regressors of a linear fit matters beside its standard errors, else nothing.
-
-    Noise of variance share r in a regressor makes its coefficient too small by about r (errors in variables).
-    """
-    shares = {}
-    for name in logs.channels.measured:
-        y = np.concatenate([log.output(name) for log in logs if name in counted_channels(log)] or [np.empty(0)])
-        if np.isfinite(y).any() and np.nanvar(y) > 0:
-            shares[name] = noise[name] ** 2 / float(np.nanvar(y))
-    errors = [e.std_error / abs(e.value) for e in fit.parameters.values() if e.status == "identified" and e.value]
-    if not shares or not errors or max(shares.values()) < min(errors):
-        return ""
-    worst = max(shares, key=lambda name: shares[name])
-    return (
-        f"The noise of {worst} is {100 * shares[worst]:.2g} % of its variance, and it is in the regressors: instrumental "
-        "variables and output error are not biased by it."
-    )
-
-
-def judged_equations(fit: Fit, logs: LogSet, *, errors_in_variables: bool = True) -> Fit:
-    """A linear fit with its judgement, by the scatter of its equations in units of the sensors' noise.
-
-    `Fit.noise` is that of the speeds that the equations predict over their stretches; what more there is than the sensors
-    show, the equations lack. Over whole logs the model may do worse: `compare` says so.
-    """
-    noise = _of_speeds(logs, _with_integration(logs, noise_scale(logs)))
-    by_channel = {name: level / noise[name] for name, level in fit.noise.items()}
-    pooled = rms(np.array(list(by_channel.values())))
-    sentences = []
-    if pooled > _ABOVE:
-        sentences.append(f"The equations are off by {_times(pooled)} times the noise that the sensors show (RMS).")
-    verdict: Verdict = "poor" if pooled > POOR else "coloured" if pooled > _ABOVE else "sound"
-    better = in_regressors(fit, logs, noise) if errors_in_variables else ""
-    if not better and pooled > _ABOVE:
-        better = (
-            "Output error tells by its residual what that is: missing from the model, coloured noise of a sensor, or a "
-            "disturbance of the motion, which prediction error fits better."
-        )
-    judgement = Judgement(verdict, pooled, by_channel, None, tuple(sentences), better)
-    return judged(replace(fit, standard_errors="scatter"), judgement)
 
 
 def judged(fit: Fit, judgement: Judgement) -> Fit:

@@ -1,6 +1,7 @@
 """What a fit's residual says about the fit: one word, plain sentences, and whether another estimator would suit it."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 Verdict = Literal["sound", "coloured", "poor", "failed"]
@@ -20,6 +21,8 @@ class Judgement:
     - `white`: whether the residual passed the test of whiteness; None where the method has none to test.
     - `sentences`: what was found, most important first; none for a sound fit.
     - `better`: a sentence that names an estimator which suits this noise better, empty if there is none.
+    - `biased`: parameters that noise in the regressors of a linear fit moves by more than half their standard error, with
+      how many standard errors it is.
     """
 
     verdict: Verdict
@@ -28,11 +31,14 @@ class Judgement:
     white: bool | None
     sentences: tuple[str, ...] = ()
     better: str = ""
+    biased: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:
         """All of it in one paragraph."""
-        if self.verdict == "sound":
+        if self.verdict == "sound" and self.biased:
+            text = f"Biased: {' '.join(self.sentences)}"
+        elif self.verdict == "sound":
             text = f"Sound: the residual is {self.normalised_rms:.2f} times the noise{' and white' * bool(self.white)}."
         else:
             text = f"{self.verdict.capitalize()}: {' '.join(self.sentences)}"
@@ -41,7 +47,7 @@ class Judgement:
     @property
     def trustworthy(self) -> bool:
         """Whether an identified parameter may be shown without a qualifier."""
-        return self.verdict in ("sound", "coloured")
+        return self.verdict in ("sound", "coloured") and not self.biased
 
     def doubted(self, sentence: str) -> "Judgement":
         """The same of a fit whose residual turned out to hold what `sentence` says: a poor one."""
@@ -60,4 +66,5 @@ class Judgement:
             "by_channel": dict(self.by_channel),
             "white": self.white,
             "better": self.better or None,
+            "biased": dict(self.biased) or None,
         }

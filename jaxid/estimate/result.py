@@ -175,7 +175,11 @@ class Fit:
     def status_of(self, name: str) -> str:
         """An estimate's status in words, with the qualifier that the judgement asks for."""
         status = self[name].status.replace("_", " ")
-        return f"{status}, of a poor model" if status == "identified" and not self.trustworthy else status
+        if status != "identified" or self.judgement is None or self.trustworthy:
+            return status
+        if self.judgement.verdict in ("poor", "failed"):
+            return f"{status}, of a poor model"
+        return f"{status}, biased by noise" if name in self.judgement.biased else status
 
     def _rows(self) -> list[tuple[str, str, str, str, str]]:
         rows = [("", "value", "std error", "unit", "status")]

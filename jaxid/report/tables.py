@@ -150,7 +150,10 @@ def _error(e: Estimate | None, known: float | None, sure: bool) -> Cell:
     return Cell(percent(100.0 * (e.value - known) / abs(known)), "bad" if far else "")
 
 
-DOUBT = "?: of a model that leaves more than noise, or whose residual follows the motion; it may be far off."
+DOUBT = (
+    "?: of a model that leaves more than noise, whose residual follows the motion, or that noise in its regressors biases; "
+    "it may be far off."
+)
 """What the mark behind an estimate of a doubtful model means."""
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, fit_fleet, integral_least_squares, output_error
+from jaxid import Axis, Log, LogSet, fit_fleet, instrumental_variables, integral_least_squares, output_error
 from jaxid.estimate.judge import judge, judged
 from jaxid.estimate.residual_tests import relation
 
@@ -133,6 +133,17 @@ def test_least_squares_says_when_noise_in_its_regressors_matters(axis_log):
     assert integral_least_squares(ROBOT, quiet).judgement.better == ""
     found = integral_least_squares(ROBOT, loud)
     assert "instrumental variables" in found.judgement.better and found.standard_errors == "scatter"
+
+
+@pytest.mark.parametrize("estimator", [integral_least_squares, instrumental_variables])
+def test_equations_are_judged_as_simulations_are(axis_log, estimator):
+    """White noise, coloured noise, and a friction that the model lacks."""
+    logs = [log(axis_log, 0.01 * coloured(memory, seed)) for memory, seed in ((0.0, 21), (0.7, 22))]
+    white, slow = (estimator(ROBOT, [own]).judgement for own in logs)
+    assert white.verdict == "sound" and white.white and white.trustworthy
+    assert slow.verdict != "sound" and slow.white is False and "Output error tells" in slow.better
+    blind = estimator(ROBOT.change("Fc", value=0.0, free=False), [logs[0]]).judgement
+    assert blind.verdict == "poor" and blind.white is False
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])

@@ -20,17 +20,17 @@ from ...logs import Log, LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.given import check_given
 from ...robots.robot import Robot
-from ...simulation.simulate import integrator_for, simulate
-from ..judge import judged_equations
 from ..result import Fit, Status
 from ..uncertainty import combinations
-from .integral_least_squares import integral_least_squares
+from .integral_least_squares import linear_estimate
+from .judge_equations import judged_equations, judged_instruments
 from .linear_steps import estimates_of, estimates_with, status_notes, with_estimate
 from .log_rows import gather, measured_speeds
 from .memory import memory
 from .refined_instruments import Instruments, refined_instruments
 from .regressors import check_linear
 from .score_covariance import score_covariance, stationary_covariance, widened
+from .simulated_motion import followed_simulation
 from .weighted_least_squares import USELESS, known_size, statuses, unseen_of
 
 Array = NDArray[np.float64]
@@ -198,13 +198,6 @@ def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Arra
     return _Solved(theta, covariance, np.where(bound, np.nan, errors), status, noise, relevance, weakest)
 
 
-def _simulated(robot: Robot, logs: LogSet) -> list[Array] | None:
-    outputs = simulate(robot, logs, integrator=integrator_for(robot, logs))
-    speeds = [np.nanmax(np.abs(log.outputs)) for log in logs]
-    fine = all(np.isfinite(y).all() and np.abs(y).max() <= 1e3 * most for y, most in zip(outputs, speeds, strict=True))
-    return outputs if fine else None
-
-
 def _followed(logs: LogSet, simulated: list[Array], moving: tuple[str, ...]) -> float:
     """Share of the measured speeds' squares that the simulation explains, of the worst speed that moves."""
     shares = []
@@ -216,6 +209,20 @@ def _followed(logs: LogSet, simulated: list[Array], moving: tuple[str, ...]) -> 
         if seen.any():
             shares.append(1.0 - float(error @ error) / float(measured[seen] @ measured[seen]))
     return max(min(shares, default=0.0), 0.0)
+
+
+def _errors(found: Instruments, theta: Array, speeds: tuple[str, ...]) -> dict[str, list[Array]]:
+    """What the equations of every speed leave, [T] of each log, NaN where there is none."""
+    columns = _without_starts(np.concatenate([found.regressors, found.targets[:, None]], axis=1), found)
+    residual = columns[:, -1] - columns[:, :-1] @ theta
+    parts = {}
+    for i, name in enumerate(speeds):
+        rows = found.equation == i
+        if rows.any():
+            values = np.full(len(found.logs), np.nan)
+            values[found.sample[rows]] = residual[rows]
+            parts[name] = [values[found.logs == number] for number in np.unique(found.logs)]
+    return parts
 
 
 @in_float64
@@ -242,7 +249,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
     if not names:
         raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
     if start is None:
-        start = integral_least_squares(robot, logs)  # checks the same
+        start = linear_estimate(robot, logs)[0]  # checks the same
     else:
         check_linear(robot, logs)
     speeds = measured_speeds(robot)
@@ -258,7 +265,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         # the end the same motion and the same intervals are used, or the passes never settle.
         same = found if passes > _CHOSEN else None
         if same is None:
-            simulated = _simulated(with_estimate(robot, names, theta), logs)
+            simulated = followed_simulation(with_estimate(robot, names, theta), logs)
         if simulated is None:
             reason = f"the simulation with the estimate of pass {passes - 1} diverges, so that it gives no instruments"
             break
@@ -323,4 +330,6 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         iterations=passes,
         notes=tuple(notes),
     )
-    return replace(judged_equations(fit, logs, errors_in_variables=False), standard_errors="robust")
+    if found is None or simulated is None:
+        return replace(judged_equations(fit, logs), standard_errors="robust")
+    return judged_instruments(fit, logs, _errors(found, solved.theta, speeds), simulated)

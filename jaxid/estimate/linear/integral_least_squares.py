@@ -16,12 +16,13 @@ from ...logs import Log, LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.given import check_given
 from ...robots.robot import Robot
-from ..judge import judged_equations
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
+from .judge_equations import judged_least_squares
 from .linear_steps import METHOD, STEPS, estimates_of, estimates_with, identify, notes_on, status_notes, with_estimate
 from .regressors import check_linear
 from .weighted_least_squares import USELESS, Solution
+from .window_equations import WindowEquations
 
 
 def _combinations(robot: Robot, names: tuple[str, ...], solution: Solution) -> dict[str, Estimate]:
@@ -37,14 +38,23 @@ def _combinations(robot: Robot, names: tuple[str, ...], solution: Solution) -> d
     return found
 
 
-def _identified(robot: Robot, logs: list[Log], window: int | None) -> Fit:
+@in_float64
+def linear_estimate(
+    robot: Robot, logs: Iterable[Log], window: int | None = None
+) -> tuple[Fit, Solution, WindowEquations]:
+    """Integral least squares without a judgement, which costs as much again: what other estimators start from."""
+    logs = list(logs)
+    if not logs:
+        raise LogError("There are no logs to identify from; give at least one.")
+    if not robot.parameters.free_names:
+        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
     check_linear(robot, logs)
     solution, equations, iterations, stands = identify(robot, logs, window)
     names = equations.names
     identified = with_estimate(robot, names, solution.theta)
     errors = solution.errors()
     found = estimates_with(robot, names, solution.theta, errors, solution.status)
-    return Fit(
+    fit = Fit(
         method=METHOD,
         robot=identified,
         parameters=estimates_of(identified, found),
@@ -59,6 +69,7 @@ def _identified(robot: Robot, logs: list[Log], window: int | None) -> Fit:
         iterations=iterations,
         notes=(*notes_on(robot, equations), *status_notes(names, solution.status, errors)),
     )
+    return fit, solution, equations
 
 
 @in_float64
@@ -81,15 +92,13 @@ def integral_least_squares(
     Status of a parameter: "not_identifiable" if it takes part in a direction that the equations do not see (one of such
     parameters stays at the table's value, none has a standard error), or if its standard error exceeds both its estimate
     and its table value (it is estimated with the others all the same, whose intervals so know of it); "at_bound" if
-    bounded least squares put it on a bound. Standard errors come from the scores' scatter in time (`score_covariance`).
+    bounded least squares put it on a bound. Standard errors come from the scores' scatter in time (`score_covariance`);
+    `Fit.judgement` says which parameters noise in the regressors moves by more than half of theirs (`regressor_noise`).
 
     Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
     one does not enter linearly.
     """
     check_given(robot, logs)
     logs = list(logs)
-    if not logs:
-        raise LogError("There are no logs to identify from; give at least one.")
-    if not robot.parameters.free_names:
-        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
-    return judged_equations(_identified(robot, logs, window), LogSet(logs))
+    fit, solution, equations = linear_estimate(robot, logs, window)
+    return judged_least_squares(fit, LogSet(logs), solution, equations)

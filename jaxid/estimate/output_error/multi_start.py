@@ -19,7 +19,7 @@ from ...parameters import ParameterError
 from ...robots.given import check_choice, check_given
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
-from ..linear.integral_least_squares import integral_least_squares
+from ..linear.integral_least_squares import linear_estimate
 from ..result import Fit
 from .fleet import fit_lanes
 from .magnitudes import magnitudes
@@ -108,7 +108,7 @@ def multi_start(
     factors = np.exp(rng.uniform(-1, 1, (starts, len(names))) * np.log(factor))
     theta = np.where(centre != 0, centre * factors, scale * factors * rng.choice([-1.0, 1.0], factors.shape))
     try:
-        linear = integral_least_squares(robot, logs).robot.parameters.numbers
+        linear = linear_estimate(robot, logs)[0].robot.parameters.numbers
         theta[0] = [linear[name] for name in names]
     except (ParameterError, LogError):
         pass

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
-from ..linear.integral_least_squares import integral_least_squares
+from ..linear.integral_least_squares import linear_estimate
 from ..result import Fit
 from .globalise import horizons_of, shortened
 from .optimum import Optimum
@@ -56,7 +56,7 @@ def one_astray(problem: Problem, optimum: Optimum) -> bool:
 def linear_start(robot: Robot, logs: LogSet, structure: Structure, problem: Problem) -> Float[Array, " n"] | None:
     """Coordinates of the integral least-squares estimate, or None where the robot or its logs have none."""
     try:
-        linear = integral_least_squares(robot, logs).robot.parameters.numbers
+        linear = linear_estimate(robot, logs)[0].robot.parameters.numbers
     except (ParameterError, LogError):
         return None
     return problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))

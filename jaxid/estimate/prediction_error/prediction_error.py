@@ -25,7 +25,7 @@ from ...robots.given import check_choice, check_given
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..judge import judge, judged
-from ..linear.integral_least_squares import integral_least_squares
+from ..linear.integral_least_squares import linear_estimate
 from ..output_error.setup import InitialStates, StartValues, start_values
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
@@ -63,7 +63,7 @@ def _candidates(robot: Robot, logs: LogSet, start: StartValues) -> list[dict[str
         return [start_values(robot, start)]
     found = [] if start is None else [start_values(robot, start)]
     try:
-        found.append(start_values(robot, integral_least_squares(robot, logs)))
+        found.append(start_values(robot, linear_estimate(robot, logs)[0]))
     except (ParameterError, LogError):
         pass
     return [*found, start_values(robot, None)]

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._float64 import in_float64
-from ...estimate.judge import judged_equations
+from ...estimate.linear.judge_equations import judged_equations
 from ...estimate.linear.linear_steps import estimates_of, identify, notes_on
 from ...estimate.result import Estimate, Fit
 from ...logs import Channels, Log, LogError, LogSet

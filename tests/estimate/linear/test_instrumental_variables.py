@@ -105,6 +105,15 @@ def test_least_squares_is_what_it_mends():
     bias = {key: values.mean(axis=0) / values.std(axis=0, ddof=1) for key, values in off.items()}
     assert np.all(np.abs(bias["ls"]) > 3.5 / np.sqrt(30))
     assert np.all(np.abs(bias["iv"]) < 3.5 / np.sqrt(30))
+    # It says so itself, by how much, and what to take instead.
+    said = [fit.judgement for fit in fits["ls"]]
+    assert np.mean([set(judgement.biased) == {"a", "b"} for judgement in said]) >= 0.9
+    assert all("instrumental variables" in j.better and not j.trustworthy for j in said if j.biased)
+    predicted = np.array([[fit.judgement.biased.get(n, 0.0) * fit[n].std_error for n in "ab"] for fit in fits["ls"]])
+    missed = np.abs(predicted.mean(axis=0) - off["ls"].mean(axis=0))
+    assert np.all(missed < 3.5 * off["ls"].std(axis=0) / np.sqrt(30))
+    assert fits["ls"][0].status_of("a") == "identified, biased by noise" and repr(fits["ls"][0]).startswith("Biased: ")
+    assert all(not fit.judgement.biased for fit in fits["iv"])
     assert 0.85 <= np.mean(np.abs(off["iv"]) <= 1.96 * errors)
 
 

@@ -1,0 +1,158 @@
+r"""What the sensors' noise does to integral least squares: how far it moves the estimate, and how its residual looks.
+
+Measured speeds stand in the regressors (errors in variables), and which intervals are used depends on them. The estimate's
+own motion is simulated, noise like the sensors' is added and, once more, its negative, and the equations are solved again:
+what the two estimates have in common is the bias (with what interpolation between samples gets wrong), all that is linear
+in the noise (the scatter) having gone: the parametric bootstrap with antithetic pairs (B. Efron and R. J. Tibshirani, An
+Introduction to the Bootstrap, 1993, chapters 10 and 23). Half their difference is what noise alone leaves in the residual.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from ...logs import Log, LogSet
+from ...robots.robot import Robot
+from ..residual_tests import autocorrelation
+from .window_equations import WindowEquations, window_equations
+
+Array = NDArray[np.float64]
+_PAIRS = 6
+_LAGS = 8
+_SLOWEST = 0.98
+"""Correlation of neighbouring samples of noise, beyond which stretches cannot tell it from a drift."""
+
+
+@dataclass(frozen=True)
+class Colour:
+    """First-order noise of one channel: standard deviation and correlation of neighbouring samples."""
+
+    size: float
+    memory: float = 0.0
+
+
+def _noisy(logs: LogSet, noise: Mapping[str, Colour], seed: int) -> Iterator[list[Log]]:
+    """The logs with noise added, and with its negative."""
+    random, drawn = np.random.default_rng(seed), []
+    for log in logs:
+        fresh = random.normal(size=log.outputs.shape)
+        for i, name in enumerate(log.channels.measured):
+            a = noise[name].memory
+            # Stationary from the first sample on.
+            fresh[1:, i] *= np.sqrt(1.0 - a * a)
+            fresh[:, i] = noise[name].size * np.asarray(lfilter([1.0], [1.0, -a], fresh[:, i]))
+        drawn.append(fresh)
+    for sign in (1.0, -1.0):
+        yield [replace(log, outputs=log.outputs + sign * own) for log, own in zip(logs, drawn, strict=True)]
+
+
+def _solution(equations: WindowEquations, noise: Array, free: NDArray[np.bool_], prior: Array) -> Array:
+    """Change [n] of the `free` parameters from the point that the residual `targets` are taken at."""
+    weight = 1.0 / noise[equations.equation]
+    F = np.concatenate([equations.regressors * weight[:, None], np.diag(prior)])[:, free]
+    scale = np.linalg.norm(F, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    found = np.zeros(len(free))
+    right = np.append(equations.targets * weight, np.zeros(len(prior)))
+    found[free] = np.linalg.lstsq(F / scale, right, rcond=None)[0] / scale
+    return found
+
+
+def series(equations: WindowEquations, kind: int) -> list[Array]:
+    """Residual of one speed's equations (the `targets` of equations about an estimate) by log [T], NaN where there is
+    none."""
+    values = np.full(len(equations.logs), np.nan)
+    rows = equations.equation == kind
+    values[equations.sample[rows]] = equations.targets[rows]
+    return [values[equations.logs == number] for number in np.unique(equations.logs)]
+
+
+@dataclass(frozen=True)
+class NoiseResponse:
+    """`bias` [n]: how far noise moves the estimate, known to `known` [n] (standard errors of the mean over the pairs).
+
+    `residuals`: by pair and speed what noise leaves of each log [T].
+    """
+
+    bias: Array
+    known: Array
+    residuals: list[list[list[Array]]]
+
+
+def noise_response(
+    robot: Robot,
+    motion: LogSet,
+    window: int,
+    free: NDArray[np.bool_],
+    noise: Mapping[str, Colour],
+    weights: Array,
+) -> NoiseResponse | None:
+    """What `noise` by channel does to the estimate of `robot`'s equations over stretches of `window` samples.
+
+    `motion`: logs without noise, or with little. `free` [n]: parameters that were estimated, within their bounds;
+    `weights` [speeds]: standard deviation of each speed's equations, as the estimate was weighted. None where the motion
+    gives no equations.
+    """
+    table = [robot.parameters[name] for name in robot.parameters.free_names]
+    theta = np.array([p.value for p in table])
+    prior = np.array([1.0 / p.prior[1] if p.prior else 0.0 for p in table])
+
+    def equations(logs: Iterable[Log]) -> WindowEquations:
+        found = window_equations(robot, logs, "speed", window)
+        return replace(found, targets=found.targets - found.regressors @ theta)
+
+    def usable(found: WindowEquations) -> bool:
+        fine = bool(np.isfinite(found.regressors).all() and np.isfinite(found.targets).all())
+        return fine and len(found) > len(theta) and bool(found.regressors[:, free].any(axis=0).all())
+
+    moved, left = [], []
+    for seed in range(_PAIRS):
+        pair = [equations(own) for own in _noisy(motion, noise, seed)]
+        if not all(map(usable, pair)):
+            continue
+        moved.append(sum(_solution(own, weights, free, prior) for own in pair) / 2.0)
+        by_speed = [zip(*(series(own, i) for own in pair), strict=True) for i in range(len(weights))]
+        left.append([[(a - b) / 2.0 for a, b in logs] for logs in by_speed])
+    if len(moved) < 2:
+        return None
+    return NoiseResponse(np.mean(moved, axis=0), np.std(moved, axis=0, ddof=1) / np.sqrt(len(moved)), left)
+
+
+def whiteness_of(residual: list[Array], by_noise: list[list[Array]]) -> float:
+    """p value of the residual [T] of each log being what white noise leaves there.
+
+    Its autocorrelation is compared with that of what noise that is known to be white leaves: integrals over stretches
+    correlate it by themselves.
+    """
+    lags = min(_LAGS, max(len(part) for part in residual) - 1)
+    if sum(int(np.isfinite(part).sum()) for part in residual) < 3 * _LAGS:
+        return 1.0
+    rho, pairs = autocorrelation(residual, lags, mean=0.0)
+    others = [autocorrelation(own, lags, mean=0.0)[0] for own in by_noise if any(np.isfinite(p).any() for p in own)]
+    if not others:
+        return 1.0
+    expected = np.mean(others, axis=0)
+    used = np.flatnonzero(pairs[1:] > 2 * _LAGS) + 1
+    variance = (1.0 + 1.0 / len(others)) / pairs[used]
+    return float(chi2.sf(np.sum((rho[used] - expected[used]) ** 2 / variance), len(used)))
+
+
+def colour_of(residual: list[Array], window: int) -> Colour:
+    """First-order noise that leaves this residual [T] of each log in stretches of `window` samples, their means taken off."""
+    rho, _ = autocorrelation(residual, 1, mean=0.0)
+    square = float(np.nanmean(np.concatenate(residual) ** 2))
+    centre = np.eye(window) - 1.0 / window
+    best, size = np.inf, Colour(np.sqrt(square))
+    for memory in np.linspace(0.0, _SLOWEST, 50):
+        left = centre @ toeplitz(memory ** np.arange(window)) @ centre
+        variance = float(np.trace(left)) / window
+        neighbours = float(np.trace(left, offset=1)) / max(window - 1, 1)
+        if abs(neighbours / variance - rho[1]) < best:
+            best = abs(neighbours / variance - rho[1])
+            size = Colour(float(np.sqrt(square / variance)), float(memory))
+    return size
