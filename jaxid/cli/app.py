@@ -203,6 +203,29 @@ def explain(
 
 @app.command()
 @_one_line_errors
+def fleet(
+    robot: RobotArgument,
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="A folder of logs for every robot, or one log for each.")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for estimates.parquet and members.parquet.")
+    ],
+    model: Model = None,
+    mapping: Mapping = None,
+    loss: Annotated[
+        Literal["squares", "huber", "cauchy", "student_t"],
+        typer.Option("--loss", help="Squares, or one that outliers pull less."),
+    ] = "squares",
+) -> None:
+    """Fit many robots, each on its own logs, by output error in one batch."""
+    from .fleet import run_fleet
+
+    run_fleet(robot, folder, model, mapping, out, {"loss": loss})
+
+
+@app.command()
+@_one_line_errors
 def simulate(
     robot: RobotArgument,
     log: Annotated[str, typer.Option("--log", metavar="LOG", help="Log whose inputs drive the model.")],

@@ -1,0 +1,131 @@
+"""`jaxid fleet`: a folder of robots, each fitted on its own logs, in one batch; tables for programs, a summary for people."""
+
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..estimate.linear.integral_least_squares import integral_least_squares
+from ..estimate.output_error.fleet import fit_fleet
+from ..estimate.result import Fit
+from ..logs import LogError, LogSet, read_logs
+from ..parameters import ParameterError
+from ..report.fleet_files import ESTIMATES, MEMBERS, estimate_rows, member_row, write_tables
+from ..report.tables import Cell, Table, to_text
+from ..robots import Robot
+from .arguments import UnusableInput
+from .cache import keep_compiled_programs
+from .console import say, show, step
+from .fit import identifiable, prepare_folder
+
+BATCH = 256
+"""Members at a time: what is done is in the files, and memory stays bounded."""
+_ENDINGS = (".csv", ".parquet", ".pq")
+_SHOWN = 10
+
+
+def members_of(folder: Path) -> dict[str, list[Path]]:
+    """Logs by member: a member is a folder with logs, or, where there are none, a log. Raises `UnusableInput`."""
+    if not folder.is_dir():
+        raise UnusableInput(f"{folder} is no folder; give one with a folder of logs for every robot.")
+
+    def logs_in(place: Path) -> list[Path]:
+        return sorted(p for p in place.iterdir() if p.is_file() and p.suffix.lower() in _ENDINGS)
+
+    folders = {place.name: logs_in(place) for place in sorted(folder.iterdir()) if place.is_dir()}
+    found = {name: logs for name, logs in folders.items() if logs}
+    own = logs_in(folder)
+    if found and own:
+        raise UnusableInput(
+            f"{folder} has folders with logs and logs of its own, such as {own[0].name}; put each robot's into a folder."
+        )
+    if not (found or own):
+        raise UnusableInput(
+            f"{folder} holds no logs ({', '.join(_ENDINGS)}), nor does any folder in it; check the path."
+        )
+    return found or {path.stem: [path] for path in own}
+
+
+def _started(robot: Robot, logs: LogSet) -> Fit | None:
+    """The linear estimate, from which output error starts; None where there is none."""
+    try:
+        found = integral_least_squares(robot, logs)
+    except (ParameterError, LogError):
+        return None
+    return None if found.failed else found
+
+
+def _batch(
+    robot: Robot, files: Mapping[str, Sequence[Path]], mapping: Path | None, options: Mapping[str, Any]
+) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]], dict[str, Fit]]:
+    """Rows of both tables and the fits."""
+    logs: dict[str, LogSet] = {}
+    failed: dict[str, str] = {}
+    for name, paths in files.items():
+        try:
+            logs[name] = read_logs(paths, robot, mapping=mapping)
+        except LogError as error:
+            failed[name] = str(error)
+    fits: dict[str, Fit] = {}
+    if logs:
+        starts = {name: _started(robot, own) for name, own in logs.items()}
+        fleet = fit_fleet(robot, logs, start=starts, **options)
+        fits, failed = fleet.fits, failed | fleet.failed
+    estimates = [row for name, fit in fits.items() for row in estimate_rows(name, fit)]
+    members = [member_row(name, logs.get(name), fits.get(name), failed.get(name, "")) for name in files]
+    return estimates, members, fits
+
+
+def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> str:
+    """Spread of every parameter over the members whose fits are sound, and who is doubted or failed."""
+    failure = {row[0]: row[-1] for row in members if row[-1]}
+    doubted = [name for name, fit in fits.items() if not fit.trustworthy]
+    said = [f"{len(fits)} of {len(members)} members fitted; {len(doubted)} of these are to be doubted."]
+    rows = []
+    sound = [fit for fit in fits.values() if fit.trustworthy]
+    for name in next(iter(fits.values())).free_names if fits else ():
+        own = [fit[name] for fit in sound if fit[name].status == "identified"]
+        cells = [Cell(name), Cell(next(iter(fits.values()))[name].unit, "dim"), Cell(str(len(own)))]
+        if own:
+            low, middle, high = np.quantile([e.value for e in own], [0.05, 0.5, 0.95])
+            error = float(np.median([e.std_error for e in own]))
+            cells += [Cell(f"{x:.5g}") for x in (low, middle, high)] + [Cell(f"{error:.2g}")]
+        rows.append(tuple(cells + [Cell("")] * (7 - len(cells))))
+    notes = [f"{name}: {why}" for name, why in islice(failure.items(), _SHOWN)]
+    notes += [f"{name}: {fits[name].judgement.sentence}" for name in doubted[:_SHOWN] if fits[name].judgement]  # type: ignore[union-attr]
+    left = len(failure) + len(doubted) - len(notes)
+    notes += [f"{left} more in members.parquet."] if left > 0 else []
+    header = ("parameter", "unit", "sound fits", "5 %", "median", "95 %", "median std. error")
+    return to_text([Table("Parameters over the fleet", header, tuple(rows), tuple(notes))], said)
+
+
+def run_fleet(
+    spec: str, folder: Path, model: Path | None, mapping: Path | None, out: Path, options: Mapping[str, Any]
+) -> None:
+    """Write estimates.parquet and members.parquet to `out`, batch by batch, and print a summary.
+
+    A member whose logs cannot be read or fitted is named and does not touch the others. Raises `UnusableInput` where no
+    member could be fitted.
+    """
+    keep_compiled_programs()
+    prepare_folder(out)
+    files = members_of(folder)
+    first = [str(path) for path in next(iter(files.values()))]
+    robot = identifiable(spec, model, first, mapping)
+    say(f"{len(files)} members")
+    estimates: list[tuple[Any, ...]] = []
+    members: list[tuple[Any, ...]] = []
+    fits: dict[str, Fit] = {}
+    names = list(files)
+    for begin in range(0, len(names), BATCH):
+        some = names[begin : begin + BATCH]
+        with step(f"Members {begin + 1} to {begin + len(some)} of {len(names)}"):
+            more, became, found = _batch(robot, {name: files[name] for name in some}, mapping, options)
+        estimates, members, fits = estimates + more, members + became, fits | found
+        write_tables(out, {"estimates.parquet": (ESTIMATES, estimates), "members.parquet": (MEMBERS, members)})
+    show(_summary(fits, members))
+    say(f"{out}: estimates.parquet, members.parquet")
+    if not fits:
+        raise UnusableInput(f"No member could be fitted; the first: {members[0][-1]}")

@@ -1,0 +1,82 @@
+"""jaxid fleet: many robots from one folder; tables that hold every member, and one bad member that touches no other."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jaxid.cli import fleet as command
+
+MASSES = {"a": 1.0, "b": 2.0, "c": 4.0}
+FRICTION, NOISE, DT = 1.5, 0.005, 0.02
+
+
+def axis_log(path, mass, seed):
+    """A driven axis without dry friction, exact for each held input, with white noise on the speed."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-4.0, 4.0, 15), 20)
+    decay, v = np.exp(-FRICTION / mass * DT), np.zeros(len(u))
+    for k in range(len(u) - 1):
+        v[k + 1] = decay * v[k] + (1 - decay) * u[k] / FRICTION
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame({"t": np.arange(len(u)) * DT, "u": u, "v": v + rng.normal(0.0, NOISE, len(v))}).to_csv(
+        path, index=False
+    )
+
+
+@pytest.fixture
+def without_dry_friction(tmp_path):
+    path = tmp_path / "known.toml"
+    path.write_text("[parameters.offset]\nvalue = 0\nfree = false\n[parameters.Fc]\nvalue = 0\nfree = false\n")
+    return path
+
+
+@pytest.fixture
+def robots(tmp_path):
+    folder = tmp_path / "robots"
+    for k, (name, mass) in enumerate(MASSES.items()):
+        for seed in (0, 1):
+            axis_log(folder / name / f"run_{seed}.csv", mass, 10 * k + seed)
+    (folder / "broken").mkdir()
+    (folder / "broken/run.csv").write_text("t,u,v\n0,1\n")
+    (folder / "notes").mkdir()
+    (folder / "notes/readme.txt").write_text("no logs here")
+    return folder
+
+
+def test_every_member_has_its_own_fit_and_a_broken_one_is_named(
+    jaxid, robots, without_dry_friction, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(command, "BATCH", 3)  # two batches
+    out = tmp_path / "out"
+    status, said, remarks = jaxid("fleet", "axis", robots, "--model", without_dry_friction, "--out", out)
+    assert status == 0, remarks
+    members = pd.read_parquet(out / "members.parquet").set_index("member")
+    assert list(members.index) == ["a", "b", "broken", "c"]
+    assert "run.csv" in members.loc["broken", "failure"] and not members.loc["broken", "trustworthy"]
+    assert (members.loc[list(MASSES), "logs"] == 2).all() and (members.loc[list(MASSES), "samples"] == 600).all()
+    assert members.loc[list(MASSES), "trustworthy"].all() and (members.loc[list(MASSES), "failure"] == "").all()
+    estimates = pd.read_parquet(out / "estimates.parquet").set_index(["member", "parameter"])
+    for name, mass in MASSES.items():
+        found = estimates.loc[(name, "M")]
+        assert abs(found["value"] - mass) < 4 * found["std_error"] < 0.1 * mass
+        assert found["low"] < found["value"] < found["high"] and found["status"] == "identified"
+    assert "3 of 4 members fitted" in said and "broken" in said
+    assert np.median([*MASSES.values()]) == pytest.approx(float(said.split("M ")[1].split()[3]), rel=0.02)
+
+
+def test_a_folder_of_logs_is_a_member_a_log(jaxid, without_dry_friction, tmp_path):
+    for name, mass in MASSES.items():
+        axis_log(tmp_path / "logs" / f"{name}.csv", mass, 5)
+    out = tmp_path / "out"
+    status, _, remarks = jaxid("fleet", "axis", tmp_path / "logs", "--model", without_dry_friction, "--out", out)
+    assert status == 0, remarks
+    assert list(pd.read_parquet(out / "members.parquet")["member"]) == ["a", "b", "c"]
+
+
+def test_folders_that_hold_no_fleet_are_named_with_the_remedy(jaxid, robots, tmp_path):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    axis_log(robots / "loose.csv", 1.0, 3)
+    for folder, words in ((empty, "holds no logs"), (robots, "loose.csv"), (tmp_path / "nowhere", "no folder")):
+        status, _, remarks = jaxid("fleet", "axis", folder, "--out", tmp_path / "out")
+        assert status == 1 and str(folder) in remarks and words in remarks
