@@ -115,7 +115,12 @@ class Neglected(NamedTuple):
 
 
 def probed(robot: Robot, logs: LogSet) -> tuple[Robot, tuple[str, ...]]:
-    """The robot with everything in it that it may lack, at nothing, and the names of those parameters."""
+    """The robot with everything in it that it may lack, at nothing, and the names of those parameters.
+
+    Nothing for a plant in a closed loop, whose controller answers a missing force before it shows.
+    """
+    if robot.alone is not robot:
+        return robot, ()
     robot = replace(robot, scales=scales_of(robot, logs))
     own = robot.parameters
     if "force" not in robot.traits and robot.velocities:
