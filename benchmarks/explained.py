@@ -222,7 +222,7 @@ def main() -> None:
     cases = {name: CASES[name](arguments.data) for name in CASES if name in results}
     results = {name: results[name] for name in cases}
     summary = table(
-        ("set", "verdict", "named", "held-out error, times the noise", "gap closed"),
+        ("set", "verdict", "added", "held-out error, times the noise", "gap closed"),
         [
             (case.title, r["verdict"], ", ".join(e["id"] for e in r["effects"]) or "-",
              f"{r['before']:.1f} to {r['after']:.1f}", f"{100 * (r['before'] - r['after']) / (r['before'] - 1):.0f} %")
@@ -236,6 +236,7 @@ was cut into logs to fit and held-out logs, the plain robot fitted, and `jaxid.e
 to look for; beside the catalogue it was handed a user's own candidates for BAM (three of the authors' friction terms) and
 for Husky (two laws of resistance to turning). Most of these speeds were filtered before they were logged: their white noise
 is tiny, and errors in units of it are large. What counts is how far they fall, and what remains is reported as unexplained.
+Sets are run one at a time (`--sets`); what stands here of a set is from its last run.
 
 {summary}
 """

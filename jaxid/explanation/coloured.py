@@ -26,8 +26,7 @@ _MOST_ORDERS = 12
 _FEWEST = 20
 """Samples for every coefficient of an autoregression."""
 _SIMPLE = 2
-"""Order up to which an autoregression that leaves nothing is a sensor's filter. White noise on top of something slow, which
-disturbances of the motion make as well, takes many more."""
+"""Order up to which an autoregression that leaves nothing is a sensor's filter."""
 _LAGS = 20
 _FOLLOWS = 0.002
 """How often noise is taken to follow what drove the robot, all channels and tests together."""
@@ -59,6 +58,16 @@ class Colour:
     def order(self) -> int:
         """How many samples back it reaches."""
         return len(self.coefficients)
+
+    @property
+    def on_white(self) -> bool:
+        """Whether it looks like slow noise with white noise on top: its best prediction is then an average of the past."""
+        return self.order > 1 and all(c > 0 for c in self.coefficients)
+
+    @property
+    def memory(self) -> float:
+        """Its integral time scale in samples: of first-order noise about the time within which it falls to 37 %."""
+        return float(np.sum(self.correlations)) - 0.5
 
     @property
     def correlations(self) -> Array:
@@ -243,10 +252,10 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
         # One level for all logs, of which one may be noisier than the others.
         white = [own / max(usual_size(own), 1e-300) for own in white]
         short = colour.order <= _SIMPLE and _portmanteau(white, colour.order) > FALSE_ALARM
-        brief = _brief(parts, round(_FASTER * memory))
-        reach = -1.0 / np.log(np.clip(colour.correlation, 1e-3, 1.0 - 1e-9))
-        simple &= short or brief
-        faster &= brief or bool(short and reach < _FASTER * memory)
+        fast = colour.memory < _FASTER * memory
+        brief = fast and _brief(parts, round(_FASTER * memory))
+        simple &= (short or brief) and not colour.on_white
+        faster &= fast and not colour.on_white
     return OnlyColour(coloured, simple, faster)
 
 

@@ -135,6 +135,19 @@ def test_nothing_is_missing_where_only_the_sensors_noise_is_coloured(axis_law):
         assert found.to_dict()["colour"]["channels"]["v"]["order"] == found.colour.colours["v"].order
 
 
+def test_slow_noise_beside_white_noise_is_left_open_and_no_force_is_blamed(axis_law):
+    logs = []
+    for k in range(3):
+        rng = np.random.default_rng([4, k])
+        u = np.repeat(rng.uniform(-4, 4, SAMPLES // 20), 20)
+        v, _ = axis_law(u, DT)
+        y = v + 0.02 * rng.normal(size=SAMPLES) + 0.04 * first_order(0.96, SAMPLES, rng)
+        logs.append(Log.from_arrays(f"run {k}", DT * np.arange(SAMPLES), u[:, None], {"v": y}, AXIS))
+    found = explain(output_error(ROBOT, LogSet(logs[:2])), LogSet(logs[:2]), LogSet(logs[2:]))
+    assert found.verdict == "unexplained" and not found.effects and found.localisation is None
+    assert "follows nothing that drove the robot" in found.sentence and "at rest tells them apart" in found.sentence
+
+
 def test_coloured_noise_hides_no_effect(axis_law):
     logs, check = recorded(axis_law, 0.8, dead=0.4)
     found = explain(output_error(ROBOT, logs), logs, check)
