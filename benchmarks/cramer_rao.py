@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxid
+from jaxid.estimate.linear.integral_least_squares import linear_estimate
 from jaxid.estimate.output_error.fleet import Fitted, fit_lanes
 from jaxid.estimate.output_error.problem import Problem, Structure, Unknowns, linearise, simulate_all
 from jaxid.estimate.output_error.robust_covariance import robust_covariance
@@ -169,7 +170,7 @@ def linear_estimates(setting: Setting, measured: np.ndarray) -> dict[str, tuple[
             jaxid.Log.from_arrays(f"{e}", np.arange(len(u)) / setting.hertz, u, y[e, : len(u), :ny], robot.channels)
             for e, u in enumerate(runs)
         ]
-        fits["least_squares"].append(jaxid.integral_least_squares(robot, logs))
+        fits["least_squares"].append(linear_estimate(robot, logs)[0])
         start = fits["least_squares"][-1]
         fits["instrumental_variables"].append(jaxid.instrumental_variables(robot, logs, start))
     return {

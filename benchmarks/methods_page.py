@@ -7,15 +7,17 @@ import numpy as np
 
 _HEAD = """# Which method when?
 
-Written by `python -m benchmarks.methods`: {fits} realisations of every noise, two runs of 10 s at 50 Hz, simulated by
-Euler-Maruyama steps of half a millisecond (nothing of jaxid in it), and fitted by all four methods, which have the same
-result object and stand side by side in `jaxid.compare(...)` and `jaxid fit --method`.
+Written by `python -m benchmarks.methods` (`--only NAME --fits N` runs some cells): as many realisations of every noise as
+the table says, two runs of 10 s at 50 Hz, simulated by Euler-Maruyama steps of half a millisecond (nothing of jaxid in it),
+and fitted by all four methods, which have the same result object and stand side by side in `jaxid.compare(...)` and
+`jaxid fit --method`.
 
-**Bias**: worst parameter, in standard deviations of one fit ({fits} fits know it to ±{bias:.2f}). **Error**: root mean square,
-mean over the parameters, in units of the best method's. **Covers**: share of the 95 % intervals that hold the truth, all
-parameters, and the worst one. Judged are parameters at least four standard deviations from their bounds.
+**Bias**: worst parameter, in standard deviations of one fit ({fits} fits, the fewest here, know it to ±{bias:.2f}).
+**Error**: root mean square, mean over the parameters, in units of the best method's. **Covers**: share of the 95 % intervals
+that hold the truth, all parameters, and the worst one. Judged are parameters at least four standard deviations from their
+bounds.
 
-| robot | noise | method | bias | error | covers % | worst |
+| robot | noise, fits | method | bias | error | covers % | worst |
 | --- | --- | --- | --- | --- | --- | --- |
 """
 _NAMES = {
@@ -27,8 +29,8 @@ _NAMES = {
 _TAIL = """
 **What it says.** Where all noise is on the sensors, output error has the smallest error, and prediction error, which finds no
 disturbance then, says the same later. Integral least squares has {ls_error} times its error (stretches of half a second
-forget what the whole record says) and is biased by up to {ls} standard deviations, most where the noise of its regressors is
-coloured; instrumental variables have {iv_error} times its error and a bias of at most {iv}. Where the motion is
+forget what the whole record says) and is biased by up to {ls} standard deviations;
+instrumental variables have {iv_error} times its error and a bias of at most {iv}. Where the motion is
 disturbed, prediction error has the smallest error and the truest intervals; the others are {others} times as far off. Slow
 noise of a sensor is what prediction error takes for a disturbance: there it is up to {pe} times as far off as output
 error, which takes it for what it is.
@@ -75,7 +77,7 @@ def write_page(rows: list[dict], path: Path, missing: Sequence[str] = ()) -> Non
                 quiet[method].append(error)
             elif method != "prediction_error":
                 stirred.append(error)
-            where = (row["robot"], row["noise"]) if number == 0 else ("", "")
+            where = (row["robot"], f"{row['noise']}, {row['fits']}") if number == 0 else ("", "")
             text += f"| {where[0]} | {where[1]} | {_NAMES[method]} | {bias:.2f} | {error:.2f} "
             text += f"| {cover.mean():.1f} | {cover.min():.0f} |\n"
     if missing:
