@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from .._table import html_table, text_table
 from ..robots.robot import Robot
@@ -145,7 +145,7 @@ class Fit:
     parameters: dict[str, Estimate]
     combinations: dict[str, Estimate]
     free_names: tuple[str, ...]
-    covariance: NDArray[np.float64]
+    covariance: Float[np.ndarray, "n n"]
     noise: dict[str, float]
     converged: bool
     reason: str

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 from numpy.typing import ArrayLike, NDArray
 
 from .channels import Channels
@@ -87,9 +88,9 @@ class Log:
     """
 
     name: str
-    time: Array
-    inputs: Array
-    outputs: Array
+    time: Float[np.ndarray, " T"]
+    inputs: Float[np.ndarray, "T nu"]
+    outputs: Float[np.ndarray, "T ny"]
     channels: Channels
     extra: pd.DataFrame = field(default_factory=pd.DataFrame)
     source: str = ""
@@ -200,11 +201,11 @@ class Log:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
-    def input(self, name: str) -> Array:
+    def input(self, name: str) -> Float[np.ndarray, " T"]:
         """One input channel, `[T]`; raises `LogError` for an unknown name."""
         return self.inputs[:, self._index(name, self.channels.inputs, "input")]
 
-    def output(self, name: str) -> Array:
+    def output(self, name: str) -> Float[np.ndarray, " T"]:
         """One measured channel, `[T]`, NaN where not measured; raises `LogError` for an unknown name."""
         return self.outputs[:, self._index(name, self.channels.measured, "output")]
 

@@ -60,7 +60,7 @@ def _takes_friction(dynamics: Callable[..., Any]) -> bool:
 def _positions(robot: "Custom", numbers: tuple[tuple[str, float], ...]) -> tuple[tuple[str, str], ...]:
     """(velocity, the state whose derivative it is), as the dynamics show at three states without symmetry."""
     names, inputs, p = robot.state_names, robot.own_channels.inputs, dict(numbers)
-    friction = ({axis: 0.0 for axis, _ in robot.axes},) if robot.axes and _takes_friction(robot.dynamics) else ()
+    friction = ({axis: 0.0 for axis, _ in robot._axes},) if robot._axes and _takes_friction(robot.dynamics) else ()
     found = {(v, s) for v in robot.velocities for s in names if s != v}
     for probe in np.random.default_rng(1).uniform(0.1, 1.0, (3, len(names) + len(inputs))):
         state = dict(zip(names, probe.tolist(), strict=False))
@@ -107,7 +107,7 @@ class Custom(Robot):
     dry_friction: Mapping[str, tuple[str, str]] | tuple[tuple[str, str, str], ...] = ()
     start: Mapping[str, float] = field(default_factory=dict, hash=False, compare=False)
     title: str = "custom"
-    axes: tuple[tuple[str, DriveAxis], ...] = ()
+    axes: Mapping[str, DriveAxis] | tuple[tuple[str, DriveAxis], ...] = ()
     forces: Any = ()
     velocities: tuple[str, ...] = ()  # type: ignore[misc]
     turning: str = ""  # type: ignore[misc]
@@ -143,6 +143,12 @@ class Custom(Robot):
         object.__setattr__(self, "turning", turning if turning in self.velocities else "")
         self._check()
 
+    @property
+    def _axes(self) -> tuple[tuple[str, DriveAxis], ...]:
+        """`axes` as they are kept, whichever way they were given."""
+        assert isinstance(self.axes, tuple)
+        return self.axes
+
     def _moved(self, axes, forces) -> tuple[str, ...]:
         """The velocities where the user names none."""
         speeds = dict.fromkeys(axis.speed for _, axis in axes if isinstance(axis.speed, str))
@@ -155,7 +161,7 @@ class Custom(Robot):
         if self.output is None and not set(measured) <= set(self.state_names):
             missing = ", ".join(sorted(set(measured) - set(self.state_names)))
             raise ParameterError(f"outputs {missing} are not states; {_INSTEAD}")
-        for axis, own in self.axes:
+        for axis, own in self._axes:
             for level in (own.coulomb, own.viscous):
                 if (isinstance(own.speed, str) and own.speed not in self.state_names) or level not in (
                     None,
@@ -177,16 +183,16 @@ class Custom(Robot):
         for name in (*inertias, *supply, *freed, *(n for n in (self.mass, self.winding) if n)):
             if name not in self.table:
                 raise ParameterError(f"{name!r} is not a parameter; use one of {', '.join(self.table)}")
-        if self.axes and not _takes_friction(self.dynamics) and not self.forces:
+        if self._axes and not _takes_friction(self.dynamics) and not self.forces:
             raise ParameterError(
-                f"friction of {', '.join(axis for axis, _ in self.axes)} has no way into the dynamics; let them take a "
+                f"friction of {', '.join(axis for axis, _ in self._axes)} has no way into the dynamics; let them take a "
                 "fourth argument, the friction forces by axis name, or pass `forces=`"
             )
-        angles = tuple(own.angle for _, own in self.axes if own.angle)
+        angles = tuple(own.angle for _, own in self._axes if own.angle)
         for name in self.start:
             if name not in (*self.state_names, *angles, "x", "y", "theta"):
                 raise ParameterError(f"start: {name!r} is no state; the states are {', '.join(self.state_names)}")
-        rubbing = tuple(axis for axis, _ in self.axes)
+        rubbing = tuple(axis for axis, _ in self._axes)
         check_user_functions(
             UserFunctions(
                 self.dynamics,
@@ -214,9 +220,9 @@ class Custom(Robot):
 
     @property
     def stages(self) -> frozenset[str]:  # type: ignore[override]
-        driven = [axis for _, axis in self.axes if axis.driven]
-        found = {"dry"} if self.axes else set()
-        found |= {"viscous"} if any(axis.viscous for _, axis in self.axes) else set()
+        driven = [axis for _, axis in self._axes if axis.driven]
+        found = {"dry"} if self._axes else set()
+        found |= {"viscous"} if any(axis.viscous for _, axis in self._axes) else set()
         found |= {"torque"} if driven and all(axis.torque is not None for axis in driven) else set()
         found |= {"force"} if self.forces and self.velocities else set()
         found |= {"supply"} if self.motor_currents is not None else set()
@@ -224,15 +230,15 @@ class Custom(Robot):
 
     @property
     def drive_axes(self) -> tuple[int, ...]:  # type: ignore[override]
-        return tuple(i for i, (_, axis) in enumerate(self.axes) if axis.driven)
+        return tuple(i for i, (_, axis) in enumerate(self._axes) if axis.driven)
 
     @property
     def axis_words(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(self.axes[i][0] for i in self.drive_axes)
+        return tuple(self._axes[i][0] for i in self.drive_axes)
 
     @property
     def angles(self) -> tuple[str, ...]:  # type: ignore[override]
-        found = tuple(self.axes[i][1].angle for i in self.drive_axes)
+        found = tuple(self._axes[i][1].angle for i in self.drive_axes)
         return tuple(name for name in found if name) if all(found) else ()
 
     @property
@@ -253,7 +259,7 @@ class Custom(Robot):
 
     @property
     def friction_unit(self) -> str:  # type: ignore[override]
-        return self._unit_of(tuple(self.axes[i][1].coulomb for i in self.drive_axes), "N")
+        return self._unit_of(tuple(self._axes[i][1].coulomb for i in self.drive_axes), "N")
 
     @property
     def torque_unit(self) -> str:  # type: ignore[override]
@@ -295,28 +301,28 @@ class Custom(Robot):
         if "torque" not in self.stages:
             return ()
         given, own = self._inputs(volts), self._own(state)
-        found = (self.axes[i][1].torque for i in self.drive_axes)
+        found = (self._axes[i][1].torque for i in self.drive_axes)
         return tuple(torque(own, given, p) for torque in found if torque is not None)
 
     def rubbing(self, state: State, p: Numbers) -> Scalars:
-        return tuple(state[a.speed] if isinstance(a.speed, str) else a.speed(state, p) for _, a in self.axes)
+        return tuple(state[a.speed] if isinstance(a.speed, str) else a.speed(state, p) for _, a in self._axes)
 
     def own_coulomb(self, state: State, p: Numbers) -> Levels:
-        return tuple((p[a.coulomb], p[a.coulomb]) if a.coulomb else (0.0, 0.0) for _, a in self.axes)
+        return tuple((p[a.coulomb], p[a.coulomb]) if a.coulomb else (0.0, 0.0) for _, a in self._axes)
 
     def own_viscous(self, speeds: Scalars, state: State, p: Numbers) -> Scalars:
         """Viscous resistance as the user names it; what effects change of it is all that `motion` uses."""
         if not self._acts("viscous"):
             return (0.0,) * len(speeds)
-        return tuple(p[a.viscous] * s if a.viscous else 0.0 * s for (_, a), s in zip(self.axes, speeds, strict=True))
+        return tuple(p[a.viscous] * s if a.viscous else 0.0 * s for (_, a), s in zip(self._axes, speeds, strict=True))
 
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
-        if all(isinstance(axis.speed, str) for _, axis in self.axes):
-            return tuple(rates[axis.speed] for _, axis in self.axes if isinstance(axis.speed, str))
+        if all(isinstance(axis.speed, str) for _, axis in self._axes):
+            return tuple(rates[axis.speed] for _, axis in self._axes if isinstance(axis.speed, str))
         return super().rubbing_rates(state, rates, p)
 
     def rim_levers(self, p: Numbers) -> Scalars:
-        return tuple(p[axis.lever] if isinstance(axis.lever, str) else float(axis.lever) for _, axis in self.axes)
+        return tuple(p[axis.lever] if isinstance(axis.lever, str) else float(axis.lever) for _, axis in self._axes)
 
     def drive_forces(self, torques: Scalars, p: Numbers) -> Scalars:
         levers = self.rim_levers(p)
@@ -332,9 +338,9 @@ class Custom(Robot):
         for i, changed, own in zip(self.drive_axes, torques, self.gear((), volts, state, p), strict=False):
             friction[i] = friction[i] - (changed - own)
         own_state, given = self._own(state), self._inputs(volts)
-        if self.axes and _takes_friction(self.dynamics):
+        if self._axes and _takes_friction(self.dynamics):
             rates = dict(
-                self.dynamics(own_state, given, p, dict(zip([a for a, _ in self.axes], friction, strict=True)))
+                self.dynamics(own_state, given, p, dict(zip([a for a, _ in self._axes], friction, strict=True)))
             )
             pushed = self._acts("force")
         else:
@@ -349,7 +355,7 @@ class Custom(Robot):
     def _with_friction(self, forces: Scalars, friction: list[Scalar], state: State, p: Numbers) -> Scalars:
         """Generalised forces with the resisting torques of the axes, each by its lever on the velocities."""
         changed = list(forces)
-        for (_, axis), resisting in zip(self.axes, friction, strict=True):
+        for (_, axis), resisting in zip(self._axes, friction, strict=True):
             for k, name in enumerate(self.velocities):
                 if isinstance(axis.speed, str):
                     changed[k] = changed[k] - resisting if axis.speed == name else changed[k]

@@ -46,10 +46,10 @@ def simulate(
     robot: Robot,
     logs: LogSet,
     *,
-    start: Mapping[str, NDArray[np.float64]] | None = None,
+    start: Mapping[str, Float[np.ndarray, " E"]] | None = None,
     integrator: Integrator | None = None,
     prescribed: Mapping[str, Float[Array, "E T"]] = MappingProxyType({}),
-) -> list[NDArray[np.float64]]:
+) -> list[Float[np.ndarray, "_T ny"]]:
     """Simulated outputs of every log, [samples, channels.measured] each.
 
     `start` gives initial states per log ([E] by state name); by default they follow from the logs (`initial_states`).

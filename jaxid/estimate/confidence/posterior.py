@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from ..._compile import compiled
 from ..._float64 import in_float64
@@ -41,7 +41,7 @@ class Posterior:
     worth, both by parameter; `divergences` counts steps at which the integrator failed.
     """
 
-    samples: dict[str, NDArray[np.float64]]
+    samples: dict[str, Float[np.ndarray, "chains draws"]]
     r_hat: dict[str, float]
     effective: dict[str, float]
     divergences: int

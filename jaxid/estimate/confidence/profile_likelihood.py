@@ -64,7 +64,7 @@ class Profile:
 
 @dataclass(frozen=True, repr=False)
 class Profiles:
-    """Profiles by parameter."""
+    """Profiles of a fit's free parameters, by symbol: their intervals, and what the data does not bound."""
 
     profiles: dict[str, Profile]
 

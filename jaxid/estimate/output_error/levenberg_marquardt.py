@@ -113,7 +113,7 @@ class BestDampingLevenbergMarquardt(eqx.Module):
 
     promise: float = _PROMISE
     noticeable: float = _NOTICEABLE
-    report: Callable[[Array], None] | None = None
+    report: Callable[[Float[Array, ""]], None] | None = None
 
     def minimise(
         self, structure: Structure, problem: Problem, start: Unknowns, max_steps: Int[Array, ""] | int

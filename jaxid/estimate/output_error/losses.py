@@ -1,6 +1,6 @@
 """Losses: how much a residual counts.
 
-`u` is a residual in units of its channel's robust standard deviation. A loss is told by its weight psi(u)/u and by the
+`u` is a residual in units of its channel's robust standard deviation. A loss is given by its weight psi(u)/u and by the
 slope of psi; `minimise_robustly` needs no more of it. A loss of your own is a subclass of `Loss`.
 """
 
@@ -15,7 +15,7 @@ Residuals = Float[NDArray, "*shape"]
 
 
 class Loss(eqx.Module):
-    """Base of all losses."""
+    """Base of all losses of a residual `u` (in robust standard deviations, any shape; numbers without a unit)."""
 
     @abstractmethod
     def weight(self, u: Residuals) -> Residuals:
