@@ -21,7 +21,8 @@ def drawn(number):
 
 
 @pytest.mark.parametrize(
-    ("number", "words"), [(282, "friction that rises towards standstill"), (208, "drag that grows with the square")]
+    ("number", "words"),
+    [(282, "friction that rises towards standstill"), (208, "drag that grows with the square"), (1372, "the speed")],
 )
 def test_a_hidden_force_that_hardly_shows_is_said(number, words):
     row = run(drawn(number), estimate)

@@ -35,6 +35,7 @@ _SHARES = (0.05, 0.2)
 """Speeds, in shares of the largest, below which friction may rise towards standstill."""
 _OWN = 1e-6
 """Share of a direction that must be its own, beside what parameters and initial states do."""
+_WHOLE = "whole_drag"
 _FEWEST = 30
 """Samples, less what is fitted to them, below which nothing is asked."""
 Array = NDArray[np.float64]
@@ -42,20 +43,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ConstantAndDrag(Effect):
-    """A constant force and one that grows with the speed's square, on every velocity."""
+    """A constant force and one that grows with the speed's square, on every velocity and against the whole translation."""
 
     id: ClassVar[str] = "neglected_force"
     where: ClassVar[str] = "body"
     formula: ClassVar[str] = "Q' = Q + constant - drag v |v|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        kinds = ("constant", "drag")
-        return {self.key(f"{kind}_{v}"): Parameter(0.0, free=True) for v in robot.velocities for kind in kinds}
+        names = [f"{kind}_{v}" for v in robot.velocities for kind in ("constant", "drag")]
+        names += [_WHOLE] if len(robot.translations) > 1 else []
+        return {self.key(name): Parameter(0.0, free=True) for name in names}
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        changed = []
+        changed, linear = [], robot.translations
+        # The small number keeps the derivative of the root finite at standstill.
+        speed = jnp.sqrt(sum(state[v] ** 2 for v in linear) + 1e-300) if len(linear) > 1 else 0.0
         for force, v in zip(forces, robot.velocities, strict=True):
             drag = p[self.key(f"drag_{v}")] * state[v] * jnp.abs(state[v])
+            drag = drag + p[self.key(_WHOLE)] * speed * state[v] if len(linear) > 1 and v in linear else drag
             changed.append(force + p[self.key(f"constant_{v}")] - drag)
         return tuple(changed)
 
@@ -153,6 +158,8 @@ _LOOK = Operation("neglected", _look_many, lambda both, logs, samples: tuple(x[:
 
 def _words(name: str) -> str:
     kind, _, of = name.partition(".")[2].partition("_")
+    if kind == "whole":
+        return "drag that grows with the square of the speed"
     if kind == "rise":
         return "friction that rises towards standstill"
     return f"a constant force on {of}" if kind == "constant" else f"drag that grows with the square of {of}"
