@@ -208,6 +208,7 @@ class Custom(Robot):
     # -- what it says about itself -------------------------------------------------------------------------------------
     @property
     def channels(self) -> Channels:  # type: ignore[override]
+        """The columns of its logs: `own_channels`."""
         return self.own_channels
 
     @property
@@ -243,6 +244,7 @@ class Custom(Robot):
 
     @property
     def positions(self) -> Mapping[str, str]:  # type: ignore[override]
+        """Velocity to the state whose derivative it is, as the dynamics show."""
         return dict(_positions(self.structure, tuple(self.parameters.numbers.items())))
 
     @property

@@ -92,6 +92,7 @@ class DifferentialDrive(Robot):
 
     @property
     def channels(self) -> Channels:  # type: ignore[override]
+        """The columns of its logs: of the body or of the wheels, as `measures` says."""
         return DIFFERENTIAL_WHEELS if self._wheels else DIFFERENTIAL
 
     @property
