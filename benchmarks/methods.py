@@ -122,6 +122,7 @@ def _said(fits: list[jaxid.Fit]) -> dict[str, float]:
     """Shares of the results that are not called sound, and that name a better estimator."""
     verdicts = [fit.judgement for fit in fits if fit.judgement is not None]
     return {
+        "biased": float(np.mean([bool(judgement.biased) for judgement in verdicts])),
         "not_sound": float(np.mean([judgement.verdict != "sound" for judgement in verdicts])),
         "name_prediction_error": float(np.mean(["prediction error" in j.better for j in verdicts])),
         "name_instruments_or_output_error": float(np.mean(["nstrumental variables" in j.better for j in verdicts])),

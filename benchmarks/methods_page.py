@@ -97,4 +97,12 @@ def write_page(rows: list[dict], path: Path, missing: Sequence[str] = ()) -> Non
             f"| {100 * said['integral_least_squares']['name_instruments_or_output_error']:.0f} "
             f"| {100 * said['output_error']['name_prediction_error']:.0f} | {100 * said['output_error']['not_sound']:.0f} |\n"
         )
+    old = [
+        f"{row['robot']}, {row['noise']}" for row in rows if "biased" not in row["methods"]["integral_least_squares"]
+    ]
+    if old:
+        text += (
+            "\nWhat least squares names is of earlier code, before it predicted its bias, in these cells, which have not been "
+            f"run again since: {'; '.join(old)}.\n"
+        )
     path.write_text(text + _END, encoding="utf-8")
