@@ -57,6 +57,10 @@ def pytest_collection_modifyitems(items):
         return next((k for k, part in enumerate(LONGEST) if part in item.nodeid), len(LONGEST))
 
     items.sort(key=turn)
+    if os.environ.get("JAXID_CHECK_ANNOTATIONS"):
+        for item in items:
+            if item.get_closest_marker("wrong_types"):
+                item.add_marker(pytest.mark.skip(reason="hands over wrong types on purpose"))
 
 
 @pytest.hookimpl(optionalhook=True)

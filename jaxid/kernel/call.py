@@ -200,8 +200,8 @@ def _differentiable(system: System):
 
 def rollout(
     system: System,
-    p: Sequence[Float[Array, ""]],
-    x: Sequence[Float[Array, ""]],
+    p: Sequence[Float[Array, ""] | float],
+    x: Sequence[Float[Array, ""] | float],
     u: Float[Array, "T R U"],
     dt: Float[Array, " T"],
     shares: Float[Array, " n"],

@@ -342,7 +342,7 @@ class Robot:
 
 
 def _one(lever: Scalar) -> bool:
-    return isinstance(lever, float) and lever == 1.0
+    return isinstance(lever, float) and bool(lever == 1.0)
 
 
 def parameter(

@@ -51,5 +51,10 @@ def test_linear_inputs_have_the_impulse_of_the_trapezium():
     dt = np.diff(log.time)
     np.testing.assert_allclose(np.cumsum(held.inputs[:-1, 0] * dt)[-1], np.trapezoid(log.inputs[:, 0], log.time))
     assert between_samples(LogSet([log]), "hold")[0] is log
+
+
+@pytest.mark.wrong_types
+def test_inputs_between_samples_are_held_or_linear():
+    log = _log("a", 50)
     with pytest.raises(ValueError, match="'hold' or 'linear'"):
         between_samples(LogSet([log]), "cubic")  # type: ignore[arg-type]

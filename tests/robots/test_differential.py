@@ -94,5 +94,9 @@ def test_columns_decide_what_it_measures():
     robot = DifferentialDrive()
     assert robot.for_columns(["t", "u_right", "u_left", "v", "w"]).measures == "body"
     assert robot.for_columns(["t", "u_right", "u_left", "v_right", "v_left"]).measures == "wheels"
+
+
+@pytest.mark.wrong_types
+def test_it_measures_body_or_wheels():
     with pytest.raises(ValueError, match="use 'body'"):
         DifferentialDrive(measures="gyro")  # type: ignore[arg-type]

@@ -59,7 +59,12 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("mistake", MISTAKES)
+WRONG_TYPES = ("plain numbers",)
+
+
+@pytest.mark.parametrize(
+    "mistake", [pytest.param(m, marks=[pytest.mark.wrong_types] * (m in WRONG_TYPES)) for m in MISTAKES]
+)
 def test_a_mistake_is_said_when_the_robot_is_made(mistake: str) -> None:
     dynamics, changes, message = MISTAKES[mistake]
     with pytest.raises(ParameterError, match=message):

@@ -85,8 +85,9 @@ def _lags(residual: Float[NDArray, "E T ny"]) -> int:
 def _by_lag(a: Float[NDArray, "E T *a"], b: Float[NDArray, "E T *b"], lag: int, subscripts: str) -> NDArray[np.float64]:
     """Sum over experiments and samples of products `lag` samples apart, both ways."""
     if lag == 0:
-        return np.einsum(subscripts, a, b)
-    return np.einsum(subscripts, a[:, lag:], b[:, :-lag]) + np.einsum(subscripts, a[:, :-lag], b[:, lag:])
+        return np.asarray(np.einsum(subscripts, a, b))
+    later, earlier = np.einsum(subscripts, a[:, lag:], b[:, :-lag]), np.einsum(subscripts, a[:, :-lag], b[:, lag:])
+    return np.asarray(later + earlier)
 
 
 def stationary(residual, jacobian, mask, inverse) -> NDArray[np.float64]:
