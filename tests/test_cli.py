@@ -67,7 +67,7 @@ def check_schema(document, robot, channels, checked):
     assert set(document) == {"robot", "methods"} and document["robot"] == robot
     assert list(document["methods"]) == ["integral_least_squares", "output_error"]
     for name, method in document["methods"].items():
-        keys = {"judgement", "standard_errors", "parameters", "combinations", "held_out"}
+        keys = {"judgement", "standard_errors", "parameters", "combinations", "check"}
         assert method["judgement"]["verdict"] in ("sound", "coloured", "poor", "failed")
         own = {"converged", "iterations", "logs", "clock_offsets", "outliers"} if name == "output_error" else set()
         assert set(method) == keys | own
@@ -80,10 +80,10 @@ def check_schema(document, robot, channels, checked):
             if entry["status"] == "fixed":
                 assert entry["std_error"] is None and entry["ci95"] == [None, None]
         if checked:
-            assert set(method["held_out"]) == {"normalised_rms", "fit_percent"}
-            assert set(method["held_out"]["fit_percent"]) == set(channels)
+            assert set(method["check"]) == {"normalised_rms", "fit_percent"}
+            assert set(method["check"]["fit_percent"]) == set(channels)
         else:
-            assert method["held_out"] is None
+            assert method["check"] is None
 
 
 def test_flags_take_many_values():
@@ -119,7 +119,7 @@ def test_from_fit_to_simulation(jaxid, axis_logs, tmp_path):
     document = json.loads((out / "fit.json").read_text())
     check_schema(document, "axis", ("v",), True)
     found = document["methods"]["output_error"]
-    assert found["converged"] and 0.8 < found["held_out"]["normalised_rms"] < 1.2
+    assert found["converged"] and 0.8 < found["check"]["normalised_rms"] < 1.2
     for name, value in AXIS.items():
         assert found["parameters"][name]["status"] == "identified"
         assert within(found["parameters"][name], value)
@@ -138,7 +138,7 @@ def test_from_fit_to_simulation(jaxid, axis_logs, tmp_path):
     assert list(table) == ["t", "u", "v", "q"]
     assert np.array_equal(table["t"], log.time) and np.array_equal(table["u"], log.input("u"))
     rms = float(np.sqrt(np.mean(((table["v"] - log.output("v")) / noise_level(log)["v"]) ** 2)))
-    assert rms == pytest.approx(found["held_out"]["normalised_rms"], rel=1e-9)
+    assert rms == pytest.approx(found["check"]["normalised_rms"], rel=1e-9)
 
 
 def test_axis_without_check(jaxid, axis_logs, tmp_path):

@@ -35,7 +35,7 @@ def test_from_logs_to_a_model_with_its_effect(jaxid, hidden_drag, explained, tmp
     assert set(fits) == {"integral_least_squares", "output_error"}
     assert fits["output_error"]["parameters"]["Fv"]["value"] == pytest.approx(explained.baseline["Fv"].value, rel=1e-6)
     # One noise and one judge in both files.
-    assert fits["output_error"]["held_out"]["normalised_rms"] == pytest.approx(document["gap"]["before"], rel=1e-9)
+    assert fits["output_error"]["check"]["normalised_rms"] == pytest.approx(document["gap"]["before"], rel=1e-9)
     page = (out / "report.html").read_text()
     assert page.startswith("<!doctype html>") and page.rstrip().endswith("</html>") and "quadratic drag" in page
     assert {"ranking.png", "before_after.png", "localisation.png"} <= {path.name for path in out.glob("*.png")}

@@ -35,7 +35,7 @@ def test_output_error_recovers_the_truth_from_far_starts(folder, name):
     for parameter, entry in free.items():
         assert entry["status"] == "identified"
         assert abs(entry["value"] - truth[parameter]) < 4 * entry["std_error"], parameter
-    assert found["converged"] and 0.9 < found["held_out"]["normalised_rms"] < 1.1
+    assert found["converged"] and 0.9 < found["check"]["normalised_rms"] < 1.1
     assert set(found["combinations"]) == ({"1/a11", "1/a22"} if name == "pioneer" else set())
     assert list((folder / name).glob("*.png")) and (folder / name / "report.html").exists()
 
@@ -56,7 +56,7 @@ def test_the_saved_pioneer_predicts_as_well_as_its_fit_says(folder, tmp_path, mo
         scaled += [(predicted[channel] - measured[channel]) / noise[channel] for channel in ("eta1", "eta2")]
     document = json.loads((folder / "pioneer" / "fit.json").read_text())
     rms = math.sqrt(np.mean(np.square(np.concatenate(scaled))))
-    assert rms == pytest.approx(document["methods"]["output_error"]["held_out"]["normalised_rms"], rel=1e-6)
+    assert rms == pytest.approx(document["methods"]["output_error"]["check"]["normalised_rms"], rel=1e-6)
 
 
 def test_pioneer_tables():

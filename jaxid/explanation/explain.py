@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from .._compile import seldom_collected
+from .._renamed import renamed
 from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit
@@ -145,6 +146,7 @@ def without_windows(fit: Fit, logs: LogSet, report: Callable[[str], None] = lamb
     return replace(free, notes=(*free.notes, _FREELY))
 
 
+@renamed(check="held_out")
 @seldom_collected()
 def explain(
     fit: Fit,

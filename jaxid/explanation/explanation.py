@@ -294,7 +294,7 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
             "held_out_before": evidence.before,
             "held_out_after": evidence.after,
             "chi_squared_gain_fit": evidence.fit_gain,
-            "chi_squared_gain_held_out": evidence.held_out_gain,
+            "chi_squared_gain_check": evidence.held_out_gain,
             "candidates_looked_at": evidence.looked_at,
             "candidates_refitted": evidence.refitted,
             "runner_up": evidence.runner_up,

@@ -16,6 +16,7 @@ import pandas as pd
 from jaxtyping import Float
 from numpy.typing import ArrayLike, NDArray
 
+from .._renamed import renamed
 from .channels import Channels
 from .finding import Finding, LogError
 
@@ -333,6 +334,7 @@ class LogSet(Sequence[Log]):
             raise LogError(f"There is no log number {key}; there are {len(self)}: {list(self.names)}.")
         return range(len(self))[key]
 
+    @renamed(check="held_out")
     def split(self, held_out: Sequence[str | int]) -> tuple["LogSet", "LogSet"]:
         """`(fit, held_out)`: the logs to identify from and those (by name or index) to judge the result on.
 

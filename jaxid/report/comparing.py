@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .._float64 import in_float64
+from .._renamed import renamed
 from ..estimate.confidence.prediction_spread import prediction_sentence
 from ..estimate.confidence.validation import validate
 from ..estimate.output_error.estimated_start import estimated_start
@@ -72,6 +73,7 @@ def _notes(fits: Mapping[str, Fit], held_out: LogSet, fit: LogSet | None) -> tup
     return tuple(notes)
 
 
+@renamed(check="held_out")
 @in_float64
 def compare(
     *fits: Fit, held_out: LogSet | Log, fit: LogSet | None = None, truth: Mapping[str, float] | None = None

@@ -32,8 +32,8 @@ def fit_document(
 ) -> dict[str, Any]:
     """What fit.json holds: every method's parameters, combinations and prediction of the held-out logs.
 
-    `validation` is by method, `ahead` by method and samples ahead; "held_out" is None for a method without (no logs were held
-    out). Raises `ValueError` for no fits.
+    `validation` is by method, `ahead` by method and samples ahead; "check", the name that other programs read it by, is None
+    for a method without (no logs were held out). Raises `ValueError` for no fits.
     """
     if not fits:
         raise ValueError("There are no fits to write; give at least one.")
@@ -44,13 +44,11 @@ def fit_document(
             "standard_errors": fit.standard_errors,
             "parameters": {name: estimate.to_dict() for name, estimate in fit.parameters.items()},
             "combinations": {name: estimate.to_dict() for name, estimate in fit.combinations.items()},
-            "held_out": _prediction((validation or {}).get(fit.method)),
+            "check": _prediction((validation or {}).get(fit.method)),
         }
         horizons = (ahead or {}).get(fit.method)
         if horizons is not None:
-            methods[fit.method]["held_out"] |= {
-                "samples_ahead": {str(k): v.normalised_rms for k, v in horizons.items()}
-            }
+            methods[fit.method]["check"] |= {"samples_ahead": {str(k): v.normalised_rms for k, v in horizons.items()}}
         if fit.disturbance is not None:
             methods[fit.method] |= {
                 "converged": fit.converged,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .._compile import compiled
 from .._float64 import in_float64
+from .._renamed import renamed
 from ..logs import LogSet
 from ..logs.noise import noise_scale
 from ..robots.given import check_given
@@ -41,6 +42,7 @@ def _simulate(robot: Robot, integrator: Integrator, numbers, start, inputs, dt, 
     return jax.vmap(lambda s, u, d, k: rollout(robot, numbers, s, u, d, integrator, k))(start, inputs, dt, prescribed)
 
 
+@renamed(driven="prescribed")
 @in_float64
 def simulate(
     robot: Robot,

@@ -1,0 +1,38 @@
+"""jaxid/_renamed.py: programs written for earlier names of arguments go on working, and hear of the new ones."""
+
+import pytest
+
+from jaxid import Axis, Log, LogSet, compare, explain, simulate
+from jaxid._renamed import renamed
+
+
+@pytest.fixture
+def logs():
+    robot = Axis()
+    return LogSet([Log.from_arrays(name, [0.0, 0.1, 0.2], [[0.0]] * 3, [[0.0]] * 3, robot) for name in "abc"])
+
+
+def test_logs_are_held_out_under_either_name(logs):
+    with pytest.warns(DeprecationWarning, match="held_out"):
+        fit, held_out = logs.split(check=["c"])
+    assert fit.names == ("a", "b") and held_out.names == ("c",)
+    with pytest.warns(DeprecationWarning, match="prescribed"):
+        old = simulate(Axis(), logs, driven={})
+    assert [y.shape for y in old] == [(3, 1)] * 3
+
+
+def test_public_functions_know_their_earlier_names(logs):
+    with pytest.warns(DeprecationWarning), pytest.raises(ValueError, match="nothing to compare"):
+        compare(check=logs)
+    with pytest.warns(DeprecationWarning), pytest.raises(TypeError, match="fit"):
+        explain(None, logs, check=logs)
+
+
+def test_both_names_at_once_are_refused():
+    @renamed(old="new")
+    def function(new):
+        return new
+
+    assert function(3) == function(new=3) == 3
+    with pytest.raises(TypeError, match="'old' and 'new'"):
+        function(old=1, new=2)
