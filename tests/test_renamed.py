@@ -2,7 +2,7 @@
 
 import pytest
 
-from jaxid import Axis, Log, LogSet, compare, explain, simulate
+from jaxid import Axis, Log, LogError, LogSet, compare, explain, simulate
 from jaxid._renamed import renamed
 
 
@@ -24,7 +24,7 @@ def test_logs_are_held_out_under_either_name(logs):
 def test_public_functions_know_their_earlier_names(logs):
     with pytest.warns(DeprecationWarning), pytest.raises(ValueError, match="nothing to compare"):
         compare(check=logs)
-    with pytest.warns(DeprecationWarning), pytest.raises(TypeError, match="fit"):
+    with pytest.warns(DeprecationWarning), pytest.raises(LogError, match="held-out"):
         explain(None, logs, check=logs)
 
 
