@@ -87,3 +87,13 @@ def signal(rng: Rng, n: int, kind: str, size: float, least: float) -> np.ndarray
         return np.where(np.arange(n) < 20, 0.0, least + rng.uniform(0.4, 1.0) * size)
     out = levels(rng, n, (8, 45), -1.0, 1.0)
     return np.sign(out) * (np.abs(out) * size + least * rng.uniform(0.5, 1.0))
+
+
+def between(rng: Rng, low: float, high: float) -> float:
+    """A number in [low, high], every magnitude as likely as the other."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def free(value: float, positive: bool = True) -> jaxid.Parameter:
+    """A free parameter as users write them."""
+    return jaxid.Parameter(value, free=True, lower=0.0 if positive else -np.inf)
