@@ -16,7 +16,7 @@ from ..logs import LogSet
 from ..logs.noise import usual_size
 from .confidence.validation import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
-from .residual_tests import FALSE_ALARM, autocorrelation, relation, whiteness
+from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
 from .result import Estimate, Fit
 
 Array = NDArray[np.float64]
@@ -44,6 +44,10 @@ LOST = (
     "loop, or prediction error can follow."
 )
 """What helps where a free simulation does not follow the logs."""
+_NO_NOISE = (
+    "The logs hold no noise: standard errors say only how well rounding and integration agree, and the truth may be many of "
+    "them away."
+)
 _ENDLESS = 1e100  # a number whose square is still one
 _SLOW = 0.6
 """Correlation of neighbouring residuals above which they wander rather than jitter."""
@@ -184,6 +188,21 @@ def judge(
             "that were not those, or disturbances."
         )
     alone = [c for c in coloured if c not in follows and c not in slow]
+    # So large that it is the sensor's only if it is as even as a sensor's noise.
+    limit = _FOLLOWS_LARGE / (2 * max(len(alone), 1))
+    bursty = [c for c in alone if pooled > POOR and min(bursts(parts[c]), uneven(parts[c])) < limit]
+    if bursty:
+        sentences.append(
+            f"What is left in {_listed(bursty)} comes in bursts or on one log more than on another, as no sensor's noise does: "
+            "the model lacks something, or inputs were not those that were logged."
+        )
+    few = [c for c in alone if c not in bursty and pooled > POOR and independent(parts[c]) < FEWEST]
+    if few:
+        sentences.append(
+            f"What is left in {_listed(few)} changes so slowly that these logs hold fewer than {FEWEST} independent samples of "
+            "it: nothing tells whether it is the sensor's or what the model lacks."
+        )
+    alone = [c for c in alone if c not in bursty and c not in few]
     if alone and pooled > FAR:
         sentences.append(
             f"The residual of {_listed(alone)} is not white, and too large for any colour of the sensor's noise: the model "
@@ -203,7 +222,7 @@ def judge(
     verdict: Verdict = "sound"
     if failures:
         verdict = "failed"
-    elif far or follows or slow:
+    elif far or follows or slow or bursty or few:
         verdict = "poor"
     elif coloured or pooled > POOR:
         verdict = "coloured"
@@ -244,6 +263,8 @@ def judged(fit: Fit, judgement: Judgement) -> Fit:
     """
     worth_a_note = judgement.verdict != "sound" or judgement.better
     notes = (judgement.sentence, *fit.notes) if worth_a_note else fit.notes
+    if judgement.normalised_rms < NOTHING:
+        notes = (*notes, _NO_NOISE)
     fit = replace(fit, judgement=judgement, notes=notes)
     if judgement.verdict != "failed":
         return fit

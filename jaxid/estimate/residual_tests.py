@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, signal, stats
 
+from ..logs.noise import usual_size
+
 Array = NDArray[np.float64]
 
 FALSE_ALARM = 0.01
@@ -19,7 +21,12 @@ LAGS = 25
 _ORDER = 10  # of the autoregression that whitens a residual before it is compared with the inputs
 _SMOOTHED = (0.0, 10.0, 40.0)  # samples over which drivers are smoothed: a robot's own lag is not known here
 _SHIFTS = 999
-_FEWEST = 30  # samples below which no test is made
+_CUT = 9.0  # squared innovations, in units of their variance, above which they count as outliers
+_DIFFERENCES = 2.31  # uncertainty of a variance by third differences, in that of independent samples (`heldout.py`)
+_STRETCH = 8  # samples
+_SLACK = 0.05  # ratio (its logarithm) of two levels of one noise that is no news
+FEWEST = 30
+"""Samples below which no test is made."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +123,7 @@ def whiteness(parts: Sequence[Array], channel: str = "the channel", lags: int = 
     """Ljung-Box test of the residual `parts` (one array a log) over `lags`."""
     name = "whiteness"
     samples = int(sum(np.isfinite(part).sum() for part in parts))
-    if samples < _FEWEST or _constant(np.concatenate(parts)):
+    if samples < FEWEST or _constant(np.concatenate(parts)):
         return _untested(name, f"{channel}: whiteness not tested, the residual has {samples} samples or is constant.")
     lags = min(lags, samples // 4, max(map(len, parts)) - 1)
     rho, _ = autocorrelation(parts, lags)
@@ -158,7 +165,7 @@ def cross_correlation(
     samples = int(sum(np.isfinite(part).sum() for part in parts))
     lags = min(lags, samples // 8)
     nothing = np.full(lags + 1, np.nan)
-    if samples < _FEWEST or _constant(np.concatenate(parts)):
+    if samples < FEWEST or _constant(np.concatenate(parts)):
         return _untested(
             title, f"{channel}: not compared with {name}, too few samples or a constant residual."
         ), nothing
@@ -226,7 +233,7 @@ def relation(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> 
         power += float(r @ r)
     size = np.sqrt(np.diag(gram))
     used = size > 1e-9 * size.max(initial=0.0)
-    if power == 0.0 or not used.any() or sum(map(len, parts)) < _FEWEST:
+    if power == 0.0 or not used.any() or sum(map(len, parts)) < FEWEST:
         return 1.0, ""
     values, vectors = np.linalg.eigh(gram[np.ix_(used, used)] / np.outer(size[used], size[used]))
     kept = values > 1e-6 * values.max()
@@ -248,6 +255,74 @@ def relation(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> 
     return p, np.array(names)[used][int(np.argmax(np.abs(products[0])))].item()
 
 
+def bursts(parts: Sequence[Array]) -> float:
+    """p value of a residual coming in bursts by chance: noise of any colour does not, errors of a model come where the motion
+    makes them.
+
+    Are the squares of its innovations (an autoregression taken off, those beyond three standard deviations cut off) related
+    (McLeod & Li 1983), or does a stretch of a few samples, which no single outlier makes, stand out from all others? Each
+    log's noise has a level of its own. 1 where there are too few samples.
+    """
+    samples = int(sum(np.isfinite(part).sum() for part in parts))
+    if samples < FEWEST or _constant(np.concatenate(parts)):
+        return 1.0
+    taps = _whitening(autocorrelation(parts, _ORDER)[0])
+    squares = []
+    for centred, part in zip(_centred(parts), parts, strict=True):
+        own = np.asarray(signal.lfilter(taps, 1.0, centred))[len(taps) - 1 :]
+        own = own[np.isfinite(part[len(taps) - 1 :])]
+        level = usual_size(own) if len(own) > 2 * _ORDER else 0.0
+        if level > 0.0:
+            cut = np.minimum((own / level) ** 2, _CUT)
+            squares.append(cut - cut.mean())
+    if sum(map(len, squares)) < FEWEST:
+        return 1.0
+    statistic, freedom = ljung_box(squares, min(LAGS, max(map(len, squares)) - 1), mean=0.0)
+    related = float(stats.chi2.sf(statistic, freedom))
+    return min(2.0 * related, 2.0 * _standing_out(parts), 1.0)
+
+
+def _standing_out(parts: Sequence[Array]) -> float:
+    """p value of the largest median over `_STRETCH` samples, among those of all logs."""
+    largest, count = 0.0, 0
+    for part in parts:
+        own = part[np.isfinite(part)]
+        medians = np.median(own[: len(own) // _STRETCH * _STRETCH].reshape(-1, _STRETCH), axis=1)
+        level = usual_size(medians) if len(medians) > 2 * _STRETCH else 0.0
+        if level > 0.0:
+            largest, count = max(largest, float(np.max(np.abs(medians))) / level), count + len(medians)
+    # The level is known from these medians alone.
+    return float(-np.expm1(count * np.log1p(-2.0 * stats.t.sf(largest, count / 3.0)))) if count else 1.0
+
+
+def independent(parts: Sequence[Array]) -> float:
+    """Independent samples that a coloured residual is worth: their number over 1 + 2 sum rho, up to where rho is no more than
+    noise."""
+    samples = float(sum(np.isfinite(part).sum() for part in parts))
+    rho, pairs = autocorrelation(parts, max(max(map(len, parts)) // 2, 1), mean=0.0)
+    past = np.flatnonzero(rho[1:] <= 2.0 / np.sqrt(np.maximum(pairs[1:], 1.0)))
+    last = int(past[0]) if len(past) else len(rho) - 1
+    return samples / (1.0 + 2.0 * float(rho[1 : last + 1].sum()))
+
+
+def uneven(parts: Sequence[Array]) -> float:
+    """p value of one log's residual being larger than another's by chance, each in units of its own differences: a sensor that
+    is noisier on one log is so in its differences, too; errors of a model are where the motion makes them. 1 for one log.
+
+    A variance of n samples of autocorrelation rho has 1 + 2 sum rho^2 times the uncertainty of independent ones.
+    """
+    parts = [part[np.isfinite(part)] for part in parts]
+    parts = [part for part in parts if len(part) > FEWEST]
+    if len(parts) < 2 or _constant(np.concatenate(parts)):
+        return 1.0
+    rho, _ = autocorrelation(parts, min(2 * LAGS, max(map(len, parts)) - 1), mean=0.0)
+    inflated = 1.0 + 2.0 * float(np.sum(rho[1:] ** 2))
+    sizes = np.array([np.log(usual_size(p) / max(usual_size(np.diff(p)), 1e-300)) for p in parts])
+    weight = np.array([2.0 * len(p) / (inflated + _DIFFERENCES) for p in parts])
+    apart = np.maximum(np.abs(sizes - np.average(sizes, weights=weight)) - _SLACK, 0.0)
+    return float(stats.chi2.sf(np.sum(weight * apart**2), len(parts) - 1))
+
+
 def _smoothed(values: Array, memory: float) -> Array:
     """First-order smoothing over `memory` samples, from rest at the first value."""
     if memory == 0:
@@ -259,7 +334,7 @@ def _smoothed(values: Array, memory: float) -> Array:
 def normality(values: Array, channel: str = "the channel") -> ResidualTest:
     """D'Agostino and Pearson's test of skewness and kurtosis (`scipy.stats.normaltest`) of `values` [N] but NaN."""
     values = values[np.isfinite(values)]
-    if len(values) < _FEWEST or _constant(values):
+    if len(values) < FEWEST or _constant(values):
         return _untested("normality", f"{channel}: normality not tested, {len(values)} samples or a constant residual.")
     statistic, p = (float(x) for x in stats.normaltest(values))
     if p >= FALSE_ALARM:

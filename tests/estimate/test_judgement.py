@@ -5,7 +5,7 @@ import pytest
 
 from jaxid import Axis, Log, LogSet, fit_fleet, instrumental_variables, integral_least_squares, output_error
 from jaxid.estimate.judge import judge, judged
-from jaxid.estimate.residual_tests import relation
+from jaxid.estimate.residual_tests import bursts, independent, relation, uneven
 
 SAMPLES = 500
 ROBOT = Axis().change("offset", free=False).with_values(M=1.0, Fv=2.0, Fc=0.5)
@@ -172,3 +172,58 @@ def test_every_result_shows_itself_on_one_screen_and_in_a_notebook(sound, axis_l
         assert len(text.splitlines()) <= 30 and max(map(len, text.splitlines())) <= 120
         assert "<table" in page and "Fv" in text and "Fv" in page
     assert "30 more in fits." in repr(results[1]) and "lost: it diverges" in results[1]._repr_html_()
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8, 0.95])
+def test_coloured_noise_comes_neither_in_bursts_nor_on_one_log_more_than_its_differences_say(memory):
+    found = []
+    for seed in range(0, 200, 2):
+        parts = [size * coloured(memory, seed + k, 400) for k, size in enumerate((1.0, 3.0))]
+        found.append((bursts(parts), uneven(parts)))
+    # Five standard deviations of a share of 2.5 % of 100.
+    assert np.all(np.mean(np.array(found) < 0.025, axis=0) <= 0.025 + 5 * np.sqrt(0.025 * 0.975 / 100))
+
+
+def test_errors_that_come_where_the_motion_makes_them_are_bursts():
+    active = np.where((np.arange(400) // 50) % 2, 1.0, 0.2)
+    parts = [active * coloured(0.9, seed, 400) for seed in (1, 2)]
+    assert bursts(parts) < 1e-4
+    # One stretch of twenty samples in two logs; single outliers are none.
+    quiet = [coloured(0.5, seed, 400) for seed in (3, 4)]
+    spiked = [quiet[0], quiet[1] + 6.0 * (np.arange(400) % 97 == 5)]
+    stretch = [quiet[0], quiet[1] + 8.0 * (np.abs(np.arange(400) - 200) < 10)]
+    assert bursts(stretch) < 1e-6 < 0.01 < bursts(spiked)
+
+
+def test_slow_errors_on_one_log_alone_are_not_the_sensors():
+    white = [0.1 * coloured(0.0, seed, 400) for seed in (5, 6)]
+    parts = [white[0] + 0.03 * coloured(0.9, 7, 400), white[1] + 3.0 * coloured(0.9, 8, 400)]
+    assert uneven([white[0], 5.0 * white[1]]) > 0.1
+    assert uneven(parts) < 0.01
+
+
+def test_a_large_residual_that_is_uneven_is_poor_and_an_even_one_may_be_the_sensors(axis_log):
+    logs = LogSet([log(axis_log, 0.01 * coloured(0.9, seed), name) for seed, name in ((1, "a"), (2, "b"))])
+    clean = [axis_log(name, INPUTS, position=False).outputs for name in "ab"]
+    noise = {"v": 0.0025, "q": 1.0}  # that by third differences
+    even = judge(logs, clean, noise)
+    assert even.verdict == "coloured" and even.normalised_rms > 2.0
+    bump = 0.08 * (np.abs(np.arange(SAMPLES) - 300) < 8)
+    other = LogSet([logs[0], Log.from_arrays("b", logs[1].time, logs[1].inputs, logs[1].output("v") + bump, "axis")])
+    uneven_fit = judge(other, clean, noise)
+    assert uneven_fit.verdict == "poor" and "bursts" in uneven_fit.sentence
+
+
+def test_a_large_residual_that_is_too_slow_to_be_tested_is_poor(axis_log):
+    noisy = LogSet([log(axis_log, 0.01 * coloured(0.995, seed), name) for seed, name in ((1, "a"), (2, "b"))])
+    clean = [axis_log(name, INPUTS, position=False).outputs for name in "ab"]
+    found = judge(noisy, clean, {"v": 0.002, "q": 1.0})
+    assert found.verdict == "poor" and 2.0 < found.normalised_rms < 10.0
+    # An autoregression of memory a is worth (1 - a) / (1 + a) of its samples.
+    parts = [coloured(0.8, seed, 20_000) for seed in (1, 2)]
+    assert independent(parts) == pytest.approx(40_000 / 9.0, rel=0.1)
+
+
+def test_logs_without_noise_are_said_to_have_none(axis_log):
+    fit = output_error(ROBOT, LogSet([log(axis_log, 0.0)]))
+    assert any("hold no noise" in note for note in fit.notes)
