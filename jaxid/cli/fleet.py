@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..estimate.linear.integral_least_squares import integral_least_squares
+from ..estimate.linear.integral_least_squares import linear_estimate
 from ..estimate.output_error.fleet import fit_fleet
 from ..estimate.result import Fit
 from ..logs import LogError, LogSet, read_logs
@@ -51,10 +51,9 @@ def members_of(folder: Path) -> dict[str, list[Path]]:
 def _started(robot: Robot, logs: LogSet) -> Fit | None:
     """The linear estimate, from which output error starts; None where there is none."""
     try:
-        found = integral_least_squares(robot, logs)
+        return linear_estimate(robot, logs)[0]
     except (ParameterError, LogError):
         return None
-    return None if found.failed else found
 
 
 def _batch(

@@ -14,8 +14,9 @@ class Judgement:
     - `verdict`: "sound": nothing but the sensors' noise is left. "coloured": neighbouring residuals are related, but not
       to the motion; if that is the sensor's doing the estimates stand, with standard errors made for it (above twice the
       noise the sentences say that this is open). "poor": the model leaves much more than the
-      noise, or what it leaves follows the motion, bears the mark of a force that is not in it, or is slow where the sensor's
-      noise is white; the estimates may carry a bias that no standard error shows. "failed": the
+      noise, or what it leaves follows the motion, bears the mark of a force that is not in it, is slow where the sensor's
+      noise is white, or is above twice the noise and comes in bursts, on one log more than on another, or too slowly to be
+      tested; the estimates may carry a bias that no standard error shows. "failed": the
       model does not follow the logs; its parameters mean nothing.
     - `normalised_rms`: RMS of the residual in units of the noise, all channels; `by_channel`.
     - `white`: whether the residual passed the test of whiteness; None where the method has none to test.

@@ -22,7 +22,7 @@ _ORDER = 10  # of the autoregression that whitens a residual before it is compar
 _SMOOTHED = (0.0, 10.0, 40.0)  # samples over which drivers are smoothed: a robot's own lag is not known here
 _SHIFTS = 999
 _CUT = 9.0  # squared innovations, in units of their variance, above which they count as outliers
-_DIFFERENCES = 2.31  # uncertainty of a variance by third differences, in that of independent samples (`heldout.py`)
+_DIFFERENCES = 1.5  # uncertainty of a variance by differences of white noise, which are related by -1/2
 _STRETCH = 8  # samples
 _SLACK = 0.05  # ratio (its logarithm) of two levels of one noise that is no news
 FEWEST = 30
@@ -259,18 +259,27 @@ def bursts(parts: Sequence[Array]) -> float:
     """p value of a residual coming in bursts by chance: noise of any colour does not, errors of a model come where the motion
     makes them.
 
-    Are the squares of its innovations (an autoregression taken off, those beyond three standard deviations cut off) related
-    (McLeod & Li 1983), or does a stretch of a few samples, which no single outlier makes, stand out from all others? Each
-    log's noise has a level of its own. 1 where there are too few samples.
+    Are the squares of its innovations (an autoregression taken off) related, or does a stretch of a few samples, which no
+    single outlier makes, stand out from all others? 1 where there are too few samples.
     """
     samples = int(sum(np.isfinite(part).sum() for part in parts))
     if samples < FEWEST or _constant(np.concatenate(parts)):
         return 1.0
     taps = _whitening(autocorrelation(parts, _ORDER)[0])
-    squares = []
+    white = []
     for centred, part in zip(_centred(parts), parts, strict=True):
         own = np.asarray(signal.lfilter(taps, 1.0, centred))[len(taps) - 1 :]
-        own = own[np.isfinite(part[len(taps) - 1 :])]
+        white.append(own[np.isfinite(part[len(taps) - 1 :])])
+    return min(2.0 * related_squares(white), 2.0 * _standing_out(parts), 1.0)
+
+
+def related_squares(innovations: Sequence[Array]) -> float:
+    """p value of the squares of innovations, `innovations` [T] of each log, being related by chance (McLeod & Li 1983).
+
+    Those beyond three standard deviations are cut off, and each log has a level of its own. 1 where there are too few samples.
+    """
+    squares = []
+    for own in innovations:
         level = usual_size(own) if len(own) > 2 * _ORDER else 0.0
         if level > 0.0:
             cut = np.minimum((own / level) ** 2, _CUT)
@@ -278,8 +287,7 @@ def bursts(parts: Sequence[Array]) -> float:
     if sum(map(len, squares)) < FEWEST:
         return 1.0
     statistic, freedom = ljung_box(squares, min(LAGS, max(map(len, squares)) - 1), mean=0.0)
-    related = float(stats.chi2.sf(statistic, freedom))
-    return min(2.0 * related, 2.0 * _standing_out(parts), 1.0)
+    return float(stats.chi2.sf(statistic, freedom))
 
 
 def _standing_out(parts: Sequence[Array]) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 
 from ..estimate.judge import FAR, drivers
-from ..estimate.residual_tests import cross_correlation, ljung_box, relation
+from ..estimate.residual_tests import cross_correlation, ljung_box, related_squares, relation
 from ..logs import LogSet
 from ..logs.noise import usual_size, white_level
 from .heldout import FALSE_ALARM, HeldOut
@@ -32,8 +32,6 @@ _FOLLOWS = 0.002
 """How often noise is taken to follow what drove the robot, all channels and tests together."""
 _SLACK = 0.05
 """Ratio (its logarithm) of two levels of one noise that a wrong autoregression may explain."""
-_CUT = 9.0
-"""Squared innovations, in units of their variance, above which they count as outliers."""
 _RESPONSE = 4096
 _SHORTEST, _BLOCK_LAGS = 8, 3
 """Samples of the shortest means that tell slow from fast, and the lags over which these are held to be white."""
@@ -217,13 +215,7 @@ def _even(colour: Colour, parts: Sequence[Array], white: Sequence[Array]) -> boo
     limit = float(stats.norm.isf(0.5 * _FOLLOWS / len(parts)))
     if any(abs(np.log(size)) > limit * error + _SLACK for size, error in zip(sizes, errors, strict=True)):
         return False
-    # McLeod & Li (1983): are the squares related? Those of outliers are cut off.
-    squares = []
-    for own in white:
-        level = usual_size(own)
-        own = np.minimum((own / level) ** 2, _CUT)
-        squares.append(own - own.mean())
-    return _portmanteau(squares, 0) > _FOLLOWS
+    return related_squares(white) > _FOLLOWS
 
 
 def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> OnlyColour | None:

@@ -2,8 +2,9 @@
 
 from .axis import Axis
 from .closed_loop import ClosedLoop, Controller, closed_loop
-from .custom import Custom, DriveAxis
+from .custom import Custom
 from .differential import DifferentialDrive
+from .drive_axis import DriveAxis
 from .effect import Effect, EffectError
 from .omni import Omni
 from .pioneer import Pioneer

@@ -38,6 +38,8 @@ class Balance(NamedTuple):
     [nv x free] and by the speeds [nv x nv]"""
     accelerations: Map
     """positions, speeds, inputs, zeros [axes] -> accelerations without dry friction [nv]"""
+    axes: int
+    """On which dry friction acts."""
     walk: Map
     """interval, inputs, speeds, the next sample's, bends, 1 at a log's first row, positions there; carrying positions -> them
     at the nodes [(2 substeps + 1) x nk]"""
@@ -182,6 +184,7 @@ def balance(
         sample=compiled_map(Mapped(graph, widths[3], [*P, *_flat(to.slopes(P, by)), *_flat(shares)])),
         force=compiled_map(Mapped(graph, widths[4], [*Q, *_flat(to.slopes(Q, by)), *_flat(to.slopes(Q, to.v))])),
         accelerations=compiled_map(Mapped(graph, widths[3], [to.rates[name] for name in names])),
+        axes=to.axes,
         walk=compiled_map(_walk(to, substeps)),
     )
 

@@ -116,7 +116,7 @@ class _Integrals:
 
     def _bends(self, places: Array) -> Array:
         """The input is held, so the speeds bend by what the model's acceleration changes over the interval."""
-        rows, still = self.rows, np.zeros(self.axes)
+        rows, still = self.rows, np.zeros(self.code.axes)
         if self.asked.form == "momentum":
             return np.zeros_like(rows.speeds)
         begin = self._at(self.code.accelerations, places[:, 0], rows.speeds, rows.inputs, still)
@@ -126,7 +126,6 @@ class _Integrals:
     def all(self, sliding: Array | None, prescribed: Array | None) -> tuple[Array, ...]:
         N, nk = len(self.rows.dt), len(self.asked.positions)
         places = self._places(np.zeros_like(self.rows.speeds))
-        self.axes = self._at(self.code.rubbing, places[:1, 0], self.rows.speeds[:1]).shape[-1]
         bends = self._bends(places)
         if self.asked.form == "speed":
             places = self._places(bends)
@@ -134,7 +133,7 @@ class _Integrals:
             own = np.broadcast_to(prescribed, (N, 2 * SUBSTEPS + 1, nk))
             places = np.where(np.isnan(own), places, own)
         if sliding is not None:
-            sliding = np.broadcast_to(sliding, (N, SUBSTEPS, self.axes))
+            sliding = np.broadcast_to(sliding, (N, SUBSTEPS, self.code.axes))
         parts = [self._block(part, places, bends, sliding) for part in _blocks(N)]
         results = [np.concatenate(column) for column in zip(*parts, strict=True)]
         if sliding is None:
@@ -144,7 +143,7 @@ class _Integrals:
     def _block(self, part: slice, places: Array, bends: Array, sliding: Array | None) -> tuple[Array, ...]:
         rows, code, nv, n = self.rows, self.code, len(self.asked.names), len(self.asked.free)
         place, bend, v, w = places[part], bends[part, None], rows.speeds[part, None], rows.ahead[part, None]
-        u, h, still = rows.inputs[part], rows.dt[part, None] / SUBSTEPS, np.zeros(self.axes)
+        u, h, still = rows.inputs[part], rows.dt[part, None] / SUBSTEPS, np.zeros(self.code.axes)
 
         def between(shares: Array) -> Array:
             """Speeds [rows, shares, nv]: a parabola through both samples."""
@@ -173,7 +172,7 @@ class _Integrals:
             h * force.sum(axis=1),
             h[:, :, None] * by_theta.sum(axis=1).reshape(len(P), nv, n),
             edges[:, 0],
-            friction.reshape(len(P), nv, self.axes),
+            friction.reshape(len(P), nv, self.code.axes),
             at_start,
             at_end,
             signs,

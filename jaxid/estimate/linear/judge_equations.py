@@ -29,14 +29,15 @@ _INNOCENT = "Take instrumental variables or output error, which it does not bias
 @dataclass(frozen=True)
 class Residual:
     """What equations leave of every speed that they predict: `parts` by name, [T] of each log, NaN where there is no
-    equation, with the p value of each being white."""
+    equation, with the p value of each being `white`, and what they may follow (`drivers`).
+
+    `whole`: whether the parts are the noise itself, slow or not; stretches lose what is slower than they are long.
+    """
 
     parts: Mapping[str, Sequence[Array]]
     white: Mapping[str, float]
     drivers: Mapping[str, Sequence[Array]]
-    whole: (
-        bool  # whether the parts are the noise itself, slow or not (stretches lose what is slower than they are long)
-    )
+    whole: bool
 
 
 def equation_noise(logs: LogSet) -> dict[str, float]:
@@ -165,8 +166,8 @@ def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, equations: 
     errors = np.where(solution.errors() > 0, solution.errors(), np.inf)
     bias, known = by_noise.bias / errors, by_noise.known / errors
     clear = (np.abs(bias) > BIASED) & (np.abs(bias) > _CLEAR * known)
-    told = np.array([status == "identified" for status in solution.status])
-    biased = {str(name): float(b) for name, b in zip(names[clear & told], bias[clear & told], strict=True)}
+    clear &= np.array([status == "identified" for status in solution.status])
+    biased = {str(name): float(b) for name, b in zip(names[clear], bias[clear], strict=True)}
     # The measured speeds share their noise with the residual.
     nothing = [np.zeros_like(log.outputs) for log in logs]
     driving = drivers(logs, nothing if simulated is None else simulated)
