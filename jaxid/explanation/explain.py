@@ -12,7 +12,7 @@ from ..logs import LogError, LogSet
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect
-from .explanation import Evidence, Explanation, NamedEffect, Verdict, effect_parameters
+from .explanation import Evidence, Explanation, NamedEffect, Verdict, differs_from_nothing, effect_parameters
 from .heldout import HeldOut
 from .localise import localise, without_place
 from .next_experiment import NextExperiment, propose
@@ -46,7 +46,7 @@ def _evidence(step: Step) -> Evidence:
     )
 
 
-def _named(found: Search, final: Fit) -> tuple[NamedEffect, ...]:
+def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
     """The added effects that are still in the final model, in the order of what they explained."""
     present = {effect.id: effect for effect in final.robot.effects}
     named = []
@@ -54,7 +54,10 @@ def _named(found: Search, final: Fit) -> tuple[NamedEffect, ...]:
         effect = present.get(step.chosen.id)
         if effect is not None:
             own = effect_parameters(effect.id, effect.frees(final.robot), final.parameters)
-            named.append(NamedEffect(effect.id, effect.where, effect.formula, own, step.equivalent, _evidence(step)))
+            sure = differs_from_nothing(effect, baseline, final)
+            named.append(
+                NamedEffect(effect.id, effect.where, effect.formula, own, step.equivalent, _evidence(step), sure)
+            )
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
 
 
@@ -71,7 +74,7 @@ def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: Held
         )
     for effect in named:
         if not effect.identified:
-            doubts.append(f"no parameter of {effect.title} is identified")
+            doubts.append(f"the errors of {effect.title} do not exclude that there is none")
     return tuple(doubts)
 
 
@@ -187,7 +190,7 @@ def explain(
     if found.steps and found.final:
         final = in_full(found.final, logs, after.noise)
         after = predicted(final.robot, held_out, after.noise)
-    named = _named(found, final)
+    named = _named(found, fit, final)
     doubts = _doubts(found, final, named, after)
     verdict = _verdict(found, named, most, doubts)
     localisation = None

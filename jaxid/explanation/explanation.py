@@ -2,14 +2,18 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from scipy import stats
 
 from .._json import plain, write_json
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
 from ..model_file import write_model
+from ..robots.effect import Effect
 from ..robots.robot import Robot
 from .coloured import OnlyColour
 from .heldout import HeldOut
@@ -17,7 +21,7 @@ from .next_experiment import NextExperiment
 from .search import Search
 
 _SIGNIFICANT = 2.0
-"""Standard errors by which an effect's parameter must differ from zero, which means that there is no such effect."""
+"""Standard errors by which an effect's strength must differ from none."""
 Verdict = Literal["named", "adequate", "ambiguous", "unexplained"]
 
 
@@ -42,7 +46,10 @@ class Evidence:
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """One effect that was added, with the ids this data cannot tell from it in `equivalent_to`."""
+    """One effect that was added, with the ids this data cannot tell from it in `equivalent_to`.
+
+    `identified`: whether the data says that it is there, by the errors of its strengths (`differs_from_nothing`).
+    """
 
     id: str
     where: str
@@ -50,17 +57,12 @@ class NamedEffect:
     parameters: dict[str, Estimate]
     equivalent_to: tuple[str, ...]
     evidence: Evidence
+    identified: bool = True
 
     @property
     def title(self) -> str:
         """The id as words."""
         return self.id.replace("_", " ")
-
-    @property
-    def identified(self) -> bool:
-        """Whether the data determines a parameter of the effect: one that was estimated, and is not zero by its errors."""
-        own = [e for e in self.parameters.values() if e.status == "identified"]
-        return any(abs(e.value) > _SIGNIFICANT * e.std_error for e in own)
 
     @property
     def sentence(self) -> str:
@@ -302,6 +304,37 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         },
         "sentence": effect.sentence,
     }
+
+
+def differs_from_nothing(effect: Effect, baseline: Fit, final: Fit) -> bool:
+    """Whether the errors of the effect's strengths exclude that there is no such effect.
+
+    Strengths are the parameters that begin at zero, at which there is no such effect, and those of the robot that it frees,
+    from the baseline's values; where or when an effect acts (a speed, a line, a period) says nothing. One strength may do,
+    even where the data bounds it from one side only, or several together by their covariance (Wald's test), as sine and
+    cosine of a ripple do whose phase is vague.
+    """
+    before, after = baseline.robot, final.robot
+    bare = replace(after, effects=tuple(other for other in after.effects if other.id != effect.id))
+    begin = {name: p.value for name, p in effect.parameters(bare).items()}
+    strengths = dict.fromkeys([name for name, value in begin.items() if value == 0.0] or begin, 0.0)
+    strengths |= {name: before.parameters[name].value for name in effect.frees(bare) if name in before.parameters}
+    off = {n: final[n].value - none for n, none in strengths.items() if n in final.free_names}
+    for name, distance in off.items():
+        estimate, none = final[name], final[name].value - distance
+        low, high = estimate.ci95
+        if estimate.status == "identified" and abs(distance) > _SIGNIFICANT * estimate.std_error:
+            return True
+        if estimate.status == "not_identifiable" and math.isinf(estimate.std_error) and (low > none or high < none):
+            return True
+    together = [n for n in off if final[n].status in ("identified", "not_identifiable")]
+    places = [final.free_names.index(n) for n in together]
+    covariance = np.asarray(final.covariance, float)[np.ix_(places, places)]
+    if len(together) < 2 or not np.isfinite(covariance).all() or np.linalg.matrix_rank(covariance) < len(together):
+        return False
+    step = np.array([off[n] for n in together])
+    p_value = stats.chi2.sf(float(step @ np.linalg.solve(covariance, step)), len(together))
+    return bool(p_value < 2.0 * stats.norm.sf(_SIGNIFICANT))
 
 
 def effect_parameters(identifier: str, frees: tuple[str, ...], found: Mapping[str, Estimate]) -> dict[str, Estimate]:

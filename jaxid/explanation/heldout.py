@@ -97,15 +97,9 @@ def held_out_state(
     angles = angles or {}
     noise = dict(noise or noise_scale(logs))
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
-    residuals = []
     start = estimated_start(robot, logs, noise, angles)
-    every = simulate(robot, logs, start=start, integrator=integrator_for(robot, logs), prescribed=angles)
-    for log, simulated in zip(logs, every, strict=True):
-        errors = errors_of(log, np.nan_to_num(simulated, nan=np.inf, posinf=np.inf, neginf=-np.inf))
-        scaled = np.full((len(log), len(channels)), np.nan)
-        for name, error in errors.items():
-            scaled[:, channels.index(name)] = np.clip(error / noise[name], -_FARTHEST, _FARTHEST)
-        residuals.append(scaled)
+    every = _simulated(robot, logs, start, angles)
+    residuals = _scaled(logs, every, {name: noise[name] for name in channels})
     pooled = np.concatenate(residuals)
     return HeldOut(
         normalised_rms=rms(pooled),
@@ -115,3 +109,35 @@ def held_out_state(
         p_white=whiteness(residuals),
         diverged=diverging(logs, every, noise),
     )
+
+
+def residuals_of(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    start: Mapping[str, NDArray[np.float64]],
+    angles: Angles | None = None,
+) -> list[NDArray[np.float64]]:
+    """Residuals of every log [T, channels] in units of the `noise`, whose channels they are of, from the initial states
+    `start` [E]."""
+    return _scaled(logs, _simulated(robot, logs, start, angles or {}), noise)
+
+
+def _simulated(
+    robot: Robot, logs: LogSet, start: Mapping[str, NDArray[np.float64]], angles: Angles
+) -> list[NDArray[np.float64]]:
+    return simulate(robot, logs, start=start, integrator=integrator_for(robot, logs), prescribed=angles)
+
+
+def _scaled(
+    logs: LogSet, every: Sequence[NDArray[np.float64]], noise: Mapping[str, float]
+) -> list[NDArray[np.float64]]:
+    """Simulated minus measured in units of the noise, NaN where nothing was measured."""
+    residuals, channels = [], list(noise)
+    for log, simulated in zip(logs, every, strict=True):
+        errors = errors_of(log, np.nan_to_num(simulated, nan=np.inf, posinf=np.inf, neginf=-np.inf))
+        scaled = np.full((len(log), len(channels)), np.nan)
+        for name, error in errors.items():
+            scaled[:, channels.index(name)] = np.clip(error / noise[name], -_FARTHEST, _FARTHEST)
+        residuals.append(scaled)
+    return residuals

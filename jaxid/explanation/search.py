@@ -1,9 +1,10 @@
 """Naming: refit the shortlist, rank by likelihood on all logs, go on until nothing but noise is left or nothing helps."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy import stats
 
 from ..effects import catalogue
 from ..estimate.output_error.estimated_start import estimated_start
@@ -12,8 +13,9 @@ from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulation.scaled import scaled_to, scales_of
-from .coloured import Colour, OnlyColour, colours_of, only_colour, whitened
-from .heldout import HeldOut, held_out_state
+from .coloured import OnlyColour, colours_of, only_colour
+from .heldout import FALSE_ALARM, HeldOut, held_out_state
+from .in_colour import generalised, in_colour
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
 
@@ -174,8 +176,13 @@ def _likelier(before: Trial, after: Trial, tried: int) -> bool:
 
 
 def _worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
-    """The same of whitened trials, whose chi-squared on the held-out logs, to which nothing was fitted, tells by itself."""
-    return _likelier(before, after, tried) and before.held_out.squares - after.held_out.squares > (2 * _SEPARATED) ** 2
+    """The same of whitened trials, whose chi-squared on the held-out logs, to which nothing was fitted, tells by itself.
+
+    Were there no such effect, what it changes there, of size D in whitened units, would cost D on average, with a standard
+    deviation of 2 sqrt(D). So a gain of g has at most the probability of sqrt(g) standard deviations, whatever D.
+    """
+    gained = before.held_out.squares - after.held_out.squares
+    return _likelier(before, after, tried) and gained > float(stats.norm.isf(FALSE_ALARM)) ** 2
 
 
 def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> list[tuple[HeldOut, LogSet]]:
@@ -189,10 +196,10 @@ def _colour(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float
     return only_colour(_states(trial, logs, held_out, noise), scales.time / scales.interval)
 
 
-def _whitened(trial: Trial, colours: Mapping[str, Colour], logs: LogSet, held_out: LogSet, noise) -> Trial:
-    """The trial with residuals and chi-squared whitened."""
-    (state, _), (fitted, _) = _states(trial, logs, held_out, noise)
-    return replace(trial, squares=whitened(fitted, colours).squares, held_out=whitened(state, colours))
+def _generalised(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
+    """The trial's model estimated anew for coloured noise such as it leaves, to be screened."""
+    colours = colours_of([state for state, _ in _states(trial, logs, held_out, noise)])
+    return replace(trial, robot=generalised(trial.robot, logs, noise, colours, trial.angles))
 
 
 def _ranked_in_colour(
@@ -204,10 +211,10 @@ def _ranked_in_colour(
     if best.held_out.adequate or _colour(best, logs, held_out, noise) is None:
         return None
     colours = colours_of([state for state, _ in _states(best, logs, held_out, noise)])
-    white = {trial.id: _whitened(trial, colours, logs, held_out, noise) for trial in trials}
+    white = {trial.id: in_colour(trial, colours, logs, held_out, noise) for trial in trials}
     ranked = sorted(trials, key=lambda trial: white[trial.id].score)
     ranked = [replace(trial, in_colour=white[trial.id].score) for trial in ranked]
-    before, after = _whitened(base, colours, logs, held_out, noise), white[ranked[0].id]
+    before, after = in_colour(base, colours, logs, held_out, noise), white[ranked[0].id]
     return ranked, _equivalent([white[trial.id] for trial in ranked]), _worth_in_colour(before, after, tried)
 
 
@@ -367,9 +374,10 @@ def search(
             break
         present = {effect.id for effect in current.robot.effects}
         remaining = [e.blurred for e in (*catalogue(current.robot), *effects) if e.id not in present]
-        screened = screen(current.robot, logs, remaining, noise, current.initial_states, current.angles)
+        shown = current if colour is None else _generalised(current, logs, held_out, noise)
+        screened = screen(shown.robot, logs, remaining, noise, shown.initial_states, shown.angles)
         first_look = first_look or tuple(screened)
-        if colour is not None and _explained_somewhere(current, remaining, screened, logs, held_out, noise):
+        if colour is not None and _explained_somewhere(shown, remaining, screened, logs, held_out, noise):
             colour = None
         if len(steps) >= most or colour is not None:
             break

@@ -7,8 +7,9 @@ import pytest
 from scipy import signal
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
-from jaxid.explanation.coloured import colour_of, only_colour, whitened
+from jaxid.explanation.coloured import Colour, colour_of, only_colour, whitened
 from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.in_colour import generalised
 
 SAMPLES, DT = 500, 0.02
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5, offset=0.0)
@@ -155,3 +156,35 @@ def test_coloured_noise_hides_no_effect(axis_law):
     own = found.effects[0].parameters["threshold"]
     assert own.value == pytest.approx(0.4, abs=4 * own.std_error)
     assert found.colour is not None and found.gap_closed == pytest.approx(1.0)
+
+
+@pytest.fixture(scope="module")
+def slow_noise(axis_law):
+    return recorded(axis_law, 0.95, seed=1)
+
+
+def test_generalised_least_squares_reaches_what_the_coloured_noise_allows(slow_noise, axis_law):
+    logs, _ = slow_noise
+    fit = output_error(ROBOT, logs)
+    colours = {"v": Colour((0.95,), np.sqrt(1 - 0.95**2), 0.95)}
+    found = generalised(fit.robot, logs, {"v": 0.02}, colours).parameters
+    names, truth = ("M", "Fv", "Fc"), (1.0, 2.0, 0.5)
+
+    def white(values):
+        speeds = [axis_law(log.inputs[:, 0], DT, **dict(zip(names, values, strict=True)))[0] for log in logs]
+        return np.concatenate([v[1:] - 0.95 * v[:-1] for v in speeds]) / (0.02 * np.sqrt(1 - 0.95**2))
+
+    # The Cramer-Rao bound of the true covariance, by the closed form's own differences.
+    steps = 1e-4 * np.eye(3)
+    jacobian = np.stack([(white(truth + step) - white(truth - step)) / 2e-4 for step in steps], axis=1)
+    bound = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    off = np.array([found[name].value for name in names]) - truth
+    assert np.all(np.abs(off) < 3.5 * bound)
+    before = np.array([fit[name].value for name in names]) - truth
+    assert np.max(np.abs(before) / bound) > 3.5  # output error weighs slow noise as if it were white
+
+
+def test_slow_noise_alone_is_explained_by_no_effect(slow_noise):
+    logs, check = slow_noise
+    found = explain(output_error(ROBOT, logs), logs, check)
+    assert found.verdict == "adequate" and found.colour.colours["v"].correlation == pytest.approx(0.95, abs=0.03)

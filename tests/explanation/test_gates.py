@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Custom, Log, LogError, LogSet, Parameter, compare, explain, output_error
+from jaxid.effects.catalogue import effect_by_id
 from jaxid.estimate.result import Estimate
 from jaxid.explanation.explain import MANY, _doubts, _verdict
-from jaxid.explanation.explanation import Evidence, NamedEffect
+from jaxid.explanation.explanation import Evidence, NamedEffect, differs_from_nothing
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.search import Search
 from jaxid.logs import Channels
@@ -64,10 +65,9 @@ def state(rms):
     return HeldOut(rms, {"v": rms}, (np.full((100, 1), rms),), {"v": 0.01}, 1e-9)
 
 
-def named(status, value=1.0, error=0.1):
-    own = {"size": Estimate.of(value, error, "N", status)}
+def named(sure=True):
     evidence = Evidence(0.0, 0.0, 0.0, 0.0, 1, 1, None, None)
-    return NamedEffect("quadratic_drag", "body", "", own, (), evidence)
+    return NamedEffect("quadratic_drag", "body", "", {}, (), evidence, sure)
 
 
 def verdict(fit, before, after, effect):
@@ -78,23 +78,66 @@ def verdict(fit, before, after, effect):
 
 def test_a_name_that_leaves_many_times_the_noise_is_not_given(heavy_tailed):
     _, fit, *_ = heavy_tailed
-    found, doubts = verdict(fit, 260_000.0, 1024.0, named("identified"))  # closes 99.6 % of the gap
+    found, doubts = verdict(fit, 260_000.0, 1024.0, named())  # closes 99.6 % of the gap
     assert found == "unexplained" and "1.02e+03 times the noise" in doubts[0]
-    assert verdict(fit, 10.0, 1.01, named("identified"))[0] == "named"
-    assert verdict(fit, 1000.0, MANY + 0.1, named("identified"))[0] == "unexplained"
+    assert verdict(fit, 10.0, 1.01, named())[0] == "named"
+    assert verdict(fit, 1000.0, MANY + 0.1, named())[0] == "unexplained"
 
 
-@pytest.mark.parametrize("effect", [named("not_identifiable"), named("at_bound"), named("identified", 0.1, 0.1)])
-def test_a_name_whose_parameter_is_not_identified_is_not_given(heavy_tailed, effect):
+def test_a_name_that_may_be_nothing_is_not_given(heavy_tailed):
     _, fit, *_ = heavy_tailed
-    found, doubts = verdict(fit, 10.0, 1.01, effect)
-    assert found == "unexplained" and "quadratic drag is identified" in doubts[0]
+    found, doubts = verdict(fit, 10.0, 1.01, named(sure=False))
+    assert found == "unexplained" and "errors of quadratic drag do not exclude that there is none" in doubts[0]
+
+
+def told(fit, identifier, estimates, correlation=0.0):
+    """Whether these estimates of an effect's parameters, by their short names, say that it is there."""
+    effect = effect_by_id(ROBOT, identifier)
+    own = {effect.key(name): estimate for name, estimate in estimates.items()}
+    errors = np.array([e.std_error if np.isfinite(e.std_error) else np.nan for e in own.values()])
+    covariance = np.outer(errors, errors) * (correlation + (1 - correlation) * np.eye(len(errors)))
+    final = replace(fit, robot=ROBOT + effect, parameters=own, free_names=tuple(own), covariance=covariance)
+    return differs_from_nothing(effect, fit, final)
+
+
+INFINITE = float("inf")
+FROM_ONE_SIDE = Estimate(0.3, INFINITE, (0.2, INFINITE), "N", "not_identifiable")
+
+
+@pytest.mark.parametrize(
+    ("estimate", "there"),
+    [
+        (Estimate.of(1.0, 0.1, "N", "identified"), True),
+        (Estimate.of(0.1, 0.1, "N", "identified"), False),
+        (Estimate.of(1.0, 0.1, "N", "not_identifiable"), False),
+        (Estimate.of(0.0, 0.1, "N", "at_bound"), False),
+        (FROM_ONE_SIDE, True),
+        (replace(FROM_ONE_SIDE, ci95=(0.0, INFINITE)), False),
+        (replace(FROM_ONE_SIDE, ci95=(-INFINITE, INFINITE)), False),
+    ],
+)
+def test_an_effect_is_there_if_its_strength_is_not_zero_by_its_errors(heavy_tailed, estimate, there):
+    _, fit, *_ = heavy_tailed
+    assert told(fit, "quadratic_drag", {"coefficient": estimate}) is there
+    # The speed says where friction rises; known or not, it does not say that it rises.
+    for speed in (Estimate.of(0.1, 0.01, "m/s", "identified"), replace(FROM_ONE_SIDE, unit="m/s")):
+        assert told(fit, "stribeck_friction", {"amplitude": estimate, "speed": speed}) is there
+
+
+def test_strengths_that_hang_together_tell_together(heavy_tailed):
+    _, fit, *_ = heavy_tailed
+    vague = Estimate.of(1.0, 1.0, "N", "identified")
+    other = replace(vague, value=-1.0)
+    periods = Estimate.of(14.0, 0.3, "1/m", "identified")
+    ripple = {"sine_q": vague, "cosine_q": other, "periods": periods}
+    assert not told(fit, "cogging_torque", ripple)
+    assert told(fit, "cogging_torque", ripple, correlation=0.95)  # their difference is known to a fifth
 
 
 def test_a_model_that_does_not_follow_its_own_logs_names_nothing(heavy_tailed):
     _, fit, *_ = heavy_tailed
     failed = replace(fit, judgement=replace(fit.judgement, verdict="failed", sentences=("It is far off.",)))
-    found, doubts = verdict(failed, 10.0, 1.01, named("identified"))
+    found, doubts = verdict(failed, 10.0, 1.01, named())
     assert found == "unexplained" and "It is far off" in doubts[0]
 
 
