@@ -237,7 +237,8 @@ def dead_reckoned(robot: Robot, log: Log, speeds: dict[str, Signal]) -> tuple[Si
 
 
 def _fastest(values: list[Signal]) -> Signal:
-    return np.quantile(np.abs(np.concatenate(values)), 0.95, axis=0)
+    """Of every column, or of the one signal (no axis)."""
+    return np.asarray(np.quantile(np.abs(np.concatenate(values)), 0.95, axis=0))
 
 
 def motions(robot: Robot, logs: LogSet) -> tuple[Motion, ...]:

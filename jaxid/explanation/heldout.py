@@ -63,7 +63,7 @@ class HeldOut:
         usual = usual_size(np.concatenate([r.ravel() for r in self.residuals]))
         known = 1.0 + _NOISE_UNKNOWN / np.sqrt(max(self.samples, 1))
         white = self.p_white > FALSE_ALARM and min(self.normalised_rms, usual) < known
-        return white or self.normalised_rms < _NEGLIGIBLE
+        return bool(white or self.normalised_rms < _NEGLIGIBLE)
 
     @property
     def gap(self) -> float:

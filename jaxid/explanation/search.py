@@ -172,7 +172,7 @@ def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
 def _likelier(before: Trial, after: Trial, tried: int) -> bool:
     """Whether an effect explains more of the fitted logs than chance does."""
     price = (after.free - before.free) * np.log(before.held_out.samples) + 2 * np.log(tried)
-    return before.squares - after.squares > price
+    return bool(before.squares - after.squares > price)
 
 
 def _worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:

@@ -114,8 +114,8 @@ def _equation(graph: Graph, equation: Any, inputs: Sequence[Values]) -> list[Val
         x = np.moveaxis(inputs[0], params["axes"], range(len(params["axes"])))
         rows = x.reshape(-1, *x.shape[len(params["axes"]) :])
         total = constants(graph, np.zeros(rows.shape[1:]))
-        for row in rows:
-            total = _each(graph.add, total, row)
+        for k in range(len(rows)):
+            total = _each(graph.add, total, rows[k, ...])
         return [total]
     if name == "dot_general":
         return [_contract(graph, equation, *inputs)]

@@ -12,7 +12,8 @@ from jaxid.estimate.result import Estimate
 from jaxid.explanation.explain import MANY, _doubts, _verdict
 from jaxid.explanation.explanation import Evidence, NamedEffect, differs_from_nothing
 from jaxid.explanation.heldout import HeldOut
-from jaxid.explanation.search import Search
+from jaxid.explanation.refit import Trial
+from jaxid.explanation.search import Search, Step
 from jaxid.logs import Channels
 from jaxid.report.files import fit_document
 
@@ -71,7 +72,8 @@ def named(sure=True):
 
 
 def verdict(fit, before, after, effect):
-    found = Search(state(before), state(after), None, (object(),), ())
+    without, with_it = (Trial("", fit.robot, 0.0, 1, state(rms), {}) for rms in (before, after))
+    found = Search(state(before), state(after), None, (Step((with_it,), (), (), without, with_it),), ())
     doubts = _doubts(found, fit, [effect], found.after)
     return _verdict(found, [effect], 3, doubts), doubts
 

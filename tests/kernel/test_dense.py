@@ -46,7 +46,7 @@ def test_singular_values_and_vectors(shape):
 def test_small_singular_values_of_a_graded_triangle_are_exact_to_rounding():
     """LAPACK loses those below 1e-16 of the largest; the product of all is the determinant, known exactly."""
     rng = np.random.default_rng(2)
-    R = np.triu(rng.normal(size=(7, 7))) * 10.0 ** -np.arange(0, 28, 4)
+    R = jnp.triu(rng.normal(size=(7, 7))) * 10.0 ** -np.arange(0, 28, 4)
     B, _ = orthogonal_columns(R)
     product = np.prod(np.linalg.norm(np.asarray(B), axis=1))
     assert product == pytest.approx(abs(np.prod(np.diagonal(R))), rel=1e-12)
@@ -65,7 +65,7 @@ def test_equations_of_a_covariance_matrix_are_solved(shape):
 
 
 def test_columns_of_zeros_and_no_rotation_needed():
-    A = np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, 0.0]])
+    A = jnp.array([[3.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, 0.0]])
     np.testing.assert_array_equal(triangle_of(A), [[3.0, 0, 0], [0, 0, 0], [0, 0, 2.0]])
     B, right = orthogonal_columns(A)
     np.testing.assert_array_equal(right, np.eye(3))
@@ -73,7 +73,7 @@ def test_columns_of_zeros_and_no_rotation_needed():
 
 
 def test_lanes_of_vmap_are_what_each_is_alone():
-    A = badly_scaled(5, 3, 40, 6, seed=3)
+    A = jnp.asarray(badly_scaled(5, 3, 40, 6, seed=3))
     together = jax.jit(jax.vmap(jax.vmap(triangle_of)))(A)
     for i in range(5):
         for k in range(3):

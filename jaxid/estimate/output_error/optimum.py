@@ -43,23 +43,23 @@ class Optimum(NamedTuple):
     """Where an optimisation stopped. `triangle` is the linearisation at `unknowns`.
 
     `cost` is half the sum of squares there and `start_cost` at the start, `promise` the drop of the cost that the
-    linearisation still promises, `outcome` an `Outcome`.
+    linearisation still promises, `outcome` an `Outcome`. In a fleet all have one lane a member.
     """
 
     unknowns: Unknowns
     triangle: Triangle
-    cost: Float[Array, ""]
-    iterations: Int[Array, ""]
-    outcome: Int[Array, ""]
-    start_cost: Float[Array, ""]
-    promise: Float[Array, ""]
+    cost: Float[Array, "*lanes"]
+    iterations: Int[Array, "*lanes"]
+    outcome: Int[Array, "*lanes"]
+    start_cost: Float[Array, "*lanes"]
+    promise: Float[Array, "*lanes"]
 
     @property
-    def converged(self) -> Bool[Array, ""]:
+    def converged(self) -> Bool[Array, "*lanes"]:
         """Whether this is a minimum."""
         return self.outcome == Outcome.OPTIMUM
 
     @property
-    def diverged(self) -> Bool[Array, ""]:
+    def diverged(self) -> Bool[Array, "*lanes"]:
         """Whether the simulation is not finite even at the best point (of every lane)."""
         return ~jnp.all(jnp.isfinite(self.triangle.squares), axis=(-2, -1))

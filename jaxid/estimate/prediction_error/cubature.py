@@ -50,7 +50,7 @@ def root(covariance: Float[Array, "n n"], floor: Float[Array, " n"]) -> Float[Ar
     return jnp.stack([jnp.stack([*row, *[zero] * (n - len(row))]) for row in rows])
 
 
-def points(moments: Moments, floor: Float[Array, " n"]) -> Float[Array, "2n n"]:
+def points(moments: Moments, floor: Float[Array, " n"]) -> Float[Array, "2*n n"]:
     """The cubature points, all of the same weight."""
     n = moments.mean.shape[0]
     spread = jnp.sqrt(float(n)) * root(moments.covariance, floor).T
