@@ -214,7 +214,7 @@ JUDGEMENT = (
         "jaxid/estimate/residual_tests.py",
         "np.sum(rho[used] ** 2 / pairs[used])), len(used)",
         "np.sum(rho[used] ** 2 / pairs[used])), len(used) // 2",
-        "tests/estimate/confidence/test_validation.py",
+        "tests/estimate/confidence/test_agreement.py",
     ),
     Fault(
         "the noise of third differences with another gain",

@@ -1,9 +1,10 @@
-"""jaxid/_renamed.py: programs written for earlier names of arguments go on working, and hear of the new ones."""
+"""Programs written for earlier names go on working, and hear of the new ones."""
 
 import pytest
 
 from jaxid import Axis, Log, LogError, LogSet, compare, explain, simulate
 from jaxid._renamed import renamed
+from jaxid.report.comparison import Comparison
 
 
 @pytest.fixture
@@ -36,3 +37,9 @@ def test_both_names_at_once_are_refused():
     assert function(3) == function(new=3) == 3
     with pytest.raises(TypeError, match="'old' and 'new'"):
         function(old=1, new=2)
+
+
+def test_a_comparison_shows_its_held_out_logs_under_either_name(logs):
+    found = Comparison({}, logs, {}, held_out={})
+    with pytest.warns(DeprecationWarning, match="held_out"):
+        assert found.validations is found.held_out

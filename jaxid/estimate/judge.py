@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..logs import LogSet
 from ..logs.noise import usual_size
-from .confidence.validation import counted_channels, diverging, errors_of, rms
+from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
 from .result import Estimate, Fit

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ..estimate.confidence.validation import counted_channels, diverging, errors_of, rms
+from ..estimate.confidence.agreement import counted_channels, diverging, errors_of, rms
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.residual_tests import ljung_box
 from ..logs import LogSet, noise_scale

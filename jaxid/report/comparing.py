@@ -7,7 +7,7 @@ import numpy as np
 from .._float64 import in_float64
 from .._renamed import renamed
 from ..estimate.confidence.prediction_spread import prediction_sentence
-from ..estimate.confidence.validation import validate
+from ..estimate.confidence.agreement import agreement
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.output_error.windows import followed
 from ..estimate.prediction_error.predict import predict
@@ -107,17 +107,17 @@ def compare(
                 )
     noise = noise_scale(held_out)
     windows = [f.window for f in fits if f.window is not None]
-    validations, fitted, said = {}, {}, []
+    predicted, fitted, said = {}, {}, []
     for label, f in named.items():
         if windows:
-            validations[label] = validate(held_out, followed(f.robot, held_out, min(windows), noise), noise)
+            predicted[label] = agreement(held_out, followed(f.robot, held_out, min(windows), noise), noise)
             continue
         start = estimated_start(f.robot, held_out, noise)
-        validations[label] = validate(held_out, simulate(f.robot, held_out, start=start), noise)
-        sentence = prediction_sentence(f, validations[label].normalised_rms, held_out, noise, fit, start)
+        predicted[label] = agreement(held_out, simulate(f.robot, held_out, start=start), noise)
+        sentence = prediction_sentence(f, predicted[label].normalised_rms, held_out, noise, fit, start)
         said += [f"{tab.title_of(label)}: {sentence}"] if sentence else []
     ahead = {
-        label: {k: validate(held_out, predict(f, held_out, k), noise) for k in HORIZONS}
+        label: {k: agreement(held_out, predict(f, held_out, k), noise) for k in HORIZONS}
         for label, f in named.items()
         if f.disturbance is not None
     }
@@ -128,12 +128,12 @@ def compare(
                 seen = followed(f.robot, fit, min(windows), level)
             else:
                 seen = simulate(f.robot, fit, start=_fitted_start(f, fit))
-            fitted[label] = validate(fit, seen, level)
+            fitted[label] = agreement(fit, seen, level)
     references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)
     for found in reversed(fits):
         for name, (function, _, _) in found.robot.combinations.items():
             references.setdefault(name, float(function({**found.robot.defaults().numbers, **references})))
     kind = "true" if truth is not None else "published"
     return Comparison(
-        named, held_out, noise, validations, fitted, kind, references, (*said, *_notes(named, held_out, fit)), ahead
+        named, held_out, noise, predicted, fitted, kind, references, (*said, *_notes(named, held_out, fit)), ahead
     )

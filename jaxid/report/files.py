@@ -10,29 +10,29 @@ from pathlib import Path
 from typing import Any
 
 from .._json import plain, write_json
-from ..estimate.confidence.validation import Validation
+from ..estimate.confidence.agreement import Agreement
 from ..estimate.result import Fit
 from ..model_file import write_model
 
 
-def _prediction(validation: Validation | None) -> dict[str, Any] | None:
-    if validation is None:
+def _prediction(found: Agreement | None) -> dict[str, Any] | None:
+    if found is None:
         return None
     return {
         # A number that leaves logs out must not pass for one that does not.
-        "normalised_rms": None if validation.diverged else validation.normalised_rms,
-        "fit_percent": dict(validation.fit_percent),
-    } | ({"diverged": list(validation.diverged)} if validation.diverged else {})
+        "normalised_rms": None if found.diverged else found.normalised_rms,
+        "fit_percent": dict(found.fit_percent),
+    } | ({"diverged": list(found.diverged)} if found.diverged else {})
 
 
 def fit_document(
     fits: Sequence[Fit],
-    validation: Mapping[str, Validation] | None = None,
-    ahead: Mapping[str, Mapping[int, Validation]] | None = None,
+    held_out: Mapping[str, Agreement] | None = None,
+    ahead: Mapping[str, Mapping[int, Agreement]] | None = None,
 ) -> dict[str, Any]:
     """What fit.json holds: every method's parameters, combinations and prediction of the held-out logs.
 
-    `validation` is by method, `ahead` by method and samples ahead; "check", the name that other programs read it by, is None
+    `held_out` is by method, `ahead` by method and samples ahead; "check", the name that other programs read it by, is None
     for a method without (no logs were held out). Raises `ValueError` for no fits.
     """
     if not fits:
@@ -44,7 +44,7 @@ def fit_document(
             "standard_errors": fit.standard_errors,
             "parameters": {name: estimate.to_dict() for name, estimate in fit.parameters.items()},
             "combinations": {name: estimate.to_dict() for name, estimate in fit.combinations.items()},
-            "check": _prediction((validation or {}).get(fit.method)),
+            "check": _prediction((held_out or {}).get(fit.method)),
         }
         horizons = (ahead or {}).get(fit.method)
         if horizons is not None:
@@ -70,15 +70,15 @@ def fit_document(
 def write_fit(
     folder: str | Path,
     fits: Sequence[Fit],
-    validation: Mapping[str, Validation] | None = None,
-    ahead: Mapping[str, Mapping[int, Validation]] | None = None,
+    held_out: Mapping[str, Agreement] | None = None,
+    ahead: Mapping[str, Mapping[int, Agreement]] | None = None,
 ) -> None:
     """Write `folder`/fit.json, and `folder`/model.toml with the last fit's robot.
 
     Raises `OSError` if the folder cannot be written and `ValueError` for no fits.
     """
     folder = Path(folder)
-    write_json(folder / "fit.json", fit_document(fits, validation, ahead))
+    write_json(folder / "fit.json", fit_document(fits, held_out, ahead))
     last = fits[-1]
     errors = {name: estimate.std_error for name, estimate in last.parameters.items()}
     write_model(folder / "model.toml", last.robot.alone, errors, last.method)

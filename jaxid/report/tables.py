@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from ..estimate.confidence.validation import Validation
+from ..estimate.confidence.agreement import Agreement
 from ..estimate.residual_tests import FALSE_ALARM, ResidualTest
 from ..estimate.result import Estimate
 
@@ -193,8 +193,8 @@ def parameter_tables(
 
 
 def held_out_table(
-    validations: Mapping[str, Validation],
-    fitted: Mapping[str, Validation],
+    held_out: Mapping[str, Agreement],
+    fitted: Mapping[str, Agreement],
     noise: Mapping[str, float],
     units: Mapping[str, str],
 ) -> Table:
@@ -204,7 +204,7 @@ def held_out_table(
     header += [f"RMS {channel}" + (f" [{unit}]" if unit else "") for channel, unit in units.items()]
     rows, count = [], 0
     notes = ["The noise is estimated from the held-out logs alone, so the floor of 1 is known to a few per cent."]
-    for label, v in validations.items():
+    for label, v in held_out.items():
         count = len(v.by_log)
         # A number that leaves logs out must not pass for one that does not.
         part = f" on {count - len(v.diverged)} of {count} logs" if v.diverged else ""
@@ -225,18 +225,18 @@ def held_out_table(
     return Table(title, tuple(header), tuple(rows), tuple(notes))
 
 
-def log_table(validations: Mapping[str, Validation]) -> Table:
+def log_table(held_out: Mapping[str, Agreement]) -> Table:
     """Normalised RMS of every log by method."""
-    names = next(iter(validations.values())).by_log
+    names = next(iter(held_out.values())).by_log
     rows = []
     for name in names:
-        own = [v.by_log[name] for v in validations.values()]
+        own = [v.by_log[name] for v in held_out.values()]
         cells = [Cell("diverges", "bad") if f.diverged else Cell(number(f.normalised_rms, 3)) for f in own]
         rows.append((Cell(name), *cells))
-    return Table("Normalised RMS of each held-out log", ("log", *map(title_of, validations)), tuple(rows))
+    return Table("Normalised RMS of each held-out log", ("log", *map(title_of, held_out)), tuple(rows))
 
 
-def ahead_table(ahead: Mapping[str, Mapping[int, Validation]], validations: Mapping[str, Validation]) -> Table:
+def ahead_table(ahead: Mapping[str, Mapping[int, Agreement]], held_out: Mapping[str, Agreement]) -> Table:
     """Normalised RMS by horizon of the models that predict from what was measured, and of their free simulations."""
     horizons = next(iter(ahead.values()))
     header = ("method", *(f"{k} sample{'s' * (k > 1)} ahead" for k in horizons), "free simulation")
@@ -244,7 +244,7 @@ def ahead_table(ahead: Mapping[str, Mapping[int, Validation]], validations: Mapp
         (
             Cell(title_of(label)),
             *(Cell(number(v.normalised_rms, 3)) for v in own.values()),
-            Cell(number(validations[label].normalised_rms, 3)),
+            Cell(number(held_out[label].normalised_rms, 3)),
         )
         for label, own in ahead.items()
     ]
@@ -262,10 +262,10 @@ def _test(test: ResidualTest) -> Cell:
     return Cell(f"{text} no", "bad") if test.rejected else Cell(f"{text} ok", "good")
 
 
-def test_table(validations: Mapping[str, Validation]) -> Table:
+def test_table(held_out: Mapping[str, Agreement]) -> Table:
     """p values of the residual tests by method and channel; what was rejected in words below."""
     rows, notes, inputs = [], [], []
-    for label, v in validations.items():
+    for label, v in held_out.items():
         for channel, tests in v.tests.items():
             inputs = list(tests.cross_correlation)
             rows.append((Cell(title_of(label)), Cell(channel), *map(_test, tests.all)))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...logs import LogSet
 from ...simulation.simulate import simulate
 from ..result import Fit
-from .validation import errors_of, rms
+from .agreement import errors_of, rms
 
 _DRAWS, _SEED = 24, 0
 _WORTH_A_WORD = 1.5

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...logs import LogSet
 from ...logs.noise import noise_scale
-from ..confidence.validation import rms
+from ..confidence.agreement import rms
 from ..judge import ABOVE, FOLLOWS, LEFT, LEFT_IN_ONE, NOTHING, POOR, drivers, judged, slow_part, with_integration
 from ..judgement import Judgement, Verdict
 from ..residual_tests import FALSE_ALARM, relation, whiteness

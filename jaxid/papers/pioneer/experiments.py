@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from ...estimate.confidence.validation import Validation, validate
+from ...estimate.confidence.agreement import Agreement, agreement
 from ...estimate.result import Estimate, Fit
 from ...logs import Log, LogSet, noise_level
 from ...report.tables import with_error
@@ -207,7 +207,7 @@ class Check:
     """A model on a log that it was not fitted to, for figures 3 and 4. `noise` is each channel's, from that log."""
 
     log: Log
-    found: Validation
+    found: Agreement
     noise: dict[str, float]
 
     @property
@@ -231,7 +231,7 @@ def check_model(robot: Pioneer, log: Log) -> Check:
     """Simulate `log` from its inputs alone and judge the residual."""
     logs = LogSet([log])
     noise = noise_level(logs)
-    return Check(log, validate(logs, simulate(robot, logs), noise), noise)
+    return Check(log, agreement(logs, simulate(robot, logs), noise), noise)
 
 
 def with_caster_across(log: Log, robot: Pioneer | None = None) -> Log:

@@ -1,4 +1,5 @@
-"""How well a simulation predicts logs it was not fitted to: normalised RMS, fit in percent, and tests of the residual.
+"""How well a simulation agrees with logs, those that were held out above all: normalised RMS, fit in percent, tests of the
+residual.
 
 The residual is simulated minus measured. What noise alone would leave behind is known from the data
 (`jaxid.noise_level`), so the numbers have a floor: a normalised RMS of 1, and a residual that is white, unrelated to
@@ -20,7 +21,7 @@ _DIVERGED = 1e3  # times the largest measured value: no prediction any more
 
 
 @dataclass(frozen=True)
-class LogValidation:
+class LogAgreement:
     """One log: normalised RMS over its channels and fit in percent of each; NaN where the simulation `diverged`."""
 
     normalised_rms: float
@@ -29,7 +30,7 @@ class LogValidation:
 
 
 @dataclass(frozen=True)
-class Validation:
+class Agreement:
     """How one model predicts a set of logs. Numbers are pooled over the logs on which its simulation did not diverge.
 
     - `normalised_rms`: RMS of the residual in units of the noise's standard deviation, all channels: 1 is the floor.
@@ -46,7 +47,7 @@ class Validation:
     mean: dict[str, float]
     std: dict[str, float]
     tests: dict[str, ChannelTests]
-    by_log: dict[str, LogValidation]
+    by_log: dict[str, LogAgreement]
     diverged: tuple[str, ...] = ()
     simulated: dict[str, Array] = field(default_factory=dict, repr=False)
     residuals: dict[str, dict[str, Array]] = field(default_factory=dict, repr=False)
@@ -99,7 +100,7 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
-def validate(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float]) -> Validation:
+def agreement(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float]) -> Agreement:
     """Judge `simulated` outputs ([samples, channels.measured] of each log) in units of the `noise` of each channel.
 
     A log on which a simulated value is not finite, or a thousand times what was measured anywhere, is named in
@@ -108,24 +109,24 @@ def validate(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float
     counted = {log.name: counted_channels(log) for log in logs}
     channels = tuple(name for name in logs.channels.measured if any(name in names for names in counted.values()))
     diverged = diverging(logs, simulated, noise)
-    by_log: dict[str, LogValidation] = {}
+    by_log: dict[str, LogAgreement] = {}
     residuals: dict[str, dict[str, Array]] = {name: {} for name in channels}
     for log, outputs in zip(logs, simulated, strict=True):
         if log.name in diverged:
             nothing = dict.fromkeys(counted[log.name], float("nan"))
-            by_log[log.name] = LogValidation(float("nan"), nothing, True)
+            by_log[log.name] = LogAgreement(float("nan"), nothing, True)
             continue
         error = errors_of(log, outputs)
         scaled = np.concatenate([e / noise[name] for name, e in error.items()])
         fits = {name: fit_percent([e], [log.output(name)]) for name, e in error.items()}
-        by_log[log.name] = LogValidation(rms(scaled), fits)
+        by_log[log.name] = LogAgreement(rms(scaled), fits)
         for name, e in error.items():
             residuals[name][log.name] = e
     kept = {name: {n: np.asarray(e[np.isfinite(e)]) for n, e in own.items()} for name, own in residuals.items()}
     pooled = {name: np.concatenate([*own.values(), np.empty(0)]) for name, own in kept.items()}
     usable = [name for name in channels if pooled[name].size]
     nan = float("nan")
-    return Validation(
+    return Agreement(
         normalised_rms=rms(np.concatenate([pooled[name] / noise[name] for name in channels])),
         fit_percent={
             name: fit_percent(list(residuals[name].values()), [logs[n].output(name) for n in residuals[name]])

@@ -1,10 +1,10 @@
-"""jaxid/estimate/validation.py: metrics against closed forms, residual tests against their stated false-alarm rate."""
+"""How well simulations agree with logs: metrics against closed forms, residual tests against their stated false-alarm rate."""
 
 import numpy as np
 import pytest
 from scipy import signal
 
-from jaxid.estimate.confidence.validation import counted_channels, fit_percent, validate
+from jaxid.estimate.confidence.agreement import counted_channels, fit_percent, agreement
 from jaxid.estimate.residual_tests import FALSE_ALARM, autocorrelation, cross_correlation, normality, whiteness
 from jaxid.logs import AXIS, PIONEER, Log, LogSet
 
@@ -31,7 +31,7 @@ NOISE = {"eta1": 0.02, "eta2": 0.05}
 
 def test_a_perfect_model_leaves_the_noise():
     logs, truth = _logs()
-    found = validate(logs, truth, NOISE)
+    found = agreement(logs, truth, NOISE)
     assert found.normalised_rms == pytest.approx(1.0, rel=0.01)
     assert found.rms["eta1"] == pytest.approx(0.02, rel=0.02)
     assert found.std["eta2"] == pytest.approx(0.05, rel=0.02)
@@ -45,7 +45,7 @@ def test_a_perfect_model_leaves_the_noise():
 def test_errors_add_to_the_noise_in_quadrature():
     logs, truth = _logs()
     biased = [y + np.array([0.04, 0.0]) for y in truth]
-    found = validate(logs, biased, NOISE)
+    found = agreement(logs, biased, NOISE)
     assert found.normalised_rms == pytest.approx(np.sqrt((1 + 4 + 1) / 2), rel=0.01)
     assert found.mean["eta1"] == pytest.approx(0.04, rel=0.03)
     assert found.by_log["0.csv"].normalised_rms == pytest.approx(found.normalised_rms, rel=0.02)
@@ -64,10 +64,10 @@ def test_fit_percent_closed_forms():
 @pytest.mark.parametrize("break_it", [np.nan, np.inf, 1e9])
 def test_a_diverging_log_is_named_and_leaves_the_others_alone(break_it):
     logs, truth = _logs()
-    alone = validate(logs[:1], truth[:1], NOISE)
+    alone = agreement(logs[:1], truth[:1], NOISE)
     broken = truth[1].copy()
     broken[1000:, 1] = break_it
-    found = validate(logs, [truth[0], broken], NOISE)
+    found = agreement(logs, [truth[0], broken], NOISE)
     assert found.diverged == ("1.csv",)
     assert found.by_log["1.csv"].diverged and np.isnan(found.by_log["1.csv"].normalised_rms)
     assert found.normalised_rms == alone.normalised_rms
@@ -77,7 +77,7 @@ def test_a_diverging_log_is_named_and_leaves_the_others_alone(break_it):
 
 def test_when_every_log_diverges_nothing_is_claimed():
     logs, truth = _logs()
-    found = validate(logs, [np.full_like(y, np.nan) for y in truth], NOISE)
+    found = agreement(logs, [np.full_like(y, np.nan) for y in truth], NOISE)
     assert found.diverged == logs.names and np.isnan(found.normalised_rms) and not found.tests
 
 
@@ -89,7 +89,7 @@ def test_only_measured_channels_count_and_a_position_stands_in_for_a_speed():
     assert counted_channels(speed) == ("v",)
     assert counted_channels(position) == ("q",)
     off = np.stack([t + 0.1, t + 0.3], axis=1)
-    found = validate(LogSet([speed, position]), [off, off], {"v": 0.1, "q": 0.1})
+    found = agreement(LogSet([speed, position]), [off, off], {"v": 0.1, "q": 0.1})
     assert found.rms == pytest.approx({"v": 0.1, "q": 0.3})
     assert found.normalised_rms == pytest.approx(np.sqrt((1 + 9) / 2))
 
