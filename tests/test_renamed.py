@@ -39,7 +39,7 @@ def test_both_names_at_once_are_refused():
         function(old=1, new=2)
 
 
-def test_a_comparison_shows_its_held_out_logs_under_either_name(logs):
-    found = Comparison({}, logs, {}, held_out={})
-    with pytest.warns(DeprecationWarning, match="held_out"):
-        assert found.validations is found.held_out
+def test_a_comparison_shows_its_predictions_under_either_name(logs):
+    found = Comparison({}, logs, {}, predicted={})
+    with pytest.warns(DeprecationWarning, match="predicted"):
+        assert found.validations is found.predicted

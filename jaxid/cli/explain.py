@@ -48,7 +48,7 @@ def without_coupling(robot: Robot) -> Robot:
 def _write_fits(out: Path, fits: list[Fit], fit: LogSet, held_out: LogSet) -> None:
     with step("Prediction of held-out logs"):
         comparison = compare(*fits, held_out=held_out, fit=fit)
-    write_fit(out, fits, comparison.held_out)
+    write_fit(out, fits, comparison.predicted)
 
 
 def run_explain(

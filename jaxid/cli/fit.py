@@ -150,7 +150,7 @@ def write_results(
         with step("Prediction of held-out logs"):
             comparison = compare(*fits, held_out=held_out, fit=fitted, truth=truth)
         text, page = repr(comparison), comparison._repr_html_()
-        write_fit(out, fits, comparison.held_out, comparison.ahead)
+        write_fit(out, fits, comparison.predicted, comparison.ahead)
         with step("Pictures"):
             comparison.save(out)
     title = html.escape(f"jaxid fit {name}")

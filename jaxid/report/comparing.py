@@ -6,8 +6,8 @@ import numpy as np
 
 from .._float64 import in_float64
 from .._renamed import renamed
-from ..estimate.confidence.prediction_spread import prediction_sentence
 from ..estimate.confidence.agreement import agreement
+from ..estimate.confidence.prediction_spread import prediction_sentence
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.output_error.windows import followed
 from ..estimate.prediction_error.predict import predict

@@ -31,7 +31,7 @@ class Comparison:
     """Estimates side by side and their predictions of held-out logs; the last line of a cell shows it.
 
     - `fits`: by label (the method's name, numbered where several fits used the same).
-    - `held_out`: by label, how the model predicts the held-out logs `logs`; `fitted`: the same of the logs that were
+    - `predicted`: by label, how the model predicts the held-out logs `logs`; `fitted`: the same of the logs that were
       fitted, where they were given.
     - `noise`: standard deviation of each channel's noise, from the held-out logs alone.
     - `reference`: "true" or "published", and `references`: those values by symbol.
@@ -42,7 +42,7 @@ class Comparison:
     fits: dict[str, Fit]
     logs: LogSet
     noise: dict[str, float]
-    held_out: dict[str, Agreement]
+    predicted: dict[str, Agreement]
     fitted: dict[str, Agreement] = field(default_factory=dict)
     reference: str = "published"
     references: dict[str, float] = field(default_factory=dict)
@@ -51,14 +51,14 @@ class Comparison:
 
     @property
     def validations(self) -> dict[str, Agreement]:
-        """`held_out` under its earlier name."""
-        warnings.warn("Comparison.validations is now Comparison.held_out", DeprecationWarning, stacklevel=2)
-        return self.held_out
+        """`predicted` under its earlier name."""
+        warnings.warn("Comparison.validations is now Comparison.predicted", DeprecationWarning, stacklevel=2)
+        return self.predicted
 
     @property
     def channels(self) -> tuple[str, ...]:
         """The measured channels that the models are judged by."""
-        return tuple(next(iter(self.held_out.values())).fit_percent)
+        return tuple(next(iter(self.predicted.values())).fit_percent)
 
     # -- numbers ---------------------------------------------------------------------------------------------------
     def _estimate(self, label: str, name: str) -> Estimate | None:
@@ -120,7 +120,7 @@ class Comparison:
         """By method: normalised_rms, fit_percent of each channel (`fit_percent eta1`), the residual's RMS, mean and std
         of each channel, and normalised_rms of each log."""
         rows = {}
-        for label, v in self.held_out.items():
+        for label, v in self.predicted.items():
             row: dict[str, float] = {"normalised_rms": v.normalised_rms}
             if label in self.fitted:
                 row["normalised_rms (fitted logs)"] = self.fitted[label].normalised_rms
@@ -135,7 +135,7 @@ class Comparison:
         """Every residual test: method, channel, test, statistic, p_value, rejected, sentence."""
         rows = [
             (label, channel, t.name, t.statistic, t.p_value, t.rejected, t.sentence)
-            for label, v in self.held_out.items()
+            for label, v in self.predicted.items()
             for channel, tests in v.tests.items()
             for t in tests.all
         ]
@@ -168,22 +168,22 @@ class Comparison:
     @property
     def sentence(self) -> str:
         """The verdict: how close each method predicts the held-out logs and where the methods differ."""
-        clean = [label for label, v in self.held_out.items() if not v.diverged]
-        failed = [label for label in self.held_out if label not in clean]
-        clean.sort(key=lambda label: self.held_out[label].normalised_rms)
+        clean = [label for label, v in self.predicted.items() if not v.diverged]
+        failed = [label for label in self.predicted if label not in clean]
+        clean.sort(key=lambda label: self.predicted[label].normalised_rms)
         parts = []
         if clean:
-            level = {label: f"{self.held_out[label].normalised_rms:.2f}" for label in clean}
+            level = {label: f"{self.predicted[label].normalised_rms:.2f}" for label in clean}
             best = clean[0]
             text = f"{tab.title_of(best)} predicts the held-out logs to {level[best]} times the noise (1 is the floor)"
             text += "".join(f", {tab.title_of(label)} to {level[label]} times" for label in clean[1:])
             if len(clean) > 1:
-                gap = self.held_out[clean[-1]].normalised_rms - self.held_out[best].normalised_rms
+                gap = self.predicted[clean[-1]].normalised_rms - self.predicted[best].normalised_rms
                 text += ", no difference that counts" if gap < _TIE else ""
                 text += f"; {self._farthest(best, clean[-1])}"
             parts.append(text)
         for label in failed:
-            names = self.held_out[label].diverged
+            names = self.predicted[label].diverged
             where = "every held-out log" if len(names) == len(self.logs) else ", ".join(names)
             parts.append(f"{tab.title_of(label)} diverges on {where}")
         for label, horizons in self.ahead.items():
@@ -211,11 +211,11 @@ class Comparison:
         estimates = {label: {name: self._estimate(label, name) for name in names} for label in self.fits}
         doubtful = [label for label, fit in self.fits.items() if not fit.trustworthy]
         return (
-            tab.held_out_table(self.held_out, self.fitted, self.noise, units),
-            tab.log_table(self.held_out),
-            *([tab.ahead_table(self.ahead, self.held_out)] if self.ahead else []),
+            tab.held_out_table(self.predicted, self.fitted, self.noise, units),
+            tab.log_table(self.predicted),
+            *([tab.ahead_table(self.ahead, self.predicted)] if self.ahead else []),
             *tab.parameter_tables(estimates, self.references, self.reference, doubtful),
-            tab.test_table(self.held_out),
+            tab.test_table(self.predicted),
         )
 
     def __repr__(self) -> str:
@@ -227,23 +227,23 @@ class Comparison:
     @property
     def worst_log(self) -> str:
         """The held-out log with the largest normalised RMS of any method; one that diverges comes first."""
-        found = {log.name: [v.by_log[log.name] for v in self.held_out.values()] for log in self.logs}
+        found = {log.name: [v.by_log[log.name] for v in self.predicted.values()] for log in self.logs}
         key = {n: max(np.inf if f.diverged else f.normalised_rms for f in own) for n, own in found.items()}
         return max(key, key=lambda name: key[name])
 
     def _response(self, name: str) -> Figure:
         log = self.logs[name]
-        simulated = {label: v.simulated[name] for label, v in self.held_out.items()}
+        simulated = {label: v.simulated[name] for label, v in self.predicted.items()}
         words = {}
-        for label, v in self.held_out.items():
+        for label, v in self.predicted.items():
             own = v.by_log[name]
             words[label] = f"{tab.title_of(label)} ({'diverges' if own.diverged else f'{own.normalised_rms:.2f}'})"
         return draw.response(log, counted_channels(log), simulated, self.noise, words)
 
     def _residuals(self, channel: str) -> Figure:
         times = {log.name: log.time for log in self.logs if channel in counted_channels(log)}
-        parts = {label: v.residuals[channel] for label, v in self.held_out.items()}
-        tests = {label: v.tests[channel] for label, v in self.held_out.items() if channel in v.tests}
+        parts = {label: v.residuals[channel] for label, v in self.predicted.items()}
+        tests = {label: v.tests[channel] for label, v in self.predicted.items() if channel in v.tests}
         return draw.residuals(channel, self._unit(channel), parts, times, tests, self.noise[channel])
 
     def _ratios(self) -> Figure:
@@ -311,7 +311,7 @@ class Comparison:
     def _repr_html_(self) -> str:
         worst = self.worst_log
         largest = max(
-            self.channels, key=lambda c: max(np.nan_to_num(v.rms[c]) / self.noise[c] for v in self.held_out.values())
+            self.channels, key=lambda c: max(np.nan_to_num(v.rms[c]) / self.noise[c] for v in self.predicted.values())
         )
         notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
         held_out, logs, *parameters, tests = map(

@@ -48,7 +48,7 @@ def test_heavy_tails_of_a_sensor_are_no_missing_effect_and_files_are_json(heavy_
 
 def test_fit_and_explanation_measure_with_one_yardstick(heavy_tailed):
     found, fit, _, held_out = heavy_tailed
-    document = fit_document([fit], compare(fit, held_out=held_out).held_out)
+    document = fit_document([fit], compare(fit, held_out=held_out).predicted)
     of_fit = document["methods"]["output_error"]["check"]["normalised_rms"]
     assert found.to_dict()["gap"]["before"] == pytest.approx(of_fit, rel=1e-12)
 

@@ -55,7 +55,7 @@ def comparison(fits, held_out):
 
 
 def test_the_truth_reaches_the_noise_floor_and_a_wrong_model_does_not(comparison):
-    ls, oe = (comparison.held_out[label] for label in ("integral_least_squares", "output_error"))
+    ls, oe = (comparison.predicted[label] for label in ("integral_least_squares", "output_error"))
     # The noise is 0.01 m/s and 0.02 rad/s (demo_logs/README.md).
     assert oe.rms == pytest.approx({"eta1": 0.01, "eta2": 0.02}, rel=0.06)
     # The noise floor comes from the logs, to a few per cent.
@@ -91,7 +91,7 @@ def test_published_values_stand_in_for_an_unknown_truth(fits, held_out):
 def test_check_table_and_tests(comparison):
     table = comparison.held_out
     assert list(table.index) == ["integral_least_squares", "output_error"]
-    row, v = table.loc["output_error"], comparison.held_out["output_error"]
+    row, v = table.loc["output_error"], comparison.predicted["output_error"]
     assert row["normalised_rms"] == v.normalised_rms
     assert row["fit_percent eta2"] == v.fit_percent["eta2"]
     assert {f"normalised_rms {log.name}" for log in comparison.logs} <= set(table.columns)
@@ -100,7 +100,7 @@ def test_check_table_and_tests(comparison):
 
 
 def test_the_sentence_names_the_better_method_and_the_culprit(comparison):
-    level = comparison.held_out["integral_least_squares"].normalised_rms
+    level = comparison.predicted["integral_least_squares"].normalised_rms
     assert comparison.sentence.startswith("Output error predicts the held-out logs to ")
     assert f"integral least squares to {level:.2f} times" in comparison.sentence
     assert "differ most in Cs (0.3184 against 0.4000 N m" in comparison.sentence
@@ -182,7 +182,7 @@ def test_pyplot_is_not_involved(comparison):
 def test_the_residual_figure_draws_the_residual(comparison):
     axes = comparison.figures()["residuals_eta1"].axes
     drawn = np.concatenate([line.get_ydata() for line in axes[3].lines])
-    own = np.concatenate(list(comparison.held_out["output_error"].residuals["eta1"].values()))
+    own = np.concatenate(list(comparison.predicted["output_error"].residuals["eta1"].values()))
     np.testing.assert_array_equal(drawn, own)
 
 
@@ -210,9 +210,9 @@ def test_a_simulation_that_diverges_is_reported_for_its_log_alone():
         for name, u, y in (("rest.csv", np.zeros(1001), rest), ("step.csv", np.ones(1001), step))
     )
     found = compare(fit_of("integral_least_squares", unstable(80.0)), fit_of("output_error", robot), held_out=logs)
-    assert found.held_out["integral_least_squares"].diverged == ("step.csv",)
-    assert found.held_out["output_error"].rms["v"] == pytest.approx(0.01, rel=0.05)
-    assert not found.held_out["output_error"].diverged
+    assert found.predicted["integral_least_squares"].diverged == ("step.csv",)
+    assert found.predicted["output_error"].rms["v"] == pytest.approx(0.01, rel=0.05)
+    assert not found.predicted["output_error"].diverged
     assert found.sentence.endswith("integral least squares diverges on step.csv.")
     assert found.worst_log == "step.csv"
     text = re.sub(r"\s+", " ", repr(found))

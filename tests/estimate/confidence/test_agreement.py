@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from jaxid.estimate.confidence.agreement import counted_channels, fit_percent, agreement
+from jaxid.estimate.confidence.agreement import agreement, counted_channels, fit_percent
 from jaxid.estimate.residual_tests import FALSE_ALARM, autocorrelation, cross_correlation, normality, whiteness
 from jaxid.logs import AXIS, PIONEER, Log, LogSet
 

@@ -56,7 +56,7 @@ def test_a_comparison_says_so_and_reaches_the_noise(axis):
     fit = output_error(MODEL, logs)
     found = compare(fit, held_out=logs)
     assert sum("starts in motion" in note for note in found.notes) == 2
-    assert found.held_out["output_error"].normalised_rms == pytest.approx(1.0, abs=0.04)
+    assert found.predicted["output_error"].normalised_rms == pytest.approx(1.0, abs=0.04)
 
 
 def test_a_caster_that_nobody_measured_is_put_where_the_motion_is_explained():

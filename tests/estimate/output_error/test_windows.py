@@ -37,7 +37,7 @@ def test_an_unstable_plant_is_fitted_in_windows_and_the_result_says_so(fit, inve
 
 def test_held_out_logs_are_predicted_in_the_same_windows(fit, inverted):
     found = compare(fit, held_out=inverted[2:])
-    judged = found.held_out["output_error"]
+    judged = found.predicted["output_error"]
     assert judged.normalised_rms == pytest.approx(1.0, abs=0.1)
     assert judged.simulated["2"].shape == (SAMPLES, 1)
     assert any("windows" in note for note in found.notes)
