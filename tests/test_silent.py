@@ -29,6 +29,12 @@ def test_a_hidden_force_that_hardly_shows_is_said(number, words):
     assert row["fit_error"] < 1.15 and words in row["words"][0]
 
 
+def test_inputs_that_changed_in_dropped_rows_are_said_where_the_residual_is_white():
+    row = run(drawn(1398), estimate)
+    assert row["fit_error"] < 1.05 and row["held_out_error"] > 2.0 and row["outcome"] == "wrong, said"
+    assert row["verdict"] == "sound" and "Rows are missing" in row["words"][0]
+
+
 def test_a_held_out_log_close_to_the_top_is_not_held_against_parameters_that_are_right():
     row = run(drawn(642), estimate)
     assert row["held_out_error"] > 5 and row["outcome"] == "right"

@@ -14,6 +14,7 @@ from ...robots.robot import Robot
 from ..judge import judge, judged
 from ..result import Fit
 from .from_optimum import AtBounds, fit_at
+from .lost_rows import lost_rows
 from .neglected import neglected
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
@@ -111,6 +112,9 @@ def conclude(
         there, at = bounded.problem, optimum.unknowns
         lacking = neglected(fit.robot, logs, structure, there, at, white=bool(judgement.white), error=integration)
         judgement = judgement if lacking is None else judgement.doubted(lacking.sentence(fit))
+    unknown = lost_rows(fit, logs, structure, bounded.problem, optimum.unknowns)
+    if unknown:
+        fit = replace(fit, notes=(*fit.notes, unknown))
     if begun is not None:
         fit, judgement = with_search(fit, judgement, begun)
     return judged(fit, judgement)

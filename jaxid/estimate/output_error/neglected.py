@@ -178,7 +178,7 @@ class _Directions(NamedTuple):
     onto: Array
 
 
-def _without_starts(problem: Problem, columns: Array, local: Array) -> Array:
+def without_starts(problem: Problem, columns: Array, local: Array) -> Array:
     """Columns [E, T, ny, *] less what every log's initial states, whose own are `local`, can do of them."""
     E, T, Y, _ = columns.shape
     if not np.asarray(problem.state_free).any():
@@ -193,7 +193,7 @@ def _without_starts(problem: Problem, columns: Array, local: Array) -> Array:
 def _directions(problem: Problem, n: int, m: int, residual: Array, jacobian: Array) -> _Directions:
     """Directions from sensitivities [E, T, ny, n + m + s] by own parameters, forces and initial states."""
     size = np.linalg.norm(jacobian[..., n : n + m].reshape(-1, m), axis=0)
-    both = _without_starts(problem, jacobian[..., : n + m], jacobian[..., n + m :]).reshape(-1, n + m)
+    both = without_starts(problem, jacobian[..., : n + m], jacobian[..., n + m :]).reshape(-1, n + m)
     own, forces = both[:, :n][:, np.asarray(problem.free)], both[:, n:]
     norms = np.linalg.norm(own, axis=0)
     columns = own / np.where(norms > 0, norms, 1.0)

@@ -51,6 +51,12 @@ def _sensitivities_many(structure: Structure, _: None, problems: Problem, unknow
 _LOOK = Operation("look", _sensitivities_many, lambda both, logs, samples: tuple(x[:logs, :samples] for x in both))
 
 
+def look(structure: Structure, problem: Problem, unknowns: Unknowns):
+    """`sensitivities` as one compiled program."""
+    together = ask(_LOOK, structure, None, problem, unknowns)
+    return _sensitivities(structure, problem, unknowns) if together is None else together
+
+
 def memory(residual: Float[NDArray, "E T ny"], mask: Bool[NDArray, "E T ny"]) -> float:
     """Correlation time of the slowest channel [samples]: one for white residuals."""
     longest = 1.0
@@ -154,9 +160,7 @@ def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
 def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns) -> Robust:
     """Covariance of the physical parameters at the optimum `unknowns`, for coloured residuals, NaN where the sensitivities are
     beyond all numbers. Call under float64."""
-    together = ask(_LOOK, structure, None, problem, unknowns)
-    found = _sensitivities(structure, problem, unknowns) if together is None else together
-    residual, jacobian = (np.asarray(x) for x in found)
+    residual, jacobian = (np.asarray(x) for x in look(structure, problem, unknowns))
     mask = np.asarray(problem.mask)
     n, s = len(structure.names), len(structure.state_names)
     E, T = residual.shape[:2]

@@ -1,0 +1,97 @@
+"""Inputs that changed where rows are missing.
+
+A simulation holds every input until the next row. Where an even clock skips rows and an input is another one afterwards,
+nobody knows when in between it changed: too long an old input is an error of timing that a residual need not show, since
+the parameters take it up. So the moments are drawn at random among the rows that are missing, and what the outputs would
+change by is turned into a change of the parameters, to first order.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ...logs import LogSet
+from ..result import Fit
+from .neglected import without_starts
+from .problem import Problem, Structure, Unknowns
+from .robust_covariance import look
+from .robust_loss import simulated
+
+Array = NDArray[np.float64]
+
+_SKIPPED = 1.5
+"""Interval, in units of the usual one, from which rows are missing (as in the pre-flight check)."""
+_DRAWS = 12
+_SEED = 0
+
+
+def unknown_changes(logs: LogSet) -> list[NDArray[np.int64]]:
+    """Of each log, the samples after which rows are missing and an input is another one when they go on."""
+    found = []
+    for log in logs:
+        skipped = np.diff(log.time) > _SKIPPED * log.sampling_interval
+        found.append(np.flatnonzero(skipped & np.any(np.diff(log.inputs, axis=0) != 0.0, axis=1)))
+    return found
+
+
+def _drawn(logs: LogSet, changes: Sequence[NDArray[np.int64]], inputs: Array, rng: np.random.Generator) -> Array:
+    """Inputs [E, T, nu] whose changes come at any of the rows that are missing or at the next one there is."""
+    inputs = inputs.copy()
+    for e, (log, at) in enumerate(zip(logs, changes, strict=True)):
+        rows = np.round((log.time[at + 1] - log.time[at]) / log.sampling_interval)
+        early = np.floor(rng.uniform(size=len(at)) * rows) / rows  # share of the interval that has the new input
+        inputs[e, at] += early[:, None] * (log.inputs[at + 1] - log.inputs[at])
+    return inputs
+
+
+def _shifts(structure: Structure, problem: Problem, unknowns: Unknowns, changes: Array) -> Array:
+    """Parameters' changes [n, k], to first order, by changes of what is measured [E, T, ny, k]."""
+    n, k = len(structure.names), changes.shape[-1]
+    _, jacobian = (np.asarray(x) for x in look(structure, problem, unknowns))
+    weight = np.asarray(problem.mask) / np.asarray(problem.sigma)
+    if problem.weight is not None:
+        weight = weight * np.asarray(problem.weight)
+    moved = np.nan_to_num(changes * weight[..., None])
+    both = np.concatenate([jacobian[..., :n], moved], axis=-1)
+    both = without_starts(problem, both, jacobian[..., n:]).reshape(-1, n + k)
+    free = np.asarray(problem.free)
+    prior = np.diag(np.sqrt(np.asarray(problem.prior_precision)))[:, free]
+    own = np.concatenate([both[:, :n][:, free], prior])
+    moved = np.concatenate([both[:, n:], np.zeros((n, k))])
+    size = np.maximum(np.linalg.norm(own, axis=0), np.finfo(float).tiny)
+    found = np.zeros((n, k))
+    if np.isfinite(own).all():
+        found[free] = np.linalg.lstsq(own / size, moved, rcond=1e-12)[0] / size[:, None]
+    return found
+
+
+def lost_rows(fit: Fit, logs: LogSet, structure: Structure, problem: Problem, unknowns: Unknowns) -> str:
+    """A sentence on how far the missing rows may have moved the parameters of `fit`; empty where no input changed across
+    them, or where that is less than their standard errors. `logs` are those of the problem. Call under float64."""
+    changes = unknown_changes(logs)
+    count = sum(map(len, changes))
+    errors = np.array([fit[name].std_error for name in structure.names])
+    known = np.isfinite(errors) & (errors > 0.0)
+    if not count or not known.any():
+        return ""
+    here = np.asarray(simulated(structure, problem, unknowns))
+    inputs, rng, apart = np.asarray(problem.inputs), np.random.default_rng(_SEED), []
+    for _ in range(_DRAWS):
+        other = replace(problem, inputs=jnp.asarray(_drawn(logs, changes, inputs, rng)))
+        apart.append(np.asarray(simulated(structure, other, unknowns)) - here)
+    shifts = _shifts(structure, problem, unknowns, np.stack(apart, axis=-1))
+    off = np.where(known, np.sqrt(np.mean(shifts**2, axis=1)) / np.where(known, errors, 1.0), 0.0)
+    most = int(np.argmax(off))
+    if not off[most] > 1.0:
+        return ""
+    first = next(e for e, at in enumerate(changes) if len(at))
+    log, at = logs[first], int(changes[first][0])
+    return (
+        f"Rows are missing and an input is another one after them, {count} time(s) (first in {log.name}, after t = "
+        f"{log.time[at]:.4g} s). When it changed is not known, and {structure.names[most]} may be off for that by "
+        f"{off[most]:.2g} of its standard errors, which do not include it. If inputs were held until the next row, nothing "
+        "is amiss; if not, cut the logs there."
+    )

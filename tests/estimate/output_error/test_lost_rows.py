@@ -1,0 +1,42 @@
+"""Rows that are missing where an input changed: a linear drive whose samples are known in closed form."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from jaxid import Axis, Log, LogSet, output_error
+
+SAMPLES, DT, NOISE = 400, 0.05, 0.05
+ROBOT = Axis().with_values(M=1.0, Fv=1.0, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
+INPUTS = np.repeat(np.random.default_rng(4).uniform(-3, 3, (SAMPLES + 40) // 20), 20)
+
+
+def without(rows, seed=0):
+    """v' = u - v with held inputs, a log of the first 400 of its rows less `rows`."""
+    decay = np.exp(-DT)
+    v = np.append(0.0, lfilter([1 - decay], [1, -decay], INPUTS[:-1]))
+    measured = v + NOISE * np.random.default_rng(seed).normal(size=len(v))
+    kept = np.setdiff1d(np.arange(len(v)), rows)[:SAMPLES]
+    time = DT * np.arange(len(v))
+    return LogSet([Log.from_arrays("run", time[kept], INPUTS[kept, None], measured[kept, None], "axis")])
+
+
+CHANGES = np.arange(20, 400, 20)
+
+
+def test_inputs_that_changed_in_missing_rows_are_said_with_how_far_that_may_lead():
+    fit = output_error(ROBOT, without(CHANGES))
+    (text,) = [note for note in fit.notes if "Rows are missing" in note]
+    assert f"{len(CHANGES)} time(s)" in text and f"t = {19 * DT:.4g} s" in text
+    # The drive really got its inputs up to a row earlier than the log says.
+    off = {name: abs(fit[name].value - 1.0) / fit[name].std_error for name in ("M", "Fv")}
+    worst = max(off, key=lambda name: off[name])
+    assert off[worst] > 1.8 and f"{worst} may be off" in text
+    assert 0.3 < float(text.partition("off for that by ")[2].split()[0]) / off[worst] < 3.0
+
+
+@pytest.mark.parametrize("rows", [np.array([], int), CHANGES + 10])
+def test_rows_that_miss_no_change_of_an_input_are_no_news(rows):
+    fit = output_error(ROBOT, without(rows))
+    assert not any("Rows are missing" in note for note in fit.notes)
+    assert all(abs(fit[name].value - 1.0) < 4 * fit[name].std_error for name in ("M", "Fv"))
