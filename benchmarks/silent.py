@@ -5,6 +5,10 @@ models), fitted by output error as a user calls it. Counts results that are wron
 hold the truth where the data is adequate. Every finished case is a line of `benchmarks/results/silent.jsonl`; a run that is
 stopped goes on where it was, cases that older code ran are run again, and two processes share the work with `--part 1/2` and
 `--part 2/2`. `--report` writes `docs/silent.md`.
+
+The code was mended after looking at those cases, so they say less and less about others. `--seed N` draws cases that nobody has
+seen, and `--wide` from more robots, more hidden forces, and conditions with two things poor at a time; either goes to a file of
+its own beside the first, and stays there as it was when the cases were new.
 """
 
 import argparse
@@ -32,7 +36,7 @@ _CHUNK = 500
 
 _ROW = r'^{"number": (\d+), .*"code": "([^"]*)"}$'
 """A whole row: its number comes first and the code's version last."""
-_MAKING = ("__init__", "draw", "family", "judge", "own_robots", "robots")
+_MAKING = ("__init__", "draw", "family", "judge", "other_robots", "own_robots", "robots")
 """Files of `benchmarks/cases` on which rows depend."""
 _HOPELESS = ("one log in other units", "swapped sign")
 
@@ -40,6 +44,13 @@ _HOPELESS = ("one log in other units", "swapped sign")
 def estimate(robot: jaxid.Robot, logs: jaxid.LogSet) -> jaxid.Fit:
     """What the README says: output error from the robot's own numbers, everything else by default."""
     return jaxid.output_error(robot, logs)
+
+
+def results_of(seed: int, wide: bool = False) -> Path:
+    """Where the rows of a draw go: those of the study itself, or a file of this draw's own."""
+    return (
+        RESULTS if seed == SEED and not wide else RESULTS.with_name(f"silent_{'wide' if wide else 'new'}_{seed}.jsonl")
+    )
 
 
 def rows_of(path: Path) -> list[dict]:
@@ -104,7 +115,7 @@ def blocks(numbers: Sequence[int], arguments: argparse.Namespace) -> list[tuple[
     """
     found: dict[tuple[int, bool, str], list[int]] = {}
     for number in numbers:
-        family, condition = kind(number, arguments.seed)
+        family, condition = kind(number, arguments.seed, arguments.wide)
         if arguments.family in (None, family) and (arguments.condition is None or arguments.condition in condition):
             found.setdefault((number // _CHUNK, condition in _HOPELESS, family), []).append(number)
     return [(key[-1], sorted(found[key])) for key in sorted(found)]
@@ -134,15 +145,18 @@ def main() -> None:
     parser.add_argument("--numbers", type=int, nargs="+", help="these cases")
     parser.add_argument("--family", help="only this one")
     parser.add_argument("--condition", help="only conditions that hold this word")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--seed", type=int, default=SEED, help="another one draws cases that nobody has seen")
+    parser.add_argument("--wide", action="store_true", help="more robots, and two things poor at a time")
+    parser.add_argument("--out", type=Path, help="by default a file of the draw's own")
     parser.add_argument(
         "--part", default="1/1", help="which of how many processes this is, such as 1/2; they may share --out"
     )
     parser.add_argument("--report", action="store_true", help="write docs/silent.md from what has been run")
     arguments = parser.parse_args()
+    out = arguments.out or results_of(arguments.seed, arguments.wide)
     if arguments.report:
-        write(rows_of(arguments.out), PAGE)
+        others = sorted(RESULTS.parent.glob("silent_*_*.jsonl"))
+        write(rows_of(arguments.out or RESULTS), PAGE, {path.stem: rows_of(path) for path in others})
         return
     count, begin, code = Counter(), time.perf_counter(), code_version()
 
@@ -150,17 +164,17 @@ def main() -> None:
     numbers = arguments.numbers or range(arguments.first, arguments.first + arguments.cases)
     # Shared out before anything is left out, so that a process that begins again has the share that it had.
     order = in_turn(blocks(numbers, arguments), part - 1, parts)
-    left = len(set(order) - done_by(arguments.out, code))
+    left = len(set(order) - done_by(out, code))
     for number in order:
-        if number in done_by(arguments.out, code):
+        if number in done_by(out, code):
             continue
         try:
-            case = draw(number, arguments.seed)
+            case = draw(number, arguments.seed, arguments.wide)
         except RuntimeError as error:  # the independent simulator gave up: no case
             print(f"{number}: {error}", flush=True)
             continue
         row = run(case, estimate) | {"code": code}
-        append(arguments.out, row)
+        append(out, row)
         count[row["outcome"]] += 1
         print(
             f"{number} {row['family']}, {row['condition']}: {row['outcome']} {' '.join(row.get('why', []))} "

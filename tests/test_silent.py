@@ -10,7 +10,7 @@ from benchmarks.silent import SEED, append, blocks, done_by, estimate, in_turn, 
 from jaxid import simulate
 from jaxid.simulation.simulate import integrator_for
 
-WANTED = argparse.Namespace(seed=SEED, family=None, condition=None)
+WANTED = argparse.Namespace(seed=SEED, family=None, condition=None, wide=False)
 
 
 def drawn(number):

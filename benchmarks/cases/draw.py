@@ -10,7 +10,7 @@ import numpy as np
 
 import jaxid
 from benchmarks.cases.family import Family, Numbers, Rng, Units
-from benchmarks.cases.robots import families
+from benchmarks.cases.robots import all_families, families
 
 SAMPLES, FEW, SAMPLING, FIT_LOGS = 300, 80, 0.02, 2
 
@@ -35,13 +35,35 @@ _SENSOR = (
     "swapped sign",
 )
 _MODEL = ("process noise", "dead zone", "delay")
+WIDE = (
+    *GOOD,
+    "process noise, dropped rows",
+    "process noise, missing",
+    "process noise, outliers",
+    "coarse, irregular",
+    "coarse, dropped rows",
+    "coarse, moving",
+    "coloured, missing",
+    "heavy tails, odd first interval",
+    "weak, coloured",
+    "short, coarse",
+    "short, process noise",
+    "dead zone, noisy",
+    "delay, noisy",
+    "delay, coarse",
+    "long held-out log",
+    "wrong constants",
+    "wrong constants, noisy",
+)
+"""Conditions of the wide draw, beside forces that are hidden: two things are poor at a time."""
 _SHARES = {"good": 6.0, "good, moving": 1.5, "good, known start": 2.0, "good, irregular": 1.5, "process noise": 2.0}
 
 
 @dataclass(frozen=True)
 class Case:
     """What the estimator gets, and the truth. `truth`: free parameters; `clean`: outputs of the truth without any noise of
-    the sensors or the process, by log (fit logs, then the held-out one); `adequate`: whether intervals must hold."""
+    the sensors or the process, by log (fit logs, then the held-out one); `adequate`: whether intervals must hold;
+    `conditional`: the robot's fixed parameters are not the true ones, so that only its predictions can be right."""
 
     number: int
     family: str
@@ -55,6 +77,7 @@ class Case:
     clean: tuple[np.ndarray, ...]
     adequate: bool
     facts: dict = field(default_factory=dict)
+    conditional: bool = False
 
 
 def _units(rng: Rng, family: Family) -> Units:
@@ -65,9 +88,9 @@ def _units(rng: Rng, family: Family) -> Units:
 
 def _times(rng: Rng, n: int, condition: str) -> np.ndarray:
     steps = np.full(n - 1, SAMPLING)
-    if condition in ("good, irregular", "odd first interval"):
+    if "irregular" in condition or "odd first interval" in condition:
         steps *= rng.uniform(0.6, 1.4, n - 1)
-    if condition == "odd first interval":
+    if "odd first interval" in condition:
         steps[0] = SAMPLING * rng.uniform(3, 6)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -84,12 +107,12 @@ def _coloured(rng: Rng, shape: tuple[int, int], pole: float) -> np.ndarray:
 
 def _noise(rng: Rng, condition: str, shape: tuple[int, int], pole: float) -> np.ndarray:
     """Sensor noise in units of its standard deviation, gross errors included."""
-    if condition == "coloured":
+    if "coloured" in condition:
         return _coloured(rng, shape, pole)
-    if condition == "heavy tails":
+    if "heavy tails" in condition:
         return rng.standard_t(3, shape) / np.sqrt(3.0)
     noise = rng.standard_normal(shape)
-    if condition == "outliers":
+    if "outliers" in condition:
         hit = rng.random(shape) < 0.05
         noise = np.where(hit, noise + rng.choice([-1, 1], shape) * rng.uniform(8, 40, shape), noise)
     return noise
@@ -97,23 +120,27 @@ def _noise(rng: Rng, condition: str, shape: tuple[int, int], pole: float) -> np.
 
 def _applied(inputs: np.ndarray, condition: str, amount: float) -> np.ndarray:
     """What acts of the commanded inputs."""
-    if condition == "dead zone":
+    if "dead zone" in condition:
         threshold = amount * np.max(np.abs(inputs), axis=0)
         return np.sign(inputs) * np.maximum(np.abs(inputs) - threshold, 0.0)
-    if condition == "delay":
+    if "delay" in condition:
         late = int(amount)
         return np.concatenate([np.zeros((late, inputs.shape[1])), inputs[:-late]])
     return inputs
 
 
-def _condition(rng: Rng, family: Family) -> str:
-    names = [*GOOD, *_SENSOR, *_MODEL, *(f"unmodelled {name}" for name in family.effects)]
+def _condition(rng: Rng, family: Family, wide: bool) -> str:
+    names = [*(WIDE if wide else (*GOOD, *_SENSOR, *_MODEL)), *(f"unmodelled {name}" for name in family.effects)]
+    if wide:
+        names += [f"unmodelled {name}, coarse" for name in family.effects]
+        return str(rng.choice(names))
     shares = np.array([_SHARES.get(name, 0.9) for name in names])
     return str(rng.choice(names, p=shares / shares.sum()))
 
 
 def _excitation(condition: str) -> str:
-    return condition if condition in ("weak", "one way", "step") else "good"
+    kinds = [word for word in condition.split(", ") if word in ("weak", "one way", "step")]
+    return kinds[0] if kinds else "good"
 
 
 def _start(rng: Rng, truth: Numbers, condition: str) -> Numbers:
@@ -122,43 +149,54 @@ def _start(rng: Rng, truth: Numbers, condition: str) -> Numbers:
     return {name: value * 10 ** rng.uniform(-spread, spread) if value else 0.0 for name, value in truth.items()}
 
 
-def _kind(rng: Rng) -> tuple[Family, str]:
-    known = families()
+def _kind(rng: Rng, wide: bool) -> tuple[Family, str]:
+    known = all_families() if wide else families()
     shares = np.array([family.share for family in known.values()])
     family = known[str(rng.choice(list(known), p=shares / shares.sum()))]
-    return family, _condition(rng, family)
+    return family, _condition(rng, family, wide)
 
 
-def kind(number: int, seed: int) -> tuple[str, str]:
+def kind(number: int, seed: int, wide: bool = False) -> tuple[str, str]:
     """Family and condition of a case, without simulating it."""
-    family, condition = _kind(np.random.default_rng([seed, number]))
+    family, condition = _kind(np.random.default_rng([seed, number]), wide)
     return family.name, condition
 
 
-def draw(number: int, seed: int) -> Case:
-    """The case of a number. Raises `RuntimeError` where the independent simulator gives up."""
+def _off(rng: Rng, robot: jaxid.Robot) -> dict[str, float]:
+    """The robot's fixed parameters, but for gravity, as somebody might have measured them: 1 to 5 % off."""
+    fixed = {name: p.value for name, p in robot.parameters.items() if not p.free and p.value and name != "g"}
+    return {name: value * (1 + rng.choice([-1, 1]) * rng.uniform(0.01, 0.05)) for name, value in fixed.items()}
+
+
+def draw(number: int, seed: int, wide: bool = False) -> Case:
+    """The case of a number, of the `wide` draw or the plain one. Raises `RuntimeError` where the independent simulator gives
+    up."""
     rng = np.random.default_rng([seed, number])
-    family, condition = _kind(rng)
+    family, condition = _kind(rng, wide)
+    words = condition.split(", ")
     units, p = _units(rng, family), family.draw(rng)
     robot = family.model(p, units)
     truth = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     effects = {}
     if condition.startswith("unmodelled "):
-        effects = family.effects[condition.removeprefix("unmodelled ")](rng, p)
-    n = FEW if condition == "short" else SAMPLES
-    level = {"noisy": 10 ** rng.uniform(-0.9, -0.3), "no noise": 0.0}.get(condition, 10 ** rng.uniform(-3, -1.5))
+        effects = family.effects[words[0].removeprefix("unmodelled ")](rng, p)
+    n = FEW if "short" in words else SAMPLES
+    noisy, usual = 10 ** rng.uniform(-0.9, -0.3), 10 ** rng.uniform(-3, -1.5)
+    level = noisy if "noisy" in words else 0.0 if "no noise" in words else usual
     if condition in GOOD:
         level = 10 ** rng.uniform(-2.7, -1.5)
     pole, amount = rng.uniform(0.6, 0.97), rng.uniform(0.05, 0.3)
-    if condition == "delay":
+    if "delay" in words:
         amount = float(rng.integers(2, 8))
     lost = rng.uniform(0.05, 0.3)
-    push = 10 ** rng.uniform(-1.5, 0) if condition == "process noise" else 0.0
+    push = 10 ** rng.uniform(-1.5, 0) if "process noise" in words else 0.0
     moving = "moving" in condition
 
     runs = []
     for which in range(FIT_LOGS + 1):
-        rows = int(n / (1 - lost)) + 1 if condition == "dropped rows" else n
+        if "long held-out log" in words and which == FIT_LOGS:
+            n = 3 * SAMPLES
+        rows = int(n / (1 - lost)) + 1 if "dropped rows" in words else n
         time = _times(rng, rows, condition)
         inputs = family.excite(rng, rows, _excitation(condition) if which < FIT_LOGS else "good", p)
         start = family.move(rng, p) if moving and which < FIT_LOGS else family.rest(p)
@@ -170,7 +208,7 @@ def draw(number: int, seed: int) -> Case:
             pushed = _coloured(rng, (rows, len(size)), 0.8) * push * size
             seen = family.see(family.states(p, effects, start, time, acting, pushed), p)
         keep = np.arange(rows)
-        if condition == "dropped rows":
+        if "dropped rows" in words:
             keep = np.sort(np.concatenate([[0], 1 + rng.choice(rows - 1, n - 1, replace=False)]))
             # The held-out log asks what the model is worth, and must not lose what drove the robot.
             keep = keep if which < FIT_LOGS else np.arange(n)
@@ -182,9 +220,9 @@ def draw(number: int, seed: int) -> Case:
     logs, cleans = [], []
     for which, (time, inputs, seen, clean) in enumerate(runs):
         outputs = seen + level * rms * _noise(rng, condition, seen.shape, pole)
-        if condition == "coarse":
+        if "coarse" in words:
             outputs = np.round(seen / steps) * steps
-        if condition == "missing":
+        if "missing" in words:
             outputs[rng.random(len(outputs)) < lost] = np.nan
         other = 1.0
         if condition == "one log in other units" and which == 1:
@@ -199,6 +237,9 @@ def draw(number: int, seed: int) -> Case:
         )
         cleans.append(clean * scale_out)
     begin = _start(rng, truth, condition)
+    conditional = "wrong constants" in words
+    if conditional:
+        robot = robot.with_values(**_off(rng, robot))
     if "asymmetric_friction" in effects:  # Fc (1 ± asymmetry) is exactly what an axis has in Fc and offset
         truth["offset"] += effects["asymmetric_friction"]["asymmetry"] * truth["Fc"]
     return Case(
@@ -214,4 +255,5 @@ def draw(number: int, seed: int) -> Case:
         clean=tuple(cleans),
         adequate=condition in GOOD,
         facts={"noise": float(level), "push": float(push), "effects": effects},
+        conditional=conditional,
     )

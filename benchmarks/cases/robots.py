@@ -6,6 +6,7 @@ import numpy as np
 
 import jaxid
 from benchmarks.cases.family import Family, Numbers, Rng, Units, between, signal
+from benchmarks.cases.other_robots import BELT_FAMILY, CART_FAMILY, UNICYCLE_FAMILY
 from benchmarks.cases.own_robots import (
     CRANE_FAMILY,
     DRIVE_FAMILY,
@@ -171,7 +172,7 @@ OMNI_FAMILY = Family(
 
 @cache
 def families() -> dict[str, Family]:
-    """All families by name."""
+    """The families of the plain draw by name."""
     every = (
         AXIS_FAMILY,
         PIONEER_FAMILY,
@@ -184,3 +185,9 @@ def families() -> dict[str, Family]:
         DRIVE_FAMILY,
     )
     return {family.name: family for family in every}
+
+
+@cache
+def all_families() -> dict[str, Family]:
+    """Those and the ones of the wide draw, by name."""
+    return families() | {family.name: family for family in (BELT_FAMILY, UNICYCLE_FAMILY, CART_FAMILY)}

@@ -24,8 +24,13 @@ _FLAT = {
 }
 
 
+_LEAST = 1e-15
+"""Roots below which their slope, endless at zero, grows no further: v |v|^(1/2) and the root of v² + w² have slopes at rest,
+which would come out as zero times infinity."""
+
+
 def _partials(graph: Graph, node: Node) -> list[tuple[Node, Node]]:
-    """(argument, partial derivative by it) of one expression, by JAX's own rules, ties included."""
+    """(argument, partial derivative by it) of one expression, by JAX's own rules, ties included, but for roots at zero."""
     if node in graph.partials:
         return graph.partials[node]
     operation, x = graph.nodes[node]
@@ -56,7 +61,7 @@ def _partials(graph: Graph, node: Node) -> list[tuple[Node, Node]]:
         up = graph.apply("ge", x[0], graph.constant(0.0))
         return [(x[0], graph.select(up, graph.constant(-1.0), one))]
     if operation == "sqrt":
-        return [(x[0], graph.div(graph.constant(0.5), node))]
+        return [(x[0], graph.div(graph.constant(0.5), graph.apply("max", node, graph.constant(_LEAST))))]
     if operation == "exp":
         return [(x[0], node)]
     if operation == "log":
@@ -72,7 +77,8 @@ def _partials(graph: Graph, node: Node) -> list[tuple[Node, Node]]:
     if operation == "log1p":
         return [(x[0], graph.div(one, graph.add(one, x[0])))]
     if operation == "pow" and graph.value(x[1]) is not None:
-        return [(x[0], graph.mul(x[1], graph.apply("pow", x[0], graph.sub(x[1], one))))]
+        base = x[0] if graph.value(x[1]) >= 1.0 else graph.apply("max", x[0], graph.constant(_LEAST**2))
+        return [(x[0], graph.mul(x[1], graph.apply("pow", base, graph.sub(x[1], one))))]
     if operation == "atan2":
         square = graph.add(graph.mul(x[0], x[0]), graph.mul(x[1], x[1]))
         return [(x[0], graph.div(x[1], square)), (x[1], graph.neg(graph.div(x[0], square)))]

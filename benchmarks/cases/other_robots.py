@@ -1,0 +1,186 @@
+"""Families of the wide draw that the first one does not have: robots and hidden forces on which nothing was ever tuned.
+
+A user's model has a law of its own (the cart's drag grows with the speed's power 1.5); hidden are a drag of a power between
+one and two and a dry friction that changes with the position.
+"""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+
+import jaxid
+from benchmarks.cases.family import Family, Numbers, Units, between, free, signal
+from jaxid import Channels, Custom, Parameter
+from reference import other_mechanisms as om
+from reference.mechanisms import Mechanism, states_at
+
+
+def _states(mechanism: Mechanism):
+    def states(p: Numbers, effects: dict, start, time, inputs, forces):
+        e = om.NOTHING.copy()
+        for name, value in effects.items():
+            e[om.F[name]] = value
+        vector = np.array([p[symbol.name] for symbol in mechanism.symbols])
+        layout = mechanism.first, mechanism.speeds, mechanism.n_axes
+        return states_at(mechanism.dynamics, vector, e, start, time, np.hstack([inputs, forces]), layout)
+
+    return states
+
+
+def _hidden(drag: tuple[float, float], speed: float, friction: str, slope: float, period: float) -> dict[str, Callable]:
+    found = {
+        "drag of another power": lambda rng, p: {"drag": between(rng, *drag), "power": rng.uniform(1.3, 1.8)},
+        "slope": lambda rng, p: {"slope": slope * rng.uniform(0.3, 1.0)},
+    }
+    if friction:
+        found["stribeck"] = lambda rng, p: {"stribeck": p[friction] * rng.uniform(0.5, 1.5), "stribeck_speed": speed}
+        found["friction by position"] = lambda rng, p: {
+            "ripple": rng.uniform(0.2, 0.8),
+            "period": period * between(rng, 0.3, 3.0),
+        }
+    return found
+
+
+# -- belt drive ------------------------------------------------------------------------------------------------------
+def _belt_rates(state, inputs, p, friction):
+    through = p["s"] * (state["q1"] - state["q2"]) + p["d"] * (state["w1"] - state["w2"])
+    torque = p["k"] * inputs["u"] - p["b"] * state["w1"] - through - friction["motor"]
+    return {"q1": state["w1"], "q2": state["w2"], "w1": torque / p["J1"], "w2": through / p["J2"]}
+
+
+_BELT_CHANNELS = Channels(inputs=("u",), outputs=("q1", "w2"), units={"q1": "rad", "w2": "rad/s", "u": "V"})
+
+
+def _belt_model(p: Numbers, u: Units) -> jaxid.Robot:
+    table = {
+        "J1": free(p["J1"] * u.inertia), "J2": free(p["J2"] * u.inertia), "s": free(p["s"] * u.torque),
+        "d": free(p["d"] * u.torque * u.time), "b": free(p["b"] * u.torque * u.time), "Tc": free(p["Tc"] * u.torque),
+        "k": Parameter(p["k"] * u.torque / u.input),
+    }  # fmt: skip
+    return Custom(
+        dynamics=_belt_rates, state_names=("q1", "q2", "w1", "w2"), own_channels=_BELT_CHANNELS, table=table,
+        dry_friction=(("motor", "w1", "Tc"),), title="belt drive",
+    )  # fmt: skip
+
+
+BELT_FAMILY = Family(
+    name="belt drive",
+    share=0.2,
+    draw=lambda rng: {
+        "J1": between(rng, 0.5, 1.5),
+        "J2": between(rng, 0.3, 2.0),
+        "s": between(rng, 40.0, 400.0),
+        "d": between(rng, 0.2, 2.0),
+        "b": between(rng, 0.5, 3.0),
+        "Tc": between(rng, 0.2, 1.0),
+        "k": 1.0,
+    },  # fmt: skip
+    excite=lambda rng, n, kind, p: signal(rng, n, kind, 5.0, p["Tc"])[:, None],
+    states=_states(om.BELT),
+    see=lambda x, p: x[:, [0, 3]],
+    move=lambda rng, p: np.array([0.0, rng.uniform(-0.02, 0.02), *rng.uniform(-1.0, 1.0, 2)]),
+    rest=lambda p: np.zeros(4),
+    model=_belt_model,
+    output_units=lambda u: (1.0, 1 / u.time),
+    input_units=lambda u: (u.input,),
+    forces=lambda p: (1.5,),
+    effects=_hidden((0.1, 1.0), 0.2, "Tc", 0.5, 0.5),
+    has_length=False,
+    angle_outputs=(0,),
+)
+
+
+# -- unicycle --------------------------------------------------------------------------------------------------------
+def _unicycle_rates(state, inputs, p):
+    return {
+        "x": state["v"] * jnp.cos(state["h"]),
+        "y": state["v"] * jnp.sin(state["h"]),
+        "h": state["w"],
+        "v": (p["Kv"] * inputs["vc"] - state["v"]) / p["Tv"],
+        "w": (p["Kw"] * inputs["wc"] - state["w"]) / p["Tw"],
+    }
+
+
+_UNICYCLE_CHANNELS = Channels(inputs=("vc", "wc"), outputs=("x", "y", "h"), units={"x": "m", "y": "m", "h": "rad"})
+
+
+def _unicycle_model(p: Numbers, u: Units) -> jaxid.Robot:
+    table = {
+        "Tv": free(p["Tv"] * u.time), "Kv": free(p["Kv"] * u.speed / u.input),
+        "Tw": free(p["Tw"] * u.time), "Kw": free(p["Kw"] / u.time / u.input),
+    }  # fmt: skip
+    return Custom(
+        dynamics=_unicycle_rates, state_names=("x", "y", "h", "v", "w"), own_channels=_UNICYCLE_CHANNELS, table=table,
+        title="unicycle",
+    )  # fmt: skip
+
+
+UNICYCLE_FAMILY = Family(
+    name="unicycle",
+    share=0.15,
+    draw=lambda rng: {
+        "Tv": between(rng, 0.05, 0.8),
+        "Kv": between(rng, 0.7, 1.2),
+        "Tw": between(rng, 0.05, 0.5),
+        "Kw": between(rng, 0.7, 1.2),
+    },  # fmt: skip
+    excite=lambda rng, n, kind, p: np.stack([signal(rng, n, kind, 1.0, 0.0), signal(rng, n, kind, 1.5, 0.0)], 1),
+    states=_states(om.UNICYCLE),
+    see=lambda x, p: x[:, :3],
+    move=lambda rng, p: np.array([0.0, 0.0, rng.uniform(-1, 1), rng.uniform(0.2, 0.6), rng.uniform(-0.5, 0.5)]),
+    rest=lambda p: np.zeros(5),
+    model=_unicycle_model,
+    output_units=lambda u: (u.length, u.length, 1.0),
+    input_units=lambda u: (u.input, u.input),
+    forces=lambda p: (0.5, 0.5),
+    effects=_hidden((0.1, 1.0), 0.1, "", 0.2, 1.0),
+    angle_outputs=(2,),
+)
+
+
+# -- cart on a slope -------------------------------------------------------------------------------------------------
+def _cart_rates(state, inputs, p, friction):
+    v = state["v"]
+    force = p["k"] * inputs["u"] - p["b"] * v - p["c"] * v * jnp.abs(v) ** 0.5 - friction["rail"]
+    return {"q": v, "v": force / p["m"] - p["g"] * jnp.sin(p["a"])}
+
+
+_CART_CHANNELS = Channels(inputs=("u",), outputs=("q",), units={"q": "m", "u": "V"})
+
+
+def _cart_model(p: Numbers, u: Units) -> jaxid.Robot:
+    table = {
+        "m": free(p["m"] * u.mass), "b": free(p["b"] * u.mass / u.time), "c": free(p["c"] * u.force / u.speed**1.5),
+        "Fc": free(p["Fc"] * u.force), "a": free(p["a"], positive=False),
+        "k": Parameter(p["k"] * u.force / u.input), "g": Parameter(p["g"] * u.length / u.time**2),
+    }  # fmt: skip
+    return Custom(
+        dynamics=_cart_rates, state_names=("q", "v"), own_channels=_CART_CHANNELS, table=table,
+        dry_friction=(("rail", "v", "Fc"),), title="cart on a slope",
+    )  # fmt: skip
+
+
+CART_FAMILY = Family(
+    name="cart on a slope",
+    share=0.2,
+    draw=lambda rng: {
+        "m": between(rng, 0.5, 2.0),
+        "k": 1.0,
+        "b": between(rng, 0.3, 1.5),
+        "c": between(rng, 0.3, 1.5),
+        "Fc": between(rng, 0.2, 1.0),
+        "a": rng.uniform(-0.08, 0.08),
+        "g": 9.81,
+    },  # fmt: skip
+    excite=lambda rng, n, kind, p: signal(rng, n, kind, 4.0, p["Fc"] + abs(p["m"] * p["g"] * p["a"]))[:, None],
+    states=_states(om.CART),
+    see=lambda x, p: x[:, [0]],
+    move=lambda rng, p: np.array([rng.uniform(-1, 1), rng.uniform(0.3, 1.0)]),
+    rest=lambda p: np.zeros(2),
+    model=_cart_model,
+    output_units=lambda u: (u.length,),
+    input_units=lambda u: (u.input,),
+    forces=lambda p: (1.5,),
+    effects=_hidden((0.2, 2.0), 0.1, "Fc", 0.5, 0.3),
+)
