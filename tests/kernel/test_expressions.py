@@ -17,6 +17,7 @@ EVALUATED = {
     "lt": lambda a, b: a < b, "gt": lambda a, b: a > b, "ge": lambda a, b: a >= b, "eq": lambda a, b: a == b,
     "sign": lambda a: float(np.sign(a)), "exp": math.exp, "log": math.log, "sqrt": math.sqrt, "sin": math.sin,
     "cos": math.cos, "tanh": math.tanh, "floor": math.floor, "round": round,
+    "pow": pow,
 }  # fmt: skip
 
 
@@ -56,6 +57,26 @@ def test_values_and_derivatives_are_those_of_jax(name, at):
         (slope,) = forward(graph, [result], {x: graph.constant(1.0)})
         expected = jax.jacfwd(function, argnums=i)(*map(jnp.asarray, at))
         assert evaluated(graph, slope, at) == pytest.approx(float(expected), rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.usefixtures("double_precision")
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda v, w: v * jnp.abs(v) ** 0.5,
+        lambda v, w: v * jnp.sqrt(jnp.abs(w)),
+        lambda v, w: jnp.sqrt(v * v + w * w) * v,
+    ],
+)
+def test_laws_with_roots_have_their_slopes_at_rest(law):
+    graph = Graph()
+    given = inputs(graph, "x", 2)
+    (result,) = scalars(run(graph, jax.make_jaxpr(law)(0.5, 0.5), given))
+    for i, x in enumerate(scalars(given)):
+        (slope,) = forward(graph, [result], {x: graph.constant(1.0)})
+        assert evaluated(graph, slope, (0.0, 0.0)) == pytest.approx(0.0, abs=1e-12)
+        expected = jax.jacfwd(law, argnums=i)(jnp.asarray(0.02), jnp.asarray(-0.03))
+        assert evaluated(graph, slope, (0.02, -0.03)) == pytest.approx(float(expected), rel=1e-10)
 
 
 def test_equal_expressions_stand_once_and_nothing_is_kept_of_zero():
