@@ -76,8 +76,8 @@ def _partials(graph: Graph, node: Node) -> list[tuple[Node, Node]]:
         return [(x[0], graph.add(node, one))]
     if operation == "log1p":
         return [(x[0], graph.div(one, graph.add(one, x[0])))]
-    if operation == "pow" and graph.value(x[1]) is not None:
-        base = x[0] if graph.value(x[1]) >= 1.0 else graph.apply("max", x[0], graph.constant(_LEAST**2))
+    if operation == "pow" and (exponent := graph.value(x[1])) is not None:
+        base = x[0] if exponent >= 1.0 else graph.apply("max", x[0], graph.constant(_LEAST**2))
         return [(x[0], graph.mul(x[1], graph.apply("pow", base, graph.sub(x[1], one))))]
     if operation == "atan2":
         square = graph.add(graph.mul(x[0], x[0]), graph.mul(x[1], x[1]))

@@ -15,7 +15,7 @@ from ..judge import judge, judged
 from ..result import Fit
 from .from_optimum import AtBounds, fit_at
 from .lost_rows import lost_rows
-from .neglected import neglected
+from .neglected import FALSE_ALARM, neglected
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_covariance import robust_covariance
@@ -111,7 +111,10 @@ def conclude(
     if judgement.trustworthy and whole is None and integration is not None:
         there, at = bounded.problem, optimum.unknowns
         lacking = neglected(fit.robot, logs, structure, there, at, white=bool(judgement.white), error=integration)
-        judgement = judgement if lacking is None else judgement.doubted(lacking.sentence(fit))
+        if lacking is not None and lacking.p_value < FALSE_ALARM:
+            judgement = judgement.doubted(lacking.sentence(fit))
+        elif lacking is not None and lacking.worth_a_note(fit):
+            fit = replace(fit, notes=(*fit.notes, lacking.sentence(fit)))
     unknown = lost_rows(fit, logs, structure, bounded.problem, optimum.unknowns)
     if unknown:
         fit = replace(fit, notes=(*fit.notes, unknown))

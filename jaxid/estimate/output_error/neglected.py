@@ -5,6 +5,7 @@ a rise of friction towards standstill can bias every parameter by many standard 
 So the directions in which the simulation would move if such a force were added, from nothing, are held against the
 residual, after what the fitted parameters and initial states could have taken up. With white noise a direction of length
 one finds a standard normal number there; with coloured noise its variance follows from the residual's autocovariance.
+Beside forces, two things that happen to commands on their way are looked for: a delay, and a dead zone.
 """
 
 from dataclasses import dataclass, replace
@@ -28,14 +29,23 @@ from ..result import Fit
 from .lanes import Operation, ask
 from .problem import Problem, Structure, Unknowns, experiments, parameters_at, whitened
 from .robust_covariance import stationary
+from .robust_loss import simulated
 
 FALSE_ALARM = 0.001
-"""How often a fit that lacks nothing is said to lack a force."""
+"""How often a fit that lacks nothing is called poor for a force that it may lack."""
+HINT, _MATTERS = 0.01, 2.0
+"""The same of a note, for what would also move a parameter by that many standard errors."""
 _SHARES = (0.05, 0.2)
 """Speeds, in shares of the largest, below which friction may rise towards standstill."""
 _OWN = 1e-6
 """Share of a direction that must be its own, beside what parameters and initial states do."""
 _WHOLE = "whole_drag"
+_WAYS = {
+    "inputs.late": "inputs that act later or earlier than logged",
+    "inputs.dead_zone": "a dead zone of the inputs",
+}
+_INNER = 0.02
+"""Dead zone, in shares of the largest input, by which a simulation is changed to see what one does."""
 _FEWEST = 30
 """Samples, less what is fitted to them, below which nothing is asked."""
 Array = NDArray[np.float64]
@@ -106,16 +116,26 @@ class Neglected(NamedTuple):
     p_value: float
     shift: NDArray[np.float64]
 
-    def sentence(self, fit: Fit) -> str:
-        """What that means for the parameters of `fit`."""
+    def _moves(self, fit: Fit) -> Array:
+        """How far each free parameter would move, in its standard errors; zero where it has none."""
         errors = np.array([fit[name].std_error for name in fit.free_names])
         known = np.isfinite(errors) & (errors > 0)
-        moves = np.where(known, np.abs(self.shift) / np.where(known, errors, 1.0), 0.0)
+        return np.where(known, np.abs(self.shift) / np.where(known, errors, 1.0), 0.0)
+
+    def worth_a_note(self, fit: Fit) -> bool:
+        """Whether this, which may be chance, would change what `fit` says of a parameter."""
+        return bool(self._moves(fit).max() > _MATTERS)
+
+    def sentence(self, fit: Fit) -> str:
+        """What that means for the parameters of `fit`."""
+        moves = self._moves(fit)
         most = int(np.argmax(moves))
         then = f": with it {fit.free_names[most]} would move by {moves[most]:.2g} of its standard errors"
+        sure = self.p_value < FALSE_ALARM
+        found = "holds the mark of" if sure else "hints at"
         return (
-            f"What is left holds the mark of {self.words} (p = {self.p_value:.1g}), which the model does not have"
-            f"{then if moves[most] > 1.0 else ''}; `explain` looks further."
+            f"What is left {found} {self.words} (p = {self.p_value:.1g}{'' if sure else ': it may be chance'}), which the "
+            f"model does not have{then if moves[most] > 1.0 else ''}; `explain` looks further."
         )
 
 
@@ -156,7 +176,23 @@ def _look_many(structure: Structure, added: tuple[str, ...], problems: Problem, 
 _LOOK = Operation("neglected", _look_many, lambda both, logs, samples: tuple(x[:logs, :samples] for x in both))
 
 
+def _on_the_way(structure: Structure, problem: Problem, unknowns: Unknowns) -> Array:
+    """What a delay of one sample, and a small dead zone of every input, do to the weighted residual [E, T, ny, 2]."""
+    inputs = np.asarray(problem.inputs)
+    late = np.concatenate([inputs[:, :1], inputs[:, :-1]], axis=1)
+    largest = np.abs(inputs).max(axis=(0, 1), keepdims=True)
+    less = np.sign(inputs) * np.maximum(np.abs(inputs) - _INNER * largest, 0.0)
+    here = np.asarray(simulated(structure, problem, unknowns))
+    weight = np.asarray(problem.mask) / np.asarray(problem.sigma)
+    if problem.weight is not None:
+        weight = weight * np.asarray(problem.weight)
+    there = [np.asarray(simulated(structure, replace(problem, inputs=jnp.asarray(u)), unknowns)) for u in (late, less)]
+    return np.stack([np.where(weight > 0.0, (y - here) * weight, 0.0) for y in there], axis=-1)
+
+
 def _words(name: str) -> str:
+    if name in _WAYS:
+        return _WAYS[name]
     kind, _, of = name.partition(".")[2].partition("_")
     if kind == "whole":
         return "drag that grows with the square of the speed"
@@ -224,15 +260,19 @@ def neglected(
     `robot` has the estimates. `error` is the RMS of the simulation's own error in units of the noise, which may lie along
     any one direction. Call under float64.
     """
-    full, added = probed(robot, logs)
-    if not added:
+    if robot.alone is not robot:
         return None
+    full, added = probed(robot, logs)
     numbers = {n: jnp.asarray(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
     wider = replace(problem, numbers={**problem.numbers, **numbers})
-    structure = structure._replace(robot=full.structure)
-    together = ask(_LOOK, structure, added, wider, unknowns)
-    found = _look(structure, added, wider, unknowns) if together is None else together
+    wide = structure._replace(robot=full.structure)
+    together = ask(_LOOK, wide, added, wider, unknowns)
+    found = _look(wide, added, wider, unknowns) if together is None else together
     residual, jacobian = (np.asarray(x) for x in found)
+    own = len(structure.names) + len(added)
+    ways = _on_the_way(structure, problem, unknowns)
+    jacobian = np.concatenate([jacobian[..., :own], ways, jacobian[..., own:]], axis=-1)
+    added = (*added, *_WAYS)
     samples = int(np.count_nonzero(np.asarray(problem.mask)))
     freedom = samples - jacobian.shape[-1]
     if freedom < _FEWEST or not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
@@ -245,7 +285,7 @@ def neglected(
     z = np.maximum(np.abs(scores) - error * np.sqrt(samples), 0.0) / deviation
     best = int(np.argmax(z))
     p = min(2.0 * float(stats.t.sf(z[best], freedom)) * len(z), 1.0)
-    if p >= FALSE_ALARM:
+    if p >= HINT:
         return None
     shift = np.zeros(len(structure.names))
     # The fitted parameters have taken up what they can of the force; in the model, it gives that back.

@@ -10,18 +10,21 @@ SAMPLES, DT, NOISE = 400, 0.05, 0.02
 ROBOT = Axis().with_values(M=1.0, Fv=1.0, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
 
 
-def driven(drag=0.0, push=0.0, seed=0, colour=0.0):
-    """M = 1 kg, 1 N s/m, and what the model lacks: `drag` v |v| and a constant `push`."""
+def driven(drag=0.0, push=0.0, seed=0, colour=0.0, late=0, dead=0.0, noise=NOISE):
+    """M = 1 kg, 1 N s/m, and what the model lacks: `drag` v |v|, a constant `push`, inputs `late` by samples, or `dead` up to
+    a force."""
     random = np.random.default_rng(seed)
     inputs = np.repeat(random.uniform(-3, 3, SAMPLES // 20), 20)
     v = [0.0]
-    for u in inputs[:-1]:
+    acting = np.append(np.full(late, 0.0), inputs)[:SAMPLES]
+    acting = np.sign(acting) * np.maximum(np.abs(acting) - dead, 0.0)
+    for u in acting[:-1]:
         found = solve_ivp(lambda t, x, u=u: u + push - x - drag * x * abs(x), (0, DT), v[-1:], rtol=1e-8, atol=1e-10)
         v.append(float(found.y[0, -1]))
-    noise = random.normal(size=SAMPLES)
+    errors = random.normal(size=SAMPLES)
     for k in range(1, SAMPLES):
-        noise[k] = colour * noise[k - 1] + np.sqrt(1 - colour**2) * noise[k]
-    measured = np.array(v) + NOISE * noise
+        errors[k] = colour * errors[k - 1] + np.sqrt(1 - colour**2) * errors[k]
+    measured = np.array(v) + noise * errors
     return LogSet([Log.from_arrays("run", DT * np.arange(SAMPLES), inputs[:, None], measured[:, None], "axis")])
 
 
@@ -39,6 +42,15 @@ def test_a_small_force_that_biases_the_estimates_is_named_and_the_bias_foretold(
     if off > 2.0:
         text = fit.judgement.sentence.partition("would move by ")[2]
         assert float(text.split()[0]) == pytest.approx(off, rel=0.25, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "words"), [({"late": 1}, "act later"), ({"dead": 0.3}, "a dead zone of the inputs")]
+)
+def test_what_happens_to_commands_on_their_way_is_named_under_noise_that_hides_it(hidden, words):
+    fit = output_error(ROBOT, driven(**hidden, noise=0.15))
+    assert fit.judgement.normalised_rms < 1.15
+    assert fit.judgement.verdict == "poor" and words in fit.judgement.sentence
 
 
 def test_noise_alone_white_or_not_bears_no_mark():
