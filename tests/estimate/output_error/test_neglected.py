@@ -45,12 +45,13 @@ def test_a_small_force_that_biases_the_estimates_is_named_and_the_bias_foretold(
 
 
 @pytest.mark.parametrize(
-    ("hidden", "words"), [({"late": 1}, "act later"), ({"dead": 0.3}, "a dead zone of the inputs")]
+    ("hidden", "noise", "words"),
+    [({"late": 1}, 0.4, "act later"), ({"dead": 0.3}, 0.3, "a dead zone of the inputs")],
 )
-def test_what_happens_to_commands_on_their_way_is_named_under_noise_that_hides_it(hidden, words):
-    fit = output_error(ROBOT, driven(**hidden, noise=0.15))
-    assert fit.judgement.normalised_rms < 1.15
-    assert fit.judgement.verdict == "poor" and words in fit.judgement.sentence
+def test_what_happens_to_commands_on_their_way_is_said_under_noise_that_hides_it(hidden, noise, words):
+    fit = output_error(ROBOT, driven(**hidden, noise=noise))
+    assert fit.judgement.normalised_rms < 1.05
+    assert words in " ".join(fit.notes)
 
 
 def test_noise_alone_white_or_not_bears_no_mark():
