@@ -22,6 +22,7 @@ from ...robots.given import check_given
 from ...robots.robot import Robot
 from ..result import Fit, Status
 from ..uncertainty import combinations
+from .coupled_noise import noise_weights
 from .integral_least_squares import linear_estimate
 from .judge_equations import judged_equations, judged_instruments
 from .linear_steps import estimates_of, estimates_with, status_notes, with_estimate
@@ -98,12 +99,14 @@ def _covariance(
     residual: Array,
     prior: Array,
     inverse: Array,
+    noise: Array,
     remembered: int,
     taken: Array,
 ) -> Array:
-    """Sandwich [n, n] around the covariance of Z^T residual: that of a stationary residual, widened where the scores' own
-    scatter in time is larger (residuals that depend on what the robot does)."""
-    middle, own = stationary_covariance(Z, residual, found.equation, found.sample, found.logs, taken)
+    """Sandwich [n, n] around the covariance of Z^T residual: that of stationary noise, in the equations of its own speed and
+    of the others, widened where the scores' own scatter in time is larger (residuals that depend on what the robot does)."""
+    weights = noise_weights(found.coupling, Z, noise, found.equation, found.sample)
+    middle, own = stationary_covariance(weights, residual, found.equation, found.sample, found.logs, taken)
     middle += np.diag(prior)
     spread = widened(inverse @ middle @ inverse.T, own)
     leverage = np.sum((F @ inverse) * Z, axis=1)
@@ -181,7 +184,7 @@ def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Arra
             break
         inverse = np.linalg.inv(matrix) / s[:, None]
         spread = _covariance(
-            found, F[:, seen], Z[:, seen] / s, residual, prior[seen] / s**2, inverse, remembered, count - freedom
+            found, F[:, seen], Z[:, seen] / s, residual, prior[seen] / s**2, inverse, noise, remembered, count - freedom
         )
         covariance[np.ix_(seen, seen)] = spread
         size, unseen = known_size(theta, default, F, y), unseen_of(Z, prior)

@@ -4,6 +4,7 @@ Over one interval, measured speeds v = v_true + n give v(t_k+1) - v(t_k) - integ
 that is coloured by the robot's own dynamics a. Filtered with their inverse (x_(k+1) = a_k x_k + e_k, linearised along
 the simulated motion, speed by speed), the equation's error is n itself, white when the sensors' noise is: the prefilter
 of refined instrumental variables (Young, "Refined instrumental variable estimation", Automatica 52, 2015), for a robot.
+What the noise of one speed does in another's equation stays, and the covariance counts it (`coupled_noise`).
 The unknown n at the start of every run of intervals is eliminated. Friction takes the simulated motion's direction, and
 states that were not measured are its own. What interpolation between samples gets wrong is taken off: over the simulated
 motion the same integrals are off by the same, and there the balance is known to be zero.
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...logs import Log
 from ...robots.robot import Robot
+from .coupled_noise import Coupling, coupling
 from .log_rows import Rows, gather
 from .regressors import axes_that_matter, evaluate, noise_of, still_at
 
@@ -34,7 +36,8 @@ class Instruments:
     `equation` [K]: index of the measured speed; `sample` [K]: place among the samples of all logs, whose log is
     `logs` [N]; `run` [K]: number of the run that the row belongs to, and `start` [K] what one unit of noise at its
     start does here. `usable` [N, nv]: intervals that were used, `sliding`: directions of friction there,
-    `defect` [N, nv]: what the integrals over the simulated motion are off by; `dropped`: share of intervals not used.
+    `defect` [N, nv]: what the integrals over the simulated motion are off by; `dropped`: share of intervals not used;
+    `coupling`: what the noise of one speed does in the others' equations.
     """
 
     regressors: Array
@@ -49,6 +52,7 @@ class Instruments:
     sliding: Array
     defect: Array
     dropped: float
+    coupling: Coupling
 
 
 def _sliding(measured: Array, simulated: Array, shares: Array, rows: Rows) -> NDArray[np.bool_]:
@@ -116,9 +120,10 @@ def refined_instruments(
     usable = _sliding(rubbing, rubbing_there, shares, rows) if before is None else before.usable
     usable = usable & np.isfinite(columns).all(axis=2) & np.isfinite(growth)
 
-    parts, count = [], 0
+    parts, count, runs = [], 0, np.full((len(rows.dt), nv), -1)
     for i in range(nv):
         x, unit, run = _filtered(columns[:, i], growth[:, i], usable[:, i])
+        runs[:, i] = run
         sample = np.flatnonzero(rows.seen[:, i] & (run >= 0))
         parts.append((x[sample], unit[sample], run[sample] + count, np.full(len(sample), i), sample))
         count += int(run.max(initial=-1)) + 1
@@ -138,4 +143,5 @@ def refined_instruments(
         sliding=sliding,
         defect=defect,
         dropped=1.0 - float(np.mean(used)) if len(used) else 1.0,
+        coupling=coupling(growth, at_start / implicit[:, :, None], at_end / implicit[:, :, None], runs, rows.moved),
     )

@@ -77,26 +77,26 @@ def _autocovariance(residual: Array, seen: NDArray[np.bool_], log: NDArray[np.in
 
 
 def stationary_covariance(
-    instruments: Array,
+    weights: Array,
     residual: Array,
     equation: NDArray[np.int64],
     sample: NDArray[np.int64],
     logs: NDArray[np.int64],
     taken: Array,
 ) -> tuple[Array, float]:
-    """Covariance [n, n] of `instruments.T @ residual` for residuals whose correlation depends on the lag alone, and its
-    degrees of freedom.
+    """Covariance [n, n] of the sum of noise times `weights` [N, kinds, n], and its degrees of freedom, for noise whose
+    correlation depends on the lag alone.
 
-    `instruments` [K, n] and `residual` [K] of `equation` [K] at `sample` [K]; `logs` [N] is the log of each sample. Exact
-    for white residuals; coloured ones have the power that their autocovariance gives, channel by channel. `taken`: how
-    many numbers were fitted to each equation's residual, which took up as much of its slow noise.
+    The noise is known by the `residual` [K] of `equation` [K] at `sample` [K]; `logs` [N] is the log of each sample. Exact
+    for white noise; coloured noise has the power that its autocovariance gives, channel by channel. `taken`: how many
+    numbers were fitted to each equation's residual, which took up as much of its slow noise.
     """
-    N, n = len(logs), instruments.shape[1]
+    N, n = len(logs), weights.shape[2]
     total, freedom = np.zeros((n, n)), 0.0
     for kind in np.unique(equation):
         rows = equation == kind
-        Z, r, seen = np.zeros((N, n)), np.zeros(N), np.zeros(N, bool)
-        Z[sample[rows]], r[sample[rows]], seen[sample[rows]] = instruments[rows], residual[rows], True
+        Z, r, seen = weights[:, kind], np.zeros(N), np.zeros(N, bool)
+        r[sample[rows]], seen[sample[rows]] = residual[rows], True
         covariance = _autocovariance(r, seen, logs)
         independent = seen.sum() / (2.0 * covariance.sum() / max(covariance[0], 1e-300) - 1.0)
         left = max(independent - taken[kind], 0.25 * independent)

@@ -231,3 +231,36 @@ def test_bad_input(clean):
     still = Log.from_arrays("still", clean.time, clean.inputs, np.zeros((SAMPLES, 2)), clean.channels)
     with pytest.raises(LogError):
         instrumental_variables(Axis(), [still])
+
+
+COUPLED = Custom(
+    dynamics=lambda s, u, p: {
+        "v": -p["a"] * s["v"] + p["c"] * s["w"] + p["b"] * u["u"],
+        "w": -p["a"] * s["w"] - p["c"] * s["v"],
+    },
+    state_names=("v", "w"),
+    own_channels=Channels(inputs=("u",), outputs=("v", "w")),
+    table={name: Parameter(1.0, free=True) for name in "abc"},
+)
+
+
+def test_noise_of_one_speed_in_the_equation_of_another_is_counted():
+    """Two speeds that turn into each other (gyroscopic coupling), exact at the samples: the noise of each is a slow error of
+    the other's equation. Counted as noise of its own equation alone, `a` and `b` would scatter 1.75 times what is reported."""
+    a, b, c, h = 1.0, 2.0, 4.0, 0.02
+    turn = (-a + 1j * c) * h  # v - iw turns with it
+    u = np.repeat(np.random.default_rng(12).uniform(-1, 1, SAMPLES // 20), 20)
+    z = np.zeros(SAMPLES, complex)
+    for k in range(SAMPLES - 1):
+        z[k + 1] = np.exp(turn) * z[k] + (np.exp(turn) - 1) / turn * h * b * u[k]
+    motion = np.stack([z.real, -z.imag], axis=1)
+    found, errors = [], []
+    for seed in range(40):
+        y = motion + 0.05 * np.random.default_rng(seed).normal(size=motion.shape)
+        fit = instrumental_variables(COUPLED, [Log.from_arrays("coupled", h * np.arange(SAMPLES), u, y, COUPLED)])
+        found.append([fit[n].value for n in "abc"])
+        errors.append([fit[n].std_error for n in "abc"])
+    off, errors = np.array(found) - [a, b, c], np.array(errors)
+    ratio = off.std(axis=0, ddof=1) / np.median(errors, axis=0)
+    assert np.all(np.abs(ratio[:2] - 1.0) < 0.35) and ratio[2] < 1.35  # three standard deviations of a scatter
+    assert np.all(np.mean(np.abs(off) <= 1.96 * errors, axis=0) >= 0.85)
