@@ -2,8 +2,8 @@
 
 Neighbouring errors of many sensors are related: filtered speeds, differences of positions smoothed over some samples. The
 residual of a complete model is then larger than the noise that differences of samples show, and not white, though nothing
-is missing. Here it is whitened by an autoregression of each channel (Box & Jenkins, Time Series Analysis, 1976; the order by
-Schwarz's criterion), so that the gains of candidates count in independent samples, and held against what drove the robot.
+is missing. Here it is whitened by an autoregression of each channel (`noise_colour`), so that the gains of candidates count
+in independent samples, and held against what drove the robot.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats
+from scipy import stats
 
 from ..estimate.judge import FAR, drivers
+from ..estimate.noise_colour import Colour, colour_of
 from ..estimate.residual_tests import cross_correlation, ljung_box, related_squares, relation
 from ..logs import LogSet
 from ..logs.noise import usual_size, white_level
@@ -22,9 +23,6 @@ from .heldout import FALSE_ALARM, HeldOut
 
 Array = NDArray[np.float64]
 
-_MOST_ORDERS = 12
-_FEWEST = 20
-"""Samples for every coefficient of an autoregression."""
 _SIMPLE = 2
 """Order up to which an autoregression that leaves nothing is a sensor's filter."""
 _LAGS = 20
@@ -32,87 +30,12 @@ _FOLLOWS = 0.002
 """How often noise is taken to follow what drove the robot, all channels and tests together."""
 _SLACK = 0.05
 """Ratio (its logarithm) of two levels of one noise that a wrong autoregression may explain."""
-_RESPONSE = 4096
 _SHORTEST, _BLOCK_LAGS = 8, 3
 """Samples of the shortest means that tell slow from fast, and the lags over which these are held to be white."""
 _BRIEF = 0.1
 """p value above which they are: where there is doubt, it is said."""
 _FASTER = 0.5
 """Memory of the noise in time constants of the robot up to which no force makes it: inertia would have smoothed that."""
-
-
-@dataclass(frozen=True)
-class Colour:
-    """An autoregression r_k = sum_i `coefficients`_i r_(k-i) + innovations of standard deviation `level`.
-
-    `correlation` is that of neighbouring samples. No coefficients: white noise.
-    """
-
-    coefficients: tuple[float, ...]
-    level: float
-    correlation: float
-
-    @property
-    def order(self) -> int:
-        """How many samples back it reaches."""
-        return len(self.coefficients)
-
-    @property
-    def on_white(self) -> bool:
-        """Whether it looks like slow noise with white noise on top: its best prediction is then an average of the past."""
-        return self.order > 1 and all(c > 0 for c in self.coefficients)
-
-    @property
-    def memory(self) -> float:
-        """Its integral time scale in samples: of first-order noise about the time within which it falls to 37 %."""
-        return float(np.sum(self.correlations)) - 0.5
-
-    @property
-    def correlations(self) -> Array:
-        """Autocorrelations [lags] of the autoregression, by its response to one innovation."""
-        response = signal.lfilter(
-            [1.0], np.concatenate([[1.0], -np.asarray(self.coefficients)]), np.eye(1, _RESPONSE)[0]
-        )
-        products = np.asarray(signal.correlate(response, response, "full", "fft"), np.float64)[_RESPONSE - 1 :]
-        return products / products[0]
-
-    def whiten(self, values: Array, there: NDArray[np.bool_]) -> Array:
-        """Innovations of `values` [..., T] in units of their level, zero at a log's first samples and where not `there` [T].
-
-        Neighbours are the measured samples, whatever lies between.
-        """
-        found = np.zeros_like(values)
-        if np.count_nonzero(there) > self.order:
-            taps = np.concatenate([[1.0], -np.asarray(self.coefficients)])
-            own = np.asarray(signal.lfilter(taps, 1.0, values[..., there], axis=-1), np.float64) / self.level
-            own[..., : self.order] = 0.0
-            found[..., there] = own
-        return found
-
-
-def colour_of(parts: Sequence[Array]) -> Colour:
-    """The colour of one channel's residual, `parts` [T] of each log, NaN where not measured. Its mean is not taken off."""
-    parts = [part[np.isfinite(part)] for part in parts]
-    most = min(_MOST_ORDERS, sum(map(len, parts)) // _FEWEST, max(map(len, parts), default=0) // 2)
-    parts = [part for part in parts if len(part) > most]
-    pooled = np.concatenate([*parts, np.empty(0)])
-    rms = float(np.sqrt(np.mean(pooled**2))) if pooled.size else 0.0
-    if most < 1 or not rms > 0:
-        return Colour((), max(rms, 1e-300), 0.0)
-    # One regression of all orders on the same samples, so that their likelihoods compare.
-    rows = np.concatenate(
-        [np.stack([part[most - k : len(part) - k] for k in range(most + 1)], axis=1) for part in parts]
-    )
-    gram, n = rows.T @ rows, len(rows)
-    best, criterion, level = (), np.inf, rms
-    for order in range(most + 1):
-        own = np.linalg.lstsq(gram[1 : order + 1, 1 : order + 1], gram[1 : order + 1, 0], rcond=1e-10)[0]
-        left = max(float(gram[0, 0] - own @ gram[1 : order + 1, 0]), 1e-12 * float(gram[0, 0]))
-        value = n * np.log(left / n) + order * np.log(n)
-        if value < criterion:
-            best, criterion, level = tuple(own.tolist()), value, float(np.sqrt(left / n))
-    neighbours = sum(float(part[1:] @ part[:-1]) for part in parts)
-    return Colour(best, level, neighbours / sum(float(part @ part) for part in parts))
 
 
 @dataclass(frozen=True)

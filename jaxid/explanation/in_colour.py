@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from ..estimate.noise_colour import Colour
 from ..estimate.output_error.estimated_start import estimated_start
 from ..logs import LogSet
 from ..robots.robot import Robot
-from .coloured import Colour, whitened
+from .coloured import whitened
 from .heldout import HeldOut, held_out_state, residuals_of
 from .refit import Trial
 from .smoothed_angles import Angles

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from .._compile import compiled
 from .._float64 import in_float64
+from ..estimate.noise_colour import colour_of
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
@@ -24,7 +25,6 @@ from ..simulation.integrated_angles import integrated_angles
 from ..simulation.rollout import Integrator, rollout
 from ..simulation.simulate import integrator_for
 from ..simulation.start import initial_states
-from .coloured import colour_of
 from .probes import Group, groups, lanes
 from .ripple_periods import Periods, ripple_periods
 from .smoothed_angles import Angles

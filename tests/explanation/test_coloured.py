@@ -7,7 +7,8 @@ import pytest
 from scipy import signal
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
-from jaxid.explanation.coloured import Colour, colour_of, only_colour, whitened
+from jaxid.estimate.noise_colour import Colour
+from jaxid.explanation.coloured import only_colour, whitened
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.in_colour import generalised
 
@@ -24,28 +25,6 @@ def first_order(correlation, samples, rng, start=300):
 def boxcar(width, samples, rng):
     """Noise of unit variance, averaged over `width` samples."""
     return np.convolve(rng.normal(size=samples + width - 1), np.ones(width) / np.sqrt(width), "valid")
-
-
-# -- the autoregression --------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("correlation", [0.5, 0.8, 0.95])
-def test_first_order_noise_is_recognised_and_whitened(correlation):
-    rng = np.random.default_rng(3)
-    parts = [first_order(correlation, 1500, rng) for _ in range(2)]
-    found = colour_of(parts)
-    assert found.order == 1
-    assert found.coefficients[0] == pytest.approx(correlation, abs=4 * np.sqrt((1 - correlation**2) / 3000))
-    assert found.correlations[:4] == pytest.approx(found.coefficients[0] ** np.arange(4), abs=1e-9)
-    white = found.whiten(parts[0], np.ones(1500, bool))[1:]
-    assert white.std() == pytest.approx(1.0, abs=0.1) and abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.1
-
-
-def test_white_noise_has_no_colour_and_gaps_are_stepped_over():
-    rng = np.random.default_rng(4)
-    assert colour_of([rng.normal(size=1000)]).order == 0
-    # A slow sensor: every fifth sample is measured, and its neighbours are five samples away.
-    slow = np.full(5000, np.nan)
-    slow[::5] = first_order(0.8, 1000, rng)
-    assert colour_of([slow]).coefficients[0] == pytest.approx(0.8, abs=0.06)
 
 
 # -- what is left: made up -----------------------------------------------------------------------------------------

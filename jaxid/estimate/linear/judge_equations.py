@@ -11,9 +11,10 @@ from ...logs.noise import noise_scale
 from ..confidence.agreement import rms
 from ..judge import ABOVE, FOLLOWS, LEFT, LEFT_IN_ONE, NOTHING, POOR, drivers, judged, slow_part, with_integration
 from ..judgement import Judgement, Verdict
+from ..noise_colour import Colour, colour_in_stretches
 from ..residual_tests import FALSE_ALARM, relation, whiteness
 from ..result import Fit
-from .regressor_noise import Colour, NoiseResponse, colour_of, noise_response, series, whiteness_of
+from .regressor_noise import NoiseResponse, noise_response, series, whiteness_of
 from .simulated_motion import followed_simulation, twins_of
 from .weighted_least_squares import Solution
 from .window_equations import WindowEquations, window_equations
@@ -23,6 +24,10 @@ BIASED = 0.5
 """Standard errors by which noise may move an estimate before its interval holds the truth too seldom (92 %)."""
 _CLEAR = 2.0
 """Standard errors of a predicted bias that it must exceed."""
+_NOT_PREDICTED = (
+    "Noise on the measured speeds also enters the regressors (errors in variables); how far that moves the estimate could not "
+    "be predicted here, and the standard errors do not include it. Output error has no such bias."
+)
 _INNOCENT = "Take instrumental variables or output error, which it does not bias."
 
 
@@ -137,9 +142,10 @@ def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, equations: 
     names, speeds = np.array(equations.names), equations.speeds
     free = ~solution.held & np.array([status != "at_bound" for status in solution.status])
     usable = len(here) and np.isfinite(here.regressors).all() and np.isfinite(here.targets).all()
+    unpredicted = replace(fit, notes=(_NOT_PREDICTED, *fit.notes))
     if not usable or not free.any() or not fit.noise:
-        return judged_equations(fit, logs)
-    noise = {name: Colour(level) for name, level in with_integration(logs, noise_scale(logs)).items()}
+        return judged_equations(unpredicted, logs)
+    noise = {name: Colour.first_order(level, 0.0) for name, level in with_integration(logs, noise_scale(logs)).items()}
     simulated = followed_simulation(fit.robot, logs)
     motion = logs if simulated is None else twins_of(logs, simulated)
     # Speeds that never moved have no equations.
@@ -150,13 +156,13 @@ def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, equations: 
 
     by_noise = response(noise)
     if by_noise is None:
-        return judged_equations(fit, logs)
+        return judged_equations(unpredicted, logs)
     about = replace(here, targets=here.targets - here.regressors @ solution.theta)
     parts = {name: series(about, i) for i, name in enumerate(speeds) if name in fit.noise}
     white = {name: whiteness_of(parts[name], [own[speeds.index(name)] for own in by_noise.residuals]) for name in parts}
     levels = equation_noise(logs)
     more = {
-        name: colour_of(parts[name], equations.window)
+        name: colour_in_stretches(parts[name], equations.window)
         for name in parts
         if np.isfinite(np.concatenate([log.output(name) for log in logs])).any()
         and (fit.noise[name] > ABOVE * levels[name] or white[name] < FALSE_ALARM / len(parts))

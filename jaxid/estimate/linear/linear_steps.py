@@ -107,9 +107,8 @@ def status_notes(names: Sequence[str], status: Sequence[Status], errors: Array) 
 
 
 def notes_on(robot: Robot, equations: WindowEquations) -> tuple[str, ...]:
+    """Which part of the logs the balances use, and what of the robot they do not contain."""
     notes = [
-        "Noise on the measured speeds also enters the regressors (errors in variables), which biases integral least "
-        "squares; the standard errors do not include that. Output error has no such bias.",
         f"Balances over stretches of {equations.window} samples; {100 * equations.dropped:.1f} % of the intervals were "
         "left out because something stood still, turned round, or was not measured.",
     ]

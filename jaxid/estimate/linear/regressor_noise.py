@@ -12,41 +12,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import toeplitz
-from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from ...logs import Log, LogSet
 from ...robots.robot import Robot
+from ..noise_colour import Colour
 from ..residual_tests import autocorrelation
 from .window_equations import WindowEquations, window_equations
 
 Array = NDArray[np.float64]
 _PAIRS = 6
 _LAGS = 8
-_SLOWEST = 0.98
-"""Correlation of neighbouring samples of noise, beyond which stretches cannot tell it from a drift."""
-
-
-@dataclass(frozen=True)
-class Colour:
-    """First-order noise of one channel: standard deviation and correlation of neighbouring samples."""
-
-    size: float
-    memory: float = 0.0
 
 
 def _noisy(logs: LogSet, noise: Mapping[str, Colour], seed: int) -> Iterator[list[Log]]:
     """The logs with noise added, and with its negative."""
     random, drawn = np.random.default_rng(seed), []
     for log in logs:
-        fresh = random.normal(size=log.outputs.shape)
-        for i, name in enumerate(log.channels.measured):
-            a = noise[name].memory
-            # Stationary from the first sample on.
-            fresh[1:, i] *= np.sqrt(1.0 - a * a)
-            fresh[:, i] = noise[name].size * np.asarray(lfilter([1.0], [1.0, -a], fresh[:, i]))
-        drawn.append(fresh)
+        drawn.append(np.stack([noise[name].drawn(random, len(log)) for name in log.channels.measured], axis=1))
     for sign in (1.0, -1.0):
         yield [replace(log, outputs=log.outputs + sign * own) for log, own in zip(logs, drawn, strict=True)]
 
@@ -140,19 +123,3 @@ def whiteness_of(residual: list[Array], by_noise: list[list[Array]]) -> float:
     used = np.flatnonzero(pairs[1:] > 2 * _LAGS) + 1
     variance = (1.0 + 1.0 / len(others)) / pairs[used]
     return float(chi2.sf(np.sum((rho[used] - expected[used]) ** 2 / variance), len(used)))
-
-
-def colour_of(residual: list[Array], window: int) -> Colour:
-    """First-order noise that leaves this residual [T] of each log in stretches of `window` samples, their means taken off."""
-    rho, _ = autocorrelation(residual, 1, mean=0.0)
-    square = float(np.nanmean(np.concatenate(residual) ** 2))
-    centre = np.eye(window) - 1.0 / window
-    best, size = np.inf, Colour(np.sqrt(square))
-    for memory in np.linspace(0.0, _SLOWEST, 50):
-        left = centre @ toeplitz(memory ** np.arange(window)) @ centre
-        variance = float(np.trace(left)) / window
-        neighbours = float(np.trace(left, offset=1)) / max(window - 1, 1)
-        if abs(neighbours / variance - rho[1]) < best:
-            best = abs(neighbours / variance - rho[1])
-            size = Colour(float(np.sqrt(square / variance)), float(memory))
-    return size

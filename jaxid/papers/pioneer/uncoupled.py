@@ -144,7 +144,7 @@ def uncoupled_least_squares(robot: Pioneer, logs: Iterable[Log], *, window: int 
         covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = solution.covariance
         noise[equations.speeds[0]] = float(solution.noise[0])
         notes.append(f"Equation {equation} from {', '.join(log.name for log in own)}.")
-        notes += notes_on(robot, equations)[1:2]
+        notes += notes_on(robot, equations)[:1]
     notes += [
         f"{log.name} is neither straight nor on the spot and was not used."
         for log, k in zip(logs, kinds, strict=True)
