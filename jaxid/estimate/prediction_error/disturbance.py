@@ -2,7 +2,7 @@
 
 # ruff: noqa: F722
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from math import comb
 
@@ -18,9 +18,12 @@ from ..result import NORMAL_95, Disturbance, Estimate
 from .cubature import Moments
 from .filter import Model, Record, filtered, observe
 from .likelihood import Problem, intensities_at, noise_at, parameters_at, unflat
+from .scoring import QUIETEST
 
 SIGNIFICANT = 0.05
 """Probability of a likelihood ratio as large by chance, below which process noise is said to be there."""
+_AT_LIMIT = 0.5
+"""Logarithm of a noise's level above the least that is followed, up to which it is as good as absent."""
 
 
 @partial(compiled, static_argnames=("names", "model"))
@@ -73,10 +76,18 @@ def _noise(value: float, error: float, unit: str, at_zero: bool) -> Estimate:
 
 
 def _per_root_second(name: str, unit: str | None) -> str:
-    return f"{unit or f'[{name}]'}/s^0.5"
+    unit = unit or f"[{name}]"
+    return f"({unit})/s^0.5" if " " in unit else f"{unit}/s^0.5"
 
 
-def _sentence(ratios: Mapping[str, float], total: float, p: float, simulated: Mapping[str, float], levels: int) -> str:
+def _sentence(
+    ratios: Mapping[str, float],
+    total: float,
+    p: float,
+    simulated: Mapping[str, float],
+    levels: int,
+    silent: Sequence[str],
+) -> str:
     if not np.isfinite(total):
         return "Process noise is present: a simulation without it does not follow these logs at all."
     if p >= SIGNIFICANT:
@@ -89,6 +100,11 @@ def _sentence(ratios: Mapping[str, float], total: float, p: float, simulated: Ma
     quiet = [name for name, ratio in ratios.items() if chance(ratio, 1) >= SIGNIFICANT]
     if levels > 1 and quiet:
         text += f"; none shows on {', '.join(quiet)}"
+    if silent:
+        text += (
+            f". Beside it no white noise shows in {', '.join(silent)}: slow errors of a sensor or of the model are then taken "
+            "for a disturbance, too"
+        )
     return f"{text}."
 
 
@@ -115,7 +131,8 @@ def disturbance(
         for i, name in enumerate(model.noisy)
     }
     shown = [(i, name) for i, name in enumerate(channels) if bool(problem.sensed[i])]
-    sensor = {name: _noise(noise[i], errors[n + nv + i], units.get(name, ""), False) for i, name in shown}
+    absent = np.asarray(at.sensor) <= QUIETEST + _AT_LIMIT
+    sensor = {name: _noise(noise[i], errors[n + nv + i], units.get(name, ""), bool(absent[i])) for i, name in shown}
     predicted, simulated = np.asarray(_shares(names, model, problem, x))
     p = chance(ratio, nv)
     share = {name: float(simulated[i]) for i, name in shown}
@@ -127,5 +144,5 @@ def disturbance(
         likelihood_ratio=ratio,
         p_value=p,
         ratio_by_velocity=dict(ratios),
-        sentence=_sentence(ratios, ratio, p, share, nv),
+        sentence=_sentence(ratios, ratio, p, share, nv, [name for i, name in shown if absent[i]]),
     )

@@ -102,12 +102,26 @@ def _likeliest(task: Task, starts: Sequence[Float[Array, " p"]], max_steps: int)
     return best
 
 
+def _sensors_alone(task: Task, problem: Problem, x: Float[Array, " p"]) -> Float[Array, " p"]:
+    """`x` with sensor noise as large as what its simulation without process noise leaves: how far off a model is without
+    disturbance may be any number of times what its sensors show beside one."""
+    first = len(task.names) + len(task.model.noisy)
+    x = x.at[first:].set(0.0)
+    found = whitened(task.names, task.model, problem, x)
+    there = np.asarray(problem.records.there)
+    count = np.maximum(there.sum(axis=(0, 1)), 1)
+    with np.errstate(all="ignore"):
+        left = np.sqrt(np.sum(np.where(there, found.innovations * found.deviations, 0.0) ** 2, axis=(0, 1)) / count)
+        level = np.log(left / np.asarray(problem.sensor_reference))
+    return x.at[first:].set(jnp.asarray(np.where(np.isfinite(level), level, 0.0)))
+
+
 def _without_noise(task: Task, found: _Found, max_steps: int) -> tuple[_Found, float, dict[str, float]]:
     """The likelihood ratio of all process noise and of each velocity's own; noises that bring nothing are switched off."""
     problem, optimum, steps = found
     nv = len(task.model.noisy)
     none = replace(problem, disturbed=jnp.zeros(nv, dtype=bool))
-    still = _minimised(task, none, optimum.x, max_steps)
+    still = _minimised(task, none, _sensors_alone(task, none, optimum.x), max_steps)
     steps += int(still.iterations)
     gone = float(still.look.cost) > _DIVERGED
     total = float("inf") if gone else 2.0 * (float(still.look.cost) - float(optimum.look.cost))

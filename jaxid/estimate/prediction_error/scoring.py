@@ -29,7 +29,7 @@ _NOTICEABLE = 1e-3
 _STALLED_STEPS = 2
 _LONGEST = 2.0
 """Largest change of a noise's logarithm in a step."""
-_QUIETEST, _LOUDEST = -12.0, 12.0
+QUIETEST, _LOUDEST = -12.0, 12.0
 """Logarithms of a noise, relative to its reference, beyond which it is not followed."""
 
 
@@ -45,7 +45,7 @@ class Optimum(NamedTuple):
 def _limits(problem: Problem):
     """Least and largest coordinates [p]."""
     noises = problem.process_reference.shape[0] + problem.sensor_reference.shape[0]
-    quiet, loud = jnp.full(noises, _QUIETEST), jnp.full(noises, _LOUDEST)
+    quiet, loud = jnp.full(noises, QUIETEST), jnp.full(noises, _LOUDEST)
     return jnp.concatenate([problem.lower / problem.scale, quiet]), jnp.concatenate(
         [problem.upper / problem.scale, loud]
     )

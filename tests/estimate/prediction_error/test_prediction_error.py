@@ -60,6 +60,18 @@ def test_both_noises_and_the_parameters_are_found(disturbed):
     assert 0.2 < told.share_of_prediction["v"] < told.share_of_simulation["v"]
 
 
+def test_a_sensor_without_noise_is_told_and_compared_fairly(disturbed_axis):
+    """Without process noise a model is as far off as its simulation, whatever its sensors show beside a disturbance: the
+    likelihood ratio is that of the two residuals."""
+    logs = LogSet([disturbed_axis(seed, q=0.3, r=0.0) for seed in (5, 6)])
+    told = prediction_error(Axis(), logs, integrator=FINE).disturbance
+    assert told.sensor["v"].status == "at_bound" and told.sensor["v"].value == 0.0 and "no white noise" in told.sentence
+    assert told.process["v"].value == pytest.approx(0.3, rel=0.15)
+    free = output_error(Axis(), logs, integrator=FINE).noise["v"]
+    step = 0.3 * np.sqrt(logs[0].sampling_interval)  # of a speed that noise has pushed since the last sample
+    assert told.likelihood_ratio == pytest.approx(2 * sum(map(len, logs)) * np.log(free / step), rel=0.15)
+
+
 def test_standard_errors_for_white_residuals_are_too_sure_of_the_same_logs(disturbed):
     """They take the disturbance's traces for independent: that is what the other estimator is for."""
     logs, fit = disturbed
