@@ -7,6 +7,8 @@ innovations, as `prediction_error` does). Writes `benchmarks/results/methods.jso
 """
 
 import argparse
+import datetime
+import hashlib
 import json
 import time
 from collections.abc import Callable
@@ -27,6 +29,10 @@ from .prediction_error import _OMNI, _USUAL, DT, _axis, axis, omni
 
 RESULTS = Path(__file__).parent / "results" / "methods.json"
 PAGE = Path(__file__).parents[1] / "docs" / "methods.md"
+CODE = hashlib.sha256(
+    b"".join(file.read_bytes() for file in sorted((Path(jaxid.__file__).parent / "estimate").rglob("*.py")))
+).hexdigest()[:12]
+"""Fingerprint of the estimators, by which the page tells cells that were run with other code."""
 JUDGED = 4.0
 """Standard errors that a parameter must be away from its bounds."""
 
@@ -98,7 +104,8 @@ def by_prediction_error(robot: jaxid.Robot, sets: dict[str, jaxid.LogSet]) -> tu
         task, n = tasks[0], len(tasks[0].names)
         outputs = jnp.stack([own.problem.records.outputs for own in tasks])
         starts = jnp.repeat(flat(task.start)[None], len(tasks), axis=0)
-        found = minimise_lanes(task.names, task.model, task.problem, {"outputs": outputs}, starts)
+        lanes = min(32, len(tasks))
+        found = minimise_lanes(task.names, task.model, task.problem, {"outputs": outputs}, starts, lanes=lanes)
         scale, errors = np.asarray(task.problem.scale), []
         for k, logs in enumerate(sets.values()):
             problem = replace(task.problem, records=task.problem.records._replace(outputs=outputs[k]))
@@ -166,7 +173,12 @@ def study(machine: Machine, noise: Noise, fits: int) -> dict:
             "coverage": cover.tolist(),
             **(_said(results[method]) if method in results else {}),
         }
-    return {**row, "processor_seconds": time.process_time() - begin}
+    return {
+        **row,
+        "code": CODE,
+        "run": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "processor_seconds": time.process_time() - begin,
+    }
 
 
 def main() -> None:
@@ -188,7 +200,11 @@ def main() -> None:
             print(f"  {method}: bias {worst:.2f}, covers {cover.min():.2f} to {cover.max():.2f}", flush=True)
         kept = [rows[m.name, n.name] for m, n in cells if (m.name, n.name) in rows]
         RESULTS.write_text(json.dumps({"rows": kept}, indent=1) + "\n", encoding="utf-8")
-    write_page(list(rows.values()), PAGE, [f"{m.name}, {n.name}" for m, n in cells if (m.name, n.name) not in rows])
+    write_page(
+        [rows[m.name, n.name] for m, n in cells if (m.name, n.name) in rows],
+        PAGE,
+        [f"{m.name}, {n.name}" for m, n in cells if (m.name, n.name) not in rows],
+    )
 
 
 if __name__ == "__main__":

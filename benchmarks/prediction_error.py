@@ -26,6 +26,9 @@ from jaxid.estimate.prediction_error.likelihood import flat
 from jaxid.estimate.prediction_error.scoring import minimise_lanes
 from jaxid.estimate.prediction_error.setup import build
 from reference import excitation
+from reference.effects import complete, kernel_vector
+from reference.pioneer import PIONEER, mass_and_bias
+from reference.stick_slip import integrate
 
 RESULTS = Path(__file__).parent / "results" / "prediction_error.json"
 DT, FINE = 0.02, 40
@@ -76,6 +79,24 @@ def omni(u: np.ndarray, N: int, q, r, random, true) -> tuple[np.ndarray, np.ndar
             kick = np.asarray(q) * np.sqrt(h) * random.normal(size=(N, 3))
             x = stopped(x + h * (pull - viscous * x) / inertia + kick, h * slowed)
     return np.stack(found, axis=1), np.broadcast_to(u, (N, *u.shape))
+
+
+def pioneer(u: np.ndarray, N: int, q, r, random, true) -> tuple[np.ndarray, np.ndarray]:
+    """eta1, eta2 [N, T, 2] of N disturbed Pioneers, by the independent simulator: forces that are drawn anew every half
+    millisecond, of the size that kicks both speeds as asked while the caster trails."""
+    robot = PIONEER.with_parameters(**{name: true[name] for name in PIONEER.parameters if name in true})
+    p, e = np.array(list(robot.parameters.values())), kernel_vector(complete(None, robot.name))
+    mass, start, h = np.empty((2, 2)), np.zeros(robot.n_states), DT / FINE
+    mass_and_bias(0.0, 0.0, 0.0, p, 0.0, mass, np.empty(2))
+    breaks, felt, found = h * np.arange((len(u) - 1) * FINE + 1), np.repeat(u, FINE, axis=0), []
+    for _ in range(N):
+        kicks = (np.asarray(q) / np.sqrt(h) * random.normal(size=(len(breaks), 2))) @ mass.T
+        inputs = np.concatenate([felt[: len(breaks)], kicks], axis=1)
+        states, _, events = integrate(robot.dynamics, start, breaks, inputs, p, e, 4, 2, 3, 1e-6, 1e-8, 0.01)
+        if events < 0:
+            raise RuntimeError("The simulation of a disturbed Pioneer came to a halt.")
+        found.append(states[::FINE, 4:6] + np.asarray(r) * random.normal(size=(len(u), 2)))
+    return np.stack(found), np.broadcast_to(u, (N, *u.shape))
 
 
 def pendulum(u: np.ndarray, N: int, q, r, random, true) -> tuple[np.ndarray, np.ndarray]:
@@ -152,6 +173,17 @@ SETTINGS = (
         (0.01, 0.01, 0.02),
         _OMNI,
     ),
+    Setting(
+        "pioneer: process 0.05, 0.1, sensor 0.01, 0.02",
+        jaxid.Pioneer,
+        pioneer,
+        (0.05, 0.1),
+        (0.01, 0.02),
+        tuple(
+            excitation.experiment("pioneer", kind, 512, seed=seed)
+            for seed, kind in ((40, "multilevel"), (41, "turning"))
+        ),
+    ),
 )
 
 
@@ -193,7 +225,7 @@ def study(setting: Setting, fits: int) -> dict:
         factors = np.exp(np.random.default_rng(13).uniform(-_APART, _APART, (fits, n)))
         starts = np.repeat(np.asarray(flat(task.start))[None], fits, axis=0)
         starts[:, :n] *= factors
-        found = minimise_lanes(task.names, task.model, task.problem, own, jnp.asarray(starts))
+        found = minimise_lanes(task.names, task.model, task.problem, own, jnp.asarray(starts), lanes=min(32, fits))
         x, information = np.asarray(found.x), np.asarray(found.look.information)
         errors = np.sqrt(np.diagonal(np.linalg.pinv(information, hermitian=True), axis1=1, axis2=2))
         scale, values = np.asarray(task.problem.scale), np.array([true[name] for name in task.names])
@@ -226,7 +258,7 @@ def _output_error(robot, logs, outputs, factors, values, judged) -> dict:
     z = jax.vmap(problem.bounds.coordinates)(problem.held * jnp.asarray(factors))
     own = {"outputs": outputs, "sigma": jnp.broadcast_to(problem.sigma, (N, len(problem.sigma)))}
     starts = Coordinates(z, jnp.zeros((N, *at.states.shape)))
-    found = fit_lanes(structure, problem, own, starts, lanes=64)
+    found = fit_lanes(structure, problem, own, starts, lanes=min(64, N))
     coordinates = found.optimum.unknowns.z
     off = np.asarray(jax.vmap(problem.bounds.physical)(coordinates)) - values
     slope = np.asarray(jax.vmap(problem.bounds.slope)(coordinates))

@@ -33,8 +33,11 @@ def coupling(
 ) -> Coupling:
     """From slopes of each speed's equation by all speeds; speeds that have not `moved` are zero, so without noise."""
     own = np.eye(growth.shape[1], dtype=bool)
-    parts = (np.where(own | ~moved[:, None, :] | ~np.isfinite(slope), 0.0, slope) for slope in (at_start, at_end))
-    return Coupling(np.where(np.isfinite(growth), growth, 0.0), *parts, run)
+
+    def others(slope: Array) -> Array:
+        return np.where(own | ~moved[:, None, :] | ~np.isfinite(slope), 0.0, slope)
+
+    return Coupling(np.where(np.isfinite(growth), growth, 0.0), others(at_start), others(at_end), run)
 
 
 def noise_weights(
