@@ -2,35 +2,53 @@
 
 import html
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 _WIDTH = 100
 
 
-def text_table(rows: Sequence[Sequence[str]], before: Sequence[str] = (), after: Sequence[str] = ()) -> str:
-    """Aligned columns, the first to the left; the first row is the header. Paragraphs `before` and `after` are wrapped."""
+def _to_the_right(column: int, right: Collection[int] | None) -> bool:
+    return column > 0 if right is None else column in right
+
+
+def text_table(
+    rows: Sequence[Sequence[str]],
+    before: Sequence[str] = (),
+    after: Sequence[str] = (),
+    right: Collection[int] | None = None,
+) -> str:
+    """Aligned columns, those of `right` (all but the first, unless given) to the right; the first row is the header.
+    Paragraphs `before` and `after` are wrapped."""
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
     lines = []
     for row in rows:
-        first, *others = (
-            cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+        cells = (
+            cell.rjust(w) if _to_the_right(k, right) else cell.ljust(w)
+            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
         )
-        lines.append("  ".join([first, *others]).rstrip())
-    top = [line for text in before for line in textwrap.wrap(text, _WIDTH)]
+        lines.append("  ".join(cells).rstrip())
+    top = [line for text in before if text for line in textwrap.wrap(text, _WIDTH)]
     bottom = [line for text in after for line in textwrap.wrap(text, _WIDTH)]
     return "\n".join([*top, *lines, *bottom])
 
 
-def html_table(rows: Sequence[Sequence[str]], before: Sequence[str] = (), after: Sequence[str] = ()) -> str:
+def html_table(
+    rows: Sequence[Sequence[str]],
+    before: Sequence[str] = (),
+    after: Sequence[str] = (),
+    right: Collection[int] | None = None,
+) -> str:
     """The same as HTML, in the page's own colours; the first paragraph in bold."""
     top = "".join(
-        f"<p>{'<b>' if not k else ''}{html.escape(text)}{'</b>' if not k else ''}</p>" for k, text in enumerate(before)
+        f"<p>{'<b>' if not k else ''}{html.escape(text)}{'</b>' if not k else ''}</p>"
+        for k, text in enumerate(text for text in before if text)
     )
-    bottom = "".join(f"<p>{html.escape(text)}</p>" for text in after)
+    bottom = "".join(f"<p>{html.escape(text)}</p>" for text in after if text)
+    sides = ["right" if _to_the_right(k, right) else "left" for k in range(len(rows[0]))] if rows else []
     cells = [
         "".join(
-            f'<{tag} style="text-align:{"right" if k else "left"};padding:.15em .8em">{html.escape(cell)}</{tag}>'
-            for k, cell in enumerate(row)
+            f'<{tag} style="text-align:{side};padding:.15em .8em">{html.escape(cell)}</{tag}>'
+            for side, cell in zip(sides, row, strict=True)
         )
         for tag, row in zip(["th"] + ["td"] * (len(rows) - 1), rows, strict=False)
     ]

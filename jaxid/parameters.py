@@ -9,6 +9,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ._table import html_table, text_table
+
 
 class ParameterError(ValueError):
     """A parameter that cannot be used; the message names it and the remedy."""
@@ -123,10 +125,12 @@ class ParameterTable(Mapping[str, Parameter]):
         """The table with further parameters appended."""
         return ParameterTable({**self._parameters, **other})
 
+    def _rows(self) -> list[tuple[str, ...]]:
+        rows = [(n, f"{p.value:.6g}", p.unit, "free" if p.free else "fixed", p.meaning) for n, p in self.items()]
+        return [("", "value", "unit", "", "meaning"), *rows]
+
     def __repr__(self) -> str:
-        width = max((len(name) for name in self), default=0)
-        rows = [
-            f"{name:<{width}}  {p.value:<12.6g} {p.unit:<12} {'free ' if p.free else 'fixed'}  {p.meaning}"
-            for name, p in self.items()
-        ]
-        return "\n".join(rows)
+        return text_table(self._rows(), right=(1,))
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), right=(1,))

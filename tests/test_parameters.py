@@ -5,7 +5,8 @@ import pickle
 
 import pytest
 
-from jaxid import Parameter, ParameterError, ParameterTable, Pioneer
+from jaxid import Axis, Parameter, ParameterError, ParameterTable, Pioneer
+from jaxid.effects.catalogue import effect_by_id
 
 
 @pytest.fixture
@@ -86,3 +87,13 @@ def test_every_default_says_where_it_comes_from_and_what_it_means():
     for kind in BUILT_IN.values():
         for name, parameter in kind().parameters.items():
             assert parameter.source and parameter.meaning, f"{kind.name}: {name}"
+
+
+def test_a_robot_shows_its_channels_effects_and_table():
+    robot = Axis() + effect_by_id(Axis(), "stribeck_friction")
+    text, page = repr(robot), robot._repr_html_()
+    first, header, *rows = text.splitlines()
+    assert first == "axis: inputs u [V or N]; outputs v [m/s or rad/s]; with Stribeck friction"
+    assert len(rows) == len(robot.parameters) and max(map(len, rows)) < 100
+    assert {row[header.index("unit") :].split()[0] for row in rows} >= {"kg", "N"}  # columns stay columns
+    assert "with Stribeck friction" in page and page.count("<tr>") == 1 + len(rows)

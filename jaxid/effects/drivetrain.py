@@ -1,12 +1,13 @@
 """Effects of friction and gears. Speeds are at the wheels' rims [m/s], so that axes of different kinds share them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
 
 from ..parameters import Parameter
-from ..robots.effect import Effect, Levels, Numbers, Scalars, State
+from ..robots.effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from ..robots.robot import Robot
 from ..robots.trigonometry import sincos
 from .effect_parameters import positive, shape, signed
@@ -17,6 +18,21 @@ class _OnDriveAxes(Effect):
     """An effect that acts on the drivetrain's rubbing axes."""
 
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+
+def risen(
+    levels: Levels, axes: Sequence[int], speeds: Scalars, p: Numbers, robot: Robot, amplitude: Scalar, speed: Scalar
+) -> Levels:
+    """Coulomb levels of the `axes` higher by `amplitude` at standstill, the excess falling off as a Gaussian of the speed at
+    the rim (Stribeck): within `speed` to 37 %."""
+    rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
+    for axis in axes:
+        rise = amplitude * jnp.exp(-((rims[axis] / speed) ** 2))
+        if levers[axis] is not levers[axes[0]]:
+            rise = rise * (levers[axis] / levers[axes[0]])  # an axis with another lever: the same force at the rim
+        backward, forward = levels[axis]
+        changed[axis] = (backward + rise, forward + rise)
+    return tuple(changed)
 
 
 @dataclass(frozen=True)
@@ -35,15 +51,8 @@ class StribeckFriction(_OnDriveAxes):
         )
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
-        first = levers[robot.drive_axes[0]]
-        for axis in robot.drive_axes:
-            rise = p[self.key("amplitude")] * jnp.exp(-((rims[axis] / p[self.key("speed")]) ** 2))
-            if levers[axis] is not first:
-                rise = rise * (levers[axis] / first)  # an axis with another lever: the same force at the rim
-            backward, forward = levels[axis]
-            changed[axis] = (backward + rise, forward + rise)
-        return tuple(changed)
+        amplitude, speed = p[self.key("amplitude")], p[self.key("speed")]
+        return risen(levels, robot.drive_axes, speeds, p, robot, amplitude, speed)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ NORMAL_95 = 1.959963984540054
 """Half width of a 95 % interval in standard errors."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Estimate:
     """One number with its uncertainty. `std_error` and `ci95` are NaN where there is none (fixed, not identifiable)."""
 
@@ -37,6 +37,14 @@ class Estimate:
             std_error = float("nan")
         half = NORMAL_95 * std_error
         return Estimate(float(value), float(std_error), (float(value - half), float(value + half)), unit, status)
+
+    def __repr__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        if self.status == "fixed":
+            return f"{self.value:.6g}{unit} (fixed)"
+        low, high = self.ci95
+        interval = f"95 % {low:.5g} to {high:.5g}, {self.status.replace('_', ' ')}"
+        return f"{self.value:.6g} ± {self.std_error:.2g}{unit} ({interval})"
 
     def to_dict(self) -> dict[str, Any]:
         """As result files have it."""

@@ -13,7 +13,7 @@ from .._json import plain, write_json
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
 from ..model_file import write_model
-from ..robots.effect import Effect
+from ..robots.effect import Effect, in_words
 from ..robots.robot import Robot
 from .coloured import OnlyColour
 from .heldout import HeldOut
@@ -62,7 +62,7 @@ class NamedEffect:
     @property
     def title(self) -> str:
         """The id as words."""
-        return self.id.replace("_", " ")
+        return in_words(self.id)
 
     @property
     def sentence(self) -> str:
@@ -71,10 +71,10 @@ class NamedEffect:
         text = f"{self.title[0].upper()}{self.title[1:]} ({self.where}): {sizes}; "
         text += f"held-out error {self.evidence.before:.2f} to {self.evidence.after:.2f} times the noise."
         if self.equivalent_to:
-            others = " or ".join(name.replace("_", " ") for name in self.equivalent_to)
+            others = " or ".join(map(in_words, self.equivalent_to))
             text += f" This data cannot tell it from {others}."
         elif self.evidence.runner_up:
-            text += f" Next best was {self.evidence.runner_up.replace('_', ' ')}."
+            text += f" Next best was {in_words(self.evidence.runner_up)}."
         return text
 
 
@@ -199,9 +199,7 @@ class Explanation:
             )
         if self.verdict == "ambiguous":
             sets = "; ".join(
-                f"{e.title} (or {', '.join(n.replace('_', ' ') for n in e.equivalent_to)})"
-                if e.equivalent_to
-                else e.title
+                f"{e.title} (or {', '.join(map(in_words, e.equivalent_to))})" if e.equivalent_to else e.title
                 for e in self.effects
             )
             return f"Missing was {sets}: {closed}, but this data does not tell these names apart."

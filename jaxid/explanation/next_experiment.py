@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .._atomic import replacing
 from ..logs import Log, LogSet
+from ..robots.effect import in_words
 from ..robots.robot import Robot
 from ..simulation.excitation import Drive, single_modes, tuned_shapes
 from ..simulation.simulate import simulate
@@ -36,7 +37,7 @@ class NextExperiment:
     @property
     def sentence(self) -> str:
         """What to do and what it would show."""
-        one, other = (name.replace("_", " ") for name in self.between)
+        one, other = map(in_words, self.between)
         return (
             f"Drive {self.description}: there the models with {one} and with {other} differ by {self.separation:.1f} "
             f"times the noise (RMS), against {self.so_far:.2f} on the held-out logs."

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from .._atomic import replacing, write_text
 from ..explanation.explanation import Explanation
 from ..explanation.heldout import FALSE_ALARM
+from ..robots.effect import in_words
 from . import explanation_figures as draw
 from . import explanation_tables as tab
 from .figures import as_html, as_png
@@ -73,7 +74,7 @@ def _render(found: Explanation, pictures: dict[str, Figure], whole: bool) -> str
         channels=_markup(tab.channel_table(found)),
         moved=_markup(tab.moved_table(found)),
         false_alarm=FALSE_ALARM,
-        words=tab.words,
+        words=in_words,
     )
 
 

@@ -5,15 +5,11 @@ import math
 from ..estimate.result import Estimate
 from ..explanation.explanation import Explanation
 from ..explanation.localise import channel_name
+from ..robots.effect import in_words
 from .tables import WIDTH, Cell, Table, number, percent, to_text, with_error
 
 _MOVED = 2.0
 """Standard errors (of the fit before) beyond which a parameter's move is marked."""
-
-
-def words(identifier: str) -> str:
-    """An identifier as words."""
-    return identifier.replace("_", " ")
 
 
 def interval(estimate: Estimate) -> str:
@@ -27,11 +23,11 @@ def effects_table(found: Explanation) -> Table:
     rows = []
     for effect in found.effects:
         for k, (name, e) in enumerate(effect.parameters.items()):
-            doubt = "" if e.status == "identified" else f" ({words(e.status)})"
+            doubt = "" if e.status == "identified" else f" ({in_words(e.status)})"
             value = with_error(e.value, e.std_error) if not doubt else number(e.value, 3) + doubt
             title, where = (effect.title, effect.where) if k == 0 else ("", "")
             rows.append(
-                (Cell(title), Cell(where), Cell(words(name)), Cell(value), Cell(interval(e)), Cell(e.unit, "dim"))
+                (Cell(title), Cell(where), Cell(in_words(name)), Cell(value), Cell(interval(e)), Cell(e.unit, "dim"))
             )
     formulas = tuple(f"{effect.title}: {effect.formula}" for effect in found.effects)
     header = ("effect", "where", "parameter", "value ± std error", "95 % interval", "unit")
@@ -44,13 +40,13 @@ def evidence_table(found: Explanation) -> Table:
     for effect in found.effects:
         evidence = effect.evidence
         behind = "-" if evidence.margin is None else number(evidence.margin, 3)
-        alike = ", ".join(map(words, effect.equivalent_to))
+        alike = ", ".join(map(in_words, effect.equivalent_to))
         rows.append(
             (
                 Cell(effect.title),
                 Cell(f"{evidence.before:.2f} to {evidence.after:.2f}"),
                 Cell(f"{evidence.refitted} of {evidence.looked_at}"),
-                Cell(words(evidence.runner_up) if evidence.runner_up else "-"),
+                Cell(in_words(evidence.runner_up) if evidence.runner_up else "-"),
                 Cell(behind),
                 Cell(alike or "none", "bad" if alike else ""),
             )

@@ -107,7 +107,8 @@ def response(
         limit = 1.15 * min(max(reach, 1.5 * half), max(high - low, 3 * half))
         lower.set_ylim(-limit, limit)
         upper.set_ylabel(_quantity(log, name))
-        lower.set_ylabel("residual")
+        unit = log.channels.units.get(name, "")
+        lower.set_ylabel("residual" + (f"\n[{unit}]" if unit else ""))
     for ax in axes:
         _tidy(ax)
         ax.margins(x=0.01)

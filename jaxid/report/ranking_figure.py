@@ -8,16 +8,13 @@ from matplotlib.patches import Patch
 
 from ..explanation.explanation import Explanation
 from ..explanation.search import Step
+from ..robots.effect import in_words
 from .explanation_figures import AFTER, BEFORE
 from .figures import _tidy
 
 ALIKE, OTHER = "#8fd3bd", "0.75"
 """Colours of candidates that the data cannot tell from the chosen one, and of all others."""
 _MOST_ROWS = 10
-
-
-def _name(identifier: str) -> str:
-    return identifier.replace("_", " ")
 
 
 def _bars(ax: Axes, shares: Sequence[float], colours: Sequence[str]) -> None:
@@ -64,7 +61,7 @@ def _step(axes: Sequence[Axes], step: Step, before: float) -> None:
     colours = [colour[name] for name in names]
     _bars(axes[0], [shares.get(name, 0.0) for name in names], colours)
     _refits(axes[1], [refitted.get(name) for name in names], colours, before)
-    axes[0].set_yticks(range(len(names)), [_name(name) for name in names])
+    axes[0].set_yticks(range(len(names)), [in_words(name) for name in names])
     for label, name in zip(axes[0].get_yticklabels(), names, strict=True):
         label.set_fontweight("bold" if name == step.chosen.id else "normal")
     axes[1].set_yticks(range(len(names)), [""] * len(names))
@@ -94,7 +91,7 @@ def ranking(found: Explanation) -> Figure | None:
         figure = Figure(figsize=(7.5, 1.2 + 0.3 * len(first)), layout="constrained")
         ax = figure.subplots()
         _bars(ax, [c.share for c in first], [OTHER] * len(first))
-        ax.set_yticks(range(len(first)), [_name(c.effect.id) for c in first])
+        ax.set_yticks(range(len(first)), [in_words(c.effect.id) for c in first])
         ax.set_ylim(len(first) - 0.4, -0.6)
         _tidy(ax)
         ax.grid(axis="y", visible=False)

@@ -17,7 +17,7 @@ from .effect import Levels, Numbers, Scalars, State
 from .robot import Robot, parameter
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Axis(Robot):
     """Inertia with viscous and Coulomb friction, a constant offset and, where wanted, a motor's back-EMF."""
 

@@ -58,7 +58,7 @@ def _held(name: str) -> str:
     return f"held {name}"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class ClosedLoop(Robot):
     """`plant` with `controller`; `closed_loop` makes one, with its logs. Effects are the plant's."""
 

@@ -16,7 +16,7 @@ from .signal_path import overrides
 from .trigonometry import sincos
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class Custom(Declared):
     """A robot described by the user's own pure functions of scalars by name.
 

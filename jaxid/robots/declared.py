@@ -41,7 +41,7 @@ def _positions(robot: "Declared", numbers: tuple[tuple[str, float], ...]) -> tup
     return tuple(sorted(found))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class Declared(Robot):
     """A robot's declarations, checked; see `Custom` for what each means."""
 

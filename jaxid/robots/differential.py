@@ -24,7 +24,7 @@ from .robot import Robot, parameter
 from .trigonometry import sincos
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DifferentialDrive(Robot):
     """Two driven wheels on one axle.
 

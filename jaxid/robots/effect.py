@@ -25,6 +25,14 @@ Scalars = tuple[Scalar, ...]
 Levels = tuple[tuple[Scalar, Scalar], ...]
 
 
+_AS_WRITTEN = {"stribeck": "Stribeck", "coriolis": "Coriolis", "coulomb": "Coulomb", "com": "centre-of-mass"}
+
+
+def in_words(identifier: str) -> str:
+    """An identifier as words, as a sentence has them: "stribeck_friction" becomes "Stribeck friction"."""
+    return " ".join(_AS_WRITTEN.get(word, word) for word in identifier.split("_"))
+
+
 class EffectError(ValueError):
     """An effect that a robot cannot have, or that does what an effect must not; the message says what to change."""
 

@@ -42,7 +42,7 @@ def body_forces(f: Scalars, p: Numbers) -> Scalars:
     return f[3] - f[1], f[0] - f[2], p["b"] * (f[0] + f[1] + f[2] + f[3])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Omni(Robot):
     """Four-wheel omni-directional robot. `pose=True` integrates x, y, theta; `inductance=True` the motor currents."""
 

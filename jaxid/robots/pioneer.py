@@ -63,7 +63,7 @@ def turning_inertia(p: Numbers):
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Pioneer(Robot):
     """Differential-drive robot with a caster. `pose=True` integrates the pose x, y, theta as well."""
 

@@ -5,6 +5,7 @@ parameters are scalars by name, so that the same code runs on one number, on a b
 compiles into a single fused loop.
 """
 
+import html
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -16,14 +17,14 @@ import jax
 from ..logs import Channels
 from ..parameters import Parameter, ParameterTable
 from . import signal_path
-from .effect import Effect, EffectError, Levels, Numbers, Scalar, Scalars, State
+from .effect import Effect, EffectError, Levels, Numbers, Scalar, Scalars, State, in_words
 from .scales import Scales
 from .traits import refusal, traits_of
 
 _EMPTY = ParameterTable({})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Robot:
     """Base of all robots.
 
@@ -108,6 +109,23 @@ class Robot:
             object.__setattr__(self, "parameters", self.defaults())
         if self.scales is None:
             object.__setattr__(self, "scales", self.nominal)
+
+    def _sentence(self) -> str:
+        """Inputs, outputs and effects."""
+        units = self.channels.units
+
+        def listed(names: Iterable[str]) -> str:
+            return ", ".join(f"{name} [{units[name]}]" if units.get(name) else name for name in names)
+
+        text = f"{self.name}: inputs {listed(self.channels.inputs)}; outputs {listed(self.channels.outputs)}"
+        added = ", ".join(in_words(effect.id) for effect in self.effects)
+        return f"{text}; with {added}" if added else text
+
+    def __repr__(self) -> str:
+        return f"{self._sentence()}\n{self.parameters!r}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(self._sentence())}</p>{self.parameters._repr_html_()}"
 
     @property
     def traits(self) -> frozenset[str]:

@@ -26,6 +26,7 @@ from ..output_error.problem import Problem, Structure, Triangle, Unknowns, param
 from ..output_error.setup import InitialStates, at_fit
 from ..output_error.solvers import minimise_compiled
 from ..result import Fit
+from .white_noise import not_white
 
 _STEP = 0.5
 """First step of the integrator, in standard deviations."""
@@ -33,18 +34,35 @@ _PULL = 1e-6
 """Precision, relative to the largest, that directions get which the data leaves free: chains need a scale there."""
 
 
-@dataclass(frozen=True)
+_AGREE = 1.01
+"""r_hat up to which chains agree (Vehtari et al., Bayesian Analysis 16, 2021)."""
+
+
+@dataclass(frozen=True, repr=False)
 class Posterior:
     """Draws of the parameters: `samples[name]` [chains, draws].
 
     `r_hat` compares the chains (near 1 when they agree) and `effective` is the number of independent draws that they are
-    worth, both by parameter; `divergences` counts steps at which the integrator failed.
+    worth, both by parameter; `divergences` counts steps at which the integrator failed. `caveat` says where the fit's residual
+    is not the white noise that the likelihood is of.
     """
 
     samples: dict[str, Float[np.ndarray, "chains draws"]]
     r_hat: dict[str, float]
     effective: dict[str, float]
     divergences: int
+    caveat: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """How many draws there are, and whether the chains agree."""
+        chains, draws = next(iter(self.samples.values())).shape if self.samples else (0, 0)
+        far = [name for name, ratio in self.r_hat.items() if not ratio < _AGREE]
+        agree = f"the chains disagree on {', '.join(far)}: draw more" if far else "the chains agree"
+        steps = f"{self.divergences} step{'s' * (self.divergences != 1)} of the integrator failed"
+        return (
+            f"Posterior: {chains} chains of {draws} draws; {agree}; {steps if self.divergences else 'no step failed'}."
+        )
 
     def ci95(self, name: str) -> tuple[float, float]:
         """Central 95 % interval of a parameter."""
@@ -59,10 +77,10 @@ class Posterior:
         return rows
 
     def __repr__(self) -> str:
-        return text_table(self._rows(), (), [f"{self.divergences} divergent steps"])
+        return text_table(self._rows(), [self.sentence, self.caveat])
 
     def _repr_html_(self) -> str:
-        return html_table(self._rows(), (), [f"{self.divergences} divergent steps"])
+        return html_table(self._rows(), [self.sentence, self.caveat])
 
 
 def _dense(triangle: Triangle) -> np.ndarray:
@@ -156,4 +174,5 @@ def posterior(
         r_hat={name: float(potential_scale_reduction(x)) for name, x in samples.items()},
         effective={name: float(effective_sample_size(x)) for name, x in samples.items()},
         divergences=int(np.sum(divergent)),
+        caveat=not_white(fit),
     )

@@ -24,6 +24,7 @@ from ..output_error.optimum import Optimum
 from ..output_error.problem import Problem, Unknowns, parameters_at
 from ..output_error.setup import InitialStates, at_fit
 from ..result import NORMAL_95, Fit
+from .white_noise import not_white
 
 _FIRST = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 """Points of the first look, in standard errors."""
@@ -64,9 +65,13 @@ class Profile:
 
 @dataclass(frozen=True, repr=False)
 class Profiles:
-    """Profiles of a fit's free parameters, by symbol: their intervals, and what the data does not bound."""
+    """Profiles of a fit's free parameters, by symbol: their intervals, and what the data does not bound.
+
+    `caveat` says where the fit's residual is not the white noise that the likelihood is of.
+    """
 
     profiles: dict[str, Profile]
+    caveat: str = ""
 
     def __getitem__(self, name: str) -> Profile:
         return self.profiles[name]
@@ -86,10 +91,10 @@ class Profiles:
         return f"{text}; without: {', '.join(open_)}." if open_ else f"{text}."
 
     def __repr__(self) -> str:
-        return text_table(self._rows(), [self.sentence])
+        return text_table(self._rows(), [self.sentence, self.caveat])
 
     def _repr_html_(self) -> str:
-        return html_table(self._rows(), [self.sentence])
+        return html_table(self._rows(), [self.sentence, self.caveat])
 
 
 def _limits(problem: Problem, i: int) -> tuple[float, float]:
@@ -203,7 +208,8 @@ def profile_likelihood(
         if not wanted:
             break
     rises = _rises(points, best, centre, index)
-    return Profiles({name: _profile(fit, name, rises[name], centre[i], limits[name]) for name, i in index.items()})
+    profiles = {name: _profile(fit, name, rises[name], centre[i], limits[name]) for name, i in index.items()}
+    return Profiles(profiles, not_white(fit))
 
 
 def _rises(points, best: float, centre: NDArray[np.float64], index: dict[str, int]) -> dict[str, dict[float, float]]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..._compile import compiled
+from ...effects.drivetrain import risen
 from ...logs import LogSet
 from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
@@ -91,16 +92,11 @@ class RiseTowardsStandstill(Effect):
         return found
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), []
         axes = robot.drive_axes or tuple(range(len(levels)))
-        for i, (backward, forward) in enumerate(levels):
-            rise = 0.0
-            if i in axes:
-                for k in range(len(_SHARES)):
-                    near = jnp.exp(-((rims[i] / p[self.key(f"speed_{k}")]) ** 2))
-                    rise = rise + p[self.key(f"rise_{k}")] * near * (levers[i] / levers[axes[0]])
-            changed.append((backward + rise, forward + rise))
-        return tuple(changed)
+        for k in range(len(_SHARES)):
+            rise, speed = p[self.key(f"rise_{k}")], p[self.key(f"speed_{k}")]
+            levels = risen(levels, axes, speeds, p, robot, rise, speed)
+        return levels
 
 
 class Neglected(NamedTuple):

@@ -1,10 +1,13 @@
 """jaxid/estimate/profile_likelihood.py against SciPy's minimiser, and for what data leaves open."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from jaxid import Axis, Integrator, LogSet, ParameterError, output_error, profile_likelihood, simulate
+from jaxid import Axis, Integrator, LogSet, ParameterError, Profiles, output_error, profile_likelihood, simulate
+from jaxid.estimate.confidence.white_noise import not_white
 
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
 ROBOT = Axis().change("offset", free=False).with_values(**TRUE)
@@ -49,6 +52,13 @@ def test_interval_ends_are_where_scipys_best_fit_is_worse_by_3_84(fit, logs):
         shown = f"{profile.ci95[0]:.5g} to {profile.ci95[1]:.5g}"
         assert shown in repr(profiles) and f">{shown}</td>" in profiles._repr_html_()
     assert repr(profiles).startswith("Profile likelihood: 2 of 2 intervals have both ends.")
+
+
+def test_intervals_for_white_noise_say_so_where_the_residual_is_not(fit):
+    assert not_white(fit) == ""
+    poor = replace(fit, judgement=replace(fit.judgement, verdict="poor"))
+    assert "The fit is poor" in not_white(poor) and "too narrow" in repr(Profiles({}, not_white(poor)))
+    assert "coloured" in not_white(replace(fit, standard_errors="robust"))
 
 
 def test_what_the_data_leaves_open_has_an_open_interval(axis_log):
