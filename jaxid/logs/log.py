@@ -375,7 +375,7 @@ class LogSet(Sequence[Log]):
         lines = [
             "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
         ]
-        return "\n".join([f"LogSet of {len(self)} log(s)", *lines])
+        return "\n".join([f"LogSet of {len(self)} log{'s' * (len(self) != 1)}", *lines])
 
     def _repr_html_(self) -> str:
         head, *rows = [[html.escape(cell) for cell in row] for row in self._table()]

@@ -108,7 +108,7 @@ def response(
         lower.set_ylim(-limit, limit)
         upper.set_ylabel(_quantity(log, name))
         unit = log.channels.units.get(name, "")
-        lower.set_ylabel("residual" + (f"\n[{unit}]" if unit else ""))
+        lower.set_ylabel("residual" + (f"\n[{unit}]" if unit else ""), fontsize="small")
     for ax in axes:
         _tidy(ax)
         ax.margins(x=0.01)

@@ -40,7 +40,8 @@ def _refits(ax: Axes, errors: Sequence[float | None], colours: Sequence[str], be
         end = min(error, right)
         ax.plot([before, end], [row, row], color=colour, lw=2.5, zorder=2, solid_capstyle="butt")
         ax.plot(end, row, "o", color=colour, ms=8, zorder=3)
-        ax.annotate(f"{error:.2f}", (end, row), (0, 5), textcoords="offset points", ha="center", fontsize="x-small")
+        ax.annotate(f"{error:.2f}", (end, row), (0, 5), textcoords="offset points", ha="center", fontsize="x-small",
+                    bbox={"fc": "white", "ec": "none", "pad": 0.5})  # fmt: skip
     ax.axvline(before, color=BEFORE, lw=1.6, zorder=1)
     ax.axvline(1.0, color="0.2", lw=1.6, ls="--", zorder=1)
     at = {"xycoords": ax.get_xaxis_transform(), "textcoords": "offset points", "ha": "center", "fontsize": "x-small"}
