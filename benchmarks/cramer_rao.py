@@ -11,6 +11,7 @@ estimator that respects the bounds is unbiased. Writes `benchmarks/results/crame
 """
 
 import argparse
+import datetime
 import json
 import time
 from dataclasses import dataclass, replace
@@ -226,6 +227,7 @@ def study(setting: Setting, fits: int, linear: int) -> dict:
     if setting.linear and linear:
         for method, (theta, errors, converged) in linear_estimates(setting, measured[:linear]).items():
             row[method] = {"converged": converged, **figures(theta, errors, true, limit, judged)}
+            row[method]["run"] = datetime.date.today().isoformat()
     return {**row, "processor_seconds": time.process_time() - begin}
 
 

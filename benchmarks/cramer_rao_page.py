@@ -157,11 +157,23 @@ def write_page(rows: list[dict], path: Path) -> None:
         judged = f"{len(row['parameters']) - len(left)}" + (f" (not {', '.join(left)})" if left else "")
         text += f"| {row['setting']} | {row['output_error']['fits']:,} | {judged} "
         own = row.get("instrumental_variables")
-        text += f"{_cells(row['output_error'])}| {own['fits'] if own else ''} "
+        linear_fits = dict.fromkeys(
+            row[method]["fits"] for method in ("least_squares", "instrumental_variables") if own
+        )
+        text += (
+            f"{_cells(row['output_error'])}| {' (LS), '.join(map(str, linear_fits))}{' (IV)' * (len(linear_fits) > 1)} "
+        )
         text += f"{_cells(row.get('least_squares'))}{_cells(own)}|\n"
     oe, oe_cover, _ = _ranges(rows, "output_error")
     ls, ls_cover, ls_bias = _ranges(rows, "least_squares")
     text += _TAIL.format(
         oe=oe, oe_cover=oe_cover, ls=ls, ls_cover=ls_cover, ls_bias=ls_bias, **_linear(rows), **_together(rows)
     )
+    figured = [row for row in rows if "instrumental_variables" in row]
+    newest = max((row["instrumental_variables"].get("run", "") for row in figured), default="")
+    old = dict.fromkeys(
+        row["setting"].split(":")[0] for row in figured if newest and "run" not in row["instrumental_variables"]
+    )
+    if old:
+        text += f"\nIV's figures of the {' and the '.join(old)} are of earlier code than those of the other robots.\n"
     path.write_text(text, encoding="utf-8")
