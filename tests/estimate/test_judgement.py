@@ -212,6 +212,12 @@ def test_a_large_residual_that_is_uneven_is_poor_and_an_even_one_may_be_the_sens
     other = LogSet([logs[0], Log.from_arrays("b", logs[1].time, logs[1].inputs, logs[1].output("v") + bump, "axis")])
     uneven_fit = judge(other, clean, noise)
     assert uneven_fit.verdict == "poor" and "bursts" in uneven_fit.sentence
+    alone = judge(LogSet([other[1]]), clean[1:], noise)  # one log is not uneven
+    assert alone.verdict == "poor" and "bursts" in alone.sentence
+    slow = [coloured(0.0, seed) + size * coloured(0.9, seed + 2) for seed, size in ((5, 0.3), (6, 10.0))]
+    found = judge(LogSet([log(axis_log, 0.01 * e, name) for e, name in zip(slow, "ab", strict=True)]), clean,
+                  {"v": 0.005, "q": 1.0})  # fmt: skip
+    assert bursts(slow) > 0.05 and found.verdict == "poor" and "on one log more than on another" in found.sentence
 
 
 def test_a_large_residual_that_is_too_slow_to_be_tested_is_poor(axis_log):

@@ -1,5 +1,7 @@
 """jaxid/kernel: machine code against XLA's scan, on every robot, under jit, vmap, forward and reverse mode, ties included."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -89,6 +91,18 @@ def test_outputs_and_sensitivities_are_those_of_xla(name, friction):
     np.testing.assert_allclose(
         dy / jnp.where(size > 0, size, 1.0), slopes / jnp.where(size > 0, size, 1.0), rtol=0, atol=1e-9
     )
+
+
+@pytest.mark.usefixtures("double_precision")
+def test_a_prescribed_state_passes_no_sensitivity_on():
+    robot = ROBOTS["axis + cogging_torque"]
+    path = {"q": jnp.sin(jnp.arange(SAMPLES) / 10.0)}
+    y, dy = sensitivities(robot, partial(rollout, prescribed=path), Sticking())
+    expected, slopes = sensitivities(robot, partial(rollout_in_xla, prescribed=path), Sticking())
+    np.testing.assert_allclose(y, expected, rtol=0, atol=1e-12 * float(jnp.max(jnp.abs(expected))))
+    np.testing.assert_allclose(dy, slopes, rtol=0, atol=1e-9 * float(jnp.max(jnp.abs(slopes))))
+    q = robot.channels.measured.index("q")
+    assert not np.asarray(dy)[:, :, q].any() and np.asarray(dy)[:, :, 1 - q].any()
 
 
 @pytest.mark.usefixtures("double_precision")

@@ -16,8 +16,8 @@ EVALUATED = {
     "reciprocal": lambda a: 1 / a, "max": max, "min": min, "abs": abs, "select": lambda w, f, t: t if w else f,
     "lt": lambda a, b: a < b, "gt": lambda a, b: a > b, "ge": lambda a, b: a >= b, "eq": lambda a, b: a == b,
     "sign": lambda a: float(np.sign(a)), "exp": math.exp, "log": math.log, "sqrt": math.sqrt, "sin": math.sin,
-    "cos": math.cos, "tanh": math.tanh, "floor": math.floor, "round": round,
-    "pow": pow,
+    "cos": math.cos, "tanh": math.tanh, "atan2": math.atan2, "log1p": math.log1p, "expm1": math.expm1, "pow": math.pow,
+    "floor": math.floor, "round": round,
 }  # fmt: skip
 
 
@@ -34,6 +34,9 @@ FUNCTIONS = {
     "rational": lambda a, b: (a * b - a / (1 + b**2)) ** 3,
     "transcendental": lambda a, b: (
         jnp.sin(a) * jnp.exp(-b) + jnp.tanh(a * b) - jnp.log(1 + b * b) * jnp.sqrt(2 + jnp.cos(b))
+    ),
+    "angles and powers": lambda a, b: (
+        jnp.arctan2(a, b) + jnp.arctan2(b, a) * a + jnp.log1p(b) * jnp.expm1(a) + jnp.power(b, 1.7)
     ),
     "limits": lambda a, b: jnp.clip(a, -b, b) + jnp.maximum(a, b) * jnp.minimum(a, 0.3) + jnp.abs(a - b),
     "branches": lambda a, b: jnp.where(a > b, a * a, b * a) + jnp.sign(a) * b,

@@ -23,7 +23,7 @@ from jaxid import (
 )
 from jaxid.estimate.linear.integral_least_squares import integral_least_squares
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
-from jaxid.estimate.linear.window_equations import _stretches
+from jaxid.estimate.linear.window_equations import _stretches, window_equations
 from reference.axis import AXIS
 from reference.excitation import experiment, prbs, steps, wheels
 from reference.logs import simulate_log
@@ -189,6 +189,18 @@ def test_axis_with_sensor_gaps(axis_logs):
     fit = integral_least_squares(Axis(), gappy)
     for name, truth in AXIS_TRUTH.items():
         assert fit[name].value == pytest.approx(truth, rel=5e-3)
+
+
+def test_no_stretch_runs_across_a_long_gap(axis_logs):
+    log = axis_logs[0]
+    outputs = log.outputs.copy()
+    outputs[300:400] = np.nan
+    found = window_equations(
+        Axis(), [Log.from_arrays(log.name, log.time, log.inputs, outputs, log.channels)], window=60
+    )
+    samples = [found.sample[found.stretch == stretch] for stretch in np.unique(found.stretch)]
+    assert all(own.max() < 300 or own.min() >= 400 for own in samples)
+    assert found.sample.min() < 300 and found.sample.max() >= 400
 
 
 def test_omni_moving_in_all_directions():

@@ -6,6 +6,7 @@ import pytest
 
 from jaxid import Axis, Channels, Custom, Log, LogSet, Omni, Parameter, Pioneer
 from jaxid.effects.catalogue import effect_by_id
+from jaxid.effects.drivetrain import AsymmetricFriction
 from jaxid.estimate.linear import integrals as module
 from jaxid.estimate.linear.integrals import Asked, SlowEquations, _in_xla, has_mass_matrix, integrals
 from jaxid.estimate.linear.log_rows import gather, measured_speeds, positions_of
@@ -36,6 +37,9 @@ def frictionless():
 ROBOTS = {
     "axis": Axis(),
     "axis + stribeck_friction": Axis() + effect_by_id(Axis(), "stribeck_friction"),
+    "axis, friction by direction": (Axis() + AsymmetricFriction()).with_values(
+        **{"asymmetric_friction.asymmetry": 0.3}
+    ),
     "omni": Omni(),
     "pioneer": Pioneer(),
     "user's own": cart(),
