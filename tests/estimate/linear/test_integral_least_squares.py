@@ -22,8 +22,9 @@ from jaxid import (
     float64,
 )
 from jaxid.estimate.linear.integral_least_squares import integral_least_squares
+from jaxid.estimate.linear.log_rows import gather
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
-from jaxid.estimate.linear.window_equations import _stretches, window_equations
+from jaxid.estimate.linear.window_equations import _stretches
 from reference.axis import AXIS
 from reference.excitation import experiment, prbs, steps, wheels
 from reference.logs import simulate_log
@@ -191,16 +192,14 @@ def test_axis_with_sensor_gaps(axis_logs):
         assert fit[name].value == pytest.approx(truth, rel=5e-3)
 
 
-def test_no_stretch_runs_across_a_long_gap(axis_logs):
-    log = axis_logs[0]
-    outputs = log.outputs.copy()
-    outputs[300:400] = np.nan
-    found = window_equations(
-        Axis(), [Log.from_arrays(log.name, log.time, log.inputs, outputs, log.channels)], window=60
-    )
-    samples = [found.sample[found.stretch == stretch] for stretch in np.unique(found.stretch)]
-    assert all(own.max() < 300 or own.min() >= 400 for own in samples)
-    assert found.sample.min() < 300 and found.sample.max() >= 400
+def test_the_balance_is_bridged_over_a_short_gap_and_broken_by_a_long_gap():
+    time = 0.02 * np.arange(300)
+    outputs = np.stack([np.sin(time), 1.0 - np.cos(time)], axis=1)
+    outputs[50:53] = outputs[100:120] = np.nan
+    rows = gather(Axis(), [Log.from_arrays("gappy", time, np.cos(time)[:, None], outputs, Axis())], ("v",))
+    broken = np.zeros(300, bool)
+    broken[99:120] = broken[-1] = True
+    np.testing.assert_array_equal(rows.whole, ~broken)
 
 
 def test_omni_moving_in_all_directions():
