@@ -40,6 +40,10 @@ as it stood, and are left as they were found: `--seed N` draws new ones as above
 more hidden forces (a drag of a power between one and two, a dry friction that changes with the position), held-out logs three
 times as long, constants that are 1 to 5 % off (there only predictions are judged: estimates are right for the constants given
 at best), and logs with two things poor at a time.
+
+Of the first nine silent ones of the wide draw, whose residuals are 1.00 to 1.11 times the noise, five speak since then: the
+score test asks for a delay and a dead zone of the inputs, too, and says what may be chance where it would move a parameter far.
+Of the other four the residual asks for nothing beyond what chance brings (p from 0.01 to 1): 42, 92, 113 and 178 stay silent.
 """
 
 
