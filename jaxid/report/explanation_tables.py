@@ -72,7 +72,9 @@ def channel_table(found: Explanation) -> Table:
     total += [Cell(number(found.after.normalised_rms, 3))] if after else []
     rows.append((Cell("all"), *total, Cell("1", "dim"), Cell("")))
     header = ("channel", *(("before", "after") if after else ("error",)), "noise floor", "one unit of noise is")
-    return Table("Error on held-out logs, in units of the noise (RMS)", header, tuple(rows))
+    notes = ("The noise is what neighbouring samples show; coloured noise is larger, so that its floor is above 1.",)
+    coloured = found.colour is not None and found.colour.simple
+    return Table("Error on held-out logs, in units of the noise (RMS)", header, tuple(rows), notes if coloured else ())
 
 
 def moved_table(found: Explanation) -> Table:
