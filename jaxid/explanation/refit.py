@@ -12,7 +12,8 @@ from ..estimate.output_error.optimum import Optimum
 from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.problem import Unknowns
 from ..estimate.output_error.setup import build
-from ..estimate.output_error.solvers import compile_ahead, minimise_compiled
+from ..estimate.output_error.in_turns import compile_ahead
+from ..estimate.output_error.solvers import minimise_compiled
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.robot import Robot

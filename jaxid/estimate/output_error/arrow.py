@@ -48,7 +48,7 @@ def solved_upwards(R: Float[Array, "s s"], b: Float[Array, " s"]) -> Float[Array
 
 
 class Eliminated(NamedTuple):
-    """A problem whose experiments' own unknowns are eliminated, those damped by `damping`.
+    """A problem whose experiments' own unknowns are eliminated, slightly damped.
 
     `pull`, `values`, `right`: what is left for the shared unknowns, by singular values; `pull` is the gradient along the
     singular vectors. `own` [E, s, s + n + 1]: rows from which the own unknowns follow.
@@ -58,7 +58,6 @@ class Eliminated(NamedTuple):
     values: Float[Array, " n"]
     right: Float[Array, "n n"]
     own: Float[Array, "E s m"]
-    damping: float
 
     def shared_step(self, damping: Float[Array, ""]) -> Float[Array, " n"]:
         """Damped step of the shared unknowns."""
@@ -92,4 +91,4 @@ def eliminate(triangle: Triangle, damping: float) -> Eliminated:
         rows = jax.vmap(eliminated)(triangle.local, triangle.crossed, triangle.residual_local)
         shared = triangle_of(jnp.concatenate([rows[:, s:, s:].reshape(-1, n + 1), shared]))
     columns, right = orthogonal_columns(shared[:, :n])
-    return Eliminated(columns @ shared[:, n], jnp.linalg.norm(columns, axis=1), right, rows[:, :s], damping)
+    return Eliminated(columns @ shared[:, n], jnp.linalg.norm(columns, axis=1), right, rows[:, :s])

@@ -18,7 +18,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .arrow import gradient, in_units, norms
-from .problem import Problem, Triangle, Unknowns
+from .bounds import Bounds
+from .problem import Triangle, Unknowns
 
 
 class Chart(NamedTuple):
@@ -62,9 +63,9 @@ def _widths(norm: Float[Array, "..."], otherwise: Float[Array, "..."]) -> Float[
     return jnp.where(norm > 0, 1.0 / jnp.where(norm > 0, norm, 1.0), jnp.where(otherwise > 0, otherwise, 1.0))
 
 
-def chart_at(problem: Problem, here: Unknowns, triangle: Triangle) -> Chart:
+def chart_at(bounds: Bounds, here: Unknowns, triangle: Triangle) -> Chart:
     """The units at a linearisation."""
-    lower, upper = problem.bounds.lower / problem.bounds.scale, problem.bounds.upper / problem.bounds.scale
+    lower, upper = bounds.lower / bounds.scale, bounds.upper / bounds.scale
     below, above, size = here.z - lower, upper - here.z, jnp.abs(here.z)
     nearest = jnp.minimum(below, above)
     bounded = jnp.isfinite(nearest)

@@ -16,9 +16,11 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .arrow import Eliminated, eliminate, gradient, norms
+from .bounds import Bounds
 from .chart import Chart, chart_at
 from .optimum import Optimum, Outcome
 from .problem import Problem, Structure, Triangle, Unknowns, cost, traced_once
@@ -29,6 +31,7 @@ _STRAIGHT = (jnp.inf, 1.0, 0.1)
 _CURVED = (3.0, 1.0, 0.3, 0.03)
 """Lengths of the steps that are tried, in units of the chart. A simulation alone is cheap beside a linearisation, and the
 steps run as its lanes."""
+CANDIDATES = len(_STRAIGHT) + len(_CURVED)
 _SHORTER = 0.01
 _ROUNDS = 4
 """How often all of them shrink, and by what factor, while none lowers the cost."""
@@ -49,7 +52,8 @@ KINK = 0.5
 as sticking makes promise a little for ever."""
 _ROUNDING = 1e-10
 """Relative change of the cost that is none: the simulation does not feel the parameters."""
-_UNDECIDED = -1
+UNDECIDED = -1
+"""In place of an outcome: the search goes on."""
 _UNSOUND = 1e50
 """Cost that only a simulation or a sensitivity has that is not finite."""
 
@@ -78,28 +82,86 @@ def _promise(scaled: Triangle, system: Eliminated) -> Float[Array, ""]:
 
 def promise_of(problem: Problem, unknowns: Unknowns, triangle: Triangle) -> Float[Array, ""]:
     """Drop of the cost (half chi-squared) that a linearisation promises, bounds respected."""
-    scaled = chart_at(problem, unknowns, triangle).scaled(triangle)
+    scaled = chart_at(problem.bounds, unknowns, triangle).scaled(triangle)
     return _promise(scaled, eliminate(scaled, _LEAST))
 
 
-class _Search(NamedTuple):
-    round: Int[Array, ""]
-    lowest: Float[Array, ""]
-    there: Unknowns
-    lower: Bool[Array, ""]
-    flat: Bool[Array, ""]
+class State(NamedTuple):
+    """Between two linearisations: `there` is looked at next, `reached`, its `triangle` and its `cost` are the best so far."""
 
-
-class _State(NamedTuple):
     there: Unknowns
     reached: Unknowns
     triangle: Triangle
+    cost: Float[Array, ""]
     start_cost: Float[Array, ""]
     steps: Int[Array, ""]
     stalled: Int[Array, ""]
     promise: Float[Array, ""]
     outcome: Int[Array, ""]
     polished: Int[Array, ""]
+
+    @property
+    def optimum(self) -> Optimum:
+        """The result, once the outcome is decided."""
+        return Optimum(
+            self.reached, self.triangle, self.cost, self.steps, self.outcome, self.start_cost, self.promise
+        )
+
+
+class Search(NamedTuple):
+    """Steps from one linearisation. While it is `going`, the costs at its `candidates` are asked for; `state` is what
+    follows if it ends here."""
+
+    state: State
+    chart: Chart
+    system: Eliminated
+    now: Float[Array, ""]
+    near: Bool[Array, ""]
+    round: Int[Array, ""]
+    flat: Bool[Array, ""]
+    candidates: Unknowns
+    going: Bool[Array, ""]
+
+
+def _candidates(chart: Chart, system: Eliminated, round: Int[Array, ""]) -> Unknowns:
+    """Where the steps of one round lead (leading axis: their lengths)."""
+    shrunk = _SHORTER**round
+
+    def both(length):
+        step = _step_of(system, shrunk * length)
+        return step, system.own_step(step, shrunk)
+
+    first, second = jax.vmap(both)(jnp.array(_STRAIGHT)), jax.vmap(both)(jnp.array(_CURVED))
+    straight, curved = jax.vmap(chart.straight)(*first), jax.vmap(chart.curved)(*second)
+    return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), straight, curved)
+
+
+def begin(start: Unknowns, shapes: Triangle) -> State:
+    """Before the first linearisation, whose result has the shapes of `shapes`."""
+    empty = jax.tree.map(lambda leaf: np.full(leaf.shape, np.inf, leaf.dtype), shapes)
+    none, infinite = np.array(0), np.array(np.inf)
+    return State(start, start, empty, infinite, infinite, none, none, infinite, np.array(UNDECIDED), none)
+
+
+def tried(search: Search, costs: Float[Array, " c"]) -> Search:
+    """The search once the costs at its candidates are known: it has found a lower one, or all steps shrink, or it is over."""
+    now, state = search.now, search.state
+    costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
+    best = jnp.argmin(costs)
+    below = costs[best] < now
+    there = jax.tree.map(lambda new, old: jnp.where(below, new[best], old), search.candidates, state.there)
+    same = jnp.all(~jnp.isfinite(costs) | (jnp.abs(costs - now) <= _ROUNDING * now))
+    flat = jnp.where(search.round == 0, same & jnp.any(jnp.isfinite(costs)), search.flat)
+    lower = below & ~flat
+    going = ~lower & (search.round + 1 < _ROUNDS)
+    lost = jnp.where(search.near, Outcome.OPTIMUM, jnp.where(flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS))
+    return search._replace(
+        state=state._replace(there=there, outcome=jnp.where(lower | going, UNDECIDED, lost)),
+        round=search.round + 1,
+        flat=flat,
+        candidates=_candidates(search.chart, search.system, search.round + 1),
+        going=going,
+    )
 
 
 class BestDampingLevenbergMarquardt(eqx.Module):
@@ -109,122 +171,99 @@ class BestDampingLevenbergMarquardt(eqx.Module):
     drop of the cost above `promise` (some undamped steps follow while each comes closer), or where two steps in a row do
     not lower it by `noticeable` (both in half chi-squared). Any `optimistix` least-squares solver can take its place.
     `report` is called with the cost after every linearisation.
+
+    What is decided between two simulations knows nothing of the robot (`decided`, `tried`), so that it is compiled once
+    for all models with as many unknowns, and runs as one program with the simulations (`minimise`) or by turns with them
+    (`in_turns`).
     """
 
     promise: float = _PROMISE
     noticeable: float = _NOTICEABLE
     report: Callable[[Float[Array, ""]], None] | None = None
 
+    def decided(
+        self,
+        bounds: Bounds,
+        free: Bool[Array, " n"],
+        state: State,
+        triangle: Triangle,
+        max_steps: Int[Array, ""] | int,
+    ) -> Search:
+        """What follows from the linearisation `triangle` at `state.there`: the end, an undamped step, or a search."""
+        here, now = state.there, triangle.cost
+        if self.report is not None:
+            jax.debug.callback(self.report, now)
+        chart = chart_at(bounds, here, triangle)
+        scaled = chart.scaled(triangle)
+        system = eliminate(scaled, _LEAST)
+        promise = _promise(scaled, system)
+        sound = jnp.all(jnp.isfinite(triangle.squares)) & (now < _UNSOUND)
+        first = state.steps == 0
+        drop = state.cost - now
+        stalled = jnp.where(first | (drop > self.noticeable), 0, state.stalled + 1)
+        small = promise < jnp.where(stalled >= _STALLED_STEPS, KINK, self.promise)
+        blind = jnp.all(norms(triangle).z == 0.0) & jnp.any(free)
+        # Within a standard error of a minimum the search ends and undamped steps begin; the best place counts.
+        polishing = (state.polished > 0) | (small & sound & ~blind)
+        equal = jnp.abs(now - state.cost) <= _EQUAL
+        better = sound & ((now < state.cost - _EQUAL) | (equal & (promise < state.promise)))
+        worse = (state.polished > 0) & ~better
+        spent = state.polished + jnp.where(worse, _MISS, 1)
+        polish = polishing & sound & (promise > _EXACT) & (promise < KINK) & (spent <= _POLISHED)
+        outcome = jnp.select(
+            [polish, polishing, ~sound, blind, stalled >= _STALLED_STEPS, state.steps >= max_steps],
+            [
+                UNDECIDED,
+                Outcome.OPTIMUM,
+                Outcome.DIVERGED,
+                Outcome.INSENSITIVE,
+                Outcome.NO_PROGRESS,
+                Outcome.STEP_LIMIT,
+            ],
+            UNDECIDED,
+        )
+        full = system.shared_step(jnp.array(_LEAST))
+        straight = chart.straight(full, system.own_step(full))
+
+        def kept(new, old):
+            return jax.tree.map(lambda a, b: jnp.where(worse, b, a), new, old)
+
+        following = State(
+            there=jax.tree.map(lambda new, old: jnp.where(polish, new, old), straight, here),
+            reached=kept(here, state.reached),
+            triangle=kept(triangle, state.triangle),
+            cost=kept(now, state.cost),
+            start_cost=jnp.where(first, now, state.start_cost),
+            steps=state.steps + 1,
+            stalled=stalled,
+            promise=kept(promise, state.promise),
+            outcome=outcome,
+            polished=jnp.where(polish, spent, state.polished),
+        )
+        return Search(
+            state=following,
+            chart=chart,
+            system=system,
+            now=now,
+            near=promise < KINK,
+            round=jnp.array(0),
+            flat=jnp.array(False),
+            candidates=_candidates(chart, system, jnp.array(0)),
+            going=(outcome == UNDECIDED) & ~polish,
+        )
+
     def minimise(
         self, structure: Structure, problem: Problem, start: Unknowns, max_steps: Int[Array, ""] | int
     ) -> Optimum:
         """Minimise from `start`. Pure: runs under `jax.jit` and `jax.vmap`."""
         look, shapes = traced_once(structure, problem, start)
-        empty = jax.tree.map(lambda leaf: jnp.full(leaf.shape, jnp.inf, leaf.dtype), shapes)
-        linear, bent = jnp.array(_STRAIGHT), jnp.array(_CURVED)
 
-        def search(chart: Chart, system: Eliminated, now: Float[Array, ""]) -> _Search:
-            def again(state: _Search):
-                return ~state.lower & (state.round < _ROUNDS)
+        def costs(search: Search) -> Search:
+            return tried(search, jax.vmap(lambda there: cost(structure, problem, there))(search.candidates))
 
-            def round(state: _Search) -> _Search:
-                shrunk = _SHORTER**state.round
+        def step(state: State) -> State:
+            search: Any = self.decided(problem.bounds, problem.free, state, look(state.there, problem), max_steps)
+            return jax.lax.while_loop(lambda search: search.going, costs, search).state
 
-                def both(length):
-                    step = _step_of(system, shrunk * length)
-                    return step, system.own_step(step, shrunk)
-
-                first, second = jax.vmap(both)(linear), jax.vmap(both)(bent)
-                candidates = jax.tree.map(
-                    lambda a, b: jnp.concatenate([a, b]),
-                    jax.vmap(chart.straight)(*first),
-                    jax.vmap(chart.curved)(*second),
-                )
-                costs = jax.vmap(lambda there: cost(structure, problem, there))(candidates)
-                costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
-                best = jnp.argmin(costs)
-                lower = costs[best] < now
-                there = jax.tree.map(lambda new, old: jnp.where(lower, new[best], old), candidates, state.there)
-                same = jnp.all(~jnp.isfinite(costs) | (jnp.abs(costs - now) <= _ROUNDING * now))
-                flat = jnp.where(state.round == 0, same & jnp.any(jnp.isfinite(costs)), state.flat)
-                return _Search(state.round + 1, jnp.where(lower, costs[best], now), there, lower & ~flat, flat)
-
-            nothing = _Search(jnp.array(0), now, chart.here, jnp.array(False), jnp.array(False))
-            return jax.lax.while_loop(again, round, nothing)
-
-        def step(state: _State) -> _State:
-            here = state.there
-            triangle = look(here, problem)
-            now = triangle.cost
-            if self.report is not None:
-                jax.debug.callback(self.report, now)
-            chart = chart_at(problem, here, triangle)
-            scaled = chart.scaled(triangle)
-            system = eliminate(scaled, _LEAST)
-            promise = _promise(scaled, system)
-            sound = jnp.all(jnp.isfinite(triangle.squares)) & (now < _UNSOUND)
-            first = state.steps == 0
-            drop = state.triangle.cost - now
-            stalled = jnp.where(first | (drop > self.noticeable), 0, state.stalled + 1)
-            small = promise < jnp.where(stalled >= _STALLED_STEPS, KINK, self.promise)
-            blind = jnp.all(norms(triangle).z == 0.0) & jnp.any(problem.free)
-            # Within a standard error of a minimum the search ends and undamped steps begin; the best place counts.
-            polishing = (state.polished > 0) | (small & sound & ~blind)
-            equal = jnp.abs(now - state.triangle.cost) <= _EQUAL
-            better = sound & ((now < state.triangle.cost - _EQUAL) | (equal & (promise < state.promise)))
-            worse = (state.polished > 0) & ~better
-            spent = state.polished + jnp.where(worse, _MISS, 1)
-            polish = polishing & sound & (promise > _EXACT) & (promise < KINK) & (spent <= _POLISHED)
-            outcome = jnp.select(
-                [polish, polishing, ~sound, blind, stalled >= _STALLED_STEPS, state.steps >= max_steps],
-                [
-                    _UNDECIDED,
-                    Outcome.OPTIMUM,
-                    Outcome.DIVERGED,
-                    Outcome.INSENSITIVE,
-                    Outcome.NO_PROGRESS,
-                    Outcome.STEP_LIMIT,
-                ],
-                _UNDECIDED,
-            )
-            full = system.shared_step(jnp.array(_LEAST))
-            polished = jax.tree.map(
-                lambda new, old: jnp.where(polish, new, old), chart.straight(full, system.own_step(full)), here
-            )
-            found = jax.lax.cond(
-                (outcome == _UNDECIDED) & ~polish,
-                lambda: search(chart, system, now),
-                lambda: _Search(jnp.array(0), now, polished, jnp.array(True), jnp.array(False)),
-            )
-            lost = jnp.where(found.flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS)
-            lost = jnp.where(promise < KINK, Outcome.OPTIMUM, lost)
-
-            def kept(new, old):
-                return jax.tree.map(lambda a, b: jnp.where(worse, b, a), new, old)
-
-            return _State(
-                there=found.there,
-                reached=kept(here, state.reached),
-                triangle=kept(triangle, state.triangle),
-                start_cost=jnp.where(first, now, state.start_cost),
-                steps=state.steps + 1,
-                stalled=stalled,
-                promise=kept(promise, state.promise),
-                outcome=jnp.where(found.lower, outcome, lost),
-                polished=jnp.where(polish, spent, state.polished),
-            )
-
-        infinite = jnp.array(jnp.inf)
-        begin: Any = _State(
-            start, start, empty, infinite, jnp.array(0), jnp.array(0), infinite, jnp.array(_UNDECIDED), jnp.array(0)
-        )  # fmt: skip
-        end = jax.lax.while_loop(lambda state: state.outcome == _UNDECIDED, step, begin)
-        return Optimum(
-            unknowns=end.reached,
-            triangle=end.triangle,
-            cost=end.triangle.cost,
-            iterations=end.steps,
-            outcome=end.outcome,
-            start_cost=end.start_cost,
-            promise=end.promise,
-        )
+        end = jax.lax.while_loop(lambda state: state.outcome == UNDECIDED, step, begin(start, shapes))
+        return end.optimum

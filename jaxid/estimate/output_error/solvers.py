@@ -6,9 +6,7 @@ move unconstrained coordinates (`Unconstrained`) and stop by their own tolerance
 for jaxid's own.
 """
 
-import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -18,9 +16,10 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Int, PyTree, Scalar
 
-from ..._compile import compiled, forget_programs
+from ..._compile import compiled
 from .bounds import Unconstrained
 from .chart import chart_at
+from .in_turns import minimise_in_turns
 from .lanes import Operation, ask, in_batch
 from .levenberg_marquardt import KINK, BestDampingLevenbergMarquardt, promise_of
 from .optimum import Optimum, Outcome
@@ -68,7 +67,7 @@ def _by_optimistix(
 ) -> Optimum:
     """Minimise with a solver of optimistix's."""
     first = linearise(structure, problem, start)
-    chart = chart_at(problem, start, first)
+    chart = chart_at(problem.bounds, start, first)
     smooth = Unconstrained.around(problem.bounds, start.z, chart.width)
     units = chart.units.states
     residual = reduced_residual(structure, problem, start)
@@ -108,32 +107,7 @@ def minimise(
     return solver.minimise(structure, problem, start, max_steps)
 
 
-_jitted = compiled(minimise, static_argnames=("structure", "solver"))
-_programs: dict[Any, Any] = {}
-_MOST_PROGRAMS = 32
-"""Then all are forgotten, the traces they were made from too."""
-
-
-def _key(structure: Structure, problem: Problem, start: Unknowns, solver: Solver):
-    leaves, tree = jax.tree.flatten((problem, start))
-    return structure, solver, tree, tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves)
-
-
-def compile_ahead(tasks: Sequence[tuple[Structure, Problem, Unknowns]], solver: Solver = DEFAULT) -> None:
-    """Compile `minimise` for several structures at once, for `minimise_compiled` to find.
-
-    Only compilation runs in threads of its own.
-    """
-    tasks_by_key = {_key(*task, solver): task for task in tasks}
-    missing = {key: task for key, task in tasks_by_key.items() if key not in _programs}
-    numbers = {"max_steps": np.int64(1), "solver": solver}
-    lowered = {key: _jitted.lower(*task, **numbers) for key, task in missing.items()}
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        found = dict(zip(lowered, pool.map(lambda program: program.compile(), lowered.values()), strict=True))
-    if len(_programs) + len(found) > _MOST_PROGRAMS:
-        _programs.clear()
-        forget_programs()
-    _programs.update(found)
+_program = compiled(minimise, static_argnames=("structure", "solver"))
 
 
 def _cut(optimum: Optimum, logs: int, samples: int) -> Optimum:
@@ -164,9 +138,9 @@ def minimise_compiled(
     together = ask(_MINIMISE, structure, solver, problem, start, np.int64(max_steps))
     if together is not None:
         return together
-    compile_ahead([(structure, problem, start)], solver)
-    program = _programs[_key(structure, problem, start, solver)]
-    return program(problem, start, max_steps=np.int64(max_steps))
+    if isinstance(solver, BestDampingLevenbergMarquardt):
+        return minimise_in_turns(solver, structure, problem, start, max_steps)
+    return _program(structure, problem, start, max_steps=np.int64(max_steps), solver=solver)
 
 
 def minimise_each(

@@ -1,0 +1,109 @@
+"""jaxid's Levenberg-Marquardt with Python between its compiled parts.
+
+Simulations and sensitivities are two programs of a model; what is decided between them knows nothing of the robot and is
+compiled once for all models with as many unknowns. As one program, the decisions would be compiled anew for every model
+and every length of the logs, and take most of the time of that. Going from part to part costs a tenth of a millisecond.
+"""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..._compile import compiled, forget_programs
+from .bounds import Bounds
+from .levenberg_marquardt import CANDIDATES, UNDECIDED, BestDampingLevenbergMarquardt, Search, State, begin, tried
+from .optimum import Optimum
+from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
+
+Task = tuple[Structure, Problem, Unknowns]
+_MOST_MODELS = 32
+"""Then all are forgotten, the traces they were made from too."""
+
+
+class _Model(NamedTuple):
+    """Compiled `(problem, unknowns) -> Triangle`, and `(problem, candidates) -> costs`."""
+
+    look: Any
+    costs: Any
+
+
+_look = compiled(linearise, static_argnames=("structure",))
+
+
+@partial(compiled, static_argnames=("structure",))
+def _costs(structure: Structure, problem: Problem, candidates: Unknowns) -> Float[Array, " c"]:
+    return jax.vmap(lambda there: cost(structure, problem, there))(candidates)
+
+
+@partial(compiled, static_argnames=("solver",))
+def _decided(
+    solver: BestDampingLevenbergMarquardt,
+    bounds: Bounds,
+    free: Bool[Array, " n"],
+    state: State,
+    triangle: Triangle,
+    max_steps: Int[Array, ""],
+) -> Search:
+    return solver.decided(bounds, free, state, triangle, max_steps)
+
+
+_tried = compiled(tried)
+_models: dict[Any, _Model] = {}
+
+
+def _key(structure: Structure, problem: Problem, start: Unknowns) -> Any:
+    leaves, tree = jax.tree.flatten((problem, start))
+    return structure, tree, tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves)
+
+
+def _many(leaf: Any) -> jax.ShapeDtypeStruct:
+    return jax.ShapeDtypeStruct((CANDIDATES, *leaf.shape), leaf.dtype)
+
+
+def compile_ahead(tasks: Sequence[Task]) -> None:
+    """Compile the models of several problems at once, for `minimise_in_turns` to find.
+
+    Only compilation runs in threads of its own.
+    """
+    missing = {key: task for task in tasks if (key := _key(*task)) not in _models}
+    lowered = [
+        program
+        for structure, problem, start in missing.values()
+        for program in (
+            _look.lower(structure, problem, start),
+            _costs.lower(structure, problem, jax.tree.map(_many, start)),
+        )
+    ]
+    if not lowered:
+        return
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        programs = list(pool.map(lambda program: program.compile(), lowered))
+    if len(_models) + len(missing) > _MOST_MODELS:
+        _models.clear()
+        forget_programs()
+    _models.update(zip(missing, map(_Model, programs[::2], programs[1::2]), strict=True))
+
+
+def minimise_in_turns(
+    solver: BestDampingLevenbergMarquardt, structure: Structure, problem: Problem, start: Unknowns, max_steps: int
+) -> Optimum:
+    """`solver.minimise`, part by part."""
+    compile_ahead([(structure, problem, start)])
+    model = _models[_key(structure, problem, start)]
+    limit = np.asarray(max_steps)
+    triangle = model.look(problem, start)
+    state = begin(start, triangle)
+    while True:
+        search = _decided(solver, problem.bounds, problem.free, state, triangle, limit)
+        while search.going:
+            search = _tried(search, model.costs(problem, search.candidates))
+        state = search.state
+        if state.outcome != UNDECIDED:
+            return state.optimum
+        triangle = model.look(problem, state.there)
