@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
 from ..estimate.output_error.problem import linearise
@@ -147,7 +148,7 @@ def known(
     if isinstance(already, LogSet):
         structure, problem, unknowns = build(robot, already, start={})
         sigma = [noise.get(name, float(problem.sigma[i])) for i, name in enumerate(already.channels.measured)]
-        triangle = _linearised(structure, replace(problem, sigma=jnp.array(sigma)), unknowns)
+        triangle = _linearised(structure, replace(problem, sigma=array(sigma)), unknowns)
         jacobian = np.asarray(triangle.shared) / np.asarray(problem.bounds.slope(unknowns.z)) * magnitude
         return jacobian.T @ jacobian
     if already is None:

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
 from ..estimate.output_error.window_start import states_at
@@ -201,15 +202,17 @@ def _arrays(
     lanes = np.ones((len(logs), 1))
     begun = _BEGUN * float(np.median([log.sampling_interval for log in logs]))
     return {
-        "begun": jnp.asarray(np.full(len(logs), np.sqrt(begun))),
+        "begun": array(np.full(len(logs), np.sqrt(begun))),
         "inputs": batch.inputs,
         "dt": batch.dt,
         "outputs": outputs[..., : max(columns) + 1],
-        "there": (batch.mask & jnp.array([c in used for c in channels.measured]))[..., : max(columns) + 1],
-        "start": jnp.stack([jnp.asarray(states[name]) for name in robot.states], axis=-1),
-        "spread": jnp.asarray(spread),
-        "noise": jnp.asarray(lanes * np.interp(range(max(columns) + 1), columns, np.nan_to_num(levels, nan=1.0))),
-        "jitter": jnp.asarray(lanes * np.where(seen, _MODEL_ERROR * by_state, _UNSEEN_ERROR * size) ** 2),
+        "there": array(
+            (np.asarray(batch.mask) & np.array([c in used for c in channels.measured]))[..., : max(columns) + 1]
+        ),
+        "start": array(np.stack([states[name] for name in robot.states], axis=-1)),
+        "spread": array(spread),
+        "noise": array(lanes * np.interp(range(max(columns) + 1), columns, np.nan_to_num(levels, nan=1.0))),
+        "jitter": array(lanes * np.where(seen, _MODEL_ERROR * by_state, _UNSEEN_ERROR * size) ** 2),
     }
 
 
@@ -222,16 +225,16 @@ def _chosen(setting: Setting, numbers, arrays, scale):
     n, levels = len(scale), np.array(_INTENSITIES)
     choice = np.full(n, _FIRST)
     for _ in range(_ROUNDS):
-        used = jnp.asarray(levels[choice] * scale)
+        used = array(levels[choice] * scale)
         kept, linearised = filtered(setting, numbers, arrays, used), choice
         for _ in range(2 if n > 1 else 1):
             lanes = np.array([np.where(np.arange(n) == j, level, levels[choice]) for j in range(n) for level in levels])
-            found = np.asarray(likelihoods(setting, arrays, kept, used, jnp.asarray(lanes * scale)))
+            found = np.asarray(likelihoods(setting, arrays, kept, used, array(lanes * scale)))
             found = np.where(np.isfinite(found), found, -np.inf).reshape(n, len(levels))
             choice = np.argmax(found, axis=1)
         if np.array_equal(choice, linearised):
             return np.asarray(used), kept
-    used = jnp.asarray(levels[choice] * scale)
+    used = array(levels[choice] * scale)
     return np.asarray(used), filtered(setting, numbers, arrays, used)
 
 
@@ -257,7 +260,7 @@ def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
     shown = sorted({c for log in logs for c in log.measured})
     largest = {c: max(float(np.nanmax(np.abs(log.output(c)))) for log in logs if c in log.measured) for c in shown}
     noise = {c: max(noise[c], _LEAST_NOISE * largest[c]) for c in shown if np.isfinite(noise.get(c, np.nan))}
-    numbers = {name: jnp.asarray(float(value)) for name, value in pushed.parameters.numbers.items()}
+    numbers = {name: array(float(value)) for name, value in pushed.parameters.numbers.items()}
     integrator = integrator_for(robot, logs)
     scales = scales_of(robot, logs)
     sizes = _sizes(robot, logs, scales) | dict.fromkeys(pushed.states[len(robot.states) :], 1.0)
@@ -324,5 +327,5 @@ def smoothed_states(
     trusts the model, much the measurements. Other arguments, and errors, as in `missing_force`.
     """
     task = _task(robot, logs, noise, known_states)
-    mean, std = smoothed(filtered(task.setting, task.numbers, task.arrays, jnp.asarray(task.intensity(wander))))
+    mean, std = smoothed(filtered(task.setting, task.numbers, task.arrays, array(task.intensity(wander))))
     return {name: Smoothed(mean[..., i], std[..., i]) for i, name in enumerate(task.setting.robot.states)}

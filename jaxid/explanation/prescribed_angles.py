@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from .._arrays import array
 from .._float64 import in_float64
 from ..estimate.output_error.conclude import conclude
 from ..estimate.output_error.from_optimum import initial_states_at, on_bounds
@@ -56,7 +57,7 @@ def states_from(fit_states: Mapping[str, Mapping[str, float]], logs: LogSet, str
             known = fit_states.get(log.name, {}).get(name)
             if known is not None:
                 own[e, i] = (known - float(problem.start[name][e])) / float(problem.state_scale[i])
-    return jnp.where(problem.state_free, jnp.asarray(own), 0.0)
+    return array(np.where(np.asarray(problem.state_free), own, 0.0))
 
 
 def with_prescribed_angles(problem: Problem, logs: LogSet, angles: Angles) -> Problem:
@@ -67,14 +68,14 @@ def with_prescribed_angles(problem: Problem, logs: LogSet, angles: Angles) -> Pr
 
 def over_longer_and_longer(structure: Structure, problem: Problem, unknowns: Unknowns, scales: Scales) -> Unknowns:
     """Minimise over the beginning of the logs, and over more and more of them: by less where the way was lost."""
-    longest = float(jnp.max(jnp.sum(problem.dt, axis=1)))
+    longest = float(np.max(np.sum(np.asarray(problem.dt), axis=1)))
     seconds, longer, before = max(_TIMES * scales.time, _SAMPLES * scales.interval), _LONGER, np.inf
     for _ in range(_HORIZONS):
         if seconds >= longest or longer <= _LEAST_LONGER:
             break
         current = shortened(problem, seconds)
         optimum = minimise_compiled(structure, current, unknowns, max_steps=_HORIZON_STEPS)
-        cost = float(optimum.cost) / float(jnp.sum(current.mask))
+        cost = float(optimum.cost) / float(np.sum(np.asarray(current.mask)))
         if before == np.inf and not cost < _HOPELESS:
             break
         if np.isfinite(cost) and cost < _LOST * before:
@@ -92,8 +93,8 @@ def by_name(structure: Structure, problem: Problem, unknowns: Unknowns) -> dict[
 
 def chi_squared(problem: Problem, optimum: Optimum, free: Problem) -> float:
     """Chi-squared at an optimum, counted as if all samples of `free` had been: what measures a prescribed angle is left out."""
-    squares = float(jnp.sum(optimum.triangle.squares))
-    return squares * float(jnp.sum(free.mask)) / float(jnp.sum(problem.mask))
+    squares = float(np.sum(np.asarray(optimum.triangle.squares)))
+    return squares * float(np.sum(np.asarray(free.mask))) / float(np.sum(np.asarray(problem.mask)))
 
 
 def with_better_angles(

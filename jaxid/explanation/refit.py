@@ -3,16 +3,16 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 
+from .._arrays import array
 from .._float64 import in_float64
 from ..estimate.output_error.from_optimum import initial_states_at
+from ..estimate.output_error.in_turns import compile_ahead
 from ..estimate.output_error.optimum import Optimum
 from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.problem import Unknowns
 from ..estimate.output_error.setup import build
-from ..estimate.output_error.in_turns import compile_ahead
 from ..estimate.output_error.solvers import minimise_compiled
 from ..estimate.result import Fit
 from ..logs import LogSet
@@ -100,7 +100,7 @@ def refit(
     sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
     known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     structure, free, _ = build(robot, logs, start={**known, **starts[0]})
-    free = replace(free, sigma=jnp.where(jnp.isfinite(sigma), sigma, free.sigma))
+    free = replace(free, sigma=array(np.where(np.isfinite(sigma), sigma, np.asarray(free.sigma))))
     repeats = len(starts) > 1 and robot.effects[-1].repeats
     angles = dict(integrated_angles(robot, logs)) if repeats else dict(angles or {})
     problem = with_prescribed_angles(free, logs, angles) if angles else free
@@ -112,11 +112,11 @@ def refit(
         for weaker in _WEAKER if len(starts) > 1 else (1.0,):
             values = {**known, **start}
             values |= {name: weaker * values[name] for name in own}
-            z = problem.bounds.coordinates(jnp.array([values[name] for name in structure.names]))
+            z = problem.bounds.coordinates(array([values[name] for name in structure.names]))
             tried.append(minimise_compiled(structure, problem, Unknowns(z, states), max_steps=first_steps))
             if np.isfinite(tried[-1].cost) and not bool(tried[-1].diverged):
                 break
-    optimum = min(tried, key=lambda optimum: float(jnp.nan_to_num(optimum.cost, nan=jnp.inf)))
+    optimum = min(tried, key=lambda optimum: float(np.nan_to_num(optimum.cost, nan=np.inf)))
     if repeats and angles and chi_squared(problem, optimum, free) < rival:
         problem, optimum = followed_up(robot, logs, noise, structure, free, optimum.unknowns, max_steps)
     elif len(starts) > 1:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
 from ..estimate.noise_colour import colour_of
@@ -80,8 +80,8 @@ def _simulate(
     base = robot.parameters.numbers
     names = sorted({name for change in changes for name in change})
     padded = list(changes) + [{}] * (-len(changes) % 16)
-    columns = {name: jnp.array([change.get(name, base[name]) for change in padded]) for name in names}
-    numbers = {name: jnp.asarray(value, float) for name, value in base.items()}
+    columns = {name: array([change.get(name, base[name]) for change in padded]) for name in names}
+    numbers = {name: array(float(value)) for name, value in base.items()}
     outputs = _lanes(robot.structure, integrator, numbers, columns, states, batch.inputs, batch.dt, prescribed)
     return np.asarray(outputs)[: len(changes)]
 
@@ -115,7 +115,7 @@ def screen(
     for e, log in enumerate(logs):
         for name, value in known_states.get(log.name, {}).items():
             states[name][e] = value
-    states = {name: jnp.asarray(value) for name, value in states.items()}
+    states = {name: array(value) for name, value in states.items()}
     prescribed = dict(angles or integrated_angles(full, logs))
     outputs = _simulate(full, integrator_for(robot, logs), logs, [{}, *secants, *changes], states, prescribed)
     weights, measured = _weights(robot, logs, {name: level for name, level in noise.items() if name not in prescribed})

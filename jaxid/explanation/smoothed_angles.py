@@ -8,7 +8,7 @@ only weakly, so that the angle is prescribed and not the motion, which is simula
 
 from collections.abc import Mapping
 
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..logs import LogSet
@@ -42,4 +42,4 @@ def smoothed_angles(
     except NoVelocities:
         return rough
     found = {name: smooth[name].mean for name in rough}
-    return found if all(bool(jnp.all(jnp.isfinite(angle))) for angle in found.values()) else rough
+    return found if all(bool(np.all(np.isfinite(angle))) for angle in found.values()) else rough

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .._arrays import array
 from .._float64 import float64
 from .channels import Channels
 from .log import Log
@@ -68,11 +68,11 @@ class Batch(eqx.Module):
             mask[row, :n] = np.isfinite(log.outputs)
             outputs[row, :n] = np.where(mask[row, :n], log.outputs, 0.0)
         return cls(
-            dt=jnp.asarray(dt),
-            inputs=jnp.asarray(inputs),
-            outputs=jnp.asarray(outputs),
-            mask=jnp.asarray(mask),
-            length=jnp.asarray([len(log) for log in logs], dtype=jnp.int32),
+            dt=array(dt),
+            inputs=array(inputs),
+            outputs=array(outputs),
+            mask=array(mask),
+            length=array(np.array([len(log) for log in logs], dtype=np.int32)),
             names=tuple(log.name for log in logs),
             channels=channels,
         )

@@ -9,11 +9,11 @@ from functools import partial
 from types import MappingProxyType
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
 from .._renamed import renamed
@@ -63,13 +63,13 @@ def simulate(
     states = dict(initial_states(robot, logs).states)
     if start is not None:
         states |= {name: np.asarray(values, dtype=float) for name, values in start.items()}
-    numbers = {name: jnp.asarray(value, float) for name, value in robot.parameters.numbers.items()}
-    states = {name: jnp.asarray(value) for name, value in states.items()}
+    numbers = {name: array(float(value)) for name, value in robot.parameters.numbers.items()}
+    states = {name: array(value) for name, value in states.items()}
 
     def with_steps(integrator: Integrator) -> list[NDArray[np.float64]]:
         given = batch.inputs, batch.dt, dict(prescribed)
         outputs = _simulate(robot.structure, integrator, numbers, states, *given)
-        return [np.asarray(outputs[e, : len(log)]) for e, log in enumerate(logs)]
+        return [row[: len(log)] for row, log in zip(np.asarray(outputs), logs, strict=True)]
 
     if integrator is not None:
         return with_steps(integrator)

@@ -8,15 +8,20 @@ follow the nearest states that show them. Where the model knows of a sensor's bi
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
+from .._arrays import array
+from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import LogSet
 from ..logs.noise import noise_level
+from ..robots.effect import Numbers
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides, passed
 
@@ -37,6 +42,11 @@ class InitialConditions:
     uncertain: NDArray[np.bool_]
 
 
+@partial(compiled, static_argnames=("sensors",))
+def _after_sensors(sensors: Robot, numbers: Numbers, outputs: Float[Array, "T ny"]) -> Float[Array, "T ny"]:
+    return passed(sensors, "measure", outputs, jnp.arange(float(outputs.shape[0])), numbers)
+
+
 @in_float64
 def _sensed(robot: Robot, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What the model's sensors make of a steady motion, by measured channel: offset and gain."""
@@ -51,9 +61,10 @@ def _sensed(robot: Robot, channels: int) -> tuple[NDArray[np.float64], NDArray[n
 
     sensors = replace(robot, effects=tuple(present))
 
+    arrays = {name: array(float(value)) for name, value in numbers.items()}
+
     def sensed(value: float) -> NDArray[np.float64]:
-        time, outputs = jnp.arange(8.0), jnp.full((8, channels), value)
-        return np.asarray(passed(sensors, "measure", outputs, time, numbers)[-1])
+        return np.asarray(_after_sensors(sensors.structure, arrays, array(np.full((8, channels), value))))[-1]
 
     offset = sensed(0.0)
     gain = sensed(1.0) - offset

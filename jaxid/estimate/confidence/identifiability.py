@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._arrays import array
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
@@ -136,7 +136,7 @@ def identifiability(
     structure, problem, unknowns = build(robot, logs, start={}, initial=initial_states)
     if noise is not None:
         sigma = [noise.get(name, float(problem.sigma[i])) for i, name in enumerate(logs.channels.measured)]
-        problem = replace(problem, sigma=jnp.array(sigma))
+        problem = replace(problem, sigma=array(sigma))
     triangle = _linearised(structure, problem, unknowns)
     slope = np.asarray(problem.bounds.slope(unknowns.z))
     jacobian = np.asarray(triangle.shared) / slope

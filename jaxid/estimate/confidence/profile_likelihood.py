@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._arrays import array
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogSet
@@ -177,9 +177,9 @@ def profile_likelihood(
             else:  # where the others go when the cost is a parabola
                 variance = covariance[i, i] if covariance[i, i] > 0 else 1.0
                 moved = theta + covariance[:, i] / variance * (value - theta[i])
-                z[lane] = problem.bounds.coordinates(jnp.asarray(moved))
-        own = {"held": jnp.asarray(held), "free": jnp.asarray(frees)}
-        starts = Unknowns(jnp.asarray(z), jnp.asarray(states))
+                z[lane] = problem.bounds.coordinates(array(moved))
+        own = {"held": array(held), "free": array(frees)}
+        starts = Unknowns(array(z), array(states))
         return fit_lanes(structure, problem, own, starts, rounds=1, lanes=min(lanes + 1, 32)).optimum
 
     points: dict[str, dict[float, float]] = {name: {} for name in names}
@@ -192,7 +192,7 @@ def profile_likelihood(
         found = jax.tree.map(np.asarray, look(wanted))
         costs = 2.0 * found.cost
         if costs[-1] < best:
-            best, centre = float(costs[-1]), np.asarray(parameters_at(problem, jnp.asarray(found.unknowns.z[-1])))
+            best, centre = float(costs[-1]), np.asarray(parameters_at(problem, array(np.asarray(found.unknowns.z)[-1])))
         for lane, (name, value) in enumerate(wanted):
             if found.converged[lane]:
                 points[name][value] = float(costs[lane])

@@ -17,6 +17,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._compile import compiled
+
 _CORNER = 0.01
 
 
@@ -29,7 +31,7 @@ class Bounds(eqx.Module):
 
     def physical(self, z: Float[Array, " n"]) -> Float[Array, " n"]:
         """Parameters from the optimiser's coordinates, never outside their bounds."""
-        return jnp.clip(self.scale * z, self.lower, self.upper)
+        return _physical(self, z)
 
     def slope(self, z: Float[Array, " n"]) -> Float[Array, " n"]:
         """d(parameter)/d(coordinate) inside the bounds, and on them to the inside."""
@@ -37,7 +39,17 @@ class Bounds(eqx.Module):
 
     def coordinates(self, theta: Float[Array, " n"]) -> Float[Array, " n"]:
         """The optimiser's coordinates of given parameters; those outside their bounds are put on them."""
-        return jnp.clip(theta, self.lower, self.upper) / self.scale
+        return _coordinates(self, theta)
+
+
+@compiled
+def _physical(bounds: Bounds, z: Float[Array, " n"]) -> Float[Array, " n"]:
+    return jnp.clip(bounds.scale * z, bounds.lower, bounds.upper)
+
+
+@compiled
+def _coordinates(bounds: Bounds, theta: Float[Array, " n"]) -> Float[Array, " n"]:
+    return jnp.clip(theta, bounds.lower, bounds.upper) / bounds.scale
 
 
 class Unconstrained(eqx.Module):

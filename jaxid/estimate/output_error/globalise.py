@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._arrays import array
 from ..._compile import compiled
 from .lanes import Operation, ask
 from .optimum import Optimum
@@ -84,13 +85,14 @@ def searched(structure: Structure, problem: Problem, unknowns: Unknowns, candida
 
 def shortened(problem: Problem, seconds: float) -> Problem:
     """The problem with only the first `seconds` of every log counting."""
-    time = jnp.cumsum(problem.dt, axis=1) - problem.dt
+    dt = np.asarray(problem.dt)
+    time = np.cumsum(dt, axis=1) - dt
     return replace(problem, mask=problem.mask & (time < seconds)[..., None])
 
 
 def horizons_of(problem: Problem) -> list[float]:
     """Shares of the longest log [s] that count one after another, before the whole: each 2.5 times as long as the last."""
-    there = np.asarray(jnp.any(problem.mask, axis=-1))
+    there = np.any(np.asarray(problem.mask), axis=-1)
     time = np.cumsum(np.asarray(problem.dt), axis=1) - np.asarray(problem.dt)
     longest, samples = float(np.max(np.where(there, time, 0.0))), int(np.max(np.sum(there, axis=1)))
     count = int(np.clip(np.log(samples / _LEAST_SAMPLES) / np.log(_LONGER), 0, _MOST_HORIZONS))
@@ -112,13 +114,13 @@ def globalise(
     """
     scale = float(problem.state_scale[index])
     spread = structure.robot.prior_spreads.get(structure.state_names[index], 1.0)
-    grid = jnp.asarray(spread * _VALUES) / scale
+    grid = spread * _VALUES / scale
     E = starts[0].states.shape[0]
 
     def search(current: Problem, at: Unknowns) -> Unknowns:
-        everywhere = jnp.broadcast_to(grid[:, None], (grid.shape[0], E))
-        nearby = at.states[:, index] + jnp.asarray(_NUDGES)[:, None] / scale
-        return searched(structure, current, at, jnp.concatenate([everywhere, nearby]), index)
+        everywhere = np.broadcast_to(grid[:, None], (grid.shape[0], E))
+        nearby = np.asarray(at.states)[:, index] + _NUDGES[:, None] / scale
+        return searched(structure, current, at, array(np.concatenate([everywhere, nearby])), index)
 
     horizons = horizons_of(problem)
     warmed: list[tuple[float, Unknowns]] = []

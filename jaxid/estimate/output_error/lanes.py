@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._arrays import array
 from ..._float64 import float64
 from .problem import Problem, Structure, Unknowns
 
@@ -123,7 +123,7 @@ def _answered(questions: list[_Question], sizes: dict[Any, tuple[int, int, int]]
     for begin in range(0, len(rows), lanes):
         part = rows[begin : begin + lanes]
         part = part + [part[-1]] * (lanes - len(part))
-        stacked = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *part)
+        stacked = jax.tree.map(lambda *leaves: array(np.stack(leaves)), *part)
         found = jax.tree.map(np.asarray, first.operation.compute(first.structure, first.static, *stacked))
         for lane, question in enumerate(questions[begin : begin + lanes]):
             one = jax.tree.map(lambda leaf, lane=lane: leaf[lane], found)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ..._arrays import array
 from ..._compile import compiled
 from ...effects.drivetrain import risen
 from ...logs import LogSet
@@ -259,7 +260,7 @@ def neglected(
     if robot.alone is not robot:
         return None
     full, added = probed(robot, logs)
-    numbers = {n: jnp.asarray(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
+    numbers = {n: array(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
     wider = replace(problem, numbers={**problem.numbers, **numbers})
     wide = structure._replace(robot=full.structure)
     together = ask(_LOOK, wide, added, wider, unknowns)

@@ -10,9 +10,9 @@ from dataclasses import replace
 from typing import Any, Literal
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._arrays import array
 from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ...logs import LogSet
@@ -53,9 +53,9 @@ def _silent(message: str) -> None:
 def _from_many(structure: Structure, problem: Problem, starts: Unknowns, solver: Solver) -> Unknowns:
     """The best of many starts, all minimised in one compiled batch."""
     optima = minimise_each(structure, problem, starts, max_steps=60, solver=solver)
-    costs = jnp.where(jnp.isfinite(optima.cost), optima.cost, jnp.inf)
-    best = jnp.argmin(costs)
-    return jax.tree.map(lambda x: x[best], optima.unknowns)
+    costs = np.nan_to_num(np.asarray(optima.cost), nan=np.inf)
+    best = int(np.argmin(costs))
+    return jax.tree.map(lambda x: array(np.asarray(x)[best]), optima.unknowns)
 
 
 def reweighted(
@@ -75,7 +75,7 @@ def reweighted(
         change = float(np.max(np.abs(sigma / np.asarray(problem.sigma) - 1.0)))
         if change < WEIGHT_SETTLED:
             break
-        problem = replace(problem, sigma=jnp.asarray(sigma))
+        problem = replace(problem, sigma=array(sigma))
         optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps, solver=solver)
         total += int(optimum.iterations)
         report("channel noise re-estimated")
@@ -86,7 +86,7 @@ def _without(problem: Problem, logs: Sequence[int]) -> Problem:
     """The problem in which the logs of these numbers have no weight."""
     kept = np.ones(problem.mask.shape[0], dtype=bool)
     kept[list(logs)] = False
-    return replace(problem, mask=problem.mask & jnp.asarray(kept)[:, None, None])
+    return replace(problem, mask=array(np.asarray(problem.mask) & kept[:, None, None]))
 
 
 def _first_minimum(structure: Structure, problem: Problem, unknowns: Unknowns, max_steps: int, solver: Solver):
@@ -142,12 +142,12 @@ def _fit(
         if many is None:
             unknowns = approached(structure, problem, unknowns)
     if not isinstance(loss, Squares):
-        problem = replace(problem, weight=jnp.ones(problem.mask.shape))
+        problem = replace(problem, weight=array(np.ones(problem.mask.shape)))
     left_out: list[int] = []
     if many is not None:
-        coordinates = [problem.bounds.coordinates(jnp.array([v[n] for n in structure.names])) for v in many]
-        states = jnp.broadcast_to(unknowns.states, (len(many), *unknowns.states.shape))
-        unknowns = _from_many(structure, problem, Unknowns(jnp.stack(coordinates), states), solver)
+        coordinates = [problem.bounds.coordinates(array([v[n] for n in structure.names])) for v in many]
+        states = np.broadcast_to(np.asarray(unknowns.states), (len(many), *unknowns.states.shape))
+        unknowns = _from_many(structure, problem, Unknowns(array(np.stack(coordinates)), array(states)), solver)
         report(f"best of {len(many)} starts chosen")
 
     def linear_unknowns() -> Unknowns | None:

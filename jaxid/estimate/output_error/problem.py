@@ -111,9 +111,13 @@ def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
 
 
 @compiled
+def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, " n"], z: Float[Array, " n"]):
+    return jnp.where(free, bounds.physical(z), held)
+
+
 def parameters_at(problem: Problem, z: Float[Array, " n"]) -> Float[Array, " n"]:
     """Physical parameters at the optimiser's coordinates, those not free at their held values."""
-    return jnp.where(problem.free, problem.bounds.physical(z), problem.held)
+    return _parameters_at(problem.bounds, problem.free, problem.held, z)
 
 
 def simulate_all(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, "E T ny"]:

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._arrays import array
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
@@ -59,7 +60,7 @@ def linear_start(robot: Robot, logs: LogSet, structure: Structure, problem: Prob
         linear = linear_estimate(robot, logs)[0].robot.parameters.numbers
     except (ParameterError, LogError):
         return None
-    return problem.bounds.coordinates(jnp.array([linear[name] for name in structure.names]))
+    return problem.bounds.coordinates(array([linear[name] for name in structure.names]))
 
 
 def _others(
@@ -69,7 +70,7 @@ def _others(
 
     def own() -> Float[Array, " n"]:
         values = start_values(robot, None)
-        return problem.bounds.coordinates(jnp.array([values[name] for name in structure.names]))
+        return problem.bounds.coordinates(array([values[name] for name in structure.names]))
 
     linear = ("the linear estimate", lambda: linear_start(robot, logs, structure, problem))
     if start is None:
@@ -134,7 +135,7 @@ def recovered(
     for seconds in horizons_of(problem)[:1]:
         lanes = minimise_each(structure, shortened(problem, seconds), lanes, max_steps=_SHORT_STEPS).unknowns
     ends = minimise_each(structure, problem, lanes, max_steps=_LONG_STEPS)
-    costs = np.asarray(jnp.where(jnp.isfinite(ends.cost) & ~ends.diverged, ends.cost, jnp.inf))
+    costs = np.where(np.isfinite(ends.cost) & ~np.asarray(ends.diverged), ends.cost, np.inf)
     if not np.min(costs) < best.cost:
         return best
     there = jax.tree.map(lambda leaf: leaf[int(np.argmin(costs))], ends.unknowns)

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._arrays import array
 from ..result import Estimate, Fit
 from .from_optimum import AtBounds, known_spread
 from .optimum import Optimum
@@ -95,15 +96,15 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
     covariance = found.covariance / np.outer(slope, slope)
     errors = np.sqrt(np.diag(covariance))
     asked = found.determined & ~bounded.at_bound & (errors > 0)
-    base = _cost(structure, problem, Unknowns(jnp.asarray(begin), jnp.asarray(states)))
+    base = _cost(structure, problem, Unknowns(array(begin), array(states)))
     flat: dict[str, list[Flat]] = {}
     lowest, lower = base - _LOWER, None
 
     def off(step: NDArray[np.float64]) -> tuple[Unknowns, float]:
         """Where a step leads that does not leave the bounds, and by how much the cost should rise."""
-        z = problem.bounds.coordinates(problem.bounds.physical(jnp.asarray(begin + step)))
+        z = problem.bounds.coordinates(problem.bounds.physical(array(begin + step)))
         inside = np.asarray(z) - begin
-        at = Unknowns(z, jnp.asarray(states + _following(inner, inside) if states.size else states))
+        at = Unknowns(z, array(states + _following(inner, inside) if states.size else states))
         return at, 0.5 * float(np.sum((triangle @ inside) ** 2))
 
     doubtful: set[tuple[int, int]] = set()

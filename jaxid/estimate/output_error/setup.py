@@ -7,6 +7,7 @@ from typing import Literal
 import jax.numpy as jnp
 import numpy as np
 
+from ..._arrays import array
 from ...logs import LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import in_windows
@@ -96,30 +97,28 @@ def build(
     values = np.array([start.get(name, robot.parameters[name].value) for name in names])
     table = [robot.parameters[name] for name in names]
     scale = typical_values(robot, start, names)
-    bounds = Bounds(
-        lower=jnp.array([p.lower for p in table]), upper=jnp.array([p.upper for p in table]), scale=jnp.array(scale)
-    )
+    bounds = Bounds(lower=array([p.lower for p in table]), upper=array([p.upper for p in table]), scale=array(scale))
     priors = [p.prior or (0.0, np.inf) for p in table]
-    mask = batch.mask & _modelled(robot, measured)
+    mask = array(np.asarray(batch.mask) & _modelled(robot, measured))
     problem = Problem(
         dt=batch.dt,
         inputs=batch.inputs,
         outputs=batch.outputs,
         mask=mask,
-        sigma=jnp.array(list(noise_scale(logs).values())),
-        numbers={name: jnp.asarray(float(p.value)) for name, p in robot.parameters.items()},
+        sigma=array(list(noise_scale(logs).values())),
+        numbers={name: array(float(p.value)) for name, p in robot.parameters.items()},
         bounds=bounds,
-        free=jnp.ones(len(names), dtype=bool),
-        held=jnp.array(values),
-        prior_mean=jnp.array([p[0] for p in priors]),
-        prior_precision=jnp.array([p[1] ** -2.0 for p in priors]),
-        start={name: jnp.asarray(value) for name, value in begin.states.items()},
-        state_free=jnp.array(state_free),
-        state_scale=jnp.array(scales),
-        state_precision=jnp.array(precision),
+        free=array(np.ones(len(names), dtype=bool)),
+        held=array(values),
+        prior_mean=array([p[0] for p in priors]),
+        prior_precision=array([p[1] ** -2.0 for p in priors]),
+        start={name: array(value) for name, value in begin.states.items()},
+        state_free=array(state_free),
+        state_scale=array(scales),
+        state_precision=array(precision),
     )
     structure = Structure(robot.structure, names, tuple(state_names), integrator or Integrator.suited(robot, interval))
-    unknowns = Unknowns(bounds.coordinates(jnp.array(values)), jnp.zeros((len(logs), len(state_names))))
+    unknowns = Unknowns(bounds.coordinates(array(values)), array(np.zeros((len(logs), len(state_names)))))
     return structure, problem, unknowns
 
 
@@ -145,11 +144,11 @@ def at_fit(
             else:
                 value = fit.initial_states[log.name][name]
             states[e, i] = (value - float(problem.start[name][e])) / float(problem.state_scale[i])
-    problem = replace(problem, sigma=jnp.array(sigma))
-    return structure, problem, Unknowns(unknowns.z, jnp.where(problem.state_free, jnp.array(states), 0.0))
+    problem = replace(problem, sigma=array(sigma))
+    return structure, problem, Unknowns(unknowns.z, array(np.where(np.asarray(problem.state_free), states, 0.0)))
 
 
 def _modelled(robot: Robot, measured: tuple[str, ...]):
     """Which measured channels enter the fit: outputs always, optional ones where they are states of the robot."""
     outputs = robot.channels.outputs
-    return jnp.array([name in outputs or name in robot.states for name in measured])
+    return np.array([name in outputs or name in robot.states for name in measured])

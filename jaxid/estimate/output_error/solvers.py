@@ -16,6 +16,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Int, PyTree, Scalar
 
+from ..._arrays import array
 from ..._compile import compiled
 from .bounds import Unconstrained
 from .chart import chart_at
@@ -151,7 +152,7 @@ def minimise_each(
         return minimise_lanes(structure, problem, starts, max_steps=max_steps, solver=solver)
     each = [jax.tree.map(lambda leaf, k=k: leaf[k], starts) for k in range(starts.z.shape[0])]
     found = [minimise_compiled(structure, problem, y, max_steps=max_steps, solver=solver) for y in each]
-    return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *found)
+    return jax.tree.map(lambda *leaves: array(np.stack(leaves)), *found)
 
 
 @partial(compiled, static_argnames=("structure", "solver"))

@@ -15,10 +15,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from ..._arrays import array
 from ...simulation.rollout import Integrator
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
@@ -84,7 +84,7 @@ def _in_signal(problem: Problem, change: Float[np.ndarray, "E T ny"]) -> float:
 
 def _would_move(structure: Structure, problem: Problem, optimum: Optimum, change, solver: Solver) -> float:
     """How far the estimates move, in standard errors, if measurements are corrected by the `change`."""
-    corrected = replace(problem, outputs=jnp.asarray(np.asarray(problem.outputs) - change))
+    corrected = replace(problem, outputs=array(np.asarray(problem.outputs) - change))
     moved = minimise_compiled(structure, corrected, optimum.unknowns, max_steps=_STEPS, solver=solver)
     step = np.asarray(moved.unknowns.z) - np.asarray(optimum.unknowns.z)
     return float(np.linalg.norm(np.asarray(optimum.triangle.shared) @ step))

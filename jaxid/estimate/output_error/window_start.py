@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from ..._arrays import array
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ...logs import Log, LogSet
@@ -89,7 +90,7 @@ def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[
     for j, name in enumerate(log.channels.measured):
         if name in names:
             x[:, names.index(name)] = np.where(known[:, j], target[:, j], x[:, names.index(name)])
-    numbers = {name: jnp.asarray(float(value)) for name, value in robot.parameters.numbers.items()}
+    numbers = {name: array(float(value)) for name, value in robot.parameters.numbers.items()}
     fixed = {name: np.full(len(at), float(value)) for name, value in default.items()}
     step = log.sampling_interval
     for _ in range(_STEPS):
@@ -121,8 +122,8 @@ def started(robot: Robot, logs: LogSet, seconds: float, structure: Structure, pr
     noise = noise_scale(logs)
     return replace(
         problem,
-        sigma=jnp.asarray([noise[name] for name in logs.channels.measured]),
-        start={**problem.start, **{name: jnp.asarray(value) for name, value in states.items()}},
-        state_scale=jnp.asarray(scales),
-        state_precision=jnp.asarray(precision),
+        sigma=array([noise[name] for name in logs.channels.measured]),
+        start={**problem.start, **{name: array(value) for name, value in states.items()}},
+        state_scale=array(scales),
+        state_precision=array(precision),
     )

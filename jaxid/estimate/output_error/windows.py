@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._arrays import array
 from ..._compile import compiled
 from ...logs import LogError, LogSet
 from ...logs.noise import noise_scale
@@ -79,7 +80,7 @@ def approached(structure: Structure, problem: Problem, unknowns: Unknowns, max_s
         if share * samples >= _FEWEST:
             shorter = replace(problem, mask=problem.mask & (early < share * samples)[None, :, None])
             found = minimise_compiled(structure, shorter, unknowns, max_steps=max_steps)
-            unknowns = found.unknowns if bool(jnp.isfinite(found.cost)) else unknowns
+            unknowns = found.unknowns if bool(np.isfinite(found.cost)) else unknowns
     return unknowns
 
 
@@ -93,8 +94,8 @@ def followed(robot: Robot, logs: LogSet, seconds: float, noise: Mapping[str, flo
     start = start_values(robot, None)
     structure, problem, unknowns = build(robot, windows, start=start, initial="estimate")
     problem = started(robot, logs, seconds, structure, problem)
-    sigma = jnp.asarray([noise[name] for name in logs.channels.measured])
-    problem = replace(problem, sigma=sigma, free=jnp.zeros_like(problem.free))
+    sigma = array([noise[name] for name in logs.channels.measured])
+    problem = replace(problem, sigma=sigma, free=array(np.zeros(problem.free.shape, dtype=bool)))
     there = minimise_compiled(structure, problem, approached(structure, problem, unknowns)).unknowns
     simulated = np.asarray(_simulate_all(structure, problem, there))
     return [bridged(whole) for whole in stitched(logs, seconds, list(simulated))]
