@@ -158,9 +158,9 @@ def test_figures_and_files(comparison, tmp_path):
     assert [ax.get_ylabel() for ax in response.axes] == [
         "input [V]",
         "eta1 [m/s]",
-        "residual",
+        "residual\n[m/s]",
         "eta2 [rad/s]",
-        "residual",
+        "residual\n[rad/s]",
     ]
     # Methods keep their colours from figure to figure.
     lines = {line.get_label(): line.get_color() for line in response.axes[1].lines}

@@ -15,6 +15,7 @@ from jaxid.report import explanation_tables as tab
 from jaxid.report.explanation_page import ALT, figures
 from jaxid.report.leads_figure import leads
 from jaxid.report.ranking_figure import ALIKE, OTHER, ranking
+from jaxid.robots.effect import in_words
 
 VOID = {"meta", "img", "br"}
 SECTIONS = ["Where?", "What?", "How sure?", "Before and after", "What next?"]
@@ -154,8 +155,10 @@ def test_the_ranking_shows_promises_and_refits(ambiguous):
     figure = ranking(ambiguous)
     bars, refits = figure.axes
     step = ambiguous.search.steps[0]
-    names = [label.get_text().replace(" ", "_") for label in bars.get_yticklabels()]
-    assert names[: len(step.trials)] == [trial.id for trial in step.trials]
+    shown = [label.get_text() for label in bars.get_yticklabels()]
+    by_words = {in_words(c.effect.id): c.effect.id for c in step.screened}
+    names = [by_words[words] for words in shown]
+    assert "Stribeck friction" in shown and names[: len(step.trials)] == [trial.id for trial in step.trials]
     shares = {c.effect.id: min(max(100 * c.share, 0), 100) for c in step.screened}
     assert [bar.get_width() for bar in bars.patches] == pytest.approx([shares[name] for name in names])
     expected = {names[0]: draw.AFTER, step.equivalent[0]: ALIKE}
