@@ -204,17 +204,20 @@ class Comparison:
         return self.logs.channels.units.get(channel, "")
 
     @property
+    def _doubtful(self) -> list[str]:
+        return [label for label, fit in self.fits.items() if not fit.trustworthy]
+
+    @property
     def tables(self) -> tuple[Table, ...]:
         """Prediction, logs, parameters, residual tests: `report.tables.to_text` and `to_html` render them."""
         units = {channel: self._unit(channel) for channel in self.channels}
         names = (*self._names[0], *self._names[1])
         estimates = {label: {name: self._estimate(label, name) for name in names} for label in self.fits}
-        doubtful = [label for label, fit in self.fits.items() if not fit.trustworthy]
         return (
             tab.held_out_table(self.predicted, self.fitted, self.noise, units),
             tab.log_table(self.predicted),
             *([tab.ahead_table(self.ahead, self.predicted)] if self.ahead else []),
-            *tab.parameter_tables(estimates, self.references, self.reference, doubtful),
+            *tab.parameter_tables(estimates, self.references, self.reference, self._doubtful),
             tab.test_table(self.predicted),
         )
 
@@ -264,7 +267,7 @@ class Comparison:
             for label, e in own.items():
                 edges = [edge / reference for edge in e.ci95] if e.status == "identified" else [np.nan, np.nan]
                 ratios[name][label] = draw.Ratio(e.value / reference, min(edges), max(edges))
-        return draw.parameters(ratios, what, left_out)
+        return draw.parameters(ratios, what, left_out, self._doubtful)
 
     @cached_property
     def _responses(self) -> dict[str, str]:

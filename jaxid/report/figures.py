@@ -5,7 +5,7 @@ No pyplot: nothing global changes, and figures can be made on any thread. A meth
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -190,10 +190,16 @@ def residuals(
     return figure
 
 
-def parameters(ratios: Mapping[str, Mapping[str, Ratio]], reference: str, left_out: Sequence[str] = ()) -> Figure:
+def parameters(
+    ratios: Mapping[str, Mapping[str, Ratio]],
+    reference: str,
+    left_out: Sequence[str] = (),
+    doubtful: Collection[str] = (),
+) -> Figure:
     """Every estimate with its 95 % interval relative to the `reference`, `ratios[parameter][method]`.
 
-    What lies outside the picture stands at its edge with its number; `left_out` are parameters whose reference is zero.
+    What lies outside the picture stands at its edge with its number; `left_out` are parameters whose reference is zero, and
+    `doubtful` methods whose intervals may not hold: these are dotted.
     """
     names = list(ratios)
     labels = list(dict.fromkeys(label for own in ratios.values() for label in own))
@@ -217,7 +223,8 @@ def parameters(ratios: Mapping[str, Mapping[str, Ratio]], reference: str, left_o
                 continue
             y = row + (i - (len(labels) - 1) / 2) * 0.7 / max(len(labels), 1)
             if np.isfinite(r.low) and np.isfinite(r.high):
-                ax.plot([r.low, r.high], [y, y], color=colour[label], lw=2.0, solid_capstyle="butt")
+                line = ":" if label in doubtful else "-"
+                ax.plot([r.low, r.high], [y, y], line, color=colour[label], lw=2.0, solid_capstyle="butt")
             if abs(r.value - 1.0) > half:
                 side = np.sign(r.value - 1.0)
                 ax.plot(1.0 + 0.985 * side * half, y, ">" if side > 0 else "<", color=colour[label], ms=6)
@@ -228,7 +235,8 @@ def parameters(ratios: Mapping[str, Mapping[str, Ratio]], reference: str, left_o
                 shape = "o" if np.isfinite(r.low) else "D"
                 ax.plot(r.value, y, shape, color=colour[label], ms=5, mfc=colour[label] if shape == "o" else "white")
     for label in labels:
-        ax.plot([], [], "o-", color=colour[label], ms=5, lw=2, label=title_of(label))
+        line, doubt = (":", " (may not hold)") if label in doubtful else ("-", "")
+        ax.plot([], [], "o" + line, color=colour[label], ms=5, lw=2, label=title_of(label) + doubt)
     if any(not np.isfinite(r.low) and np.isfinite(r.value) for own in ratios.values() for r in own.values()):
         ax.plot([], [], "D", color="0.4", mfc="white", ms=5, label="no interval (not identified)")
     ax.set_yticks(range(len(names)), names)

@@ -13,6 +13,7 @@ import jaxid
 from jaxid.estimate.result import NORMAL_95, Estimate, Fit
 from jaxid.report import tables
 from jaxid.report.comparing import compare
+from jaxid.report.figures import Ratio, parameters
 
 DEMO = Path(__file__).parents[2] / "jaxid/demo_logs/pioneer"
 TRUTH = tomllib.loads((DEMO / "truth.toml").read_text())
@@ -143,6 +144,15 @@ def test_names_from_files_are_escaped(fits, held_out):
     odd = jaxid.Log("<b>.csv", held_out[0].time, held_out[0].inputs, held_out[0].outputs, held_out.channels)
     page = compare(fits[1], held_out=odd)._repr_html_()
     assert "<b>.csv" not in page and "&lt;b&gt;.csv" in page
+
+
+def test_intervals_of_a_doubtful_fit_are_dotted():
+    ratios = {"M": {"integral_least_squares": Ratio(1.1, 1.05, 1.15), "output_error": Ratio(1.0, 0.95, 1.05)}}
+    (axes,) = parameters(ratios, "true value", doubtful=["integral_least_squares"]).axes
+    dotted = {line.get_label(): line.get_linestyle() == ":" for line in axes.lines if line.get_label()[0] != "_"}
+    assert dotted == {"integral least squares (may not hold)": True, "output error": False}
+    drawn = [line.get_linestyle() for line in axes.lines if list(line.get_xdata()) == [1.05, 1.15]]
+    assert drawn == [":"]
 
 
 def test_figures_and_files(comparison, tmp_path):
