@@ -35,8 +35,8 @@ the others. By itself it has {ls} times the bound's variance, at low noise too, 
 the whole record says; its bias is up to {ls_bias} standard deviations and its intervals hold the truth in {ls_cover} %.
 Instrumental variables (IV) have {iv} times the bound's variance, a bias of at most {iv_bias} standard deviations, and
 intervals that hold the truth in {iv_cover} % of the fits, {iv_mean:.1f} % over all parameters and settings with white noise;
-of every row {iv_converged} % of the fits converge at least. Of {iv_number} intervals of IV, {iv_low} hold the truth less often and {iv_high}
-more often than 93 to 97 % of the fits and chance allow ({probability:.0f} %): {iv_beyond}.
+of every row {iv_converged} % of the fits converge at least. Of {iv_number} intervals of IV, {iv_low} hold the truth less often
+and {iv_high} more often than 93 to 97 % of the fits and chance allow ({probability:.0f} %): {iv_beyond}.
 An integral least-squares result says itself which parameters noise in its regressors moves by more than half a standard
 error, and names IV and output error. Which method suits which noise: [docs/methods.md](methods.md).
 
