@@ -120,20 +120,15 @@ def _untested(name: str, why: str) -> ResidualTest:
 
 
 def whiteness(parts: Sequence[Array], channel: str = "the channel", lags: int = LAGS) -> ResidualTest:
-    """Ljung-Box test of the residual `parts` (one array a log), of the first lag alone and of all `lags`.
-
-    Noise that is a little coloured shows in the first lag, and drowns among many; p is that of the worse of the two tests,
-    doubled, since there were two (Bonferroni).
-    """
+    """Ljung-Box test of the residual `parts` (one array a log) over `lags`."""
     name = "whiteness"
     samples = int(sum(np.isfinite(part).sum() for part in parts))
     if samples < FEWEST or _constant(np.concatenate(parts)):
         return _untested(name, f"{channel}: whiteness not tested, the residual has {samples} samples or is constant.")
     lags = min(lags, samples // 4, max(map(len, parts)) - 1)
     rho, _ = autocorrelation(parts, lags)
-    found = [ljung_box(parts, m) for m in {1, lags}]
-    p, statistic = min((float(stats.chi2.sf(statistic, freedom)), statistic) for statistic, freedom in found)
-    p = min(1.0, len(found) * p)
+    statistic, freedom = ljung_box(parts, lags)
+    p = float(stats.chi2.sf(statistic, freedom))
     worst = int(np.argmax(np.abs(rho[1:]))) + 1
     if p >= FALSE_ALARM:
         return ResidualTest(
