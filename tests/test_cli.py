@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import runpy
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -192,6 +193,9 @@ def cart(name="cart"):
 ready = cart("ready cart")
 number = 3
 
+def fails():
+    raise TypeError("no such gear")
+
 def needs(mass):
     return cart()
 """
@@ -216,6 +220,15 @@ def test_the_version_is_that_of_the_package(jaxid):
     stated = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]["version"]
     assert jaxid("--version") == (0, f"jaxid {stated}\n", "")
     assert importlib.import_module("jaxid").__version__ == stated
+
+
+def test_python_m_runs_the_same_command(jaxid, capsys, monkeypatch):
+    for argv in (["--version"], ["fit", "pionee", "--fit", "a.csv", "--out", "o"]):
+        monkeypatch.setattr("sys.argv", ["jaxid", *argv])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_module("jaxid", run_name="__main__")
+        said, remarks = capsys.readouterr()
+        assert (ended.value.code, said, remarks) == jaxid(*argv)
 
 
 def test_unusable_input_is_one_line_and_status_1(jaxid, axis_logs, tmp_path, monkeypatch):
@@ -248,6 +261,8 @@ def test_unusable_input_is_one_line_and_status_1(jaxid, axis_logs, tmp_path, mon
         (("fit", "lacking_robot:x", "--fit", log, "--out", "o"), ("a_module_that_is_not_there", "install")),
         (("fit", "own_robots:number", "--fit", log, "--out", "o"), ("own_robots:number", "int")),
         (("fit", "own_robots:needs", "--fit", log, "--out", "o"), ("own_robots:needs", "without arguments")),
+        (("fit", "own_robots:fails", "--fit", log, "--out", "o"), ("own_robots:fails", "TypeError: no such gear")),
+        ((*fit, "--controller", "own_robots:number", "--out", "o"), ("own_robots:number", "int, no controller")),
         ((*simulate, "--log", "axis_*.csv", "--out", "p.csv"), ("3 files", "one log")),
         ((*simulate, "--log", log, "--out", "nowhere/p.csv"), ("nowhere", "cannot be used")),
     ]

@@ -79,29 +79,35 @@ def _import(module: str, spec: str) -> object:
         ) from None
 
 
+def _named(spec: str, unnamed: str, wanted: str) -> object:
+    """What `package.module:attribute` names. Raises `typer.BadParameter` (exit status 2) if that is nothing: `unnamed` where
+    `spec` has another form; `wanted` is what the remedy asks for."""
+    from ..logs.log import did_you_mean
+
+    module, colon, attribute = spec.partition(":")
+    if not (colon and module and attribute):
+        raise typer.BadParameter(unnamed)
+    found = _import(module, spec)
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            raise typer.BadParameter(f"{module} has no {attribute!r}{did_you_mean(part, dir(found))}; name {wanted}.")
+        found = getattr(found, part)
+    return found
+
+
 def load_controller(spec: str) -> "Controller | Law":
     """The controller that `--controller module:attribute` names: a `Controller`, or a law.
 
     Raises `typer.BadParameter` (exit status 2) if it names nothing and `UnusableInput` if that is no controller.
     """
-    from ..logs.log import did_you_mean
-    from ..robots.closed_loop import Controller
+    from ..robots.given import controller_of
 
-    module, colon, attribute = spec.partition(":")
-    if not (colon and module and attribute):
-        raise typer.BadParameter(
-            f"--controller {spec!r} is no package.module:attribute; name a Controller or a function."
-        )
-    found = _import(module, spec)
-    for part in attribute.split("."):
-        if not hasattr(found, part):
-            raise typer.BadParameter(
-                f"{module} has no {attribute!r}{did_you_mean(part, dir(found))}; name a controller."
-            )
-        found = getattr(found, part)
-    if isinstance(found, Controller) or callable(found):
-        return found
-    raise UnusableInput(f"{spec} is a {type(found).__name__}, no controller; give a Controller or a function.")
+    unnamed = f"--controller {spec!r} is no package.module:attribute; name a Controller or a function."
+    found = _named(spec, unnamed, "a controller")
+    try:
+        return controller_of(found, spec)
+    except TypeError as error:
+        raise UnusableInput(str(error)) from None
 
 
 def load_robot(spec: str) -> "Robot":
@@ -111,35 +117,20 @@ def load_robot(spec: str) -> "Robot":
     (exit status 2) if it names nothing and `UnusableInput` if what it names is no robot.
     """
     from ..logs.log import did_you_mean
-    from ..robots import BUILT_IN, Robot
+    from ..robots import BUILT_IN
+    from ..robots.given import robot_of
 
     if spec in BUILT_IN:
         return BUILT_IN[spec]()
-    module, colon, attribute = spec.partition(":")
-    if not (colon and module and attribute):
-        raise typer.BadParameter(
-            f"There is no robot {spec!r}{did_you_mean(spec, BUILT_IN)}; use {', '.join(BUILT_IN)}, or "
-            "package.module:attribute for your own."
-        )
-    found = _import(module, spec)
-    for part in attribute.split("."):
-        if not hasattr(found, part):
-            raise typer.BadParameter(
-                f"{module} has no {attribute!r}{did_you_mean(part, dir(found))}; name a Robot or a function that returns one."
-            )
-        found = getattr(found, part)
-    if not isinstance(found, Robot) and callable(found):
-        try:
-            found = found()
-        except TypeError as error:
-            raise UnusableInput(
-                f"{spec} cannot be called without arguments ({error}); give a Robot or a function of none."
-            ) from None
-    if not isinstance(found, Robot):
-        raise UnusableInput(
-            f"{spec} is a {type(found).__name__}, no robot; give a Robot or a function that returns one."
-        )
-    return found
+    unnamed = (
+        f"There is no robot {spec!r}{did_you_mean(spec, BUILT_IN)}; use {', '.join(BUILT_IN)}, or package.module:attribute "
+        "for your own."
+    )
+    found = _named(spec, unnamed, "a Robot or a function that returns one")
+    try:
+        return robot_of(found, spec)
+    except TypeError as error:
+        raise UnusableInput(str(error)) from None
 
 
 def for_logs(robot: "Robot", paths: Sequence[str], mapping: Path | None) -> "Robot":

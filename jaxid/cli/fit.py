@@ -193,7 +193,7 @@ def read_case(
 
 def _looped(fit: Fit, loop: Fit) -> Fit:
     """`fit` of a plant in the closed loop that `loop` was fitted in."""
-    if loop.robot.alone is loop.robot or fit.robot.alone is not fit.robot:
+    if fit.robot.controlled or not loop.robot.controlled:
         return fit
     return replace(
         fit, robot=loop.robot.with_values(**{n: fit.robot.parameters[n].value for n in fit.robot.parameters})
@@ -215,15 +215,15 @@ def run_fit(
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
     robot = identifiable(spec, model, fit, mapping)
-    fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
-    fit_logs = between_samples(fit_logs, intersample)
-    held_out_logs = None if held_out_logs is None else between_samples(held_out_logs, intersample)
     law = None if controller is None else load_controller(controller)
     if law is not None and methods[-1] != "output_error":
         raise UnusableInput(
             "a controller is simulated by output error alone, and prediction error needs none: it starts every prediction "
             "from what was measured; leave out --controller, or put output_error last in --method."
         )
+    fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
+    fit_logs = between_samples(fit_logs, intersample)
+    held_out_logs = None if held_out_logs is None else between_samples(held_out_logs, intersample)
     fits = estimate(robot, fit_logs, options if law is None else {**options, "controller": law}, methods)
     if not fits:
         raise UnusableInput(f"{', '.join(methods)} gives no estimate here; add --method output_error.")

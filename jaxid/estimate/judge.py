@@ -48,6 +48,15 @@ _NO_NOISE = (
     "The logs hold no noise: standard errors say only how well rounding and integration agree, and the truth may be many of "
     "them away."
 )
+_WANDERS = (
+    "The residual wanders as disturbances of the motion make it (floor, slip, gears): if it is they, prediction error, which "
+    "has noise of the process beside that of the sensors, fits it better."
+)
+_WANDERS_LIKE_A_SENSOR = (
+    "The residual wanders as disturbances of the motion make it (floor, slip, gears), or slow noise of a sensor: if it is the "
+    "motion, prediction error, which has noise of the process beside that of the sensors, fits it better; if it is the "
+    "sensor, these estimates are the better ones. A log of the robot at rest tells."
+)
 _ENDLESS = 1e100  # a number whose square is still one
 _SLOW = 0.6
 """Correlation of neighbouring residuals above which they wander rather than jitter."""
@@ -227,12 +236,11 @@ def judge(
     elif coloured or pooled > POOR:
         verdict = "coloured"
     better = LOST if failures and not lost else ""
-    if not better and any(_wandering(own) for c, own in parts.items() if c in coloured and by_channel[c] > ABOVE):
-        better = (
-            "The residual wanders as disturbances of the motion make it (floor, slip, gears), or slow noise of a sensor: if "
-            "it is the motion, prediction error, which has noise of the process beside that of the sensors, fits it better; "
-            "if it is the sensor, these estimates are the better ones. A log of the robot at rest tells."
-        )
+    wandering = [c for c in coloured if by_channel[c] > ABOVE and _wandering(parts[c])]
+    if not better and wandering:
+        # What follows the motion, is slow above white noise, or is uneven, is not the sensor's.
+        doubtful = any(c not in follows and c not in slow and c not in bursty for c in wandering)
+        better = _WANDERS_LIKE_A_SENSOR if doubtful else _WANDERS
     return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better)
 
 

@@ -9,7 +9,7 @@ The controller is a digital one: it reads the outputs at a sample and holds its 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import jax.numpy as jnp
 import numpy as np
@@ -64,6 +64,8 @@ class ClosedLoop(Robot):
 
     plant: Robot
     controller: Controller
+
+    controlled: ClassVar[bool] = True
 
     @property
     def channels(self) -> Channels:  # type: ignore[override]

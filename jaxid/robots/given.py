@@ -1,10 +1,38 @@
 """What an estimator is given, looked at before it works: a robot, logs of that robot, and words that choose."""
 
+import inspect
 from collections.abc import Iterable
 from typing import Any, get_args
 
 from ..logs import Log, LogError, LogSet
+from .closed_loop import Controller, Law
 from .robot import Robot
+
+
+def robot_of(given: Any, called: str) -> Robot:
+    """What a user names `called` as a robot: that robot, or what a function of no arguments returns. Raises `TypeError`
+    for anything else."""
+    if not isinstance(given, Robot) and callable(given):
+        try:
+            inspect.signature(given).bind()
+        except (TypeError, ValueError) as error:
+            raise TypeError(
+                f"{called} cannot be called without arguments ({error}); give a Robot or a function of none."
+            ) from None
+        try:
+            given = given()
+        except Exception as error:
+            raise TypeError(f"{called} fails ({type(error).__name__}: {error}); correct it there.") from error
+    if not isinstance(given, Robot):
+        raise TypeError(f"{called} is a {type(given).__name__}, no robot; give a Robot or a function that returns one.")
+    return given
+
+
+def controller_of(given: Any, called: str) -> Controller | Law:
+    """What a user names `called` as a controller. Raises `TypeError` for what is neither a `Controller` nor a law."""
+    if isinstance(given, Controller) or callable(given):
+        return given
+    raise TypeError(f"{called} is a {type(given).__name__}, no controller; give a Controller or a function.")
 
 
 def check_given(robot: Any, logs: Any) -> None:

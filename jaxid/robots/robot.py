@@ -101,6 +101,8 @@ class Robot:
     value, by state."""
     steps_per_time_constant: ClassVar[float] = 13.0
     """Integration steps in the shortest time constant for which the integrator's error stays below usual sensor noise."""
+    controlled: ClassVar[bool] = False
+    """Whether a controller drives it, which answers what the model lacks before it shows; `alone` is the plant then."""
     max_step: ClassVar[float | None] = None
     """Longest integration step in the logs' unit of time, where the robot's time constants do not say it."""
 
@@ -138,7 +140,7 @@ class Robot:
 
     @property
     def alone(self) -> "Robot":
-        """The plant, where a controller drives it."""
+        """The robot without the controller that drives it, where it is `controlled`."""
         return self
 
     @property

@@ -66,6 +66,20 @@ def test_a_slow_error_above_white_noise_is_not_taken_for_the_sensors_colour(axis
     assert fit.judgement.verdict == "coloured" and 2.0 < fit.judgement.normalised_rms
 
 
+def test_these_estimates_are_the_better_ones_only_where_the_sensor_may_have_made_the_residual(axis_log):
+    """An unmodelled drag follows the motion; noise of first order and of the sensor's own size may be the sensor's."""
+    y = log(axis_log, 0.0).output("v")
+    simulated = [np.stack([y if c == "v" else 0.0 * y for c in ROBOT.channels.measured], 1)]
+    noise = {"q": 1.0, "v": 0.01}
+    drag = np.convolve(y * np.abs(y), np.hanning(41) / np.hanning(41).sum(), "same") * 0.05 / np.std(y * np.abs(y))
+    followed = LogSet([log(axis_log, drag + 0.01 * coloured(0.0, 17))])
+    found = judge(followed, simulated, noise)
+    assert "follows the motion" in found.sentence and "the better ones" not in found.sentence
+    assert "prediction error" in found.better
+    found = judge(LogSet([log(axis_log, 0.03 * coloured(0.85, 12))]), simulated, noise)
+    assert "if it is the sensor, these estimates are the better ones" in found.sentence
+
+
 def test_one_log_of_two_that_is_off_is_enough(axis_log):
     wander = np.convolve(np.random.default_rng(13).normal(size=SAMPLES + 60), np.hanning(61), "valid")
     wander *= 0.02 / np.std(wander)

@@ -137,12 +137,7 @@ class Neglected(NamedTuple):
 
 
 def probed(robot: Robot, logs: LogSet) -> tuple[Robot, tuple[str, ...]]:
-    """The robot with everything in it that it may lack, at nothing, and the names of those parameters.
-
-    Nothing for a plant in a closed loop, whose controller answers a missing force before it shows.
-    """
-    if robot.alone is not robot:
-        return robot, ()
+    """The robot with everything in it that it may lack, at nothing, and the names of those parameters."""
     robot = replace(robot, scales=scales_of(robot, logs))
     own = robot.parameters
     if "force" not in robot.traits and robot.velocities:
@@ -255,9 +250,9 @@ def neglected(
     """What the residual at the optimum `unknowns` most plainly asks for, None where that may be chance.
 
     `robot` has the estimates. `error` is the RMS of the simulation's own error in units of the noise, which may lie along
-    any one direction. Call under float64.
+    any one direction. None for a controlled robot. Call under float64.
     """
-    if robot.alone is not robot:
+    if robot.controlled:
         return None
     full, added = probed(robot, logs)
     numbers = {n: array(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
