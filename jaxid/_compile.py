@@ -9,8 +9,7 @@ from functools import cache, cached_property, update_wrapper
 from typing import Any
 
 import jax
-import jax.numpy as jnp
-from jax.core import Tracer
+from jax.extend.core import get_opaque_trace_state
 
 _FASTER_TO_COMPILE = {"xla_cpu_use_fusion_emitters": False}
 """Known to JAX up to 0.11. XLA has no such option, and no older code, from JAX 0.12 on."""
@@ -30,6 +29,13 @@ def _compiler_options() -> dict[str, Any]:
     return known_options(_FASTER_TO_COMPILE)
 
 
+@cache
+def _outside() -> Any:
+    """JAX's state where it traces nothing."""
+    with jax.ensure_compile_time_eval():
+        return get_opaque_trace_state()
+
+
 class Program:
     """`jax.jit(function, **options)` with the compiler's options asked for at the first use, not on import.
 
@@ -47,9 +53,8 @@ class Program:
         return jax.jit(self._function, compiler_options=_compiler_options(), **self._options)
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        # While JAX traces a program, a new array is a part of it, whatever the arguments are.
-        leaves = [jnp.zeros(()), *jax.tree.leaves((arguments, named))]
-        traced = any(isinstance(leaf, Tracer) for leaf in leaves)
+        # What is called while JAX traces is a part of that, whatever the arguments are.
+        traced = get_opaque_trace_state() != _outside()
         return (self._inner if traced else self._outer)(*arguments, **named)
 
     def lower(self, *arguments: Any, **named: Any) -> Any:

@@ -4,7 +4,7 @@ Steps that suit a robot on one log may be too long for another: a caster that is
 close to going over the top, makes much of the integration's own error. So steps are shortened until that changes nothing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 
@@ -39,7 +39,12 @@ def integrator_for(robot: Robot, logs: LogSet) -> Integrator:
 
 @partial(compiled, static_argnames=("robot", "integrator"))
 def _simulate(robot: Robot, integrator: Integrator, numbers, start, inputs, dt, prescribed):
-    return jax.vmap(lambda s, u, d, k: rollout(robot, numbers, s, u, d, integrator, k))(start, inputs, dt, prescribed)
+    """Outputs [K, E, T, ny] of E logs with K sets of `numbers` [K], from initial states [K, E]."""
+
+    def model(p, states):
+        return jax.vmap(lambda s, u, d, k: rollout(robot, p, s, u, d, integrator, k))(states, inputs, dt, prescribed)
+
+    return jax.vmap(model)(numbers, start)
 
 
 @renamed(driven="prescribed")
@@ -58,29 +63,47 @@ def simulate(
     States in `prescribed` are set to these values at every sample (padded as in `logs.batch()`). Without an `integrator` the
     steps suit the robot, and are shortened, to a 64th at most, until that changes no log by a tenth of its noise.
     """
-    check_given(robot, logs)
+    return [y[0] for y in simulate_models([robot], logs, start=start, integrator=integrator, prescribed=prescribed)]
+
+
+@in_float64
+def simulate_models(
+    robots: Sequence[Robot],
+    logs: LogSet,
+    *,
+    start: Mapping[str, Float[np.ndarray, " E"]] | None = None,
+    integrator: Integrator | None = None,
+    prescribed: Mapping[str, Float[Array, "E T"]] = MappingProxyType({}),
+) -> list[Float[np.ndarray, "K _T ny"]]:
+    """Simulated outputs of every log by K models that differ in nothing but their numbers, as lanes of one program.
+
+    As `simulate`; the steps are those that suit every model.
+    """
+    for robot in robots:
+        check_given(robot, logs)
     batch = logs.batch()
-    states = dict(initial_states(robot, logs).states)
-    if start is not None:
-        states |= {name: np.asarray(values, dtype=float) for name, values in start.items()}
-    numbers = {name: array(float(value)) for name, value in robot.parameters.numbers.items()}
-    states = {name: array(value) for name, value in states.items()}
+    given = {name: np.asarray(values, dtype=float) for name, values in (start or {}).items()}
+    each = [{**initial_states(robot, logs).states, **given} for robot in robots]
+    states = {name: array(np.stack([own[name] for own in each])) for name in each[0]}
+    tables = [robot.parameters.numbers for robot in robots]
+    numbers = {name: array(np.array([float(own[name]) for own in tables])) for name in tables[0]}
 
     def with_steps(integrator: Integrator) -> list[NDArray[np.float64]]:
-        given = batch.inputs, batch.dt, dict(prescribed)
-        outputs = _simulate(robot.structure, integrator, numbers, states, *given)
-        return [row[: len(log)] for row, log in zip(np.asarray(outputs), logs, strict=True)]
+        there = batch.inputs, batch.dt, dict(prescribed)
+        outputs = np.asarray(_simulate(robots[0].structure, integrator, numbers, states, *there))
+        return [outputs[:, e, : len(log)] for e, log in enumerate(logs)]
 
     if integrator is not None:
         return with_steps(integrator)
-    integrator, factor = integrator_for(robot, logs), 1
+    integrator, factor = max((integrator_for(robot, logs) for robot in robots), key=lambda own: own.substeps), 1
     outputs = with_steps(integrator)
     noise = np.array(list(noise_scale(logs).values()))
     measured = np.any([np.isfinite(log.outputs).any(axis=0) for log in logs], axis=0)
     while factor < _MOST:
         factor *= _FINER
         finer = with_steps(Integrator(integrator.substeps * factor, integrator.friction))
-        if all(_alike(a, b, np.where(measured, noise, 0.0)) for a, b in zip(outputs, finer, strict=True)):
+        level = np.where(measured, noise, 0.0)
+        if all(_alike(*pair, level) for two in zip(outputs, finer, strict=True) for pair in zip(*two, strict=True)):
             break
         outputs = finer
     return outputs

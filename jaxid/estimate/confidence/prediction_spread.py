@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...logs import LogSet
-from ...simulation.simulate import simulate
+from ...simulation.simulate import simulate_models
 from ..result import Fit
 from .agreement import errors_of, rms
 
@@ -36,14 +36,14 @@ def expected_error(
     centre = np.array([fit[name].value for name in names])
     low, high = (np.array([getattr(table[name], side) for name in names]) for side in ("lower", "upper"))
     drawn = np.random.default_rng(_SEED).multivariate_normal(centre, covariance, _DRAWS, check_valid="ignore")
-    own = simulate(robot, logs, start=start)
+    drawn = np.clip(drawn, low, high).tolist()
+    others = [robot.with_values(**dict(zip(names, values, strict=True))) for values in drawn]
+    outputs = simulate_models([robot, *others], logs, start=start)
     worst = 0.0
-    for values in np.clip(drawn, low, high):
-        other = robot.with_values(**dict(zip(names, values.tolist(), strict=True)))
-        outputs = simulate(other, logs, start=start)
+    for k in range(1, len(others) + 1):
         apart = []
-        for log, one, two in zip(logs, own, outputs, strict=True):
-            here, there = errors_of(log, one), errors_of(log, two)
+        for log, y in zip(logs, outputs, strict=True):
+            here, there = errors_of(log, y[0]), errors_of(log, y[k])
             apart += [(there[c] - here[c]) / noise[c] for c in here]
         worst = max(worst, rms(np.concatenate(apart)) ** 2)
     return float(np.sqrt(1.0 + worst))

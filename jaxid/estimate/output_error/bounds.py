@@ -29,7 +29,7 @@ class Bounds(eqx.Module):
     upper: Float[Array, " n"]
     scale: Float[Array, " n"]
 
-    def physical(self, z: Float[Array, " n"]) -> Float[Array, " n"]:
+    def physical(self, z: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
         """Parameters from the optimiser's coordinates, never outside their bounds."""
         return _physical(self, z)
 
@@ -37,18 +37,18 @@ class Bounds(eqx.Module):
         """d(parameter)/d(coordinate) inside the bounds, and on them to the inside."""
         return jnp.broadcast_to(self.scale, z.shape)
 
-    def coordinates(self, theta: Float[Array, " n"]) -> Float[Array, " n"]:
+    def coordinates(self, theta: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
         """The optimiser's coordinates of given parameters; those outside their bounds are put on them."""
         return _coordinates(self, theta)
 
 
 @compiled
-def _physical(bounds: Bounds, z: Float[Array, " n"]) -> Float[Array, " n"]:
+def _physical(bounds: Bounds, z: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
     return jnp.clip(bounds.scale * z, bounds.lower, bounds.upper)
 
 
 @compiled
-def _coordinates(bounds: Bounds, theta: Float[Array, " n"]) -> Float[Array, " n"]:
+def _coordinates(bounds: Bounds, theta: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
     return jnp.clip(theta, bounds.lower, bounds.upper) / bounds.scale
 
 

@@ -9,7 +9,7 @@ Only one coroutine runs at a time. Members with fewer or shorter logs are padded
 
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import jax
@@ -21,7 +21,7 @@ from .problem import Problem, Structure, Unknowns
 
 _LANES = 64
 """Fits computed at a time: more would not fit into the processor's cache."""
-_BY_LOG = ("dt", "inputs", "outputs", "mask", "start", "state_free", "prescribed", "weight")
+BY_LOG = ("dt", "inputs", "outputs", "mask", "start", "state_free", "prescribed", "weight")
 """Fields of a problem that have one row for every log; those but the ones of initial states have one for every sample."""
 _BY_SAMPLE = ("dt", "inputs", "outputs", "mask", "prescribed", "weight")
 
@@ -84,19 +84,21 @@ def ask(
 
 
 def _padded(problem: Problem, unknowns: Unknowns, logs: int, samples: int) -> tuple[Problem, Unknowns]:
-    """The same problem with more logs and samples, none of which counts."""
+    """The same problem, as NumPy's arrays, with more logs and samples, none of which counts."""
     E, T = problem.dt.shape
 
-    def grown(name: str, leaf: Any):
-        leaf = np.asarray(leaf)
+    def grown(path: Any, leaf: Any):
+        name, leaf = path[0].name, np.asarray(leaf)
+        if name not in BY_LOG:
+            return leaf
         quiet = name in ("mask", "state_free", "outputs", "inputs")
         widths = [(0, logs - E), *([(0, samples - T)] if name in _BY_SAMPLE else [])]
         widths += [(0, 0)] * (leaf.ndim - len(widths))
         return np.pad(leaf, widths) if quiet else np.pad(leaf, widths, mode="edge")
 
-    fields = {name: jax.tree.map(lambda leaf, name=name: grown(name, leaf), getattr(problem, name)) for name in _BY_LOG}
     states = np.asarray(unknowns.states)
-    return replace(problem, **fields), unknowns._replace(states=np.pad(states, [(0, logs - E), (0, 0)]))
+    padded = jax.tree.map_with_path(grown, problem)
+    return padded, unknowns._replace(states=np.pad(states, [(0, logs - E), (0, 0)]))
 
 
 def _key(question: _Question) -> Any:

@@ -9,12 +9,14 @@ change by is turned into a change of the parameters, to first order.
 from collections.abc import Sequence
 from dataclasses import replace
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._arrays import array
 from ...logs import LogSet
 from ..result import Fit
+from .lanes import BY_LOG
 from .neglected import without_starts
 from .problem import Problem, Structure, Unknowns
 from .robust_covariance import look
@@ -47,6 +49,18 @@ def _drawn(logs: LogSet, changes: Sequence[NDArray[np.int64]], inputs: Array, rn
     return inputs
 
 
+def _simulated_with(inputs: Sequence[Array], structure: Structure, problem: Problem, unknowns: Unknowns) -> Array:
+    """Simulated outputs [k, E, T, ny] with each of k inputs [E, T, nu], as one problem that has every log k times."""
+
+    def again(leaf):
+        return array(np.concatenate([np.asarray(leaf)] * len(inputs)))
+
+    fields = {name: jax.tree.map(again, getattr(problem, name)) for name in BY_LOG if name != "inputs"}
+    many = replace(problem, inputs=array(np.concatenate(inputs)), **fields)
+    outputs = np.asarray(simulated(structure, many, unknowns._replace(states=again(unknowns.states))))
+    return outputs.reshape(len(inputs), -1, *outputs.shape[1:])
+
+
 def _shifts(structure: Structure, problem: Problem, unknowns: Unknowns, changes: Array) -> Array:
     """Parameters' changes [n, k], to first order, by changes of what is measured [E, T, ny, k]."""
     n, k = len(structure.names), changes.shape[-1]
@@ -77,12 +91,10 @@ def lost_rows(fit: Fit, logs: LogSet, structure: Structure, problem: Problem, un
     known = np.isfinite(errors) & (errors > 0.0)
     if not count or not known.any():
         return ""
-    here = np.asarray(simulated(structure, problem, unknowns))
-    inputs, rng, apart = np.asarray(problem.inputs), np.random.default_rng(_SEED), []
-    for _ in range(_DRAWS):
-        other = replace(problem, inputs=jnp.asarray(_drawn(logs, changes, inputs, rng)))
-        apart.append(np.asarray(simulated(structure, other, unknowns)) - here)
-    shifts = _shifts(structure, problem, unknowns, np.stack(apart, axis=-1))
+    inputs, rng = np.asarray(problem.inputs), np.random.default_rng(_SEED)
+    drawn = [_drawn(logs, changes, inputs, rng) for _ in range(_DRAWS)]
+    here, *there = _simulated_with([inputs, *drawn], structure, problem, unknowns)
+    shifts = _shifts(structure, problem, unknowns, np.stack([y - here for y in there], axis=-1))
     off = np.where(known, np.sqrt(np.mean(shifts**2, axis=1)) / np.where(known, errors, 1.0), 0.0)
     most = int(np.argmax(off))
     if not off[most] > 1.0:

@@ -7,10 +7,9 @@ minimised as lanes of one compiled program; those that end at the same cost are 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from ..._arrays import array
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
@@ -113,10 +112,10 @@ def multi_start(
     except (ParameterError, LogError):
         pass
     theta = np.clip(theta, np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper))
-    z = jax.vmap(problem.bounds.coordinates)(jnp.asarray(theta))
-    lanes = Unknowns(z, jnp.broadcast_to(unknowns.states, (starts, *unknowns.states.shape)))
+    states = np.asarray(unknowns.states)
+    lanes = Unknowns(problem.bounds.coordinates(array(theta)), array(np.broadcast_to(states, (starts, *states.shape))))
     report(f"{starts} starts as lanes of one program")
-    own = {"held": jnp.broadcast_to(problem.held, (starts, len(names)))}
+    own = {"held": array(np.broadcast_to(np.asarray(problem.held), theta.shape))}
     found = fit_lanes(structure, problem, own, lanes, max_steps=_STEPS, rounds=1, lanes=min(starts, 32)).optimum
     costs = np.asarray(found.cost)
     sound = np.isfinite(np.asarray(found.triangle.squares)).all(axis=(1, 2)) & np.isfinite(costs)
@@ -124,7 +123,7 @@ def multi_start(
         raise ParameterError(
             f"the simulation of {robot.name!r} diverges at every start; check the logs' units and signs"
         )
-    ends = np.asarray(jax.vmap(problem.bounds.physical)(found.unknowns.z))
+    ends = np.asarray(problem.bounds.physical(found.unknowns.z))
     order = [int(k) for k in np.argsort(np.where(sound, costs, np.inf)) if sound[k]]
     groups: list[list[int]] = []
     for k in order:

@@ -178,7 +178,7 @@ def _on_the_way(structure: Structure, problem: Problem, unknowns: Unknowns) -> A
     weight = np.asarray(problem.mask) / np.asarray(problem.sigma)
     if problem.weight is not None:
         weight = weight * np.asarray(problem.weight)
-    there = [np.asarray(simulated(structure, replace(problem, inputs=jnp.asarray(u)), unknowns)) for u in (late, less)]
+    there = [np.asarray(simulated(structure, replace(problem, inputs=array(u)), unknowns)) for u in (late, less)]
     return np.stack([np.where(weight > 0.0, (y - here) * weight, 0.0) for y in there], axis=-1)
 
 

@@ -9,7 +9,6 @@ starts up to ten times smaller and larger, as lanes of one program, first on a s
 from collections.abc import Callable, Mapping
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -84,8 +83,8 @@ def _scattered(problem: Problem, centres: list[Float[Array, " n"]], states: Floa
     rng = np.random.default_rng(_SEED)
     theta = np.stack([np.asarray(parameters_at(problem, z)) for z in centres])
     factors = np.exp(rng.uniform(-1.0, 1.0, (_LANES, theta.shape[1])) * np.log(_FACTOR))
-    z = jax.vmap(problem.bounds.coordinates)(jnp.asarray(np.resize(theta, (_LANES, theta.shape[1])) * factors))
-    return Unknowns(z, jnp.broadcast_to(states, (_LANES, *states.shape)))
+    z = problem.bounds.coordinates(array(np.resize(theta, factors.shape) * factors))
+    return Unknowns(z, array(np.broadcast_to(np.asarray(states), (_LANES, *states.shape))))
 
 
 def recovered(

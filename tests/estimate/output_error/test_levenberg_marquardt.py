@@ -37,7 +37,9 @@ def test_the_optimum_is_scipys(axis):
     assert bool(optimum.converged)
     assert float(optimum.cost) == pytest.approx(found.cost, rel=1e-9)
     theirs, ours = (np.asarray(parameters_at(problem, jnp.asarray(z))) for z in (found.x, optimum.unknowns.z))
-    error = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac))) * np.asarray(problem.bounds.slope(found.x))
+    error = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac))) * np.asarray(
+        problem.bounds.slope(jnp.asarray(found.x))
+    )
     assert np.all(np.abs(theirs - ours) < 0.01 * error)  # a hundredth of a standard error
     np.testing.assert_allclose(ours, [1.0, 2.0, 0.5, 0.05], atol=5 * error.max())
 
