@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..estimate.output_error.window_start import states_at
 from ..logs import Log, LogSet, noise_level
 from ..robots.robot import Robot
 from ..simulation.reckoning import measured_velocities, reckoned
@@ -37,8 +38,8 @@ class Motion:
     - `time` [T] s, and the time on either side of a reversal that is `near` it.
     - `inputs` [T, nu] and `largest` [nu], the largest magnitude of each in the set.
     - `axes` [T, n]: speeds of the drive axes (rim speeds of a Pioneer's wheels; V, Vn, b W of an omni), with
-      `axis_names` where each is a velocity of its own; the speed below which each is `still` and its `fastest` speed,
-      both [n].
+      `axis_names` where each is a velocity of its own; the speed below which each is `still` and its `fastest` speed
+      (endless for one that never moves), both [n].
     - `ahead` [T]: speed forwards, `turning` [T]: yaw rate to the left (None where there is none), each with the speed
       that it exceeds in 5 % of the samples.
     - `heading` [T] rad and `path` [T, 2] m by dead reckoning from the measured speeds, and the `middle` [2] of all
@@ -219,8 +220,16 @@ def _samples(log: Log, time_constant: float) -> int:
 
 
 def _speeds(robot: Robot, log: Log, samples: int) -> dict[str, Signal]:
-    """The velocities of the robot that the log shows, averaged over `samples`."""
+    """The velocities of the robot that the log shows, averaged over `samples`.
+
+    Those that no sensor, position or readout tells (a car of which a camera sees place and heading) are the likeliest ones by
+    the outputs' own slopes.
+    """
     found = measured_velocities(robot, log, lambda values: _averaged(values, samples))
+    hidden = [name for name, values in found.items() if not np.isfinite(values).any() and name in robot.states]
+    if hidden:
+        states = states_at(robot, log, np.arange(len(log)))
+        found |= {name: states[name] for name in hidden}
     return {name: _averaged(values, samples) for name, values in found.items()}
 
 
@@ -270,7 +279,7 @@ def motions(robot: Robot, logs: LogSet) -> tuple[Motion, ...]:
             axes=axes[e],
             axis_names=_axis_names(robot, axes[e]),
             still=still,
-            fastest=fastest,
+            fastest=np.where(fastest > 0, fastest, np.inf),
             ahead=speeds[e][main],
             ahead_fastest=float(_fastest([own[main] for own in speeds])),
             turning=speeds[e][turn] if turn else None,

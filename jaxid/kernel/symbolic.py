@@ -1,6 +1,7 @@
 """A JAX function of small arrays as scalar expressions: its jaxpr is run on numbers of expressions."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -27,6 +28,35 @@ _PLAIN = {
     "eq": "eq", "ne": "ne", "and": "and", "or": "or", "not": "not", "pow": "pow", "atan2": "atan2", "log1p": "log1p",
     "expm1": "expm1", "is_finite": "is_finite", "sign": "sign",
 }  # fmt: skip
+
+
+def _leg(graph: Graph, x: Node) -> Node:
+    """sqrt(1 - x²), right next to ± 1 as well."""
+    one = graph.constant(1.0)
+    return graph.apply("sqrt", graph.mul(graph.sub(one, x), graph.add(one, x)))
+
+
+def _sinh(graph: Graph, x: Node) -> Node:
+    """Through exp(x) - 1, which keeps its digits at small arguments."""
+    grown = graph.apply("expm1", x)
+    both = graph.add(grown, graph.div(grown, graph.add(grown, graph.constant(1.0))))
+    return graph.mul(graph.constant(0.5), both)
+
+
+def _cosh(graph: Graph, x: Node) -> Node:
+    up, down = graph.apply("exp", x), graph.apply("exp", graph.neg(x))
+    return graph.mul(graph.constant(0.5), graph.add(up, down))
+
+
+_MADE: dict[str, Callable[..., Node]] = {
+    "tan": lambda graph, x: graph.div(graph.apply("sin", x), graph.apply("cos", x)),
+    "atan": lambda graph, x: graph.apply("atan2", x, graph.constant(1.0)),
+    "asin": lambda graph, x: graph.apply("atan2", x, _leg(graph, x)),
+    "acos": lambda graph, x: graph.apply("atan2", _leg(graph, x), x),
+    "sinh": _sinh,
+    "cosh": _cosh,
+}
+"""Functions that are made of others."""
 _SAME = {"copy", "copy_p", "stop_gradient", "optimization_barrier"}
 _SHAPES = {"broadcast_in_dim", "reshape", "squeeze", "slice", "concatenate", "transpose", "expand_dims", "rev", "stack"}
 _CALLS = {"jit", "pjit", "closed_call", "core_call", "custom_vjp_call", "remat", "checkpoint"}
@@ -99,6 +129,8 @@ def _equation(graph: Graph, equation: Any, inputs: Sequence[Values]) -> list[Val
         return [_each(lambda lo, v, hi: graph.apply("min", graph.apply("max", v, lo), hi), low, x, high)]
     if name == "select_n" and len(inputs) == 3:
         return [_each(graph.select, *inputs)]
+    if name in _MADE:
+        return [_each(partial(_MADE[name], graph), *inputs)]
     if name in _PLAIN:
         return [_each(lambda *x: graph.apply(_PLAIN[name], *x), *inputs)]
     if name in _SAME:
@@ -159,8 +191,8 @@ def _with_own_rule(graph: Graph, equation: Any, inputs: Sequence[Values]) -> lis
     rule = jax.make_jaxpr(lambda x, t: jax.jvp(lambda *a: function(*a), x, t)[1])(shapes, shapes)
     for i, x in enumerate(given):
         unit = [constants(graph, np.full(x.shape, float(i == k))) for k, x in enumerate(given)]
-        for result, partial in zip(scalars(results), scalars(run(graph, rule, [*given, *unit])), strict=True):
-            graph.partials[result].append((scalars([x])[0], partial))
+        for result, slope in zip(scalars(results), scalars(run(graph, rule, [*given, *unit])), strict=True):
+            graph.partials[result].append((scalars([x])[0], slope))
     return results
 
 

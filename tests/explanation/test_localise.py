@@ -1,16 +1,19 @@
 """Localisation against what was hidden in the logs, with the simulator's own constants as the fitted model."""
 
 import json
+from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Fit, Log, LogSet, Omni, Pioneer
+from jaxid import Channels, Custom, Fit, Log, LogSet, Omni, Parameter, Pioneer
 from jaxid.explanation.condition_shares import condition_shares
 from jaxid.explanation.conditions import conditions_of, motions
 from jaxid.explanation.heldout import held_out_state
 from jaxid.explanation.localise import concentration, gap_shares, localise
 from jaxid.explanation.missing_force import ForceHistory
+from jaxid.explanation.patterns import patterns
 from reference import excitation
 from reference.logs import simulate_log
 from reference.pioneer import PIONEER
@@ -162,3 +165,30 @@ def test_an_axis_has_no_heading(axis_log):
     names = {c.name for c in conditions_of(motion)}
     assert "near a reversal" in names and not any("heading" in name or "turning" in name for name in names)
     assert any(name.startswith("x >") for name in names)
+
+
+def test_a_car_of_which_a_camera_sees_only_the_place_is_given_its_speed_by_how_the_place_changes():
+    def rates(s, u, p):
+        v, th = s["v"], s["th"]
+        turning = v * jnp.tan(u["steer"]) / p["L"]
+        return {"x": v * jnp.cos(th), "y": v * jnp.sin(th), "th": turning, "v": u["push"] - p["b"] * v}
+
+    channels = Channels(inputs=("push", "steer"), outputs=("x", "y", "th"))
+    car = Custom(
+        dynamics=rates, state_names=("x", "y", "th", "v"), own_channels=channels, velocities=("v",),
+        table={"L": Parameter(0.3), "b": Parameter(0.5, free=True)},
+    )  # fmt: skip
+    # A circle of 0.8 m at v = 0.6 (1 - cos t), so that the way is 0.6 (t - sin t).
+    time = 0.02 * np.arange(300)
+    heading = 0.6 * (time - np.sin(time)) / 0.8
+    outputs = np.stack([0.8 * np.sin(heading), 0.8 * (1 - np.cos(heading)), heading], axis=1)
+    inputs = np.stack([0.6 * np.sin(time) + 0.3 * (1 - np.cos(time)), np.full(300, np.arctan(0.3 / 0.8))], axis=1)
+    logs = LogSet([Log.from_arrays("circle", time, inputs, outputs, channels)])
+    (motion,) = motions(car, logs)
+    np.testing.assert_allclose(motion.ahead, 0.6 * (1 - np.cos(time)), atol=0.02)
+    force = ForceHistory(
+        "circle", time, np.sin(time)[:, None], np.ones((300, 1)), ("v",), ("N",), np.ones(1), np.ones(1)
+    )
+    assert all(np.isfinite(pattern.share) for pattern in patterns([force], [motion]))
+    still = replace(motion, axes=0.0 * motion.axes, fastest=np.full(1, np.inf))
+    assert all(np.isfinite(pattern.share) for pattern in patterns([force], [still]))

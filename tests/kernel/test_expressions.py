@@ -38,6 +38,9 @@ FUNCTIONS = {
     "angles and powers": lambda a, b: (
         jnp.arctan2(a, b) + jnp.arctan2(b, a) * a + jnp.log1p(b) * jnp.expm1(a) + jnp.power(b, 1.7)
     ),
+    "steering and its inverse": lambda a, b: (
+        jnp.tan(a) * b + jnp.arctan(a * b) + jnp.arcsin(0.7 * a) * jnp.arccos(-b) + jnp.sinh(a) / jnp.cosh(b)
+    ),
     "limits": lambda a, b: jnp.clip(a, -b, b) + jnp.maximum(a, b) * jnp.minimum(a, 0.3) + jnp.abs(a - b),
     "branches": lambda a, b: jnp.where(a > b, a * a, b * a) + jnp.sign(a) * b,
     "small arrays": lambda a, b: (
