@@ -45,6 +45,11 @@ class Plan:
         """Key of the case in the results."""
         return f"{self.robot}/{self.kind}/{'+'.join(self.effects) or 'none'}/{self.strength}/{self.seed}"
 
+    def record(self, hidden: dict) -> dict:
+        """What a line of the results says of the case, in which the effects `hidden` were."""
+        own = {"robot": self.robot, "kind": self.kind, "strength": self.strength, "seed": self.seed}
+        return {"case": self.name, **own, "hidden": hidden}
+
 
 def plans(name: str) -> list[Plan]:
     """All cases of a set, in an order in which every part of it is a fair sample."""
@@ -166,12 +171,7 @@ def run(plan: Plan) -> dict:
                     bool(low <= value <= high),
                 ]
     return {
-        "case": plan.name,
-        "robot": plan.robot,
-        "kind": plan.kind,
-        "strength": plan.strength,
-        "seed": plan.seed,
-        "hidden": case.effects,
+        **plan.record(case.effects),
         "verdict": found.verdict,
         "named": [effect.id for effect in found.effects],
         "equivalent": {effect.id: list(effect.equivalent_to) for effect in found.effects},

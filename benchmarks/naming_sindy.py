@@ -64,12 +64,7 @@ def run(plan: Plan) -> dict:
         end, spent = time.perf_counter(), time.process_time() - worked
         other = answer(fit.robot, logs, held_out, Setting(optimizer="STLSQ"))
     return {
-        "case": plan.name,
-        "robot": plan.robot,
-        "kind": plan.kind,
-        "strength": plan.strength,
-        "seed": plan.seed,
-        "hidden": case.effects,
+        **plan.record(case.effects),
         **found,
         "seconds": round(end - begin, 1),
         "seconds_baseline": round(between - begin, 1),

@@ -5,27 +5,16 @@ one and two and a dry friction that changes with the position.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 
 import jaxid
 from benchmarks.cases.family import Family, Numbers, Units, between, free, signal
+from benchmarks.cases.own_robots import TWO_FAMILY, mechanism_states, two_masses
 from jaxid import Channels, Custom, Parameter
 from reference import other_mechanisms as om
-from reference.mechanisms import Mechanism, states_at
-
-
-def _states(mechanism: Mechanism):
-    def states(p: Numbers, effects: dict, start, time, inputs, forces):
-        e = om.NOTHING.copy()
-        for name, value in effects.items():
-            e[om.F[name]] = value
-        vector = np.array([p[symbol.name] for symbol in mechanism.symbols])
-        layout = mechanism.first, mechanism.speeds, mechanism.n_axes
-        return states_at(mechanism.dynamics, vector, e, start, time, np.hstack([inputs, forces]), layout)
-
-    return states
 
 
 def _hidden(drag: tuple[float, float], speed: float, friction: str, slope: float, period: float) -> dict[str, Callable]:
@@ -43,28 +32,9 @@ def _hidden(drag: tuple[float, float], speed: float, friction: str, slope: float
 
 
 # -- belt drive ------------------------------------------------------------------------------------------------------
-def _belt_rates(state, inputs, p, friction):
-    through = p["s"] * (state["q1"] - state["q2"]) + p["d"] * (state["w1"] - state["w2"])
-    torque = p["k"] * inputs["u"] - p["b"] * state["w1"] - through - friction["motor"]
-    return {"q1": state["w1"], "q2": state["w2"], "w1": torque / p["J1"], "w2": through / p["J2"]}
-
-
 _BELT_CHANNELS = Channels(inputs=("u",), outputs=("q1", "w2"), units={"q1": "rad", "w2": "rad/s", "u": "V"})
-
-
-def _belt_model(p: Numbers, u: Units) -> jaxid.Robot:
-    table = {
-        "J1": free(p["J1"] * u.inertia), "J2": free(p["J2"] * u.inertia), "s": free(p["s"] * u.torque),
-        "d": free(p["d"] * u.torque * u.time), "b": free(p["b"] * u.torque * u.time), "Tc": free(p["Tc"] * u.torque),
-        "k": Parameter(p["k"] * u.torque / u.input),
-    }  # fmt: skip
-    return Custom(
-        dynamics=_belt_rates, state_names=("q1", "q2", "w1", "w2"), own_channels=_BELT_CHANNELS, table=table,
-        dry_friction=(("motor", "w1", "Tc"),), title="belt drive",
-    )  # fmt: skip
-
-
-BELT_FAMILY = Family(
+BELT_FAMILY = replace(
+    TWO_FAMILY,
     name="belt drive",
     share=0.2,
     draw=lambda rng: {
@@ -77,14 +47,11 @@ BELT_FAMILY = Family(
         "k": 1.0,
     },  # fmt: skip
     excite=lambda rng, n, kind, p: signal(rng, n, kind, 5.0, p["Tc"])[:, None],
-    states=_states(om.BELT),
+    states=mechanism_states(om.BELT),
     see=lambda x, p: x[:, [0, 3]],
     move=lambda rng, p: np.array([0.0, rng.uniform(-0.02, 0.02), *rng.uniform(-1.0, 1.0, 2)]),
-    rest=lambda p: np.zeros(4),
-    model=_belt_model,
+    model=two_masses("belt drive", ("q1", "q2", "w1", "w2"), ("J1", "J2", "Tc"), _BELT_CHANNELS, rotary=True),
     output_units=lambda u: (1.0, 1 / u.time),
-    input_units=lambda u: (u.input,),
-    forces=lambda p: (1.5,),
     effects=_hidden((0.1, 1.0), 0.2, "Tc", 0.5, 0.5),
     has_length=False,
     angle_outputs=(0,),
@@ -126,7 +93,7 @@ UNICYCLE_FAMILY = Family(
         "Kw": between(rng, 0.7, 1.2),
     },  # fmt: skip
     excite=lambda rng, n, kind, p: np.stack([signal(rng, n, kind, 1.0, 0.0), signal(rng, n, kind, 1.5, 0.0)], 1),
-    states=_states(om.UNICYCLE),
+    states=mechanism_states(om.UNICYCLE),
     see=lambda x, p: x[:, :3],
     move=lambda rng, p: np.array([0.0, 0.0, rng.uniform(-1, 1), rng.uniform(0.2, 0.6), rng.uniform(-0.5, 0.5)]),
     rest=lambda p: np.zeros(5),
@@ -174,7 +141,7 @@ CART_FAMILY = Family(
         "g": 9.81,
     },  # fmt: skip
     excite=lambda rng, n, kind, p: signal(rng, n, kind, 4.0, p["Fc"] + abs(p["m"] * p["g"] * p["a"]))[:, None],
-    states=_states(om.CART),
+    states=mechanism_states(om.CART),
     see=lambda x, p: x[:, [0]],
     move=lambda rng, p: np.array([rng.uniform(-1, 1), rng.uniform(0.3, 1.0)]),
     rest=lambda p: np.zeros(2),

@@ -11,10 +11,9 @@ from jaxid import Channels, Custom, Parameter
 from reference import mechanisms as me
 
 
-def _mechanism_states(mechanism: me.Mechanism):
+def mechanism_states(mechanism: me.Mechanism):
     def states(p: Numbers, effects: dict, start, time, inputs, forces):
-        e = np.zeros(len(me.E))
-        e[me.E.stribeck_speed] = 1.0
+        e = me.NOTHING.copy()
         for name, value in effects.items():
             e[me.E[name]] = value
         vector = np.array([p[symbol.name] for symbol in mechanism.symbols])
@@ -66,7 +65,7 @@ PENDULUM_FAMILY = Family(
     share=0.14,
     draw=_pendulum_draw,
     excite=lambda rng, n, kind, p: signal(rng, n, kind, rng.uniform(0.3, 1.0) * p["mgl"], p["tau"])[:, None],
-    states=_mechanism_states(me.PENDULUM),
+    states=mechanism_states(me.PENDULUM),
     see=lambda x, p: x[:, [0]],
     move=lambda rng, p: np.array([rng.uniform(-1.5, 1.5), rng.uniform(-2, 2)]),
     rest=lambda p: np.zeros(2),
@@ -120,7 +119,7 @@ CRANE_FAMILY = Family(
         "c": between(rng, 0.003, 0.03),
     },  # fmt: skip
     excite=lambda rng, n, kind, p: signal(rng, n, kind, 6.0, p["Fc"])[:, None],
-    states=_mechanism_states(me.CRANE),
+    states=mechanism_states(me.CRANE),
     see=lambda x, p: x[:, [0, 1]],
     move=lambda rng, p: np.array([rng.uniform(-1, 1), rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5), 0.0]),
     rest=lambda p: np.zeros(4),
@@ -134,28 +133,34 @@ CRANE_FAMILY = Family(
 
 
 # -- Custom: two masses ----------------------------------------------------------------------------------------------
-def _two_rates(state, inputs, p, friction):
-    between_ = p["s"] * (state["x1"] - state["x2"]) + p["d"] * (state["v1"] - state["v2"])
-    force = p["k"] * inputs["u"] - p["b"] * state["v1"] - between_ - friction["slide"]
-    return {"x1": state["v1"], "x2": state["v2"], "v1": force / p["m1"], "v2": between_ / p["m2"]}
+def two_masses(title: str, states: tuple[str, ...], symbols: tuple[str, str, str], channels: Channels, *, rotary: bool):
+    """A user's model of two masses, or inertias, with a spring and a damper between them, the first driven and rubbing.
+
+    `states`: both positions, then both speeds. `symbols`: both masses and the dry friction.
+    """
+    (x1, x2, v1, v2), (m1, m2, dry) = states, symbols
+
+    def rates(state, inputs, p, friction):
+        through = p["s"] * (state[x1] - state[x2]) + p["d"] * (state[v1] - state[v2])
+        force = p["k"] * inputs["u"] - p["b"] * state[v1] - through - friction["driven"]
+        return {x1: state[v1], x2: state[v2], v1: force / p[m1], v2: through / p[m2]}
+
+    def model(p: Numbers, u: Units) -> jaxid.Robot:
+        mass, force, length = (u.inertia, u.torque, 1.0) if rotary else (u.mass, u.force, u.length)
+        rate = force * u.time / length
+        table = {
+            m1: free(p[m1] * mass), m2: free(p[m2] * mass), "s": free(p["s"] * force / length), "d": free(p["d"] * rate),
+            "b": free(p["b"] * rate), dry: free(p[dry] * force), "k": Parameter(p["k"] * force / u.input),
+        }  # fmt: skip
+        return Custom(
+            dynamics=rates, state_names=states, own_channels=channels, table=table, dry_friction=(("driven", v1, dry),),
+            title=title,
+        )  # fmt: skip
+
+    return model
 
 
 _TWO_CHANNELS = Channels(inputs=("u",), outputs=("v1", "x2"), units={"v1": "m/s", "x2": "m", "u": "V"})
-
-
-def _two_model(p: Numbers, u: Units) -> jaxid.Robot:
-    rate = u.mass / u.time
-    table = {
-        "m1": free(p["m1"] * u.mass), "m2": free(p["m2"] * u.mass), "s": free(p["s"] * u.mass / u.time**2),
-        "d": free(p["d"] * rate), "b": free(p["b"] * rate), "Fc": free(p["Fc"] * u.force),
-        "k": Parameter(p["k"] * u.force / u.input),
-    }  # fmt: skip
-    return Custom(
-        dynamics=_two_rates, state_names=("x1", "x2", "v1", "v2"), own_channels=_TWO_CHANNELS, table=table,
-        dry_friction=(("slide", "v1", "Fc"),), title="two masses",
-    )  # fmt: skip
-
-
 TWO_FAMILY = Family(
     name="two masses",
     share=0.12,
@@ -169,11 +174,11 @@ TWO_FAMILY = Family(
         "k": 1.0,
     },  # fmt: skip
     excite=lambda rng, n, kind, p: signal(rng, n, kind, 4.0, p["Fc"])[:, None],
-    states=_mechanism_states(me.TWO_MASSES),
+    states=mechanism_states(me.TWO_MASSES),
     see=lambda x, p: x[:, [2, 1]],
     move=lambda rng, p: np.array([0.0, rng.uniform(-0.05, 0.05), *rng.uniform(-0.5, 0.5, 2)]),
     rest=lambda p: np.zeros(4),
-    model=_two_model,
+    model=two_masses("two masses", ("x1", "x2", "v1", "v2"), ("m1", "m2", "Fc"), _TWO_CHANNELS, rotary=False),
     output_units=lambda u: (u.speed, u.length),
     input_units=lambda u: (u.input,),
     forces=lambda p: (1.5,),
@@ -213,7 +218,7 @@ VELOCITY_FAMILY = Family(
         "Kw": between(rng, 0.7, 1.2),
     },  # fmt: skip
     excite=lambda rng, n, kind, p: np.stack([signal(rng, n, kind, 1.0, 0.0), signal(rng, n, kind, 1.5, 0.0)], 1),
-    states=_mechanism_states(me.VELOCITY_DRIVE),
+    states=mechanism_states(me.VELOCITY_DRIVE),
     see=lambda x, p: x,
     move=lambda rng, p: np.array([rng.uniform(0.2, 0.6), rng.uniform(-0.5, 0.5)]),
     rest=lambda p: np.zeros(2),
@@ -281,7 +286,7 @@ RIM_FAMILY = Family(
         "Fc": between(rng, 0.8, 4.0),
     },  # fmt: skip
     excite=_drive_excite,
-    states=_mechanism_states(me.DIFFERENTIAL_DRIVE),
+    states=mechanism_states(me.DIFFERENTIAL_DRIVE),
     see=lambda x, p: x,
     move=lambda rng, p: np.array([rng.uniform(0.2, 0.5), rng.uniform(-0.6, 0.6)]),
     rest=lambda p: np.zeros(2),

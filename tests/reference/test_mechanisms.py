@@ -8,12 +8,10 @@ from reference import mechanisms as me
 
 def simulated(mechanism: me.Mechanism, p: dict[str, float], start, time, inputs) -> np.ndarray:
     """States at uneven times under inputs without disturbances."""
-    e = np.zeros(len(me.E))
-    e[me.E.stribeck_speed] = 1.0
     vector = np.array([p[symbol.name] for symbol in mechanism.symbols])
     u = np.hstack([inputs, np.zeros((len(time), mechanism.n_forces))])
     layout = mechanism.first, mechanism.speeds, mechanism.n_axes
-    return me.states_at(mechanism.dynamics, vector, e, np.array(start, float), time, u, layout)
+    return me.states_at(mechanism.dynamics, vector, me.NOTHING, np.array(start, float), time, u, layout)
 
 
 def test_a_pendulum_rests_where_friction_holds_it_and_swings_at_its_frequency() -> None:

@@ -26,22 +26,11 @@ from jaxid.estimate.linear.log_rows import gather
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
 from jaxid.estimate.linear.window_equations import _stretches
 from reference.axis import AXIS
-from reference.excitation import experiment, prbs, steps, wheels
+from reference.excitation import experiment
 from reference.logs import simulate_log
 from reference.omni import OMNI
 from reference.pioneer import PIONEER
-
-SAMPLING = 0.02
-TRUTH = Pioneer().parameters.numbers
-WRONG = {"I0": 0.5, "Ir1": 1e-4, "Ir": 0.003, "Ip1": 2e-4, "Cs1": 0.01, "Cv1": 0.001, "Cs": 0.2, "Cv": 0.1}
-"""Table values far from the truth: an estimate that agrees with the truth cannot come from them."""
-
-
-def as_log(name, frame, robot):
-    channels = robot.channels
-    return Log.from_arrays(
-        name, frame["t"], frame[list(channels.inputs)].to_numpy(), frame[list(channels.outputs)].to_numpy(), robot
-    )
+from tests.pioneer_runs import SAMPLING, TRUTH, WRONG, as_log, uncoupled_runs
 
 
 def noisy(logs, sigma, seed):
@@ -65,16 +54,7 @@ def coupled_logs():
 
 @pytest.fixture(scope="module")
 def uncoupled_logs():
-    """Straight and on the spot, the centre of mass on the axle so that turning on the spot is uncoupled."""
-    rng, still = np.random.default_rng(5), np.zeros(1000)
-    signals = {
-        "straight_prbs": (prbs(1000, 15, 4, 9, rng), still),
-        "straight_steps": (steps(1000, [0, 5, 8, 3, 0, -6]), still),
-        "spot_prbs": (still, prbs(1000, 20, 3, 7, rng)),
-        "spot_steps": (still, steps(1000, [0, 4, 6, 2.5, 0, -5])),
-    }
-    robot = PIONEER.with_parameters(ym=0.0)
-    return LogSet(as_log(name, simulate_log(robot, wheels(*u), SAMPLING), Pioneer()) for name, u in signals.items())
+    return uncoupled_runs()
 
 
 AXIS_TRUTH = {"M": 20.0, "Fv": 30.0, "Fc": 6.0, "offset": 1.0}

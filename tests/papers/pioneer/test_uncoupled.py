@@ -3,36 +3,19 @@
 import numpy as np
 import pytest
 
-from jaxid import Log, LogError, LogSet, Pioneer, demo, read_logs
+from jaxid import Log, LogError, Pioneer, demo, read_logs
 from jaxid.effects.body import QuadraticDrag
 from jaxid.papers.pioneer.uncoupled import uncoupled_least_squares
 from jaxid.parameters import ParameterError
-from reference.excitation import experiment, prbs, steps, wheels
+from reference.excitation import experiment, steps, wheels
 from reference.logs import simulate_log
 from reference.pioneer import PIONEER
-
-SAMPLING = 0.02
-TRUTH = Pioneer().parameters.numbers
-WRONG = {"I0": 0.5, "Ir1": 1e-4, "Ir": 0.003, "Ip1": 2e-4, "Cs1": 0.01, "Cv1": 0.001, "Cs": 0.2, "Cv": 0.1}
-"""Table values far from the truth: an estimate that agrees with the truth cannot come from them."""
-
-
-def as_log(name, frame):
-    return Log.from_arrays(name, frame["t"], frame[["V2", "V3"]], frame[["eta1", "eta2"]], Pioneer())
+from tests.pioneer_runs import SAMPLING, TRUTH, WRONG, as_log, uncoupled_runs
 
 
 @pytest.fixture(scope="module")
 def uncoupled_logs():
-    """Straight and on the spot, the centre of mass on the axle so that turning on the spot is uncoupled."""
-    rng, still = np.random.default_rng(5), np.zeros(1000)
-    signals = {
-        "straight_prbs": (prbs(1000, 15, 4, 9, rng), still),
-        "straight_steps": (steps(1000, [0, 5, 8, 3, 0, -6]), still),
-        "spot_prbs": (still, prbs(1000, 20, 3, 7, rng)),
-        "spot_steps": (still, steps(1000, [0, 4, 6, 2.5, 0, -5])),
-    }
-    robot = PIONEER.with_parameters(ym=0.0)
-    return LogSet(as_log(name, simulate_log(robot, wheels(*u), SAMPLING)) for name, u in signals.items())
+    return uncoupled_runs()
 
 
 def equation_31(log, gain, moving):
@@ -96,14 +79,14 @@ def test_on_the_coupled_robot_they_are_biased(uncoupled_logs):
     """With the centre of mass behind the axle (ym), turning on the spot drifts and equation 35 puts that into Cv1."""
     still = np.zeros(1000)
     drive = wheels(still, steps(1000, [0, 4, 6, 2.5]))
-    spot = as_log("spot", simulate_log(PIONEER, drive, SAMPLING))
+    spot = as_log("spot", simulate_log(PIONEER, drive, SAMPLING), Pioneer())
     fit = uncoupled_least_squares(Pioneer(), [uncoupled_logs["straight_prbs"], spot])
     assert fit["Cv1"].value > 50 * TRUTH["Cv1"]
     assert fit["1/a11"].value == pytest.approx(17.078, rel=1e-3)
 
 
 def test_logs_and_robots_that_they_cannot_use(uncoupled_logs):
-    arcs = as_log("arcs", simulate_log(PIONEER, experiment("pioneer", "arcs", 1000, 5), SAMPLING))
+    arcs = as_log("arcs", simulate_log(PIONEER, experiment("pioneer", "arcs", 1000, 5), SAMPLING), Pioneer())
     with pytest.raises(LogError, match="none of arcs drives straight.*jaxid.integral_least_squares"):
         uncoupled_least_squares(Pioneer(), [arcs])
     with pytest.raises(LogError, match="no logs"):
