@@ -16,6 +16,7 @@ from .explanation import Evidence, Explanation, NamedEffect, Verdict, differs_fr
 from .heldout import HeldOut
 from .localise import localise, without_place
 from .next_experiment import NextExperiment, propose
+from .not_looked_for import not_looked_for
 from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, differ, search
@@ -193,6 +194,7 @@ def explain(
     named = _named(found, fit, final)
     doubts = _doubts(found, final, named, after)
     verdict = _verdict(found, named, most, doubts)
+    untried = not_looked_for(fit.robot) if verdict != "adequate" and not _all_noise(found) else ""
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
     open_ = found.colour is not None and not found.steps
@@ -211,6 +213,6 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=(placeless,) if placeless else (),
+        notes=tuple(note for note in (placeless, untried) if note),
         colour=found.colour,
     )

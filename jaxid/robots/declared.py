@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from inspect import Parameter as Argument
 from inspect import signature
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -45,6 +45,7 @@ def _positions(robot: "Declared", numbers: tuple[tuple[str, float], ...]) -> tup
 class Declared(Robot):
     """A robot's declarations, checked; see `Custom` for what each means."""
 
+    declared: ClassVar[bool] = True
     dynamics: Callable[..., Mapping[str, Scalar]]
     state_names: Sequence[str]
     own_channels: Channels

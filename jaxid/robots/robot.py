@@ -88,6 +88,8 @@ class Robot:
     """The supply's voltage [V], or the parameter that is it."""
     mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     """Effect id -> the robot's own parameters that are this mechanism, which the effect frees."""
+    declared: ClassVar[bool] = False
+    """Whether a user declares what effects may act on, so that what it lacks may only be unsaid."""
     expressed: ClassVar[frozenset[str]] = frozenset()
     """Ids of effects that the robot's own parameters already are, by another name."""
     words: ClassVar[Mapping[str, str]] = MappingProxyType({})

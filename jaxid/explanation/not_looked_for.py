@@ -1,0 +1,36 @@
+"""Effects that could not be looked for, since a user's robot does not declare what they take.
+
+What has a name may stand in for one of them: a drag that the dynamics keep to themselves leaves what a rise of friction
+towards standstill leaves, too.
+"""
+
+import re
+
+from ..effects.catalogue import ALL
+from ..robots.effect import in_words
+from ..robots.robot import Robot
+from ..robots.traits import TRAITS, asked, refusal, traits_of
+
+_BY_NATURE = ("several_drives", "mechanism")
+"""Traits that a robot has not for want of a word."""
+
+
+def not_looked_for(robot: Robot) -> str:
+    """A sentence that names those effects with the arguments that would let them act; empty where there are none."""
+    if not robot.declared:
+        return ""
+    out = {effect.id for effect in robot.effects} | robot.expressed
+    found: dict[str, list[str]] = {}
+    for effect in ALL:
+        lacking = [trait for trait in asked(effect) if trait not in traits_of(robot)]
+        refused = effect.id not in out and lacking and refusal(effect, robot) is not None
+        if refused and not set(lacking) & set(_BY_NATURE):
+            arguments = [word for trait in lacking for word in re.findall(r"`\w+=`", TRAITS[trait])]
+            found.setdefault(", ".join(dict.fromkeys(arguments)), []).append(in_words(effect.id))
+    if not found:
+        return ""
+    listed = "; ".join(f"{', '.join(names)} ({arguments})" for arguments, names in found.items())
+    return (
+        f"Not looked for, since the robot {robot.name!r} does not declare what they act on: {listed}. What is missing may be "
+        "one of these, or have the name of another that can do the same."
+    )

@@ -1,0 +1,27 @@
+"""jaxid/explanation/not_looked_for.py: a robot that keeps something to itself is told which effects that hides."""
+
+from jaxid import Channels, Custom, Parameter, Pioneer
+from jaxid.explanation.not_looked_for import not_looked_for
+
+
+def cart(**declared) -> Custom:
+    return Custom(
+        dynamics=lambda s, u, p: {"v": (u["u"] - p["b"] * s["v"]) / p["m"]},
+        state_names=("v",),
+        own_channels=Channels(inputs=("u",), outputs=("v",)),
+        table={"m": Parameter(2.0, free=True), "b": Parameter(0.5, free=True)},
+        title="cart",
+        **declared,
+    )
+
+
+def test_effects_that_a_declaration_would_admit_are_named_with_it():
+    found = not_looked_for(cart())
+    assert "'cart'" in found and "quadratic drag (`forces=`)" in found
+    assert "input delay" not in found and "sensor bias" not in found  # any robot can have these
+    assert "motor gain mismatch" not in found  # with one motor there is none
+    assert "quadratic drag" not in not_looked_for(cart(forces={"v": "m"}))
+
+
+def test_what_a_built_in_robot_lacks_it_cannot_have():
+    assert not_looked_for(Pioneer()) == ""
