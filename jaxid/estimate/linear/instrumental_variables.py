@@ -28,6 +28,7 @@ from .judge_equations import judged_equations, judged_instruments
 from .linear_steps import estimates_of, estimates_with, status_notes, with_estimate
 from .log_rows import gather, measured_speeds
 from .memory import memory
+from .position_slopes import whole_slopes
 from .refined_instruments import Instruments, refined_instruments
 from .regressors import check_linear
 from .score_covariance import score_covariance, stationary_covariance, widened
@@ -92,6 +93,12 @@ def _concentrated(found: Instruments, Z: Array, residual: Array, leverage: Array
     return np.outer(ratio, ratio)
 
 
+def _grown(covariance: Array, other: Array) -> Array:
+    """The covariance with every standard error at least that of the other."""
+    ratio = np.sqrt(np.maximum(np.diag(other) / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    return covariance * np.outer(ratio, ratio)
+
+
 def _covariance(
     found: Instruments,
     F: Array,
@@ -99,16 +106,20 @@ def _covariance(
     residual: Array,
     prior: Array,
     inverse: Array,
+    whole: Array,
     noise: Array,
     remembered: int,
     taken: Array,
 ) -> Array:
     """Sandwich [n, n] around the covariance of Z^T residual: that of stationary noise, in the equations of its own speed and
-    of the others, widened where the scores' own scatter in time is larger (residuals that depend on what the robot does)."""
+    of the others, widened where the scores' own scatter in time is larger (residuals that depend on what the robot does).
+
+    `inverse` is that of the moments' derivative by the regressors, `whole` with the positions that the estimate moves: where
+    the latter says more, that is taken."""
     weights = noise_weights(found.coupling, Z, noise, found.equation, found.sample)
     middle, own = stationary_covariance(weights, residual, found.equation, found.sample, found.logs, taken)
     middle += np.diag(prior)
-    spread = widened(inverse @ middle @ inverse.T, own)
+    spread = _grown(widened(inverse @ middle @ inverse.T, own), widened(whole @ middle @ whole.T, own))
     leverage = np.sum((F @ inverse) * Z, axis=1)
     spread = spread * _concentrated(found, Z, residual, leverage, inverse)
     scores = np.zeros((len(found.logs), Z.shape[1]))
@@ -119,12 +130,13 @@ def _covariance(
     other = inverse @ (scatter + np.diag(prior)) @ inverse.T
     # The scatter is roughly known, so it counts where it is larger by more than chance.
     chance = degrees / float(chi2.ppf(_CHANCE, degrees))
-    ratio = np.sqrt(np.maximum(np.diag(other) / np.maximum(np.diag(spread), 1e-300) / chance, 1.0))
-    return spread * np.outer(ratio, ratio)
+    return _grown(spread, other / chance)
 
 
-def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Array, remembered: int) -> _Solved:
-    """Solve Z^T (y - F theta) = 0 with bounds and priors.
+def _solve(
+    found: Instruments, robot: Robot, names: tuple[str, ...], noise: Array, remembered: int, slopes: Array | None = None
+) -> _Solved:
+    """Solve Z^T (y - F theta) = 0 with bounds and priors; `slopes` as by `whole_slopes`, if known.
 
     Held at the table's value is what the instruments do not contain, or not beside the others. The covariance is that of
     all others together, those at a bound included.
@@ -138,11 +150,12 @@ def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Arra
     held, bound = np.zeros(n, bool), np.zeros(n, bool)
     theta, covariance, size = default.copy(), np.full((n, n), np.nan), np.zeros(n)
     unseen, relevance, weakest = np.zeros(n, bool), 0.0, 0
-    table_of_rows = np.concatenate([found.regressors, found.instruments, found.targets[:, None]], axis=1)
+    followed = found.regressors if slopes is None else slopes
+    table_of_rows = np.concatenate([found.regressors, found.instruments, followed, found.targets[:, None]], axis=1)
     table_of_rows = _without_starts(table_of_rows, found)
     for _ in range(3 * n + 12):
         columns = table_of_rows / noise[found.equation, None]
-        F, Z, y = columns[:, :n], columns[:, n : 2 * n], columns[:, -1]
+        F, Z, S, y = columns[:, :n], columns[:, n : 2 * n], columns[:, 2 * n : 3 * n], columns[:, -1]
         scale = np.sqrt(np.sum(Z * Z, axis=0) + prior)
         held |= scale == 0
         seen = np.flatnonzero(~held)
@@ -183,8 +196,11 @@ def _solve(found: Instruments, robot: Robot, names: tuple[str, ...], noise: Arra
         if not len(seen):
             break
         inverse = np.linalg.inv(matrix) / s[:, None]
+        matrix = (Z[:, seen].T @ S[:, seen] + np.diag(prior[seen])) / np.outer(s, s)
+        known = np.isfinite(matrix).all() and np.linalg.cond(matrix) <= 1.0 / _RANK**2
+        whole = np.linalg.inv(matrix) / s[:, None] if known else inverse
         spread = _covariance(
-            found, F[:, seen], Z[:, seen] / s, residual, prior[seen] / s**2, inverse, noise, remembered, count - freedom
+            found, F[:, seen], Z[:, seen] / s, residual, prior[seen] / s**2, inverse, whole, noise, remembered, count - freedom
         )
         covariance[np.ix_(seen, seen)] = spread
         size, unseen = known_size(theta, default, F, y), unseen_of(Z, prior)
@@ -303,6 +319,8 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         solved = _Solved(theta, np.full((n, n), np.nan), np.full(n, np.nan), ("not_identifiable",) * n, noise, 1.0, 0)
         reason += "; the values are those of the start"
     if found is not None and simulated is not None:
+        slopes = whole_slopes(robot, logs, speeds, theta, np.sqrt(np.diag(solved.covariance)), found)
+        solved = _solve(found, robot, names, noise, remembered, slopes)
         solved = replace(solved, relevance=min(solved.relevance, _followed(logs, simulated, moving)))
         notes.append(
             f"The simulated motion explains {100 * solved.relevance:.0f} % of the measured speeds and regressors or more; "
