@@ -263,7 +263,7 @@ axis falls with the square of the step; on these logs, with coupled axes and two
 
 Six fit logs and three held-out logs of the demonstration Pioneer. "Half" is noise of 0.005 m/s and 0.01 rad/s, "demo"
 the demonstration logs' 0.01 m/s and 0.02 rad/s. Simulation error: RMS with the true parameters, in standard
-deviations of the noise. Check RMS: of the fitted model on logs it has not seen, over the RMS of the noise in them.
+deviations of the noise. Held-out RMS: of the fitted model on logs it has not seen, over the RMS of the noise in them.
 Bias: error of the estimates from the noise-free speeds. Errors in the standard errors that the fit reports: where the
 bias is small they are this noise's chance, the same in every such row. Time in processor seconds relative to sticking
 with four sub-steps.

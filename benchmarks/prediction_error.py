@@ -3,7 +3,7 @@
 An Euler-Maruyama simulator in NumPy with steps of half a millisecond (nothing of jaxid in it) disturbs the velocities with
 white noise and measures with sensor noise; all realisations are fitted in one compiled batch, by prediction error and by
 output error with standard errors for white residuals and with robust ones. Writes
-`benchmarks/results/prediction_error.json`; docs/prediction_error.md has the table.
+`benchmarks/results/prediction_error.json` and the coverage section of docs/prediction_error.md.
 """
 
 import argparse
@@ -30,7 +30,10 @@ from reference.effects import complete, kernel_vector
 from reference.pioneer import PIONEER, mass_and_bias
 from reference.stick_slip import integrate
 
+from .prediction_error_page import write_page
+
 RESULTS = Path(__file__).parent / "results" / "prediction_error.json"
+PAGE = Path(__file__).parents[1] / "docs" / "prediction_error.md"
 DT, FINE = 0.02, 40
 JUDGED = 4.0
 """Standard errors that a parameter must be away from its bounds."""
@@ -295,6 +298,7 @@ def main() -> None:
         print(f"  noises {noises}, {row['processor_seconds']:.0f} processor seconds", flush=True)
         kept = [rows[s.name] for s in SETTINGS if s.name in rows]
         RESULTS.write_text(json.dumps({"rows": kept}, indent=1) + "\n", encoding="utf-8")
+        write_page(kept, PAGE)
 
 
 if __name__ == "__main__":

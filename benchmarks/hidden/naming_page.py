@@ -170,6 +170,33 @@ def failures(entries: list[Entry]) -> list[str]:
     return lines
 
 
+_LOOKED_INTO = frozenset(
+    {
+        "axis/pair/actuator_dead_zone+cogging_torque/medium/5257",
+        "axis/pair/sensor_delay+cogging_torque/medium/415",
+        "axis/pair/sublinear_viscous_friction+quadratic_drag/medium/418",
+        "axis/single/cogging_torque/medium/5212",
+        "omni/pair/cogging_torque+stribeck_friction/medium/5191",
+        "omni/single/surface_change/strong/5152",
+        "pioneer/pair/sensor_delay+input_delay/medium/214",
+        "pioneer/single/asymmetric_friction/weak/108",
+    }
+)
+_IN_COMMON = """What they have in common. Four are torque ripples, alone or beside a lag, a dead zone or another
+friction: none of their refits reached the noise. Sublinear and quadratic drag together leave noise with one name. Delays of
+input and sensor are one model, so that a pair of them cannot be told from either. A surface on which friction nearly doubles is
+named first, but two more effects were added before the error was near the noise, and three names are not believed. The weak
+asymmetry is named, and keeps more error than noise. The failures of `aside` have not been looked into further, so that it
+stays a set aside.
+"""
+
+
+def looked_into(failed: list[str]) -> str:
+    """What the failures have in common, said of these very cases and of no others."""
+    names = frozenset(line.split("|")[1].strip() for line in failed)
+    return _IN_COMMON if names == _LOOKED_INTO else ""
+
+
 def beside_sindy() -> str:
     """What PySINDy says of the same logs, next to jaxid, where `python -m benchmarks.naming_sindy` was run."""
     if not SINDY.is_file():
@@ -269,6 +296,7 @@ def write(main: dict[str, Entry], aside: dict[str, Entry], planned: dict[str, li
         for name, of in planned.items()
         if sets[name]
     )
+    failed = failures(everything)
     hidden_well = sum(e["kind"] in ("single", "outside") and not visible(e) for e in everything)
     text = f"""# The blind study: are hidden effects named?
 
@@ -314,13 +342,8 @@ By robot and strength:
 
 | case (robot/kind/hidden/strength/seed) | said | held-out RMS | first look |
 | --- | --- | --- | --- |
-{chr(10).join(failures(everything)) or "| none | | | |"}
+{chr(10).join(failed) or "| none | | | |"}
 
-What they have in common. Four are torque ripples, alone or beside a lag, a dead zone or another friction: none of their refits
-reached the noise. Sublinear and quadratic drag together leave noise with one name. Delays of input and sensor are one model, so
-that a pair of them cannot be told from either. A surface on which friction nearly doubles is named first, but two more
-effects were added before the error was near the noise, and three names are not believed. The weak asymmetry is named, and
-keeps 12 % more error than noise. The failures of `aside` have not been looked into further, so that it stays a set aside.
-{beside_sindy()}"""
+{looked_into(failed)}{beside_sindy()}"""
     PAGE.write_text(text, encoding="utf-8")
     print(f"wrote {PAGE.relative_to(ROOT)} and {RESULTS.relative_to(ROOT)}")
