@@ -200,7 +200,16 @@ def _solve(
         known = np.isfinite(matrix).all() and np.linalg.cond(matrix) <= 1.0 / _RANK**2
         whole = np.linalg.inv(matrix) / s[:, None] if known else inverse
         spread = _covariance(
-            found, F[:, seen], Z[:, seen] / s, residual, prior[seen] / s**2, inverse, whole, noise, remembered, count - freedom
+            found,
+            F[:, seen],
+            Z[:, seen] / s,
+            residual,
+            prior[seen] / s**2,
+            inverse,
+            whole,
+            noise,
+            remembered,
+            count - freedom,
         )
         covariance[np.ix_(seen, seen)] = spread
         size, unseen = known_size(theta, default, F, y), unseen_of(Z, prior)
