@@ -155,7 +155,8 @@ def _solve(
     table_of_rows = _without_starts(table_of_rows, found)
     for _ in range(3 * n + 12):
         columns = table_of_rows / noise[found.equation, None]
-        F, Z, S, y = columns[:, :n], columns[:, n : 2 * n], columns[:, 2 * n : 3 * n], columns[:, -1]
+        F, Z, y = columns[:, :n], columns[:, n : 2 * n], columns[:, -1]
+        S = columns[:, 2 * n : 3 * n]
         scale = np.sqrt(np.sum(Z * Z, axis=0) + prior)
         held |= scale == 0
         seen = np.flatnonzero(~held)
