@@ -12,7 +12,7 @@ import numpy as np
 
 import jaxid
 from benchmarks.cases.family import Family, Numbers, Units, between, free, signal
-from benchmarks.cases.own_robots import TWO_FAMILY, mechanism_states, two_masses
+from benchmarks.cases.own_robots import TWO_FAMILY, VELOCITY_FAMILY, lags, mechanism_states, two_masses, velocity_rates
 from jaxid import Channels, Custom, Parameter
 from reference import other_mechanisms as om
 
@@ -60,47 +60,30 @@ BELT_FAMILY = replace(
 
 # -- unicycle --------------------------------------------------------------------------------------------------------
 def _unicycle_rates(state, inputs, p):
-    return {
-        "x": state["v"] * jnp.cos(state["h"]),
-        "y": state["v"] * jnp.sin(state["h"]),
-        "h": state["w"],
-        "v": (p["Kv"] * inputs["vc"] - state["v"]) / p["Tv"],
-        "w": (p["Kw"] * inputs["wc"] - state["w"]) / p["Tw"],
-    }
+    ahead = {"x": state["v"] * jnp.cos(state["h"]), "y": state["v"] * jnp.sin(state["h"]), "h": state["w"]}
+    return ahead | velocity_rates(state, inputs, p)
 
 
 _UNICYCLE_CHANNELS = Channels(inputs=("vc", "wc"), outputs=("x", "y", "h"), units={"x": "m", "y": "m", "h": "rad"})
 
 
 def _unicycle_model(p: Numbers, u: Units) -> jaxid.Robot:
-    table = {
-        "Tv": free(p["Tv"] * u.time), "Kv": free(p["Kv"] * u.speed / u.input),
-        "Tw": free(p["Tw"] * u.time), "Kw": free(p["Kw"] / u.time / u.input),
-    }  # fmt: skip
     return Custom(
-        dynamics=_unicycle_rates, state_names=("x", "y", "h", "v", "w"), own_channels=_UNICYCLE_CHANNELS, table=table,
+        dynamics=_unicycle_rates, state_names=("x", "y", "h", "v", "w"), own_channels=_UNICYCLE_CHANNELS, table=lags(p, u),
         title="unicycle",
     )  # fmt: skip
 
 
-UNICYCLE_FAMILY = Family(
+UNICYCLE_FAMILY = replace(
+    VELOCITY_FAMILY,
     name="unicycle",
     share=0.15,
-    draw=lambda rng: {
-        "Tv": between(rng, 0.05, 0.8),
-        "Kv": between(rng, 0.7, 1.2),
-        "Tw": between(rng, 0.05, 0.5),
-        "Kw": between(rng, 0.7, 1.2),
-    },  # fmt: skip
-    excite=lambda rng, n, kind, p: np.stack([signal(rng, n, kind, 1.0, 0.0), signal(rng, n, kind, 1.5, 0.0)], 1),
     states=mechanism_states(om.UNICYCLE),
     see=lambda x, p: x[:, :3],
     move=lambda rng, p: np.array([0.0, 0.0, rng.uniform(-1, 1), rng.uniform(0.2, 0.6), rng.uniform(-0.5, 0.5)]),
     rest=lambda p: np.zeros(5),
     model=_unicycle_model,
     output_units=lambda u: (u.length, u.length, 1.0),
-    input_units=lambda u: (u.input, u.input),
-    forces=lambda p: (0.5, 0.5),
     effects=_hidden((0.1, 1.0), 0.1, "", 0.2, 1.0),
     angle_outputs=(2,),
 )

@@ -187,7 +187,7 @@ TWO_FAMILY = Family(
 
 
 # -- Custom: velocity-commanded drive --------------------------------------------------------------------------------
-def _velocity_rates(state, inputs, p):
+def velocity_rates(state, inputs, p):
     return {
         "v": (p["Kv"] * inputs["vc"] - state["v"]) / p["Tv"],
         "w": (p["Kw"] * inputs["wc"] - state["w"]) / p["Tw"],
@@ -197,13 +197,17 @@ def _velocity_rates(state, inputs, p):
 _VELOCITY_CHANNELS = Channels(inputs=("vc", "wc"), outputs=("v", "w"), units={"v": "m/s", "w": "rad/s"})
 
 
-def _velocity_model(p: Numbers, u: Units) -> jaxid.Robot:
-    table = {
+def lags(p: Numbers, u: Units) -> dict[str, Parameter]:
+    """Gains and lags of commanded speeds."""
+    return {
         "Tv": free(p["Tv"] * u.time), "Kv": free(p["Kv"] * u.speed / u.input),
         "Tw": free(p["Tw"] * u.time), "Kw": free(p["Kw"] / u.time / u.input),
     }  # fmt: skip
+
+
+def _velocity_model(p: Numbers, u: Units) -> jaxid.Robot:
     return Custom(
-        dynamics=_velocity_rates, state_names=("v", "w"), own_channels=_VELOCITY_CHANNELS, table=table,
+        dynamics=velocity_rates, state_names=("v", "w"), own_channels=_VELOCITY_CHANNELS, table=lags(p, u),
         title="velocity drive",
     )  # fmt: skip
 
