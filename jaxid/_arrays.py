@@ -7,6 +7,9 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
+AnyArray = Array | np.ndarray | np.generic
+"""JAX's array, or NumPy's: what programs give to the many fits of a batch is NumPy's."""
+
 
 def array(values: Any) -> Array:
     """NumPy's array (or a number, or a list of numbers) as JAX's, nothing compiled."""

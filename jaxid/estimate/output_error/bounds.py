@@ -17,6 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._arrays import AnyArray
 from ..._compile import compiled
 
 _CORNER = 0.01
@@ -29,11 +30,11 @@ class Bounds(eqx.Module):
     upper: Float[Array, " n"]
     scale: Float[Array, " n"]
 
-    def physical(self, z: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
+    def physical(self, z: Float[AnyArray, "*lanes n"]) -> Float[Array, "*lanes n"]:
         """Parameters from the optimiser's coordinates, never outside their bounds."""
         return _physical(self, z)
 
-    def slope(self, z: Float[Array, " n"]) -> Float[Array, " n"]:
+    def slope(self, z: Float[AnyArray, " n"]) -> Float[Array, " n"]:
         """d(parameter)/d(coordinate) inside the bounds, and on them to the inside."""
         return jnp.broadcast_to(self.scale, z.shape)
 
@@ -43,7 +44,7 @@ class Bounds(eqx.Module):
 
 
 @compiled
-def _physical(bounds: Bounds, z: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
+def _physical(bounds: Bounds, z: Float[AnyArray, "*lanes n"]) -> Float[Array, "*lanes n"]:
     return jnp.clip(bounds.scale * z, bounds.lower, bounds.upper)
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..._compile import compiled
 from ..._float64 import in_float64
@@ -51,7 +51,7 @@ def fit_lanes(
     own: Mapping[str, Any],
     starts: Unknowns,
     *,
-    max_steps: int = 100,
+    max_steps: int | Int[Array, ""] = 100,
     lanes: int = _LANES,
     rounds: int = _WEIGHT_ROUNDS,
 ) -> Fitted:

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array, Bool, Float
 
+from ..._arrays import AnyArray
 from ..._compile import compiled
 from ...kernel.dense import triangle_of
 from ...robots.robot import Robot
@@ -111,11 +112,11 @@ def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
 
 
 @compiled
-def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, " n"], z: Float[Array, " n"]):
+def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, " n"], z: Float[AnyArray, " n"]):
     return jnp.where(free, bounds.physical(z), held)
 
 
-def parameters_at(problem: Problem, z: Float[Array, " n"]) -> Float[Array, " n"]:
+def parameters_at(problem: Problem, z: Float[AnyArray, " n"]) -> Float[Array, " n"]:
     """Physical parameters at the optimiser's coordinates, those not free at their held values."""
     return _parameters_at(problem.bounds, problem.free, problem.held, z)
 

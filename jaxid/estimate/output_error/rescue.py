@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from ..._arrays import array
+from ..._arrays import AnyArray, array
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
@@ -43,13 +43,14 @@ def poor(problem: Problem, optimum: Optimum) -> bool:
     return not float(np.sum(squares)) < _POOR**2 * count
 
 
-def one_astray(problem: Problem, optimum: Optimum) -> bool:
-    """Whether a log's residual is far above the noise and above that of the others.
+def one_astray(mask: Bool[AnyArray, "E T ny"], squares: Float[AnyArray, "E ny"]) -> bool:
+    """Whether a log's residual is far above the noise and above that of the others, from what was measured (`mask`) and the
+    sums of squares in units of the noise.
 
     A caster that flips to the wrong side in one reversal holds all parameters where it does so.
     """
-    counted = np.maximum(np.asarray(problem.mask).sum(axis=1), 1)
-    worst = np.max(np.sqrt(np.asarray(optimum.triangle.squares) / counted), axis=1)
+    counted = np.maximum(np.asarray(mask).sum(axis=1), 1)
+    worst = np.max(np.sqrt(np.asarray(squares) / counted), axis=1)
     return bool(np.max(worst) > _POOR * max(float(np.median(worst)), 1.0))
 
 
@@ -78,7 +79,7 @@ def _others(
     return [mine] if isinstance(start, Fit) and start.method.startswith("integral") else [linear, mine]
 
 
-def _scattered(problem: Problem, centres: list[Float[Array, " n"]], states: Float[Array, "E s"]) -> Unknowns:
+def _scattered(problem: Problem, centres: list[Float[AnyArray, " n"]], states: Float[AnyArray, "E s"]) -> Unknowns:
     """Starts up to ten times smaller or larger than the given ones, turn by turn."""
     rng = np.random.default_rng(_SEED)
     theta = np.stack([np.asarray(parameters_at(problem, z)) for z in centres])
@@ -103,7 +104,8 @@ def recovered(
     """The best minimum that other starts than `unknowns` lead to as well, or `optimum`, the first one, if it needs none."""
 
     def doubtful(found: Optimum) -> bool:
-        return not bool(found.converged) or poor(problem, found) or one_astray(problem, found)
+        astray = one_astray(problem.mask, found.triangle.squares)
+        return astray or not bool(found.converged) or poor(problem, found)
 
     def lower(found: Optimum, than: Optimum) -> bool:
         return bool(np.isfinite(found.cost)) and not diverging(found) and not found.cost >= than.cost

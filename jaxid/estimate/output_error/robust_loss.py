@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 
-from ..._arrays import array
+from ..._arrays import AnyArray, array
 from ..._compile import compiled
 from ...logs import LogSet
 from ..result import Outlier
@@ -42,7 +42,7 @@ def _simulated_many(structure: Structure, _: None, problems: Problem, unknowns: 
 _SIMULATE = Operation("simulate", _simulated_many, lambda outputs, logs, samples: outputs[:logs, :samples])
 
 
-def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, "E T ny"]:
+def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[AnyArray, "E T ny"]:
     """Simulated outputs of all experiments, as one compiled program."""
     together = ask(_SIMULATE, structure, None, problem, unknowns)
     return _simulated(structure, problem, unknowns) if together is None else together

@@ -127,7 +127,7 @@ def disturbance(
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     intensity, noise = np.asarray(intensities_at(problem, at.process)), np.asarray(noise_at(problem, at.sensor))
     process = {
-        name: _noise(intensity[i], errors[n + i], _per_root_second(name, units.get(name)), intensity[i] == 0)
+        name: _noise(intensity[i], errors[n + i], _per_root_second(name, units.get(name)), bool(intensity[i] == 0))
         for i, name in enumerate(model.noisy)
     }
     shown = [(i, name) for i, name in enumerate(channels) if bool(problem.sensed[i])]

@@ -1,7 +1,6 @@
 """jaxid/estimate/multi_start.py, and the rescue of a fit whose start leads nowhere: starts off by factors of ten."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -87,6 +86,4 @@ def test_a_caster_that_flips_in_one_log_is_fitted_right(reversing, linear):
 )
 def test_one_log_far_above_the_others_is_a_reason_to_look_for_another_minimum(squares, astray):
     samples = 400
-    problem = SimpleNamespace(mask=np.ones((3, samples, 1), dtype=bool))
-    optimum = SimpleNamespace(triangle=SimpleNamespace(squares=samples * np.array(squares)[:, None]))
-    assert one_astray(problem, optimum) == astray
+    assert one_astray(np.ones((3, samples, 1), dtype=bool), samples * np.array(squares)[:, None]) == astray
