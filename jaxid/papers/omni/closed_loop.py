@@ -8,6 +8,7 @@ saturated; speeds measured and duties renewed every 0.02 s; the driver turns dut
 the voltage at once wherever the motor would draw more than 6 A.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar, NamedTuple
@@ -135,7 +136,7 @@ def _loop(robot: Omni, p: Numbers, reference: Float[Array, "T 3"], gains, sampli
 
 @in_float64
 def closed_loop(
-    reference: ArrayLike,
+    reference: ArrayLike | Sequence[float],
     robot: Omni | None = None,
     controller: VelocityController | None = None,
     *,

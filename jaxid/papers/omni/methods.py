@@ -22,12 +22,13 @@ from ...estimate.result import Estimate
 from .printed import AXES, COULOMB, DISC_RADIUS, GRAVITY, VISCOUS, Axis
 
 Array = NDArray[np.float64]
-Run = tuple[ArrayLike, ArrayLike]
+Measured = ArrayLike | Sequence[float]
+Run = tuple[Measured, Measured]
 _VISCOUS_UNIT = {"V": "N s/m", "Vn": "N s/m", "W": "N m s"}
 _COULOMB_UNIT = {"V": "N", "Vn": "N", "W": "N m"}
 
 
-def _arrays(what: str, **columns: ArrayLike) -> tuple[Array, ...]:
+def _arrays(what: str, **columns: Measured) -> tuple[Array, ...]:
     """The columns as equally long finite vectors; raises `ValueError` for anything else."""
     arrays = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     sizes = {name: array.shape for name, array in arrays.items()}
@@ -120,7 +121,7 @@ def _friction(method: str, axis: Axis, pair: Array, covariance: Array, freedom: 
     return Friction(method, axis, viscous, coulomb, covariance, freedom, std, x, y)
 
 
-def steady_state_friction(speeds: ArrayLike, forces: ArrayLike, axis: Axis = "V") -> Friction:
+def steady_state_friction(speeds: Measured, forces: Measured, axis: Axis = "V") -> Friction:
     """Method 1 (eqs. 13-15): the least-squares line `force = B speed + C sgn(speed)` through steady states.
 
     **Arguments:** `speeds` [n] m/s or rad/s, none of them zero; `forces` [n] N or N m; `axis` "V", "Vn" or "W".
@@ -207,8 +208,8 @@ def coast_down_inertia(runs: Sequence[Run], friction: Friction, *, differentiate
 
 
 def hanging_inertia(
-    time: ArrayLike,
-    theta: ArrayLike,
+    time: Measured,
+    theta: Measured,
     mass: float,
     *,
     gravity: float = GRAVITY,
