@@ -44,7 +44,7 @@ class Bounds(eqx.Module):
 
 
 @compiled
-def _physical(bounds: Bounds, z: Float[AnyArray, "*lanes n"]) -> Float[Array, "*lanes n"]:
+def _physical(bounds: Bounds, z: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
     return jnp.clip(bounds.scale * z, bounds.lower, bounds.upper)
 
 

@@ -112,7 +112,7 @@ def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
 
 
 @compiled
-def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, " n"], z: Float[AnyArray, " n"]):
+def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, " n"], z: Float[Array, " n"]):
     return jnp.where(free, bounds.physical(z), held)
 
 
