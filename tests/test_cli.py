@@ -155,7 +155,7 @@ def test_axis_without_check(jaxid, axis_logs, tmp_path):
     assert (tmp_path / "out" / "report.html").exists()
 
 
-def test_the_judgement_is_not_said_before_the_results_that_it_heads(monkeypatch, capsys):
+def test_the_judgement_is_not_said_before_the_results_that_it_heads(monkeypatch, capsys, axis_logs):
     from jaxid.cli import fit as command
     from jaxid.estimate.judgement import Judgement
     from tests.report.test_comparison import fit_of
@@ -163,7 +163,7 @@ def test_the_judgement_is_not_said_before_the_results_that_it_heads(monkeypatch,
     judgement = Judgement("poor", 3.0, {"v": 3.0}, False, ("What is left follows the motion.",))
     found = replace(fit_of("output_error", Axis()), judgement=judgement, notes=(judgement.sentence, "Fc is flat."))
     monkeypatch.setattr(command, "output_error", lambda *given, **options: found)
-    assert command.METHODS["output_error"](found.robot, None, None, {}) is found
+    assert command.METHODS["output_error"](found.robot, read_logs(axis_logs, "axis"), None, {}) is found
     said = capsys.readouterr().err
     assert "Fc is flat." in said and "follows the motion" not in said
 

@@ -5,6 +5,7 @@ import pytest
 from jaxid import Axis, Log, LogError, LogSet, compare, explain, simulate
 from jaxid._renamed import renamed
 from jaxid.report.comparison import Comparison
+from tests.report.test_comparison import fit_of
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def test_public_functions_know_their_earlier_names(logs):
     with pytest.warns(DeprecationWarning), pytest.raises(ValueError, match="nothing to compare"):
         compare(check=logs)
     with pytest.warns(DeprecationWarning), pytest.raises(LogError, match="held-out"):
-        explain(None, logs, check=logs)
+        explain(fit_of("output_error", Axis()), logs, check=logs)
 
 
 def test_both_names_at_once_are_refused():

@@ -83,10 +83,11 @@ def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _print_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> bool:
     if wanted:
         typer.echo(f"jaxid {version('jaxid')}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()
