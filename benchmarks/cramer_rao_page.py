@@ -13,7 +13,8 @@ unbiased estimator can do). **Bias**: the worst parameter's, in standard deviati
 reported 95 % intervals that hold the truth, lowest and highest parameter. Judged are parameters at least four standard
 errors from their bounds; the others are named. With {fits:,} fits, a coverage of 95 % is itself known to ±{half:.1f} % and a
 variance ratio of one parameter to ±{ratio:.0f} %; rows with more fits know it better. A coverage from {linear} fits by the
-linear methods is known to ±{linear_half:.1f} %.
+linear methods is known to ±{linear_half:.1f} %. Rows of one robot with as
+many samples see the same draws of unit noise, so that chance moves them together.
 
 {header}
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -35,8 +36,8 @@ the others. By itself it has {ls} times the bound's variance, at low noise too, 
 the whole record says; its bias is up to {ls_bias} standard deviations and its intervals hold the truth in {ls_cover} %.
 Instrumental variables (IV) have {iv} times the bound's variance, a bias of at most {iv_bias} standard deviations, and
 intervals that hold the truth in {iv_cover} % of the fits, {iv_mean:.1f} % over all parameters and settings with white noise;
-of every row {iv_converged} % of the fits converge at least. Of {iv_number} intervals of IV, {iv_low} hold the truth less often
-and {iv_high} more often than 93 to 97 % of the fits and chance allow ({probability:.0f} %): {iv_beyond}.
+in every row {iv_converged} % of the fits converge or more. {iv_low} of {iv_number} intervals of IV hold the truth
+in fewer and {iv_high} in more than 93 to 97 % of the fits, beyond chance ({probability:.0f} %): {iv_beyond}.
 An integral least-squares result says itself which parameters noise in its regressors moves by more than half a standard
 error, and names IV and output error. Which method suits which noise: [docs/methods.md](methods.md).
 

@@ -28,7 +28,7 @@ Written by `python -m benchmarks.outliers`. {100 * SHARE:.0f} % of all samples a
 way. Error of the parameters under each loss over that of least squares on the same logs without outliers (root mean square
 over parameters and realisations, in standard errors of the clean fit; target for a robust loss: at most 1.3), share of the
 robust 95 % intervals that hold the truth, and share of the outliers that the fit lists. The Pioneer's rows have one and the
-same measurement noise throughout, of which one parameter lies outside its interval without any outlier.
+same measurement noise throughout, so that a parameter which that puts outside its interval is outside in most of them.
 
 | logs | loss | error over the clean fit's | intervals that hold the truth | outliers listed | sound samples listed |
 | --- | --- | --- | --- | --- | --- |
