@@ -298,7 +298,7 @@ def main() -> None:
         print(f"  noises {noises}, {row['processor_seconds']:.0f} processor seconds", flush=True)
         kept = [rows[s.name] for s in SETTINGS if s.name in rows]
         RESULTS.write_text(json.dumps({"rows": kept}, indent=1) + "\n", encoding="utf-8")
-        write_page(kept, PAGE)
+        write_page(kept, PAGE, [s.name for s in SETTINGS if s.name not in rows])
 
 
 if __name__ == "__main__":

@@ -69,8 +69,9 @@ def section(rows: Sequence[dict[str, Any]]) -> str:
     return "\n".join([*lines, "", textwrap.fill(said, 125, break_on_hyphens=False, break_long_words=False), ""])
 
 
-def write_page(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Put the section where the page has its marks."""
+def write_page(rows: Sequence[dict[str, Any]], path: Path, missing: Sequence[str] = ()) -> None:
+    """Put the section where the page has its marks; `missing` are settings of the study that have not been run."""
     text = path.read_text(encoding="utf-8")
     before, rest = text.split(_BEGIN)
-    path.write_text(before + _BEGIN + section(rows) + _END + rest.split(_END)[1], encoding="utf-8")
+    left = f"\nNot run yet: {'; '.join(missing)}.\n" if missing else ""
+    path.write_text(before + _BEGIN + section(rows) + left + _END + rest.split(_END)[1], encoding="utf-8")
