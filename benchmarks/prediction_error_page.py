@@ -51,8 +51,8 @@ def section(rows: Sequence[dict[str, Any]]) -> str:
     lines = [f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}", *map(_row, rows)]
     known = ", ".join(f"{n} to ±{196 * (0.95 * 0.05 / n) ** 0.5:.1f} %" for n in sorted({row["fits"] for row in rows}))
     judged = [np.array(row["prediction_error"]["coverage"]["each"])[row["judged"]] for row in rows]
-    together = ", ".join(
-        f"{100 * own.mean():.1f} % ({row['setting'].split(' process')[0].strip(':,')})"
+    together = "; ".join(
+        f"{100 * own.mean():.1f} % ({row['setting'].split(', sensor')[0]})"
         for row, own in zip(rows, judged, strict=True)
     )
     out = [text for row in rows for text in outside(row)]
