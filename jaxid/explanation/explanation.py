@@ -16,7 +16,7 @@ from ..model_file import write_model
 from ..robots.effect import Effect, in_words
 from ..robots.robot import Robot
 from .coloured import OnlyColour
-from .heldout import HeldOut
+from .heldout import FALSE_ALARM, HeldOut
 from .next_experiment import NextExperiment
 from .search import Search
 
@@ -178,10 +178,7 @@ class Explanation:
                 "motion. A log of the robot at rest tells them apart."
             )
         if self.verdict == "adequate":
-            return (
-                f"Nothing is missing: on held-out logs the model's error is {before:.2f} times the noise and has no "
-                f"structure left (p = {self.before.p_white:.2g})."
-            )
+            return self._nothing_found
         if self.verdict == "unexplained":
             explain = "explain" if len(self.effects) > 1 else "explains"
             base = "Something is missing that has no name here"
@@ -205,6 +202,21 @@ class Explanation:
             return f"Missing was {sets}: {closed}, but this data does not tell these names apart."
         left = f" What is left is coloured noise of {self.colour.phrase}." if self.colour is not None else ""
         return f"Missing was {names}: {closed}.{left}"
+
+    @property
+    def _nothing_found(self) -> str:
+        """The sentence where the held-out error is noise, or too small beside it to be looked into."""
+        held, judgement = self.before, self.baseline.judgement
+        error = f"on held-out logs the model's error is {held.normalised_rms:.2f} times the noise"
+        doubted = judgement is not None and not judgement.trustworthy
+        though = f" The fit, though, is not beyond doubt. {judgement.sentence}" if judgement and doubted else ""
+        white = f" and has no structure left (p = {held.p_white:.2g})"
+        if held.p_white > FALSE_ALARM:
+            return f"Nothing is missing{' that held-out logs show' if doubted else ''}: {error}{white}.{though}"
+        return (
+            f"Nothing is missing that stands out from the noise: {error}. That error is not white (p = {held.p_white:.2g}): "
+            f"the sensors' noise is coloured, or something smaller than the noise is missing.{though}"
+        )
 
     @property
     def moved(self) -> dict[str, tuple[Estimate, Estimate]]:

@@ -177,3 +177,15 @@ def test_a_robot_without_velocities_is_told_so_first_and_explained_without_a_pla
     )
     assert "velocities" in found.notes[0] and "velocities" in repr(found)
     assert found.after.normalised_rms < MANY or found.verdict == "unexplained"
+
+
+def test_an_error_below_the_noise_that_is_not_white_is_not_said_to_be(heavy_tailed):
+    """Speeds from differences of counts have noise that third differences overrate: 0.85 times it is no proof of white."""
+    found, *_ = heavy_tailed
+    assert "no structure left" in found.sentence and "beyond doubt" not in found.sentence
+    coloured = replace(found, before=replace(found.before, p_white=1e-9))
+    assert "no structure left" not in coloured.sentence and "not white" in coloured.sentence
+    # What the fitted logs hold against the fit is not withdrawn by quiet held-out ones.
+    doubted = found.baseline.judgement.doubted("What is left holds the mark of a delay.")
+    poor = replace(found, baseline=replace(found.baseline, judgement=doubted))
+    assert not poor.sentence.startswith("Nothing is missing:") and "mark of a delay" in poor.sentence
