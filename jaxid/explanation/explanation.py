@@ -213,6 +213,11 @@ class Explanation:
         white = f" and has no structure left (p = {held.p_white:.2g})"
         if held.p_white > FALSE_ALARM:
             return f"Nothing is missing{' that held-out logs show' if doubted else ''}: {error}{white}.{though}"
+        if held.within_errors:
+            return (
+                f"Nothing is missing that these logs show: {error}, and its structure (p = {held.p_white:.2g}) is what the "
+                f"standard errors of the parameters let expect.{though}"
+            )
         return (
             f"Nothing is missing that stands out from the noise: {error}. That error is not white (p = {held.p_white:.2g}): "
             f"the sensors' noise is coloured, or something smaller than the noise is missing.{though}"

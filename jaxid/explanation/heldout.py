@@ -11,7 +11,7 @@ from ..estimate.confidence.agreement import counted_channels, diverging, errors_
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.residual_tests import ljung_box
 from ..logs import LogSet, noise_scale
-from ..logs.noise import usual_size
+from ..logs.noise import noise_error, usual_size
 from ..robots.robot import Robot
 from ..simulation.simulate import integrator_for, simulate
 from .smoothed_angles import Angles
@@ -21,10 +21,8 @@ FALSE_ALARM = 0.005
 _LAGS = 20
 _NEGLIGIBLE = 1.005
 """Normalised RMS below which a gap is too small to matter, whatever its significance."""
-_NOISE_UNKNOWN = float(stats.norm.isf(FALSE_ALARM) * np.sqrt((2.31 + 1.0) / 2.0))
-"""Over the root of the number of samples: the normalised RMS above one at which even a white residual is a gap. Below, the
-noise's own estimate may be at fault: its variance from third differences (1, -3, 3, -1) has 1 + 2 (0.75^2 + 0.3^2 + 0.05^2)
-= 2.31 times the uncertainty of as many independent samples, by the autocorrelations of the differences, the residual's one."""
+_NOISE_UNKNOWN = float(stats.norm.isf(FALSE_ALARM))
+"""Standard deviations by which a white residual may be above the noise, whose own estimate has an error, too."""
 _FARTHEST = 1e6
 
 
@@ -36,6 +34,8 @@ class HeldOut:
     was measured); `p_white` the probability of autocorrelations and offsets this large if only noise were left.
     Where the wheels' angles were prescribed (see `smoothed_angles.py`), `simulated_freely` is the state without.
     `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
+    `noise_error`: standard deviation of the unit itself, the estimated noise, as a share of it. `within_errors`: whether what
+    is left is what the standard errors of the parameters let expect (`within_errors.py`).
     """
 
     normalised_rms: float
@@ -45,6 +45,8 @@ class HeldOut:
     p_white: float
     simulated_freely: "HeldOut | None" = None
     diverged: tuple[str, ...] = ()
+    noise_error: float = 0.0
+    within_errors: bool = False
 
     @property
     def squares(self) -> float:
@@ -61,9 +63,10 @@ class HeldOut:
         """Whether nothing but noise is left: white residuals at the noise floor, or a gap too small to matter."""
         # The noise was estimated without its far samples; where there are many, the residual is looked at in that way too.
         usual = usual_size(np.concatenate([r.ravel() for r in self.residuals]))
-        known = 1.0 + _NOISE_UNKNOWN / np.sqrt(max(self.samples, 1))
+        # Of logarithms: a noise that is underrated by a third makes a residual half as large again.
+        known = float(np.exp(_NOISE_UNKNOWN * np.sqrt(self.noise_error**2 + 0.5 / max(self.samples, 1))))
         white = self.p_white > FALSE_ALARM and min(self.normalised_rms, usual) < known
-        return bool(white or self.normalised_rms < _NEGLIGIBLE)
+        return bool(white or self.normalised_rms < _NEGLIGIBLE or self.within_errors)
 
     @property
     def gap(self) -> float:
@@ -99,7 +102,7 @@ def held_out_state(
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
     start = estimated_start(robot, logs, noise, angles)
     every = _simulated(robot, logs, start, angles)
-    residuals = _scaled(logs, every, {name: noise[name] for name in channels})
+    residuals = scaled_residuals(logs, every, {name: noise[name] for name in channels})
     pooled = np.concatenate(residuals)
     return HeldOut(
         normalised_rms=rms(pooled),
@@ -107,6 +110,7 @@ def held_out_state(
         residuals=tuple(residuals),
         noise={c: noise[c] for c in channels},
         p_white=whiteness(residuals),
+        noise_error=_noise_error(logs, residuals, channels),
         diverged=diverging(logs, every, noise),
     )
 
@@ -120,7 +124,15 @@ def residuals_of(
 ) -> list[NDArray[np.float64]]:
     """Residuals of every log [T, channels] in units of the `noise`, whose channels they are of, from the initial states
     `start` [E]."""
-    return _scaled(logs, _simulated(robot, logs, start, angles or {}), noise)
+    return scaled_residuals(logs, _simulated(robot, logs, start, angles or {}), noise)
+
+
+def _noise_error(logs: LogSet, residuals: Sequence[NDArray[np.float64]], channels: Sequence[str]) -> float:
+    """Standard deviation, as a share, of the noise that all channels together are measured in."""
+    errors = noise_error(logs)
+    samples = np.sum([np.count_nonzero(np.isfinite(r), axis=0) for r in residuals], axis=0)
+    own = np.array([errors[name] if np.isfinite(errors[name]) else 0.0 for name in channels])
+    return float(np.linalg.norm(samples * own) / max(samples.sum(), 1))
 
 
 def _simulated(
@@ -129,7 +141,7 @@ def _simulated(
     return simulate(robot, logs, start=start, integrator=integrator_for(robot, logs), prescribed=angles)
 
 
-def _scaled(
+def scaled_residuals(
     logs: LogSet, every: Sequence[NDArray[np.float64]], noise: Mapping[str, float]
 ) -> list[NDArray[np.float64]]:
     """Simulated minus measured in units of the noise, NaN where nothing was measured."""

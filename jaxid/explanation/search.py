@@ -18,6 +18,7 @@ from .heldout import FALSE_ALARM, HeldOut, held_out_state
 from .in_colour import generalised, in_colour
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
+from .within_errors import within_errors
 
 SHORTLIST = 5
 """Most candidates, no two of which explain alike, that are refitted; then those alike to the best."""
@@ -360,6 +361,8 @@ def search(
     noise = noise_scale(held_out, otherwise=logs)
     fit = replace(fit, robot=scaled_to(fit.robot, logs))
     state = held_out_state(fit.robot, held_out, noise)
+    if not state.adequate:
+        state = within_errors(fit, held_out, state)
     if state.adequate:
         return Search(state, state, None, (), ())
     # With the same weights as the refits, so that likelihoods compare.

@@ -22,6 +22,8 @@ _REGULAR = 0.8
 """Share of a slower sensor's values that come at its own interval, give or take one sample."""
 _FINE = 3.0
 """Typical change of a value, in the finest steps, above which repeats show the sensor's rate and not its step."""
+_FEWEST = 8
+"""Differences of one log below which they are not counted."""
 _NOTHING = 1e-12  # noise of a channel that is zero throughout, of which nothing is known
 _LEAST = 1e-6
 """Noise in units of the signal's root mean square below which a channel counts as free of noise (a simulation)."""
@@ -117,13 +119,29 @@ def noise_level(logs: LogSet | Log) -> dict[str, float]:
             y = log.outputs[:, index]
             differences = _differences(y, log.inputs, log.time)
             still |= bool(np.isfinite(y).sum() >= 11)
-            if differences.size < 8:
+            if differences.size < _FEWEST:
                 continue
             level = max(usual_size(differences), sensor_step(y) / np.sqrt(12.0))
             squares += differences.size * level**2
             counts += differences.size
         levels[channel] = float(np.sqrt(squares / counts)) if counts else 0.0 if still else float("nan")
     return levels
+
+
+def noise_error(logs: LogSet | Log) -> dict[str, float]:
+    """Standard deviation of each channel's `noise_level` as a share of it, NaN where there is none.
+
+    Of n third differences (1, -3, 3, -1) of white noise the variance has 1 + 2 (0.75^2 + 0.3^2 + 0.05^2) = 2.31 times the
+    uncertainty of independent samples, by their autocorrelations. A hand on a joystick changes the inputs nearly all the time
+    and leaves few differences without.
+    """
+    each = [logs] if isinstance(logs, Log) else list(logs)
+    found = {}
+    for index, channel in enumerate(each[0].channels.measured):
+        counts = [_differences(log.outputs[:, index], log.inputs, log.time).size for log in each]
+        used = sum(count for count in counts if count >= _FEWEST)
+        found[channel] = float(np.sqrt(2.31 / 2.0 / used)) if used else float("nan")
+    return found
 
 
 def noise_scale(logs: LogSet | Log, otherwise: LogSet | Log | None = None) -> dict[str, float]:

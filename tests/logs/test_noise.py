@@ -5,6 +5,7 @@ import pytest
 
 from jaxid import AXIS, Log, LogSet, noise_level
 from jaxid.logs import noise_scale
+from jaxid.logs.noise import noise_error
 
 
 def levels(n, seed, hold=25):
@@ -125,3 +126,16 @@ def test_uneven_times_are_no_noise():
     wave = 0.3 * np.sin(6.0 * shaken) + 1e-4 * rng.normal(size=2000)
     log = Log.from_arrays("m", shaken, np.zeros((2000, 1)), wave[:, None], AXIS)
     assert noise_level(log)["v"] == pytest.approx(1e-4, rel=0.1)
+
+
+def test_the_levels_own_error_is_what_it_scatters_by(axis_log):
+    """Over 300 noises on one motion; their spread is itself known to 4 %."""
+    clean = axis_log("run", levels(300, 1), position=False)
+    rng = np.random.default_rng(2)
+    noisy = [
+        Log.from_arrays("run", clean.time, clean.inputs, clean.output("v") + 0.01 * rng.normal(size=300), AXIS)
+        for _ in range(300)
+    ]
+    found = [noise_level(log)["v"] for log in noisy]
+    assert noise_error(noisy[0])["v"] == pytest.approx(np.std(found) / np.mean(found), rel=0.15)
+    assert np.isnan(noise_error(noisy[0])["q"])  # of which nothing was measured
