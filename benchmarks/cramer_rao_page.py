@@ -172,9 +172,7 @@ def write_page(rows: list[dict], path: Path) -> None:
     )
     figured = [row for row in rows if "instrumental_variables" in row]
     newest = max((row["instrumental_variables"].get("run", "") for row in figured), default="")
-    old = dict.fromkeys(
-        row["setting"].split(":")[0] for row in figured if newest and "run" not in row["instrumental_variables"]
-    )
+    old = [row["setting"] for row in figured if newest and "run" not in row["instrumental_variables"]]
     if old:
-        text += f"\nIV's figures of the {' and the '.join(old)} are of earlier code than those of the other robots.\n"
+        text += f"\nIV's figures of these rows are of earlier code than those of the others: {'; '.join(old)}.\n"
     path.write_text(text, encoding="utf-8")
