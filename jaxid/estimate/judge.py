@@ -63,11 +63,18 @@ _SLOW = 0.6
 _WHITE = 1.12
 """Scatter between neighbouring residuals, in units of the noise by third differences, up to which the sensor's noise is
 white: that of first-order noise is 1.17 for a correlation of 0.6 and 1.28 for 0.97."""
+_TAILS = 1.5
+"""Root mean square of a residual, in units of its usual size, from which single samples make it: of Gaussian noise one, of
+Student's with three degrees of freedom 1.4."""
 _CERTAIN = 4.0
 """Standard errors by which neighbours must be related for that to be no chance."""
 LEFT, LEFT_IN_ONE = 0.7, 1.0
 """Slow part of a residual, in units of white noise, from which a fit is poor, of all logs and of one. It is not the sensor's,
 so that nothing says that the estimates stand; from here on it is too much of the residual to be passed over."""
+
+
+def _usual(parts: Sequence[Array]) -> float:
+    return usual_size(np.concatenate(parts))
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -227,15 +234,22 @@ def judge(
         sentences.append(
             f"The residual of {_listed(alone)} is not white: coloured noise, or dynamics that are missing."
         )
+    outlying = [c for c, own in parts.items() if by_channel[c] > max(ABOVE, _TAILS * _usual(own) / noise[c])]
+    outlying = [] if any(_usual(own) > ABOVE * noise[c] for c, own in parts.items()) else outlying
     far = pooled > FAR or (pooled > POOR and bool(follows))
     verdict: Verdict = "sound"
     if failures:
         verdict = "failed"
     elif far or follows or slow or bursty or few:
         verdict = "poor"
-    elif coloured or pooled > POOR:
+    elif coloured or (pooled > POOR and not outlying):
         verdict = "coloured"
     better = LOST if failures and not lost else ""
+    if verdict == "sound" and outlying:
+        better = (
+            f"A few samples of {_listed(outlying)} lie far from all others and make it that large: outliers, which squares "
+            'give too much weight; output error with `loss="cauchy"` (`--loss cauchy`) gives them little.'
+        )
     wandering = [c for c in coloured if by_channel[c] > ABOVE and _wandering(parts[c])]
     if not better and wandering:
         # What follows the motion, is slow above white noise, or is uneven, is not the sensor's.

@@ -247,3 +247,12 @@ def test_a_large_residual_that_is_too_slow_to_be_tested_is_poor(axis_log):
 def test_logs_without_noise_are_said_to_have_none(axis_log):
     fit = output_error(ROBOT, LogSet([log(axis_log, 0.0)]))
     assert any("hold no noise" in note for note in fit.notes)
+
+
+def test_outliers_are_called_outliers_and_not_coloured_noise(axis_log):
+    noise = 0.01 * coloured(0.0, 21)
+    noise[::60] += 0.2 * (-1.0) ** np.arange(len(noise[::60]))
+    fit = output_error(ROBOT, LogSet([log(axis_log, noise)]))
+    assert fit.judgement.normalised_rms > 2.0 and fit.judgement.white and fit.trustworthy
+    assert fit.judgement.verdict == "sound" and "outliers" in fit.judgement.sentence
+    assert any("cauchy" in note for note in fit.notes)
