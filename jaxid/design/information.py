@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
-from ..estimate.output_error.problem import linearise
+from ..estimate.output_error.direct import linearised_now
 from ..estimate.output_error.setup import build, typical_values
 from ..estimate.result import Fit
 from ..logs import LogSet
@@ -29,9 +29,6 @@ _VAGUE = 1e-4
 """Information that everyone has: a parameter is known to within a hundred times its magnitude."""
 LANES = 32
 """Candidates tried at a time."""
-
-
-_linearised = compiled(linearise, static_argnums=0)
 
 
 class Trials(NamedTuple):
@@ -148,7 +145,7 @@ def known(
     if isinstance(already, LogSet):
         structure, problem, unknowns = build(robot, already, start={})
         sigma = [noise.get(name, float(problem.sigma[i])) for i, name in enumerate(already.channels.measured)]
-        triangle = _linearised(structure, replace(problem, sigma=array(sigma)), unknowns)
+        triangle = linearised_now(structure, replace(problem, sigma=array(sigma)), unknowns)
         jacobian = np.asarray(triangle.shared) / np.asarray(problem.bounds.slope(unknowns.z)) * magnitude
         return jacobian.T @ jacobian
     if already is None:

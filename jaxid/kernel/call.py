@@ -13,11 +13,11 @@ from jax.custom_batching import custom_vmap
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from .machine import lanes, register, write_handler
+from .machine import lanes, loaded, register, write_handler
 from .rollout_kernel import ARGUMENTS, TANGENTS, write_rollout
 from .traced import Step, program
 
-_MOST_DIRECTIONS = 128
+MOST_DIRECTIONS = 128
 """Directions at a time: their tangents live on the stack."""
 
 
@@ -57,8 +57,9 @@ class Directions(NamedTuple):
 
 
 @cache
-def _target(system: System, moving: tuple[int, ...] | None, inputs_move: bool) -> str:
-    """Name of the machine code. Raises `Untranslated`."""
+def machine_code(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> str:
+    """Name of the loaded machine code: of outputs, or, with the parameters that are `moving`, of their tangents. Raises
+    `Untranslated`."""
     module = write_rollout(
         program(system.step, system.output, system.sizes, system.fixed, moving, inputs_move), lanes()
     )
@@ -67,7 +68,7 @@ def _target(system: System, moving: tuple[int, ...] | None, inputs_move: bool) -
     # Without directions their number is not used.
     directions = (names.index("dp"), 1) if moving is not None else (shares, 0)
     write_handler(module, [(u, 0), (u, 1), (u, 2), directions, (shares, 0)], len(names))
-    return register(module)
+    return loaded(module)
 
 
 def grouped(array: Array, width: int) -> Array:
@@ -109,7 +110,7 @@ def _apart(y: Array, size: int) -> Array:
 @cache
 def _outputs(system: System):
     """`(shares, p, x, u, dt, fixed) -> y [E, T, Y]`."""
-    name = _target(system, None, False)
+    name = register(machine_code(system, None))
 
     @custom_vmap
     def outputs(*arrays: Array) -> Array:
@@ -127,14 +128,14 @@ def _outputs(system: System):
 @cache
 def _tangents(system: System, moving: tuple[int, ...], inputs_move: bool):
     """`(shares, p, x, u, dt, fixed, dp, dx, du) -> dy [E, T, Y, K]`."""
-    name = _target(system, moving, inputs_move)
+    name = register(machine_code(system, moving, inputs_move))
 
     @custom_vmap
     def tangents(*arrays: Array) -> Array:
         run, (dp, dx, du) = Run(*arrays[:6]), arrays[6:]
         parts = []
-        for first in range(0, dp.shape[1], _MOST_DIRECTIONS):
-            some = slice(first, first + _MOST_DIRECTIONS)
+        for first in range(0, dp.shape[1], MOST_DIRECTIONS):
+            some = slice(first, first + MOST_DIRECTIONS)
             shape = (run.dt.shape[1], system.outputs, dp[:, some].shape[1])
             parts.append(_called(name, shape, run, (dp[:, some], dx[:, some], du[:, :, :, some])))
         return parts[0] if len(parts) == 1 else jnp.concatenate(parts, axis=-1)
@@ -212,6 +213,6 @@ def rollout(
     `u` has one row a sample (held) or one a sub-step, `shares` says how the sub-steps divide an interval, and `fixed` holds
     the states that are set at every sample. Raises `Untranslated` where a function of `system` has no translation.
     """
-    _target(system, None, False)
+    machine_code(system, None)
     scalars = [jnp.asarray(value, float)[None] for value in (*p, *x)]
     return _differentiable(system)(shares, u[None], dt[None], fixed[None], *scalars)[0]

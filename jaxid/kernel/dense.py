@@ -15,14 +15,14 @@ from jaxtyping import Array, Float
 
 from .call import grouped, ungrouped
 from .dense_kernel import write_rotation, write_solution, write_triangle
-from .machine import lanes, register, write_handler
+from .machine import lanes, loaded, register, write_handler
 
 
 @cache
 def _target(write: Callable, results: int) -> str:
     module = write(lanes())
     write_handler(module, [(0, 0), (0, 1), (0, 2)], 1, results, function=module.name)
-    return register(module)
+    return register(loaded(module))
 
 
 def _here(A: Array) -> bool:

@@ -10,13 +10,14 @@ import hashlib
 import os
 import re
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import jax
 import llvmlite.binding as llvm
+import numpy as np
 from llvmlite import ir
 
 from .._atomic import replacing
@@ -151,8 +152,8 @@ def _stored(name: str, text: str) -> bytes:
     return code
 
 
-def _loaded(module: ir.Module) -> str:
-    """Compile `module` for this processor, unless it has been; the name of its engine."""
+def loaded(module: ir.Module) -> str:
+    """Compile `module` for this processor, unless it has been; its name here."""
     text = str(module)
     machine = (
         _REVISION,
@@ -172,14 +173,15 @@ def _loaded(module: ir.Module) -> str:
     return name
 
 
-def address(module: ir.Module, function: str) -> int:
-    """Where the machine code of one of the module's functions stands."""
-    return _engines[_loaded(module)].get_function_address(function)
+def function(name: str, symbol: str, sizes: int, arrays: int) -> Callable[..., None]:
+    """A function of a loaded module, which takes so many sizes and then so many contiguous NumPy arrays of doubles."""
+    pointer = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+    kinds = [ctypes.c_int64] * sizes + [pointer] * arrays
+    return ctypes.CFUNCTYPE(None, *kinds)(_engines[name].get_function_address(symbol))
 
 
-def register(module: ir.Module) -> str:
-    """The name under which XLA's programs call the `handler` of `module`, compiled for this processor."""
-    name = _loaded(module)
+def register(name: str) -> str:
+    """Let XLA's programs call the `handler` of a loaded module by its name."""
     with _lock:
         if name not in _registered:
             handler = _capsule(_engines[name].get_function_address("handler"))

@@ -23,7 +23,12 @@ class SlowSimulation(UserWarning):
 
 
 @lru_cache(_MOST_MODELS)
-def _model(robot: Robot, names: tuple[str, ...], step: Step, friction: DryFriction, fixed: tuple[str, ...]) -> System:
+def system_of(
+    robot: Robot, names: tuple[str, ...], step: Step, friction: DryFriction, fixed: tuple[str, ...]
+) -> System:
+    """The robot's integration step and sensors as functions of the parameters `names`; states `fixed` are set at every
+    sample."""
+
     def stepped(p: Scalars, x: Scalars, u: Scalars, h):
         numbers, state = dict(zip(names, p, strict=True)), dict(zip(robot.states, x, strict=True))
         after = step(robot, state, u, h, numbers, friction)
@@ -56,7 +61,7 @@ def machine_rollout(
     """
     if jax.default_backend() != "cpu" or dt.dtype != jnp.float64:
         return None
-    system = _model(robot.structure, tuple(p), step, friction, tuple(fixed))
+    system = system_of(robot.structure, tuple(p), step, friction, tuple(fixed))
     rows = inputs if inputs.ndim == 3 else inputs[:, None]
     known = jnp.stack([*fixed.values()], axis=1) if fixed else jnp.zeros((len(dt), 0))
     shares = jnp.full(substeps, 1.0 / substeps)

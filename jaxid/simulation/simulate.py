@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
-from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
 from .._renamed import renamed
@@ -21,6 +20,7 @@ from ..logs import LogSet
 from ..logs.noise import noise_scale
 from ..robots.given import check_given
 from ..robots.robot import Robot
+from .direct import simulated_directly
 from .rollout import Integrator, rollout
 from .start import initial_states
 
@@ -84,13 +84,15 @@ def simulate_models(
     batch = logs.batch()
     given = {name: np.asarray(values, dtype=float) for name, values in (start or {}).items()}
     each = [{**initial_states(robot, logs).states, **given} for robot in robots]
-    states = {name: array(np.stack([own[name] for own in each])) for name in each[0]}
+    states = {name: np.stack([own[name] for own in each]) for name in each[0]}
     tables = [robot.parameters.numbers for robot in robots]
-    numbers = {name: array(np.array([float(own[name]) for own in tables])) for name in tables[0]}
+    numbers = {name: np.array([float(own[name]) for own in tables]) for name in tables[0]}
 
     def with_steps(integrator: Integrator) -> list[NDArray[np.float64]]:
         there = batch.inputs, batch.dt, dict(prescribed)
-        outputs = np.asarray(_simulate(robots[0].structure, integrator, numbers, states, *there))
+        outputs = simulated_directly(robots[0], integrator, numbers, states, *there)
+        if outputs is None:
+            outputs = np.asarray(_simulate(robots[0].structure, integrator, numbers, states, *there))
         return [outputs[:, e, : len(log)] for e, log in enumerate(logs)]
 
     if integrator is not None:

@@ -12,21 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._arrays import array
-from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogSet
 from ...robots.robot import Robot
+from ..output_error.direct import linearised_now
 from ..output_error.magnitudes import magnitudes
-from ..output_error.problem import linearise
 from ..output_error.setup import InitialStates, build
 from ..result import Estimate
 from ..uncertainty import PRACTICAL, RANK, combinations, spread
 
 _TAKES_PART = 0.05
 """Share of a direction below which a parameter is left out of its description."""
-
-_linearised = compiled(linearise, static_argnums=0)
 
 
 @dataclass(frozen=True)
@@ -137,7 +134,7 @@ def identifiability(
     if noise is not None:
         sigma = [noise.get(name, float(problem.sigma[i])) for i, name in enumerate(logs.channels.measured)]
         problem = replace(problem, sigma=array(sigma))
-    triangle = _linearised(structure, problem, unknowns)
+    triangle = linearised_now(structure, problem, unknowns)
     slope = np.asarray(problem.bounds.slope(unknowns.z))
     jacobian = np.asarray(triangle.shared) / slope
     names = structure.names

@@ -13,8 +13,11 @@ Two kinds of coordinates, neither of which knows a unit:
   from the bound there.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..._arrays import AnyArray
@@ -30,12 +33,16 @@ class Bounds(eqx.Module):
     upper: Float[Array, " n"]
     scale: Float[Array, " n"]
 
-    def physical(self, z: Float[AnyArray, "*lanes n"]) -> Float[Array, "*lanes n"]:
-        """Parameters from the optimiser's coordinates, never outside their bounds."""
+    def physical(self, z: Float[AnyArray, "*lanes n"]) -> Any:
+        """Parameters from the optimiser's coordinates, never outside their bounds. NumPy's arrays stay such."""
+        if isinstance(z, np.ndarray) and isinstance(self.scale, np.ndarray):
+            return np.clip(self.scale * z, self.lower, self.upper)
         return _physical(self, z)
 
-    def slope(self, z: Float[AnyArray, " n"]) -> Float[Array, " n"]:
+    def slope(self, z: Float[AnyArray, "*lanes n"]) -> Any:
         """d(parameter)/d(coordinate) inside the bounds, and on them to the inside."""
+        if isinstance(z, np.ndarray) and isinstance(self.scale, np.ndarray):
+            return np.broadcast_to(self.scale, z.shape)
         return jnp.broadcast_to(self.scale, z.shape)
 
     def coordinates(self, theta: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:

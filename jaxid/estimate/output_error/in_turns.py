@@ -1,12 +1,13 @@
 """jaxid's Levenberg-Marquardt with Python between its compiled parts.
 
-Simulations and sensitivities are two programs of a model; what is decided between them knows nothing of the robot and is
-compiled once for all models with as many unknowns. As one program, the decisions would be compiled anew for every model
-and every length of the logs, and take most of the time of that. Going from part to part costs a tenth of a millisecond.
+Simulations and sensitivities are machine code (`direct`) or, where that takes XLA, two programs of a model; what is decided
+between them knows nothing of the robot and is compiled once for all models with as many unknowns. As one program, the
+decisions would be compiled anew for every model and every length of the logs, and take most of the time of that. Going
+from part to part costs a tenth of a millisecond.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
@@ -17,11 +18,14 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..._compile import compiled, forget_programs
 from .bounds import Bounds
+from .direct import costs_directly, direct, linearised_directly, side_by_side
 from .levenberg_marquardt import CANDIDATES, UNDECIDED, BestDampingLevenbergMarquardt, Search, State, begin, tried
 from .optimum import Optimum
 from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
 
 Task = tuple[Structure, Problem, Unknowns]
+Look = Callable[[Unknowns], Triangle]
+Costs = Callable[[Unknowns], Any]
 _MOST_MODELS = 32
 """Then all are forgotten, the traces they were made from too."""
 
@@ -71,7 +75,7 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
 
     Only compilation runs in threads of its own.
     """
-    missing = {key: task for task in tasks if (key := _key(*task)) not in _models}
+    missing = {key: task for task in tasks if (key := _key(*task)) not in _models and direct(task[0], task[1]) is None}
     lowered = [
         program
         for structure, problem, start in missing.values()
@@ -90,20 +94,30 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
     _models.update(zip(missing, map(_Model, programs[::2], programs[1::2]), strict=True))
 
 
+def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tuple[Look, Costs]:
+    """Linearisation at given unknowns, and the costs at candidates, of a problem."""
+    d = direct(structure, problem)
+    if d is not None:
+        many = side_by_side(d, CANDIDATES)
+        return partial(linearised_directly, d), partial(costs_directly, d, many)
+    compile_ahead([(structure, problem, start)])
+    model = _models[_key(structure, problem, start)]
+    return partial(model.look, problem), partial(model.costs, problem)
+
+
 def minimise_in_turns(
     solver: BestDampingLevenbergMarquardt, structure: Structure, problem: Problem, start: Unknowns, max_steps: int
 ) -> Optimum:
     """`solver.minimise`, part by part."""
-    compile_ahead([(structure, problem, start)])
-    model = _models[_key(structure, problem, start)]
+    look, costs = _simulations(structure, problem, start)
     limit = np.asarray(max_steps)
-    triangle = model.look(problem, start)
+    triangle = look(start)
     state = begin(start, triangle)
     while True:
         search = _decided(solver, problem.bounds, problem.free, state, triangle, limit)
         while search.going:
-            search = _tried(search, model.costs(problem, search.candidates))
+            search = _tried(search, costs(search.candidates))
         state = search.state
         if state.outcome != UNDECIDED:
             return state.optimum
-        triangle = model.look(problem, state.there)
+        triangle = look(state.there)

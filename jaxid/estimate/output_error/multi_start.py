@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._arrays import array
-from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
@@ -20,17 +19,16 @@ from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..linear.integral_least_squares import linear_estimate
 from ..result import Fit
+from .direct import linearised_now
 from .fleet import fit_lanes
 from .magnitudes import magnitudes
 from .output_error import output_error
-from .problem import Unknowns, linearise
+from .problem import Unknowns
 from .setup import InitialStates, build, start_values
 
 _SAME = 0.5
 """Difference of costs (half chi-squared) within which two starts ended in the same basin."""
 _STEPS = 200
-
-_linearised = compiled(linearise, static_argnums=0)
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ def multi_start(
     rng = np.random.default_rng(seed)
     names = structure.names
     centre = np.array([values[name] for name in names])
-    scale = magnitudes(problem, _linearised(structure, problem, unknowns), centre)
+    scale = magnitudes(problem, linearised_now(structure, problem, unknowns), centre)
     factors = np.exp(rng.uniform(-1, 1, (starts, len(names))) * np.log(factor))
     theta = np.where(centre != 0, centre * factors, scale * factors * rng.choice([-1.0, 1.0], factors.shape))
     try:

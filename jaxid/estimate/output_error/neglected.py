@@ -28,6 +28,7 @@ from ...robots.robot import Robot
 from ...robots.traits import refusal
 from ...simulation.scaled import scales_of
 from ..result import Fit
+from .direct import direct, sensitivities_directly
 from .lanes import Operation, ask
 from .problem import Problem, Structure, Unknowns, experiments, parameters_at, whitened
 from .robust_covariance import stationary
@@ -157,7 +158,15 @@ def _sensitivities(structure: Structure, added: tuple[str, ...], problem: Proble
     return jax.vmap(lambda *own: whitened(full, problem, theta, ones, *own))(*experiments(problem, unknowns))
 
 
-_look = compiled(_sensitivities, static_argnums=(0, 1))
+_compiled = compiled(_sensitivities, static_argnums=(0, 1))
+
+
+def _look(structure: Structure, added: tuple[str, ...], problem: Problem, unknowns: Unknowns):
+    d = direct(structure._replace(names=(*structure.names, *added)), problem)
+    if d is None:
+        return _compiled(structure, added, problem, unknowns)
+    theta = np.concatenate([np.asarray(parameters_at(problem, unknowns.z)), np.zeros(len(added))])
+    return sensitivities_directly(d, theta, np.asarray(unknowns.states))
 
 
 @partial(compiled, static_argnums=(0, 1))

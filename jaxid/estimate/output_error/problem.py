@@ -10,11 +10,12 @@ reduced by QR to a triangle before it meets the others. What the optimiser sees 
 Jacobian, of the size of the unknowns, with the same cost, gradient and Gauss-Newton matrix as the tall problem.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array, Bool, Float
 
@@ -25,7 +26,7 @@ from ...robots.robot import Robot
 from ...simulation.rollout import Integrator, rollout
 from .bounds import Bounds
 
-_DIVERGED = 1e30
+DIVERGED = 1e30
 """Stands in for residuals that are not finite: larger than any sound one, so that the step is rejected."""
 
 
@@ -116,8 +117,10 @@ def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, "
     return jnp.where(free, bounds.physical(z), held)
 
 
-def parameters_at(problem: Problem, z: Float[AnyArray, " n"]) -> Float[Array, " n"]:
-    """Physical parameters at the optimiser's coordinates, those not free at their held values."""
+def parameters_at(problem: Problem, z: Float[AnyArray, "*lanes n"]) -> Any:
+    """Physical parameters at the optimiser's coordinates, those not free at their held values. NumPy's arrays stay such."""
+    if isinstance(z, np.ndarray) and isinstance(problem.held, np.ndarray):
+        return np.where(problem.free, problem.bounds.physical(z), problem.held)
     return _parameters_at(problem.bounds, problem.free, problem.held, z)
 
 
@@ -183,7 +186,7 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
         squares = jnp.sum(residual**2, axis=0)
         residual, jacobian = residual.reshape(-1), jacobian.reshape(-1, n + s)
         sound = jnp.all(jnp.isfinite(residual)) & jnp.all(jnp.isfinite(jacobian))
-        residual = jnp.where(sound, residual, _DIVERGED)
+        residual = jnp.where(sound, residual, DIVERGED)
         jacobian = jnp.where(sound, jacobian, 0.0)
         block = jnp.concatenate([jacobian[:, n:], jacobian[:, :n], residual[:, None]], axis=1)
         state_prior = jnp.where(own_free, jnp.sqrt(problem.state_precision), 0.0) * problem.state_scale

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ..._compile import compiled
+from .direct import sensitivities_now
 from .lanes import Operation, ask
 from .problem import Problem, Structure, Unknowns, sensitivities
 
@@ -40,8 +41,6 @@ _DISAGREE = 0.01
 """How often logs that differ by noise alone are said to disagree."""
 _SINGULAR = 1e-13
 
-_sensitivities = compiled(sensitivities, static_argnums=0)
-
 
 @partial(compiled, static_argnums=(0, 1))
 def _sensitivities_many(structure: Structure, _: None, problems: Problem, unknowns: Unknowns, others: tuple[()]):
@@ -52,9 +51,9 @@ _LOOK = Operation("look", _sensitivities_many, lambda both, logs, samples: tuple
 
 
 def look(structure: Structure, problem: Problem, unknowns: Unknowns):
-    """`sensitivities` as one compiled program."""
+    """`sensitivities`; of a fleet's members as lanes."""
     together = ask(_LOOK, structure, None, problem, unknowns)
-    return _sensitivities(structure, problem, unknowns) if together is None else together
+    return sensitivities_now(structure, problem, unknowns) if together is None else together
 
 
 def memory(residual: Float[NDArray, "E T ny"], mask: Bool[NDArray, "E T ny"]) -> float:

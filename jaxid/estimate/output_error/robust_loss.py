@@ -7,7 +7,7 @@ residual in units of its channel's scale, the median absolute deviation; the wei
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -18,6 +18,7 @@ from ..._arrays import AnyArray, array
 from ..._compile import compiled
 from ...logs import LogSet
 from ..result import Outlier
+from .direct import simulated_now
 from .lanes import Operation, ask
 from .losses import Loss
 from .optimum import Optimum
@@ -31,8 +32,6 @@ _SETTLED = 0.02
 _FAR_OFF = 4.5
 """Robust standard deviations beyond which a sample is listed: one normal sample in 150 000 is."""
 
-_simulated = compiled(simulate_all, static_argnums=0)
-
 
 @partial(compiled, static_argnums=(0, 1))
 def _simulated_many(structure: Structure, _: None, problems: Problem, unknowns: Unknowns, others: tuple[()]):
@@ -43,9 +42,9 @@ _SIMULATE = Operation("simulate", _simulated_many, lambda outputs, logs, samples
 
 
 def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[AnyArray, "E T ny"]:
-    """Simulated outputs of all experiments, as one compiled program."""
+    """Simulated outputs of all experiments; of a fleet's members as lanes."""
     together = ask(_SIMULATE, structure, None, problem, unknowns)
-    return _simulated(structure, problem, unknowns) if together is None else together
+    return simulated_now(structure, problem, unknowns) if together is None else together
 
 
 class Robust(NamedTuple):

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._arrays import array
-from ..._compile import compiled
 from ...logs import LogError, LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import bridged, in_windows, stitched
@@ -26,9 +25,10 @@ from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.simulate import integrator_for, simulate
 from ..result import Fit
+from .direct import simulated_now
 from .feedback import Feedback, feedback
 from .predictability import Predictability, predictability
-from .problem import Problem, Structure, Unknowns, simulate_all
+from .problem import Problem, Structure, Unknowns
 from .setup import build, start_values
 from .solvers import minimise_compiled
 from .window_start import started
@@ -49,7 +49,6 @@ windows tell more, as errors of the parameters grow along them, too."""
 _BETTER = 0.5
 """Share of the free simulation's residual that windows must come below to be taken."""
 
-_simulate_all = compiled(simulate_all, static_argnums=0)
 
 Begin = Fit | Mapping[str, float] | Sequence[Mapping[str, float]] | None
 Once = Callable[[float | None, Begin], Fit]
@@ -97,7 +96,7 @@ def followed(robot: Robot, logs: LogSet, seconds: float, noise: Mapping[str, flo
     sigma = array([noise[name] for name in logs.channels.measured])
     problem = replace(problem, sigma=sigma, free=array(np.zeros(problem.free.shape, dtype=bool)))
     there = minimise_compiled(structure, problem, approached(structure, problem, unknowns)).unknowns
-    simulated = np.asarray(_simulate_all(structure, problem, there))
+    simulated = simulated_now(structure, problem, there)
     return [bridged(whole) for whole in stitched(logs, seconds, list(simulated))]
 
 

@@ -1,0 +1,258 @@
+"""Simulations, costs and linearisations of an output-error problem from NumPy, in machine code alone.
+
+The same as `problem.simulate_all`, `cost` and `linearise`, which XLA compiles for every model, every number of logs and
+samples and every number of steps. Here only the robot's own machine code is made, once for all of these, so that an answer
+comes seconds sooner; the Jacobian stays in the lanes in which it was simulated until it is a triangle.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from ..._compile import compiled
+from ...kernel.call import System
+from ...kernel.direct import outputs, tangents, triangle
+from ...kernel.groups import grouped, ungrouped
+from ...kernel.machine import lanes
+from ...simulation.direct import machine_model
+from .problem import (
+    CLOCK_OFFSET,
+    DIVERGED,
+    Problem,
+    Structure,
+    Triangle,
+    Unknowns,
+    linearise,
+    parameters_at,
+    sensitivities,
+    simulate_all,
+)
+
+Array = Any
+"""NumPy's, or what can be read as such."""
+_TOGETHER = 2_000_000
+"""Numbers of the outputs up to which several simulations of the logs run side by side."""
+
+
+class Direct(NamedTuple):
+    """A problem in lanes: of its E logs, G groups of L lanes.
+
+    `moving`: places of the problem's parameters among all `numbers` [P]; `starts`: those of the free initial states among
+    the robot's. `weight`: of residuals, zero where nothing was measured.
+    """
+
+    system: System
+    problem: Problem
+    moving: tuple[int, ...]
+    starts: tuple[int, ...]
+    numbers: Float[Array, " P"]
+    begin: Float[Array, "E S"]
+    shares: Float[Array, "n L"]
+    u: Float[Array, "G T 1 U L"]
+    dt: Float[Array, "G T L"]
+    fixed: Float[Array, "G T D L"]
+    measured: Float[Array, "G T Y L"]
+    weight: Float[Array, "G T Y L"]
+
+
+def direct(structure: Structure, problem: Problem) -> Direct | None:
+    """`problem` in lanes; None where a simulation takes XLA. Call under float64."""
+    if CLOCK_OFFSET in structure.state_names:
+        return None
+    problem = jax.tree.map(np.asarray, problem)
+    robot, fixed = structure.robot, problem.prescribed
+    names = tuple(sorted({*problem.numbers, *structure.names}))
+    system = machine_model(robot, names, structure.integrator.friction, tuple(fixed))
+    if system is None:
+        return None
+    E, T = problem.dt.shape
+    known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
+    weight = np.where(problem.mask, 1.0 / problem.sigma, 0.0)
+    n = structure.integrator.substeps
+    return Direct(
+        system=system,
+        problem=problem,
+        moving=tuple(names.index(name) for name in structure.names),
+        starts=tuple(robot.states.index(name) for name in structure.state_names),
+        numbers=np.array([float(problem.numbers.get(name, 0.0)) for name in names]),
+        begin=np.stack([np.broadcast_to(problem.start[name], E) for name in robot.states], axis=1),
+        shares=np.full((n, lanes()), 1.0 / n),
+        u=grouped(np.asarray(problem.inputs)[:, :, None, :]),
+        dt=grouped(np.asarray(problem.dt)),
+        fixed=grouped(known),
+        measured=grouped(np.where(problem.mask, problem.outputs, 0.0)),
+        weight=grouped(weight if problem.weight is None else weight * problem.weight),
+    )
+
+
+def _starts(d: Direct, states: Float[Array, "E s"]) -> Float[Array, "E S"]:
+    x = np.array(d.begin, dtype=float)
+    x[:, d.starts] += d.problem.state_scale * states
+    return x
+
+
+def _numbers(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
+    p = np.broadcast_to(d.numbers, (*theta.shape[:-1], len(d.numbers))).copy()
+    p[..., d.moving] = theta
+    return p
+
+
+def _seen(d: Direct, theta: Float[Array, " n"], states: Float[Array, "E s"]):
+    p = np.broadcast_to(_numbers(d, theta)[None, :, None], (len(d.u), len(d.numbers), lanes()))
+    return d.shares, np.ascontiguousarray(p), grouped(_starts(d, states)), d.u, d.dt, d.fixed
+
+
+def _residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Float[Array, "G T Y L"]:
+    residual = np.subtract(y, measured, out=y)
+    residual *= weight
+    # A simulation that is not finite is no matter where nothing was measured.
+    return residual if np.isfinite(residual).all() else np.where(weight > 0.0, residual, 0.0)
+
+
+def _whitened(d: Direct, theta: Float[Array, " n"], columns: Float[Array, " n"], states: Float[Array, "E s"]):
+    """Derivatives of the weighted residuals by the initial states, by the parameters, times `columns`, and the residuals
+    themselves, [G, T, Y, s + n + 1, L]."""
+    E, n, s = len(d.begin), len(theta), len(d.starts)
+    seen = _seen(d, theta, states)
+    dp, dx = np.zeros((E, s + n, n)), np.zeros((E, s + n, d.begin.shape[1]))
+    dp[:, s + np.arange(n), np.arange(n)] = columns
+    dx[:, np.arange(s), list(d.starts)] = np.where(d.problem.state_free, d.problem.state_scale, 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        residual = _residual(outputs(d.system, seen), d.measured, d.weight)
+        dy = tangents(d.system, d.moving, seen, grouped(dp), grouped(dx))
+        both = np.empty((*dy.shape[:3], s + n + 1, lanes()))
+        np.multiply(dy, d.weight[:, :, :, None], out=both[:, :, :, :-1])
+    both[:, :, :, -1] = residual
+    return both
+
+
+def _simulated_in_lanes(d: Direct, unknowns: Unknowns) -> Float[Array, "E T Y"]:
+    """`problem.simulate_all`."""
+    theta = parameters_at(d.problem, np.asarray(unknowns.z))
+    return ungrouped(outputs(d.system, _seen(d, theta, np.asarray(unknowns.states))), len(d.begin))
+
+
+def sensitivities_directly(
+    d: Direct, theta: Float[Array, " n"], states: Float[Array, "E s"]
+) -> tuple[Float[Array, "E T Y"], Float[Array, "E T Y k"]]:
+    """`problem.sensitivities` at the parameters `theta`."""
+    s = len(d.starts)
+    both = ungrouped(_whitened(d, theta, np.ones_like(theta), states), len(d.begin))
+    if not np.isfinite(both).all():
+        both = np.where(ungrouped(d.weight, len(both))[..., None] > 0.0, both, 0.0)
+    return both[..., -1], np.concatenate([both[..., s:-1], both[..., :s]], axis=-1)
+
+
+def linearised_directly(d: Direct, unknowns: Unknowns) -> Triangle:
+    """`problem.linearise`."""
+    problem, E = d.problem, len(d.begin)
+    z, own = np.asarray(unknowns.z), np.asarray(unknowns.states)
+    n, s = len(z), len(d.starts)
+    theta = parameters_at(problem, z)
+    slope = np.where(problem.free, problem.bounds.slope(z), 0.0)
+    block: Any = _whitened(d, theta, slope, own)
+    G, T, Y, K, width = block.shape
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares: Any = np.einsum("gtyl,gtyl->gyl", block[:, :, :, -1], block[:, :, :, -1])
+    R = triangle(block.reshape(G, T * Y, K, width))
+    if not np.isfinite(R).all():
+        block = np.where(d.weight[:, :, :, None] > 0.0, block, 0.0)
+        sound: Any = np.isfinite(block).all(axis=(1, 2, 3))[:, None, None]
+        block[:, :, :, :-1] = np.where(sound[:, :, :, None], block[:, :, :, :-1], 0.0)
+        block[:, :, :, -1] = np.where(sound, block[:, :, :, -1], DIVERGED)
+        R = triangle(block.reshape(G, T * Y, K, width))
+    if s:
+        prior = np.zeros((E, s, K))
+        stiff = np.where(problem.state_free, np.sqrt(problem.state_precision), 0.0) * problem.state_scale
+        prior[:, np.arange(s), np.arange(s)], prior[:, :, -1] = stiff, stiff * own
+        R = triangle(np.concatenate([R, grouped(prior)], axis=1))
+    triangles: Any = ungrouped(R, E)
+    each: Any = ungrouped(squares, E)
+    pull = np.sqrt(problem.prior_precision)
+    shared = np.concatenate([np.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
+    shared = np.where(problem.free[:, None], shared, 0.0)
+    R = _one_triangle(np.concatenate([triangles[:, s:, s:].reshape(-1, n + 1), shared]))
+    return Triangle(
+        shared=R[:n, :n],
+        crossed=triangles[:, :s, s : s + n],
+        local=triangles[:, :s, :s],
+        residual_shared=R[:n, n],
+        residual_local=triangles[:, :s, -1],
+        rest=R[n:, n],
+        squares=each,
+    )
+
+
+def _one_triangle(A: Float[Array, "m n"]) -> Float[Array, "n n"]:
+    """The triangle of one tall matrix: of its parts in lanes, and then of their triangles."""
+    m, n = A.shape
+    if m > 2 * lanes() * n:
+        part = -(-m // lanes())
+        A = np.concatenate([A, np.zeros((part * lanes() - m, n))])
+        A = ungrouped(triangle(grouped(A.reshape(lanes(), part, n))), lanes()).reshape(lanes() * n, n)
+    return triangle(grouped(A[None]))[0, :, :, 0]
+
+
+class SideBySide(NamedTuple):
+    """The logs of a problem `together` times over, in lanes: for as many simulations of them at once."""
+
+    together: int
+    u: Float[Array, "H T 1 U L"]
+    dt: Float[Array, "H T L"]
+    fixed: Float[Array, "H T D L"]
+    measured: Float[Array, "H T Y L"]
+    weight: Float[Array, "H T Y L"]
+
+
+def side_by_side(d: Direct, times: int) -> SideBySide:
+    """The logs `times` times over, or once, where they are many or long."""
+    E, of = len(d.begin), (d.u, d.dt, d.fixed, d.measured, d.weight)
+    if times == 1 or d.measured.size * times > _TOGETHER:
+        return SideBySide(1, *of)
+    return SideBySide(times, *(grouped(np.tile(ungrouped(x, E), (times, *[1] * (x.ndim - 2)))) for x in of))
+
+
+def costs_directly(d: Direct, many: SideBySide, candidates: Unknowns) -> Float[Array, " c"]:
+    """`problem.cost` at many unknowns."""
+    problem, E = d.problem, len(d.begin)
+    theta, states = parameters_at(problem, np.asarray(candidates.z)), np.asarray(candidates.states)
+    squares = []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for first in range(0, len(theta), many.together):
+            some = slice(first, first + many.together)
+            p = grouped(np.repeat(_numbers(d, theta[some]), E, axis=0))
+            x = grouped(np.concatenate([_starts(d, own) for own in states[some]]))
+            y = outputs(d.system, (d.shares, p, x, many.u, many.dt, many.fixed))
+            residual = _residual(y, many.measured, many.weight)
+            each = ungrouped(np.einsum("gtyl,gtyl->gl", residual, residual), many.together * E)
+            squares.append(each.reshape(many.together, E).sum(axis=1))
+        pull = np.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
+        stiff = np.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0)
+        return 0.5 * (np.concatenate(squares) + pull.sum(axis=1) + (stiff * states**2).sum(axis=(1, 2)))
+
+
+_simulate_all = compiled(simulate_all, static_argnums=0)
+_sensitivities = compiled(sensitivities, static_argnums=0)
+_linearise = compiled(linearise, static_argnums=0)
+
+
+def simulated_now(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, "E T Y"]:
+    """`problem.simulate_all`, directly or, where that takes XLA, as a compiled program."""
+    d = direct(structure, problem)
+    return np.asarray(_simulate_all(structure, problem, unknowns)) if d is None else _simulated_in_lanes(d, unknowns)
+
+
+def sensitivities_now(structure: Structure, problem: Problem, unknowns: Unknowns):
+    """`problem.sensitivities`, directly or as a compiled program."""
+    d = direct(structure, problem)
+    if d is None:
+        return tuple(np.asarray(x) for x in _sensitivities(structure, problem, unknowns))
+    return sensitivities_directly(d, parameters_at(d.problem, np.asarray(unknowns.z)), np.asarray(unknowns.states))
+
+
+def linearised_now(structure: Structure, problem: Problem, unknowns: Unknowns) -> Triangle:
+    """`problem.linearise`, directly or as a compiled program."""
+    d = direct(structure, problem)
+    return _linearise(structure, problem, unknowns) if d is None else linearised_directly(d, unknowns)

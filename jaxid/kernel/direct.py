@@ -1,0 +1,66 @@
+"""Rollouts, their tangents, and triangles from NumPy, without a program of XLA's: nothing is compiled for a new shape.
+
+Arrays are laid out in lanes as `rollout_kernel` says; `groups.grouped` makes them so.
+"""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float
+
+from .call import MOST_DIRECTIONS, System, machine_code
+from .dense_kernel import write_triangle
+from .machine import function, lanes, loaded
+from .rollout_kernel import ARGUMENTS, TANGENTS
+
+Array = np.ndarray
+Seen = tuple[Array, Array, Array, Array, Array, Array]
+"""`shares` [n, L], `p` [G, P, L], `x` [G, S, L], `u` [G, T, R, U, L], `dt` [G, T, L] s, `fixed` [G, T, D, L]."""
+
+
+@cache
+def _rollout(system: System, moving: tuple[int, ...] | None) -> Callable[..., None]:
+    arrays = len(ARGUMENTS) + (len(TANGENTS) if moving is not None else 0) + 1
+    return function(machine_code(system, moving), "rollout", 5, arrays)
+
+
+@cache
+def _triangle() -> Callable[..., None]:
+    return function(loaded(write_triangle(lanes())), "triangle", 3, 2)
+
+
+def outputs(system: System, seen: Seen) -> Float[Array, "G T Y L"]:
+    """Outputs of rollouts at every sample. Raises `Untranslated`."""
+    shares, _, _, u, _, _ = seen
+    G, T, R, _, width = u.shape
+    y = np.empty((G, T, system.outputs, width))
+    _rollout(system, None)(G, T, R, 0, len(shares), *seen, y)
+    return y
+
+
+def tangents(
+    system: System, moving: tuple[int, ...], seen: Seen, dp: Float[Array, "G K n L"], dx: Float[Array, "G K S L"]
+) -> Float[Array, "G T Y K L"]:
+    """Their tangents in K directions of the parameters `moving` and the initial states. Raises `Untranslated`."""
+    shares, _, _, u, _, _ = seen
+    G, T, R, _, width = u.shape
+    parts = []
+    for first in range(0, dp.shape[1], MOST_DIRECTIONS):
+        some = slice(first, first + MOST_DIRECTIONS)
+        own = [np.ascontiguousarray(d[:, some]) for d in (dp, dx)]
+        K = own[0].shape[1]
+        dy = np.empty((G, T, system.outputs, K, width))
+        _rollout(system, moving)(G, T, R, K, len(shares), *seen, *own, np.zeros((G, T, R, K, 0, width)), dy)
+        parts.append(dy)
+    if not parts:
+        return np.zeros((G, T, system.outputs, 0, width))
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=3)
+
+
+def triangle(A: Float[Array, "G m n L"]) -> Float[Array, "G n n L"]:
+    """The triangle R of A = Q R in every lane, its diagonal not negative (`dense.triangle_of`)."""
+    G, m, n, width = A.shape
+    R = np.empty((G, n, n, width))
+    _triangle()(G, m, n, A, R)
+    return R
