@@ -37,7 +37,7 @@ from .setup import InitialStates, StartValues, build, start_values
 from .solvers import DEFAULT, Solver, minimise_compiled, minimise_each
 from .step_check import with_steps_checked
 from .window_start import started
-from .windows import approached, choose, condensed
+from .windows import Lost, Unless, approached, choose, condensed, left_over
 
 _ROUNDS = 3
 """How often a fit goes on where the cost falls near its optimum."""
@@ -122,8 +122,12 @@ def _fit(
     max_steps: int,
     report: Report,
     window: float | None,
+    unless: Unless | None = None,
 ) -> Fit:
-    """`output_error` by free simulation, or in windows of `window` seconds."""
+    """`output_error` by free simulation, or in windows of `window` seconds.
+
+    Raises `Lost` where `unless` says so of the first minimum.
+    """
     whole = logs
     if window is not None:
         logs, initial_states = in_windows(whole, window), "estimate"
@@ -164,6 +168,8 @@ def _fit(
     else:
         optimum, problem, left_out = _first_minimum(structure, problem, unknowns, max_steps, solver)
         report("first minimum found")
+        if unless is not None and unless(problem, optimum):
+            raise Lost(left_over(problem, optimum, logs))
         if not left_out:
             one = start if start is None or isinstance(start, Fit | Mapping) else first
             optimum = recovered(
@@ -304,9 +310,9 @@ def output_error(
     if windows != "auto":
         return _fit(robot, logs, start=start, window=windows, **options)
 
-    def once(window: float | None, start: Starts) -> Fit:
+    def once(window: float | None, start: Starts, unless: Unless | None = None) -> Fit:
         if window is not None:
             report(f"windows of {window:.3g} s")
-        return _fit(robot, logs, start=start, window=window, **options)
+        return _fit(robot, logs, start=start, window=window, unless=unless, **options)
 
     return choose(robot, logs, once, start)

@@ -20,6 +20,7 @@ from ..._arrays import array
 from ..._compile import compiled
 from .bounds import Unconstrained
 from .chart import chart_at
+from .direct import direct
 from .in_turns import minimise_in_turns
 from .lanes import Operation, ask, in_batch
 from .levenberg_marquardt import KINK, BestDampingLevenbergMarquardt, promise_of
@@ -147,8 +148,10 @@ def minimise_compiled(
 def minimise_each(
     structure: Structure, problem: Problem, starts: Unknowns, *, max_steps: int = 100, solver: Solver = DEFAULT
 ) -> Optimum:
-    """`minimise_lanes`; in a fleet, whose lanes are its members, one start after another."""
-    if not in_batch():
+    """`minimise` from many starts (leading axis of `starts`): in one compiled batch, or one after another where nothing has to
+    be compiled for that, and in a fleet, whose lanes are its members."""
+    ours = isinstance(solver, BestDampingLevenbergMarquardt)
+    if not in_batch() and not (ours and direct(structure, problem) is not None):
         return minimise_lanes(structure, problem, starts, max_steps=max_steps, solver=solver)
     each = [jax.tree.map(lambda leaf, k=k: leaf[k], starts) for k in range(starts.z.shape[0])]
     found = [minimise_compiled(structure, problem, y, max_steps=max_steps, solver=solver) for y in each]

@@ -12,6 +12,7 @@ integrates in a closed loop.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import jax.numpy as jnp
 import numpy as np
@@ -27,6 +28,8 @@ from ...simulation.simulate import integrator_for, simulate
 from ..result import Fit
 from .direct import simulated_now
 from .feedback import Feedback, feedback
+from .from_optimum import channel_noise
+from .optimum import Optimum
 from .predictability import Predictability, predictability
 from .problem import Problem, Structure, Unknowns
 from .setup import build, start_values
@@ -51,7 +54,29 @@ _BETTER = 0.5
 
 
 Begin = Fit | Mapping[str, float] | Sequence[Mapping[str, float]] | None
-Once = Callable[[float | None, Begin], Fit]
+Unless = Callable[[Problem, Optimum], bool]
+"""Whether a first minimum of the free simulation is not worth going on from."""
+
+
+class Once(Protocol):
+    """A fit in windows of so many seconds, or free, from a start. Raises `Lost` where `unless` says so."""
+
+    def __call__(self, window: float | None, start: Begin, unless: Unless | None = None) -> Fit: ...
+
+
+class Lost(Exception):
+    """A free simulation has not found the way; what it leaves, in units of the noise."""
+
+    def __init__(self, ratio: float):
+        self.ratio = ratio
+
+
+def left_over(problem: Problem, optimum: Optimum, logs: LogSet) -> float:
+    """Largest residual of a channel in units of its noise."""
+    if not np.isfinite(optimum.cost):
+        return float("inf")
+    levels = np.asarray(channel_noise(problem, optimum.triangle.squares))
+    return _largest(dict(zip(logs.channels.measured, levels, strict=True)), logs, free=True)
 
 
 def condensed(fit: Fit, logs: LogSet, seconds: float) -> Fit:
@@ -102,13 +127,17 @@ def followed(robot: Robot, logs: LogSet, seconds: float, noise: Mapping[str, flo
 
 def _ratio(fit: Fit | None, logs: LogSet) -> float:
     """Largest residual of a channel in units of its noise; infinite without a fit."""
-    if fit is None:
-        return float("inf")
+    return float("inf") if fit is None else _largest(fit.noise, logs, free=fit.window is None)
+
+
+def _largest(noise: Mapping[str, float], logs: LogSet, *, free: bool) -> float:
     scale, found = noise_scale(logs), 0.0
-    for name, level in fit.noise.items():
+    for name, level in noise.items():
         y = np.concatenate([log.output(name) for log in logs])
+        if not np.isfinite(y).any():
+            continue
         least = max(scale[name], _VISIBLE * float(np.nanstd(y)) / _POOR)
-        found = max(found, level / (least if fit.window is None else scale[name]))
+        found = max(found, float(level) / (least if free else scale[name]))
     return found if np.isfinite(found) else float("inf")
 
 
@@ -206,16 +235,61 @@ def _sentence(growth: Predictability, loop: Feedback, free: float, fit: Fit, log
     return text
 
 
+def _in_windows(growth: Predictability, robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit | None:
+    """The fit in the windows that suit the growth of errors; None where it fails."""
+    by = _by_growth if growth.kind == "unstable" else lambda growth, *others: _by_noise(*others)
+    try:
+        fit = by(growth, robot, logs, once, start)
+    except (ParameterError, LogError):
+        return None
+    return None if fit.judgement is not None and fit.judgement.verdict == "failed" else fit
+
+
+def _taken(
+    fit: Fit, growth: Predictability, loop: Feedback, poor: float, logs: LogSet, once: Once, unless: Unless
+) -> Fit:
+    """`fit`, in windows, with a note that says why; or the free one from its good parameters, where that follows the logs:
+    a whole log tells more than its windows. The free simulation from the start leaves `poor` times the noise."""
+    if growth.kind == "unstable" and _ratio(fit, logs) <= _GOOD:
+        try:
+            again = once(None, fit, unless)
+        except (ParameterError, Lost):
+            again = None
+        if again is not None and _ratio(again, logs) <= _GOOD:
+            note = (
+                f"The free simulation is lost at the start values; a fit in windows of {fit.window:.3g} s led to values from "
+                "which it follows the logs."
+            )
+            return replace(again, notes=(*again.notes, note))
+    return replace(fit, notes=(_sentence(growth, loop, poor, fit, logs), *fit.notes))
+
+
 def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
     """The free fit `once(None, start)`, or one in windows where evidence asks for them, with a note that says so.
 
     Raises `ParameterError` where neither the free simulation nor windows lead anywhere.
     """
-    free, why = None, None
+    free, why, found = None, None, None
+
+    def lost(problem: Problem, optimum: Optimum) -> bool:
+        """Far from the measurement, at no minimum, with a simulation that is unstable: other starts and polishing, most of
+        a fit's work, lead nowhere."""
+        nonlocal found
+        if bool(optimum.converged) or left_over(problem, optimum, logs) <= _POOR:
+            return False
+        found = found or _growing(robot, logs, None, start)
+        return found.kind == "unstable" and found.horizon < found.duration
+
     try:
-        free = once(None, start)
+        free = once(None, start, lost)
     except ParameterError as error:
         why = error
+    except Lost as astray:
+        assert found is not None
+        fit = _in_windows(found, robot, logs, once, start)
+        if fit is not None and _ratio(fit, logs) <= min(_GOOD, _BETTER * astray.ratio):
+            return _taken(fit, found, _loop(None, logs), astray.ratio, logs, once, lost)
+        free = once(None, start)
     poor = _ratio(free, logs)
     if free is not None and poor <= _POOR:
         return free
@@ -227,30 +301,10 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
         if free is None:
             raise why or ParameterError(f"the simulation of {robot.name!r} diverges")
         return free
-    try:
-        fit = (
-            _by_growth(growth, robot, logs, once, start)
-            if growth.kind == "unstable"
-            else _by_noise(robot, logs, once, start)
-        )
-    except (ParameterError, LogError):
-        fit = None
-    failed = fit is None or (fit.judgement is not None and fit.judgement.verdict == "failed")
-    if fit is None or failed or not _ratio(fit, logs) < _BETTER * poor:
+    fit = _in_windows(growth, robot, logs, once, start)
+    if fit is None or not _ratio(fit, logs) < _BETTER * poor:
         if free is None:
             raise why or ParameterError(f"the simulation of {robot.name!r} diverges")
         note = f"{capital(growth.sentence)}; windows leave as much, so that the model itself is suspect."
         return replace(free, notes=(*free.notes, note))
-    if growth.kind == "unstable" and _ratio(fit, logs) <= _GOOD:
-        # From good parameters the whole log may be followed after all, and it tells more than its windows.
-        try:
-            again = once(None, fit)
-        except ParameterError:
-            again = None
-        if again is not None and _ratio(again, logs) <= _GOOD:
-            note = (
-                f"The free simulation is lost at the start values; a fit in windows of {fit.window:.3g} s led to values from "
-                "which it follows the logs."
-            )
-            return replace(again, notes=(*again.notes, note))
-    return replace(fit, notes=(_sentence(growth, loop, poor, fit, logs), *fit.notes))
+    return _taken(fit, growth, loop, poor, logs, once, lost)

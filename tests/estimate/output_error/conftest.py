@@ -1,12 +1,15 @@
 """A pendulum of a user's own, and logs of SciPy's."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Channels, Custom, Log, Parameter
+from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
+from jaxid.estimate.output_error.problem import Unknowns
+from jaxid.estimate.output_error.setup import build
 from reference import pendulum as scipys
 
 CHANNELS = Channels(("u",), ("q",), units={"u": "N m", "q": "rad"})
@@ -40,3 +43,32 @@ def upright(angle: float, rate: float) -> float:
 @pytest.fixture(scope="session")
 def pendulum() -> SimpleNamespace:
     return SimpleNamespace(robot=robot, recorded=recorded, upright=upright, held=scipys.held, truth=scipys.TRUTH)
+
+
+def levels(n, seed):
+    return np.repeat(np.random.default_rng(seed).uniform(-2, 2, -(-n // 10)), 10)[:n]
+
+
+@pytest.fixture(scope="session")
+def problem(axis_log):
+    """Three logs of different length and channels, gaps, one that starts in motion, a prior and a fixed parameter."""
+    gaps = axis_log("gaps", levels(150, 1), noise=0.01, seed=1)
+    outputs = gaps.outputs.copy()
+    outputs[40:60, 0] = np.nan
+    outputs[55:90, 1] = np.nan
+    logs = LogSet(
+        [
+            Log.from_arrays("gaps", gaps.time, gaps.inputs, outputs, "axis"),
+            axis_log("no position", levels(200, 2), noise=0.01, seed=2, dt=0.015, position=False),
+            axis_log("moving", levels(90, 3), noise=0.01, seed=3, v=0.5, q=0.3),
+        ]
+    )
+    robot = Axis().change("M", prior=(1.3, 0.2)).change("Fc", prior=(0.4, 0.05))
+    with float64():
+        start = dict(M=1.2, Fv=1.7, Fc=0.4, offset=0.05)
+        structure, found, unknowns = build(robot, logs, start=start, integrator=Integrator(2))
+        held = np.array([True, True, True, False])  # the offset stays
+        found = replace(found, free=jnp.asarray(held), state_precision=jnp.array([3.0, 0.0]))
+        rng = np.random.default_rng(4)
+        states = jnp.asarray(rng.normal(size=unknowns.states.shape)) * found.state_free
+    return structure, found, Unknowns(unknowns.z, states)

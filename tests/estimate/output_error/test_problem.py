@@ -7,44 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, Log, LogSet
+from jaxid import Axis, LogSet
 from jaxid.estimate.output_error.problem import Unknowns, cost, linearise, parameters_at, simulate_all
 from jaxid.estimate.output_error.setup import build
 from jaxid.simulation.rollout import rollout
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 LINEARISE, COST = (jax.jit(function, static_argnums=0) for function in (linearise, cost))
-
-
-def levels(n, seed):
-    return np.repeat(np.random.default_rng(seed).uniform(-2, 2, -(-n // 10)), 10)[:n]
-
-
-@pytest.fixture(scope="module")
-def problem(axis_log):
-    """Three logs of different length and channels, gaps, one that starts in motion, a prior and a fixed parameter."""
-    gaps = axis_log("gaps", levels(150, 1), noise=0.01, seed=1)
-    outputs = gaps.outputs.copy()
-    outputs[40:60, 0] = np.nan
-    outputs[55:90, 1] = np.nan
-    logs = LogSet(
-        [
-            Log.from_arrays("gaps", gaps.time, gaps.inputs, outputs, "axis"),
-            axis_log("no position", levels(200, 2), noise=0.01, seed=2, dt=0.015, position=False),
-            axis_log("moving", levels(90, 3), noise=0.01, seed=3, v=0.5, q=0.3),
-        ]
-    )
-    robot = Axis().change("M", prior=(1.3, 0.2)).change("Fc", prior=(0.4, 0.05))
-    from jaxid import float64
-
-    with float64():
-        start = dict(M=1.2, Fv=1.7, Fc=0.4, offset=0.05)
-        structure, found, unknowns = build(robot, logs, start=start, integrator=Integrator(2))
-        held = np.array([True, True, True, False])  # the offset stays
-        found = replace(found, free=jnp.asarray(held), state_precision=jnp.array([3.0, 0.0]))
-        rng = np.random.default_rng(4)
-        states = jnp.asarray(rng.normal(size=unknowns.states.shape)) * found.state_free
-    return structure, found, Unknowns(unknowns.z, states)
 
 
 def dense(structure, problem, x):
@@ -132,4 +101,4 @@ def test_build_refuses_a_robot_without_free_parameters(axis_log):
 
     robot = Axis().with_parameters(Axis().parameters.with_free())
     with pytest.raises(ParameterError, match="no parameter is free; free at least one"):
-        build(robot, LogSet([axis_log("a", levels(50, 1))]), start={})
+        build(robot, LogSet([axis_log("a", np.repeat([1.0, -1.0], 25))]), start={})
