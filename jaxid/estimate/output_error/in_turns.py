@@ -16,6 +16,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..._arrays import array
 from ..._compile import compiled, forget_programs
 from .bounds import Bounds
 from .direct import costs_directly, direct, linearised_directly, side_by_side
@@ -111,13 +112,45 @@ def minimise_in_turns(
     """`solver.minimise`, part by part."""
     look, costs = _simulations(structure, problem, start)
     limit = np.asarray(max_steps)
-    triangle = look(start)
-    state = begin(start, triangle)
+    seen: list[Triangle] = []
+    alone = not structure.state_names
+
+    def looked(there: Unknowns) -> Triangle:
+        seen.append(look(there._replace(states=start.states) if alone else there))
+        return _outline(seen[-1], len(seen) - 1) if alone else seen[-1]
+
+    def simulated(candidates: Unknowns) -> Any:
+        states = np.zeros((CANDIDATES, *np.shape(start.states)))
+        return costs(candidates._replace(states=states) if alone else candidates)
+
+    begun = start._replace(states=array(np.zeros((1, 0)))) if alone else start
+    triangle = looked(begun)
+    state = begin(begun, triangle)
     while True:
         search = _decided(solver, problem.bounds, problem.free, state, triangle, limit)
         while search.going:
-            search = _tried(search, costs(search.candidates))
+            search = _tried(search, simulated(search.candidates))
         state = search.state
         if state.outcome != UNDECIDED:
-            return state.optimum
-        triangle = look(state.there)
+            break
+        triangle = looked(state.there)
+    found = state.optimum
+    if not alone:
+        return found
+    number = float(found.triangle.squares[0, 0])
+    whole = seen[int(number) if np.isfinite(number) else -1]
+    return found._replace(triangle=whole, unknowns=found.unknowns._replace(states=start.states))
+
+
+def _outline(triangle: Triangle, number: int) -> Triangle:
+    """What is decided on, of logs without initial states of their own: of the same shapes whatever their number, so that
+    it is compiled once for all. In place of the squares stands the linearisation's `number`, infinite if they are not
+    finite."""
+    n = np.shape(triangle.shared)[-1]
+    sound = bool(np.isfinite(triangle.squares).all())
+    return triangle._replace(
+        crossed=array(np.zeros((1, 0, n))),
+        local=array(np.zeros((1, 0, 0))),
+        residual_local=array(np.zeros((1, 0))),
+        squares=array([[float(number) if sound else np.inf]]),
+    )
