@@ -7,7 +7,7 @@ residual in units of its channel's scale, the median absolute deviation; the wei
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
