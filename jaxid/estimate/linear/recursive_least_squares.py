@@ -37,7 +37,9 @@ class RecursiveLeastSquares(eqx.Module):
         return RecursiveLeastSquares(jnp.diag(root), root * jnp.asarray(mean, float), jnp.zeros(()), jnp.zeros(()))
 
     @in_float64
-    def update(self, regressors: ArrayLike, targets: ArrayLike, forgetting: float = 1.0) -> "RecursiveLeastSquares":
+    def update(
+        self, regressors: ArrayLike, targets: ArrayLike, forgetting: float | Float[Array, ""] = 1.0
+    ) -> "RecursiveLeastSquares":
         """The state after further equations `regressors` [m, n] @ theta = `targets` [m].
 
         `forgetting` in (0, 1] discounts everything before them; 1 forgets nothing. Runs under `jit`, `vmap`, `scan`.
