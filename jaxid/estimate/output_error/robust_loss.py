@@ -66,10 +66,11 @@ class Robust(NamedTuple):
 
 
 def _scales(residual: NDArray[np.float64], mask: Bool[NDArray, "E T ny"], floor: Float[NDArray, " ny"]):
-    """Robust standard deviation of every channel [ny]."""
+    """Robust standard deviation of every channel [ny]: of samples off by more than its `floor`, which says nothing of those
+    at which a coarse sensor and the model both stand still."""
     found = np.array(floor)
     for y in range(residual.shape[-1]):
-        own = residual[..., y][mask[..., y]]
+        own = residual[..., y][mask[..., y] & (np.abs(residual[..., y]) > floor[y])]
         if own.size:
             found[y] = max(_NORMAL_MAD * float(np.median(np.abs(own))), floor[y])
     return found

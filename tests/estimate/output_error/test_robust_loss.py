@@ -109,3 +109,16 @@ def test_a_robust_loss_with_coloured_noise_and_the_robust_covariance(axis_log):
         robust = output_error(ROBOT, logs, loss="huber", covariance="robust")
         for name in TRUE:  # the noise is white: both covariances estimate the same
             assert 0.6 < robust[name].std_error / white[name].std_error < 1.5
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_a_coarse_sensor_on_a_robot_that_mostly_rests_has_no_outliers(axis_log, loss):
+    """At rest model and sensor agree to the last digit; that says nothing of the scale of the rest."""
+    clean = axis_log("rests", np.where(np.arange(600) % 300 < 200, 0.0, INPUTS), position=False, **TRUE)
+    v = 0.02 * np.round(clean.output("v") / 0.02)
+    fit = output_error(
+        ROBOT, LogSet([Log.from_arrays("rests", clean.time, clean.inputs, {"v": v}, clean.channels)]), loss=loss
+    )
+    assert fit.outliers == ()
+    for name, value in TRUE.items():
+        assert abs(fit[name].value - value) < 4 * fit[name].std_error and fit[name].std_error < 0.1 * value
