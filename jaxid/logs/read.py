@@ -191,7 +191,7 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
     columns: dict[str, np.ndarray] = {}
     for standard, source in sources.items():
         if source.interval is not None:
-            columns[standard] = source.interval * np.arange(len(table.frame))
+            columns[standard] = source.interval * np.arange(len(table.frame), dtype=float)
             continue
         with np.errstate(over="ignore"):
             values = source.scale * _numbers(table, source.column, path) + source.offset
