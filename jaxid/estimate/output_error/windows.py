@@ -12,7 +12,7 @@ integrates in a closed loop.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
@@ -58,6 +58,7 @@ Unless = Callable[[Problem, Optimum], bool]
 """Whether a first minimum of the free simulation is not worth going on from."""
 
 
+@runtime_checkable
 class Once(Protocol):
     """A fit in windows of so many seconds, or free, from a start. Raises `Lost` where `unless` says so."""
 
