@@ -71,7 +71,10 @@ def own_scatter(case: Case, fit: jaxid.Fit) -> float:
     for _ in range(_DRAWS):
         drawn = np.clip(rng.multivariate_normal(centre, covariance, check_valid="ignore"), low, high)
         robot = fit.robot.with_values(**dict(zip(names, drawn.tolist(), strict=True)))
-        other = jaxid.simulate(robot, case.held_out)[0][:, : clean.shape[1]]
+        try:
+            other = jaxid.simulate(robot, case.held_out)[0][:, : clean.shape[1]]
+        except jaxid.ParameterError:  # motions too fast to be simulated are within its errors
+            return float("inf")
         squares.append(float(np.mean(((other - best) / floor) ** 2)))
     return float(np.sqrt(1.0 + np.mean(squares)))
 
