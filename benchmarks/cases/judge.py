@@ -28,6 +28,8 @@ import jaxid
 from benchmarks.cases.draw import Case
 
 TOO_FAR, TOO_WRONG = 2.0, 5.0
+_BEYOND = 1e9
+"""Error that counts as any."""
 _DRAWS = 6
 
 
@@ -74,7 +76,7 @@ def own_scatter(case: Case, fit: jaxid.Fit) -> float:
         try:
             other = jaxid.simulate(robot, case.held_out)[0][:, : clean.shape[1]]
         except jaxid.ParameterError:  # motions too fast to be simulated are within its errors
-            return float("inf")
+            return _BEYOND
         squares.append(float(np.mean(((other - best) / floor) ** 2)))
     return float(np.sqrt(1.0 + np.mean(squares)))
 
