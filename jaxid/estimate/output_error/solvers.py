@@ -18,6 +18,7 @@ from jaxtyping import Array, Int, PyTree, Scalar
 
 from ..._arrays import array
 from ..._compile import compiled
+from ...kernel.machine import lanes as machine_lanes
 from .bounds import Unconstrained
 from .chart import chart_at
 from .direct import direct
@@ -148,10 +149,11 @@ def minimise_compiled(
 def minimise_each(
     structure: Structure, problem: Problem, starts: Unknowns, *, max_steps: int = 100, solver: Solver = DEFAULT
 ) -> Optimum:
-    """`minimise` from many starts (leading axis of `starts`): in one compiled batch, or one after another where nothing has to
-    be compiled for that, and in a fleet, whose lanes are its members."""
+    """`minimise` from many starts (leading axis of `starts`): in one compiled batch, or one after another in a fleet, whose
+    lanes are its members, and where the logs alone fill the machine code's lanes, so that nothing has to be compiled."""
     ours = isinstance(solver, BestDampingLevenbergMarquardt)
-    if not in_batch() and not (ours and direct(structure, problem) is not None):
+    filled = ours and 2 * problem.mask.shape[0] >= machine_lanes() and direct(structure, problem) is not None
+    if not in_batch() and not filled:
         return minimise_lanes(structure, problem, starts, max_steps=max_steps, solver=solver)
     each = [jax.tree.map(lambda leaf, k=k: leaf[k], starts) for k in range(starts.z.shape[0])]
     found = [minimise_compiled(structure, problem, y, max_steps=max_steps, solver=solver) for y in each]

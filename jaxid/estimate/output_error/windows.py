@@ -287,10 +287,20 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
         why = error
     except Lost as astray:
         assert found is not None
-        fit = _in_windows(found, robot, logs, once, start)
+        fit, loop = _in_windows(found, robot, logs, once, start), _loop(None, logs)
+        taken = None
         if fit is not None and _ratio(fit, logs) <= min(_GOOD, _BETTER * astray.ratio):
-            return _taken(fit, found, _loop(None, logs), astray.ratio, logs, once, lost)
-        free = once(None, start)
+            taken = _taken(fit, found, loop, astray.ratio, logs, once, lost)
+        # What only its controller keeps from falling is followed by no free simulation, whatever the start. Another record
+        # may be, and then tells more than its windows.
+        if taken is not None and (taken.window is None or loop.closed):
+            return taken
+        try:
+            free = once(None, start)
+        except ParameterError as error:
+            why = error
+        if taken is not None and _ratio(free, logs) > _POOR:
+            return taken
     poor = _ratio(free, logs)
     if free is not None and poor <= _POOR:
         return free
