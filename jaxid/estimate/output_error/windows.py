@@ -247,7 +247,13 @@ def _in_windows(growth: Predictability, robot: Robot, logs: LogSet, once: Once, 
 
 
 def _taken(
-    fit: Fit, growth: Predictability, loop: Feedback, poor: float, logs: LogSet, once: Once, unless: Unless
+    fit: Fit,
+    growth: Predictability,
+    loop: Feedback,
+    poor: float,
+    logs: LogSet,
+    once: Once,
+    unless: Unless | None = None,
 ) -> Fit:
     """`fit`, in windows, with a note that says why; or the free one from its good parameters, where that follows the logs:
     a whole log tells more than its windows. The free simulation from the start leaves `poor` times the noise."""
@@ -290,7 +296,7 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
         fit, loop = _in_windows(found, robot, logs, once, start), _loop(None, logs)
         taken = None
         if fit is not None and _ratio(fit, logs) <= min(_GOOD, _BETTER * astray.ratio):
-            taken = _taken(fit, found, loop, astray.ratio, logs, once, lost)
+            taken = _taken(fit, found, loop, astray.ratio, logs, once, lost if loop.closed else None)
         # What only its controller keeps from falling is followed by no free simulation, whatever the start. Another record
         # may be, and then tells more than its windows.
         if taken is not None and (taken.window is None or loop.closed):
@@ -318,4 +324,4 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
             raise why or ParameterError(f"the simulation of {robot.name!r} diverges")
         note = f"{capital(growth.sentence)}; windows leave as much, so that the model itself is suspect."
         return replace(free, notes=(*free.notes, note))
-    return _taken(fit, growth, loop, poor, logs, once, lost)
+    return _taken(fit, growth, loop, poor, logs, once)
