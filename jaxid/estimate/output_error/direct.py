@@ -57,16 +57,26 @@ class Direct(NamedTuple):
     weight: Float[Array, "G T Y L"]
 
 
+def _system(structure: Structure, problem: Problem) -> tuple[System | None, tuple[str, ...]]:
+    """The machine code's system, None where a simulation takes XLA, and the names of its parameters."""
+    names = tuple(sorted({*problem.numbers, *structure.names}))
+    if CLOCK_OFFSET in structure.state_names:
+        return None, names
+    return machine_model(structure.robot, names, structure.integrator.friction, tuple(problem.prescribed)), names
+
+
+def runs_directly(structure: Structure, problem: Problem) -> bool:
+    """Whether `direct` has an answer: no simulation takes XLA. Call under float64."""
+    return _system(structure, problem)[0] is not None
+
+
 def direct(structure: Structure, problem: Problem) -> Direct | None:
     """`problem` in lanes; None where a simulation takes XLA. Call under float64."""
-    if CLOCK_OFFSET in structure.state_names:
+    system, names = _system(structure, problem)
+    if system is None:
         return None
     problem = jax.tree.map(np.asarray, problem)
     robot, fixed = structure.robot, problem.prescribed
-    names = tuple(sorted({*problem.numbers, *structure.names}))
-    system = machine_model(robot, names, structure.integrator.friction, tuple(fixed))
-    if system is None:
-        return None
     E, T = problem.dt.shape
     known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
     weight = np.where(problem.mask, 1.0 / problem.sigma, 0.0)

@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..._arrays import array
 from ..._compile import compiled, forget_programs
 from .bounds import Bounds
-from .direct import costs_directly, direct, linearised_directly, side_by_side
+from .direct import costs_directly, direct, linearised_directly, runs_directly, side_by_side
 from .levenberg_marquardt import CANDIDATES, UNDECIDED, BestDampingLevenbergMarquardt, Search, State, begin, tried
 from .optimum import Optimum
 from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
@@ -76,7 +76,7 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
 
     Only compilation runs in threads of its own.
     """
-    missing = {key: task for task in tasks if (key := _key(*task)) not in _models and direct(task[0], task[1]) is None}
+    missing = {key: task for task in tasks if (key := _key(*task)) not in _models and not runs_directly(*task[:2])}
     lowered = [
         program
         for structure, problem, start in missing.values()

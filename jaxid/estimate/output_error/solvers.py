@@ -21,7 +21,7 @@ from ..._compile import compiled
 from ...kernel.machine import lanes as machine_lanes
 from .bounds import Unconstrained
 from .chart import chart_at
-from .direct import direct
+from .direct import runs_directly
 from .in_turns import minimise_in_turns
 from .lanes import Operation, ask, in_batch
 from .levenberg_marquardt import KINK, BestDampingLevenbergMarquardt, promise_of
@@ -152,7 +152,7 @@ def minimise_each(
     """`minimise` from many starts (leading axis of `starts`): in one compiled batch, or one after another in a fleet, whose
     lanes are its members, and where the logs alone fill the machine code's lanes, so that nothing has to be compiled."""
     ours = isinstance(solver, BestDampingLevenbergMarquardt)
-    filled = ours and 2 * problem.mask.shape[0] >= machine_lanes() and direct(structure, problem) is not None
+    filled = ours and 2 * problem.mask.shape[0] >= machine_lanes() and runs_directly(structure, problem)
     if not in_batch() and not filled:
         return minimise_lanes(structure, problem, starts, max_steps=max_steps, solver=solver)
     each = [jax.tree.map(lambda leaf, k=k: leaf[k], starts) for k in range(starts.z.shape[0])]
