@@ -13,13 +13,13 @@ from ...logs.windows import bridged, stitched
 from ...robots.robot import Robot
 from ..judge import judge, judged
 from ..result import Fit
+from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at
 from .lost_rows import lost_rows
 from .neglected import FALSE_ALARM, neglected
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_covariance import robust_covariance
-from .robust_loss import simulated
 from .went_nowhere import with_search
 
 Covariance = Literal["auto", "white", "robust"]

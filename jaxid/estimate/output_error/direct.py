@@ -26,6 +26,7 @@ from .problem import (
     Unknowns,
     linearise,
     parameters_at,
+    residual_weights,
     sensitivities,
     simulate_all,
 )
@@ -79,7 +80,6 @@ def direct(structure: Structure, problem: Problem) -> Direct | None:
     robot, fixed = structure.robot, problem.prescribed
     E, T = problem.dt.shape
     known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
-    weight = np.where(problem.mask, 1.0 / problem.sigma, 0.0)
     n = structure.integrator.substeps
     return Direct(
         system=system,
@@ -93,7 +93,7 @@ def direct(structure: Structure, problem: Problem) -> Direct | None:
         dt=grouped(np.asarray(problem.dt)),
         fixed=grouped(known),
         measured=grouped(np.where(problem.mask, problem.outputs, 0.0)),
-        weight=grouped(weight if problem.weight is None else weight * problem.weight),
+        weight=grouped(residual_weights(problem)),
     )
 
 

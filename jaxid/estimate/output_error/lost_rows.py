@@ -7,20 +7,15 @@ change by is turned into a change of the parameters, to first order.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
-import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._arrays import array
 from ...logs import LogSet
 from ..result import Fit
-from .lanes import BY_LOG
+from .evaluation import sensitivities_at, simulated_with
 from .neglected import without_starts
-from .problem import Problem, Structure, Unknowns
-from .robust_covariance import look
-from .robust_loss import simulated
+from .problem import Problem, Structure, Unknowns, residual_weights
 
 Array = NDArray[np.float64]
 
@@ -49,26 +44,11 @@ def _drawn(logs: LogSet, changes: Sequence[NDArray[np.int64]], inputs: Array, rn
     return inputs
 
 
-def _simulated_with(inputs: Sequence[Array], structure: Structure, problem: Problem, unknowns: Unknowns) -> Array:
-    """Simulated outputs [k, E, T, ny] with each of k inputs [E, T, nu], as one problem that has every log k times."""
-
-    def again(leaf):
-        return array(np.concatenate([np.asarray(leaf)] * len(inputs)))
-
-    fields = {name: jax.tree.map(again, getattr(problem, name)) for name in BY_LOG if name != "inputs"}
-    many = replace(problem, inputs=array(np.concatenate(inputs)), **fields)
-    outputs = np.asarray(simulated(structure, many, unknowns._replace(states=again(unknowns.states))))
-    return outputs.reshape(len(inputs), -1, *outputs.shape[1:])
-
-
 def _shifts(structure: Structure, problem: Problem, unknowns: Unknowns, changes: Array) -> Array:
     """Parameters' changes [n, k], to first order, by changes of what is measured [E, T, ny, k]."""
     n, k = len(structure.names), changes.shape[-1]
-    _, jacobian = (np.asarray(x) for x in look(structure, problem, unknowns))
-    weight = np.asarray(problem.mask) / np.asarray(problem.sigma)
-    if problem.weight is not None:
-        weight = weight * np.asarray(problem.weight)
-    moved = np.nan_to_num(changes * weight[..., None])
+    _, jacobian = (np.asarray(x) for x in sensitivities_at(structure, problem, unknowns))
+    moved = np.nan_to_num(changes * residual_weights(problem)[..., None])
     both = np.concatenate([jacobian[..., :n], moved], axis=-1)
     both = without_starts(problem, both, jacobian[..., n:]).reshape(-1, n + k)
     free = np.asarray(problem.free)
@@ -93,7 +73,7 @@ def lost_rows(fit: Fit, logs: LogSet, structure: Structure, problem: Problem, un
         return ""
     inputs, rng = np.asarray(problem.inputs), np.random.default_rng(_SEED)
     drawn = [_drawn(logs, changes, inputs, rng) for _ in range(_DRAWS)]
-    here, *there = _simulated_with([inputs, *drawn], structure, problem, unknowns)
+    here, *there = simulated_with([inputs, *drawn], structure, problem, unknowns)
     shifts = _shifts(structure, problem, unknowns, np.stack([y - here for y in there], axis=-1))
     off = np.where(known, np.sqrt(np.mean(shifts**2, axis=1)) / np.where(known, errors, 1.0), 0.0)
     most = int(np.argmax(off))

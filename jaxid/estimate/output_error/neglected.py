@@ -29,10 +29,10 @@ from ...robots.traits import refusal
 from ...simulation.scaled import scales_of
 from ..result import Fit
 from .direct import direct, sensitivities_directly
+from .evaluation import simulated_with
 from .lanes import Operation, ask
-from .problem import Problem, Structure, Unknowns, experiments, parameters_at, whitened
+from .problem import Problem, Structure, Unknowns, experiments, parameters_at, residual_weights, whitened
 from .robust_covariance import stationary
-from .robust_loss import simulated
 
 FALSE_ALARM = 0.001
 """How often a fit that lacks nothing is called poor for a force that it may lack."""
@@ -183,11 +183,8 @@ def _on_the_way(structure: Structure, problem: Problem, unknowns: Unknowns) -> A
     late = np.concatenate([inputs[:, :1], inputs[:, :-1]], axis=1)
     largest = np.abs(inputs).max(axis=(0, 1), keepdims=True)
     less = np.sign(inputs) * np.maximum(np.abs(inputs) - _INNER * largest, 0.0)
-    here = np.asarray(simulated(structure, problem, unknowns))
-    weight = np.asarray(problem.mask) / np.asarray(problem.sigma)
-    if problem.weight is not None:
-        weight = weight * np.asarray(problem.weight)
-    there = [np.asarray(simulated(structure, replace(problem, inputs=array(u)), unknowns)) for u in (late, less)]
+    weight = residual_weights(problem)
+    here, *there = simulated_with([inputs, late, less], structure, problem, unknowns)
     return np.stack([np.where(weight > 0.0, (y - here) * weight, 0.0) for y in there], axis=-1)
 
 

@@ -71,6 +71,12 @@ class Problem(eqx.Module):
     """Square roots of the weights that a robust loss gives to the samples; none for squares."""
 
 
+def residual_weights(problem: Problem) -> Float[np.ndarray, "E T ny"]:
+    """What residuals are multiplied by: one over the noise, times a robust loss's weight, zero where nothing was measured."""
+    weights = np.where(np.asarray(problem.mask), 1.0 / np.asarray(problem.sigma), 0.0)
+    return weights if problem.weight is None else weights * np.asarray(problem.weight)
+
+
 class Unknowns(NamedTuple):
     """The optimiser's coordinates: `z` of the parameters, `states` in units of their scale, relative to `start`."""
 

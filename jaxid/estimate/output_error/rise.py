@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from ..._arrays import array
 from ..result import Estimate, Fit
+from .evaluation import simulated
 from .from_optimum import AtBounds, known_spread
 from .optimum import Optimum
-from .problem import Problem, Structure, Unknowns, parameters_at
-from .robust_loss import simulated
+from .problem import Problem, Structure, Unknowns, parameters_at, residual_weights
 from .solvers import minimise_compiled
 
 _OFF = 3.0
@@ -57,8 +57,7 @@ class Rise(NamedTuple):
 def _cost(structure: Structure, problem: Problem, at: Unknowns) -> float:
     """Half the sum of squares, as `problem.cost`, from the simulation that every fit has compiled."""
     y = np.asarray(simulated(structure, problem, at))
-    r = np.where(np.asarray(problem.mask), (y - np.asarray(problem.outputs)) / np.asarray(problem.sigma), 0.0)
-    r = r if problem.weight is None else r * np.asarray(problem.weight)
+    r = np.where(np.asarray(problem.mask), (y - np.asarray(problem.outputs)) * residual_weights(problem), 0.0)
     off = np.asarray(parameters_at(problem, at.z) - problem.prior_mean)
     pull = np.where(np.asarray(problem.free), np.asarray(problem.prior_precision), 0.0) * off**2
     stiff = np.asarray(problem.state_precision) * np.asarray(problem.state_scale) ** 2

@@ -13,19 +13,15 @@ Neither sees what differs between recordings of one robot (a load, a temperature
 than the standard errors and by more than chance, these are widened to the scatter.
 """
 
-from functools import partial
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 from scipy import stats
 
-from ..._compile import compiled
-from .direct import sensitivities_now
-from .lanes import Operation, ask
-from .problem import Problem, Structure, Unknowns, sensitivities
+from .evaluation import sensitivities_at
+from .problem import Problem, Structure, Unknowns
 
 _MEMORIES = 10.0
 """Block length in units of the residual's correlation time: what correlates across borders is then a tenth."""
@@ -40,20 +36,6 @@ _FEW_LOGS = 2.0
 _DISAGREE = 0.01
 """How often logs that differ by noise alone are said to disagree."""
 _SINGULAR = 1e-13
-
-
-@partial(compiled, static_argnums=(0, 1))
-def _sensitivities_many(structure: Structure, _: None, problems: Problem, unknowns: Unknowns, others: tuple[()]):
-    return jax.vmap(lambda problem, at: sensitivities(structure, problem, at))(problems, unknowns)
-
-
-_LOOK = Operation("look", _sensitivities_many, lambda both, logs, samples: tuple(x[:logs, :samples] for x in both))
-
-
-def look(structure: Structure, problem: Problem, unknowns: Unknowns):
-    """`sensitivities`; of a fleet's members as lanes."""
-    together = ask(_LOOK, structure, None, problem, unknowns)
-    return sensitivities_now(structure, problem, unknowns) if together is None else together
 
 
 def memory(residual: Float[NDArray, "E T ny"], mask: Bool[NDArray, "E T ny"]) -> float:
@@ -159,7 +141,7 @@ def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
 def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns) -> Robust:
     """Covariance of the physical parameters at the optimum `unknowns`, for coloured residuals, NaN where the sensitivities are
     beyond all numbers. Call under float64."""
-    residual, jacobian = (np.asarray(x) for x in look(structure, problem, unknowns))
+    residual, jacobian = (np.asarray(x) for x in sensitivities_at(structure, problem, unknowns))
     mask = np.asarray(problem.mask)
     n, s = len(structure.names), len(structure.state_names)
     E, T = residual.shape[:2]

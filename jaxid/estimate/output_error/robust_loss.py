@@ -6,23 +6,19 @@ residual in units of its channel's scale, the median absolute deviation; the wei
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 
-from ..._arrays import AnyArray, array
-from ..._compile import compiled
+from ..._arrays import array
 from ...logs import LogSet
 from ..result import Outlier
-from .direct import simulated_now
-from .lanes import Operation, ask
+from .evaluation import simulated
 from .losses import Loss
 from .optimum import Optimum
-from .problem import Problem, Structure, Unknowns, simulate_all
+from .problem import Problem, Structure
 from .solvers import DEFAULT, Solver, minimise_compiled
 
 _NORMAL_MAD = 1.482602218505602
@@ -31,20 +27,6 @@ _SETTLED = 0.02
 """A round that moves no parameter by more than this many standard errors is the last."""
 _FAR_OFF = 4.5
 """Robust standard deviations beyond which a sample is listed: one normal sample in 150 000 is."""
-
-
-@partial(compiled, static_argnums=(0, 1))
-def _simulated_many(structure: Structure, _: None, problems: Problem, unknowns: Unknowns, others: tuple[()]):
-    return jax.vmap(lambda problem, at: simulate_all(structure, problem, at))(problems, unknowns)
-
-
-_SIMULATE = Operation("simulate", _simulated_many, lambda outputs, logs, samples: outputs[:logs, :samples])
-
-
-def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[AnyArray, "E T ny"]:
-    """Simulated outputs of all experiments; of a fleet's members as lanes."""
-    together = ask(_SIMULATE, structure, None, problem, unknowns)
-    return simulated_now(structure, problem, unknowns) if together is None else together
 
 
 class Robust(NamedTuple):

@@ -20,9 +20,9 @@ from jaxtyping import Float
 
 from ..._arrays import array
 from ...simulation.rollout import Integrator
+from .evaluation import simulated
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
-from .robust_loss import simulated
 from .solvers import DEFAULT, Solver, minimise_compiled
 
 _FINER = 4

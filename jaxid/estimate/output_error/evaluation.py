@@ -1,0 +1,67 @@
+"""Simulations and sensitivities at given unknowns, wherever a fit runs.
+
+Of a fit by itself in machine code or as a compiled program (`direct`); of a fleet's member as a lane of one program.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from ..._arrays import AnyArray, array
+from ..._compile import compiled
+from .direct import runs_directly, sensitivities_now, simulated_now
+from .lanes import BY_LOG, Operation, ask, in_batch
+from .problem import Problem, Structure, Unknowns, sensitivities, simulate_all
+
+
+@partial(compiled, static_argnums=(0, 1))
+def _simulate_many(structure: Structure, _: None, problems: Problem, unknowns: Unknowns, others: tuple[()]):
+    return jax.vmap(lambda problem, at: simulate_all(structure, problem, at))(problems, unknowns)
+
+
+@partial(compiled, static_argnums=(0, 1))
+def _sensitivities_many(structure: Structure, _: None, problems: Problem, unknowns: Unknowns, others: tuple[()]):
+    return jax.vmap(lambda problem, at: sensitivities(structure, problem, at))(problems, unknowns)
+
+
+_SIMULATE = Operation("simulate", _simulate_many, lambda outputs, logs, samples: outputs[:logs, :samples])
+_LINEARISE = Operation(
+    "sensitivities", _sensitivities_many, lambda both, logs, samples: tuple(x[:logs, :samples] for x in both)
+)
+
+
+def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[AnyArray, "E T ny"]:
+    """`problem.simulate_all`."""
+    together = ask(_SIMULATE, structure, None, problem, unknowns)
+    return simulated_now(structure, problem, unknowns) if together is None else together
+
+
+def simulated_with(
+    inputs: Sequence[Float[np.ndarray, "E T nu"]], structure: Structure, problem: Problem, unknowns: Unknowns
+) -> Float[np.ndarray, "k E T ny"]:
+    """Simulated outputs with each of k other inputs of the logs.
+
+    Side by side where machine code answers at once; a program of XLA's, which has been compiled for so many logs, is run
+    again instead.
+    """
+    if in_batch() or not runs_directly(structure, problem):
+        each = (replace(problem, inputs=array(own)) for own in inputs)
+        return np.stack([np.asarray(simulated(structure, one, unknowns)) for one in each])
+
+    def again(leaf: AnyArray) -> AnyArray:
+        return array(np.concatenate([np.asarray(leaf)] * len(inputs)))
+
+    fields = {name: jax.tree.map(again, getattr(problem, name)) for name in BY_LOG if name != "inputs"}
+    many = replace(problem, inputs=array(np.concatenate(inputs)), **fields)
+    outputs = np.asarray(simulated_now(structure, many, unknowns._replace(states=again(unknowns.states))))
+    return outputs.reshape(len(inputs), -1, *outputs.shape[1:])
+
+
+def sensitivities_at(structure: Structure, problem: Problem, unknowns: Unknowns):
+    """`problem.sensitivities`."""
+    together = ask(_LINEARISE, structure, None, problem, unknowns)
+    return sensitivities_now(structure, problem, unknowns) if together is None else together
