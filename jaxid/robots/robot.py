@@ -22,6 +22,8 @@ from .scales import Scales
 from .traits import refusal, traits_of
 
 _EMPTY = ParameterTable({})
+_OWN: Any = None
+"""In place of what `__post_init__` then takes from the robot itself."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,9 +40,9 @@ class Robot:
     robot says about itself beyond that are traits: whoever lacks one does without the effects that need it.
     """
 
-    parameters: ParameterTable = field(default=None)  # type: ignore[assignment]
+    parameters: ParameterTable = field(default=_OWN)
     effects: tuple[Effect, ...] = ()
-    scales: Scales = field(default=None, compare=False, repr=False, kw_only=True)  # type: ignore[assignment]
+    scales: Scales = field(default=_OWN, compare=False, repr=False, kw_only=True)
     """Orders of magnitude of what it does (None: nominal ones): first guesses of effects are shares of them."""
     longest_step: float = field(default=math.inf, compare=False, repr=False, kw_only=True)
     """Integration step [s] that a fit found necessary for these numbers, where that is shorter than `max_step`."""
