@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from jaxid import AXIS, Axis, Log, LogSet, compare, output_error
+from jaxid import AXIS, Axis, Fit, Log, LogSet, compare, output_error
+from jaxid.estimate.output_error import output_error as module
+from jaxid.estimate.output_error import windows
+from jaxid.estimate.output_error.windows import Lost
 from jaxid.explanation.explain import without_windows
 
 SAMPLES = 300
@@ -88,3 +91,29 @@ def test_a_plant_that_is_not_unstable_stays_free_though_its_model_is_wrong(pendu
 
 def test_an_unstable_plant_keeps_its_windows_to_be_explained(fit, inverted):
     assert without_windows(fit, inverted[:2]) is fit
+
+
+def test_windows_of_a_record_in_the_open_lead_on_to_the_free_fit_with_every_rescue(pendulum, monkeypatch):
+    """From this start the free fit is lost, with errors that grow. One from the windows' parameters tells more than they do,
+    and is not given up at its first minimum, as a record that its controller holds up would be: where that is poor
+    (here: whenever somebody asks), other starts are still to be tried."""
+    log = pendulum.recorded("over the top", pendulum.held(8.0, SAMPLES, 25, 5))
+    after_windows = []
+
+    def choose(robot, logs, once, start):
+        def unlucky(window, start, unless=None):
+            if window is None and isinstance(start, Fit):
+                after_windows.append(start.window)
+                if unless is not None:
+                    raise Lost(10.0)
+            return once(window, start, unless)
+
+        return windows.choose(robot, logs, unlucky, start)
+
+    monkeypatch.setattr(module, "choose", choose)
+    fit = output_error(pendulum.robot(g=25.0, d=0.2, b=0.6), LogSet([log]))
+    assert len(after_windows) == 1 and 0.0 < after_windows[0] < log.duration
+    assert fit.window is None and fit.judgement.verdict == "sound"
+    assert f"a fit in windows of {after_windows[0]:.3g} s led to" in fit.notes[-1]
+    for name, truth in pendulum.truth.items():
+        assert abs(fit[name].value - truth) < 4.0 * fit[name].std_error < 0.05, name
