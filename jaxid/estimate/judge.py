@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs import LogSet
-from ..logs.noise import usual_size
+from ..logs.noise import sensor_step, usual_size, white_level
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
@@ -110,14 +110,24 @@ def _wandering(parts: Sequence[Array]) -> bool:
     return bool(rho[1] > _SLOW and np.abs(changes[1:]).max() < rho[1])
 
 
-def slow_part(parts: Sequence[Array], noise: float) -> tuple[float, float]:
+def step_of(logs: LogSet, channel: str) -> float:
+    """The step of a channel's sensor, the coarsest of all logs; zero where there is none, or no such channel."""
+    if channel not in logs.channels.measured:
+        return 0.0
+    return max(sensor_step(log.output(channel)) for log in logs)
+
+
+def slow_part(parts: Sequence[Array], noise: float, step: float = 0.0) -> tuple[float, float]:
     """What is slow in a residual, root mean square in units of white noise: of all logs, and of the one that has most of it.
 
     Between neighbouring samples hardly anything slow changes, so that they differ by the sensor's noise alone. Zero where
-    they differ by more than white noise does: then the noise itself is coloured, or the model's errors are fast.
+    they differ by more than white noise does: then the noise itself is coloured, or the model's errors are fast. How much
+    that is, the residual says as well as the data, and better where the data's own third differences hold quick motion; but
+    of a coarse sensor, whose rounding is no white noise from sample to sample, no less than its `step` makes on average.
     """
     changes = [np.diff(part) for part in parts]
-    if usual_size(np.concatenate(changes)) > _WHITE * np.sqrt(2.0) * noise:
+    white = min(noise, max(white_level(np.concatenate(parts)), step / np.sqrt(12.0)) or noise)
+    if usual_size(np.concatenate(changes)) > _WHITE * np.sqrt(2.0) * white:
         return 0.0, 0.0
 
     def shared(products: Array) -> float:
@@ -193,7 +203,7 @@ def judge(
         sentences.append(
             f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
         )
-    slow = {c: slow_part(parts[c], noise[c]) for c in coloured if c not in follows}
+    slow = {c: slow_part(parts[c], noise[c], step_of(logs, c)) for c in coloured if c not in follows}
     slow = {c: sizes for c, sizes in slow.items() if sizes[0] > LEFT or sizes[1] > LEFT_IN_ONE}
     if slow:
         several = len(kept) > 1

@@ -6,6 +6,7 @@ import pytest
 from jaxid import Axis, Log, LogSet, fit_fleet, instrumental_variables, integral_least_squares, output_error
 from jaxid.estimate.judge import judge, judged
 from jaxid.estimate.residual_tests import bursts, independent, relation, uneven
+from jaxid.logs.noise import noise_scale
 
 SAMPLES = 500
 ROBOT = Axis().change("offset", free=False).with_values(M=1.0, Fv=2.0, Fc=0.5)
@@ -64,6 +65,40 @@ def test_a_slow_error_above_white_noise_is_not_taken_for_the_sensors_colour(axis
     assert fit.trustworthy and fit.standard_errors == "robust"  # less than the noise: seen, and no reason to distrust
     fit = output_error(ROBOT, LogSet([log(axis_log, 0.03 * coloured(0.85, 12))]))
     assert fit.judgement.verdict == "coloured" and 2.0 < fit.judgement.normalised_rms
+
+
+def test_quick_motion_does_not_make_first_order_noise_of_a_sensor_look_white():
+    """A motion whose time constant is two samples is in the third differences of the data, and in the residual's not.
+
+    The inputs change all the time, as under a hand on a joystick, so that none of them are left out.
+    """
+    random = np.random.default_rng(22)
+    time, judgements = 0.1 * np.arange(SAMPLES), []
+    for memory in (0.6, 0.8):
+        logs, clean = [], []
+        for name in "ab":
+            u = np.repeat(random.uniform(-1, 1, SAMPLES // 10), 10) + 0.01 * random.normal(size=SAMPLES)
+            motion = np.zeros(SAMPLES)
+            for k in range(1, SAMPLES):
+                motion[k] = motion[k - 1] + (1.0 - np.exp(-0.5)) * (u[k - 1] - motion[k - 1])
+            noise = 0.1 * coloured(memory, random.integers(1 << 30))
+            logs.append(Log.from_arrays(name, time, u, motion + noise, "axis"))
+            clean.append(np.stack([motion if c == "v" else 0.0 * motion for c in ROBOT.channels.measured], 1))
+        logs = LogSet(logs)
+        judgements.append(judge(logs, clean, noise_scale(logs)))
+    assert [found.verdict for found in judgements] == ["coloured", "coloured"]
+
+
+def test_a_slow_error_under_the_rounding_of_a_coarse_sensor_is_seen():
+    """Rounding steps seldom, so that the residual's differences are small; the sensor's step still says what noise it makes."""
+    time = 0.02 * np.arange(SAMPLES)
+    motion = np.sin(1.3 * time) + 0.5 * np.sin(2.9 * time)
+    wander = np.convolve(np.random.default_rng(23).normal(size=SAMPLES + 30), np.hanning(31), "valid")
+    measured = 0.05 * np.round((motion + 0.05 * wander / np.std(wander)) / 0.05)
+    log = Log.from_arrays("coarse", time, np.zeros(SAMPLES), measured, "axis")
+    clean = np.stack([motion if c == "v" else 0.0 * motion for c in ROBOT.channels.measured], 1)
+    found = judge(LogSet([log]), [clean], noise_scale(log))
+    assert found.verdict == "poor" and "white noise alone" in found.sentence
 
 
 def test_these_estimates_are_the_better_ones_only_where_the_sensor_may_have_made_the_residual(axis_log):

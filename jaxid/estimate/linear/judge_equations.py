@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...logs import LogSet
 from ...logs.noise import noise_scale
 from ..confidence.agreement import rms
-from ..judge import ABOVE, FOLLOWS, LEFT, LEFT_IN_ONE, NOTHING, POOR, drivers, judged, slow_part, with_integration
+from ..judge import ABOVE, FOLLOWS, LEFT, LEFT_IN_ONE, NOTHING, POOR, drivers, judged, slow_part, step_of, with_integration
 from ..judgement import Judgement, Verdict
 from ..noise_colour import Colour, colour_in_stretches
 from ..residual_tests import FALSE_ALARM, relation, whiteness
@@ -73,7 +73,7 @@ def judged_equations(
     if pooled > ABOVE:
         sentences.append(f"The equations are off by {pooled:.3g} times the noise that the sensors show (RMS).")
     if residual is not None:
-        coloured, more, doubtful = _left(residual, noise, by_channel)
+        coloured, more, doubtful = _left(residual, logs, noise, by_channel)
         sentences += more
     verdict: Verdict = "sound"
     if pooled > POOR or doubtful:
@@ -103,7 +103,7 @@ def judged_equations(
 
 
 def _left(
-    residual: Residual, noise: Mapping[str, float], by_channel: Mapping[str, float]
+    residual: Residual, logs: LogSet, noise: Mapping[str, float], by_channel: Mapping[str, float]
 ) -> tuple[list[str], list[str], bool]:
     """Channels whose residual is not white, what is to be said of the residual, and whether it makes the fit poor."""
     names = [name for name in residual.parts if by_channel.get(name, 0.0) >= NOTHING]
@@ -115,7 +115,7 @@ def _left(
         for name, driver in follows.items()
     ]
     slow = [name for name in coloured if name not in follows and residual.whole]
-    slow = {name: slow_part(residual.parts[name], noise[name]) for name in slow}
+    slow = {name: slow_part(residual.parts[name], noise[name], step_of(logs, name)) for name in slow}
     slow = {name: sizes for name, sizes in slow.items() if sizes[0] > LEFT or sizes[1] > LEFT_IN_ONE}
     for name, (every, _) in slow.items():
         sentences.append(
