@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 Verdict = Literal["sound", "coloured", "poor", "failed"]
+LOOK_FURTHER = "`explain` looks further."
+"""What to do about a force that the residual shows."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class Judgement:
     - `normalised_rms`: RMS of the residual in units of the noise, all channels; `by_channel`.
     - `white`: whether the residual passed the test of whiteness; None where the method has none to test.
     - `sentences`: what was found, most important first; none for a sound fit.
-    - `better`: a sentence that names an estimator which suits this noise better, empty if there is none.
+    - `better`: a sentence that names an estimator which suits this noise better, or what looks further; empty if there is none.
     - `biased`: parameters that noise in the regressors of a linear fit moves by more than half their standard error, with
       how many standard errors it is.
     """
@@ -52,7 +54,7 @@ class Judgement:
 
     def doubted(self, sentence: str) -> "Judgement":
         """The same of a fit whose residual turned out to hold what `sentence` says: a poor one."""
-        return replace(self, verdict="poor", sentences=(sentence, *self.sentences))
+        return replace(self, verdict="poor", sentences=(sentence, *self.sentences), better=self.better or LOOK_FURTHER)
 
     def also(self, sentence: str) -> "Judgement":
         """The same with one more sentence."""

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from .._json import plain, write_json
+from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
 from ..model_file import write_model
@@ -209,7 +210,13 @@ class Explanation:
         held, judgement = self.before, self.baseline.judgement
         error = f"on held-out logs the model's error is {held.normalised_rms:.2f} times the noise"
         doubted = judgement is not None and not judgement.trustworthy
-        though = f" The fit, though, is not beyond doubt. {judgement.sentence}" if judgement and doubted else ""
+        though = ""
+        if judgement is not None and doubted:
+            though = f" The fit, though, is not beyond doubt. {judgement.sentence.removesuffix(LOOK_FURTHER).strip()}"
+            if judgement.better == LOOK_FURTHER:
+                though += (
+                    " These held-out logs do not show it: hold out more, or livelier ones, to see whether it is there."
+                )
         white = f" and has no structure left (p = {held.p_white:.2g})"
         if held.p_white > FALSE_ALARM:
             return f"Nothing is missing{' that held-out logs show' if doubted else ''}: {error}{white}.{though}"

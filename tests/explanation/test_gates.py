@@ -189,3 +189,5 @@ def test_an_error_below_the_noise_that_is_not_white_is_not_said_to_be(heavy_tail
     doubted = found.baseline.judgement.doubted("What is left holds the mark of a delay.")
     poor = replace(found, baseline=replace(found.baseline, judgement=doubted))
     assert not poor.sentence.startswith("Nothing is missing:") and "mark of a delay" in poor.sentence
+    # Who has asked `explain` is told what to record, and not to ask `explain`.
+    assert "`explain`" in doubted.sentence and "`explain`" not in poor.sentence and "hold out more" in poor.sentence

@@ -9,7 +9,19 @@ from numpy.typing import NDArray
 from ...logs import LogSet
 from ...logs.noise import noise_scale
 from ..confidence.agreement import rms
-from ..judge import ABOVE, FOLLOWS, LEFT, LEFT_IN_ONE, NOTHING, POOR, drivers, judged, slow_part, step_of, with_integration
+from ..judge import (
+    ABOVE,
+    FOLLOWS,
+    LEFT,
+    LEFT_IN_ONE,
+    NOTHING,
+    POOR,
+    drivers,
+    judged,
+    slow_part,
+    step_of,
+    with_integration,
+)
 from ..judgement import Judgement, Verdict
 from ..noise_colour import Colour, colour_in_stretches
 from ..residual_tests import FALSE_ALARM, relation, whiteness

@@ -12,6 +12,7 @@ from ...logs.noise import noise_scale
 from ...logs.windows import bridged, stitched
 from ...robots.robot import Robot
 from ..judge import judge, judged
+from ..judgement import LOOK_FURTHER
 from ..result import Fit
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at
@@ -114,7 +115,7 @@ def conclude(
         if lacking is not None and lacking.p_value < FALSE_ALARM:
             judgement = judgement.doubted(lacking.sentence(fit))
         elif lacking is not None and lacking.worth_a_note(fit):
-            fit = replace(fit, notes=(*fit.notes, lacking.sentence(fit)))
+            fit = replace(fit, notes=(*fit.notes, f"{lacking.sentence(fit)} {LOOK_FURTHER}"))
     unknown = lost_rows(fit, logs, structure, bounded.problem, optimum.unknowns)
     if unknown:
         fit = replace(fit, notes=(*fit.notes, unknown))

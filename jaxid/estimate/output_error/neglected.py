@@ -133,7 +133,7 @@ class Neglected(NamedTuple):
         found = "holds the mark of" if sure else "hints at"
         return (
             f"What is left {found} {self.words} (p = {self.p_value:.1g}{'' if sure else ': it may be chance'}), which the "
-            f"model does not have{then if moves[most] > 1.0 else ''}; `explain` looks further."
+            f"model does not have{then if moves[most] > 1.0 else ''}."
         )
 
 
