@@ -115,11 +115,13 @@ def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
     low, high = np.quantile(values, [0.01, 0.99])
     least = max(7 * spread, 4.5 * quantum(values), 0.05 * (high - low))
     spikes = 1 + np.flatnonzero((away > 3 * nearby) & (away > least))
-    # The first and last sample have one neighbour; a start or stop changes on over the next samples.
+    # The first and last sample have one neighbour; a start or stop changes on over the next samples, or, of a robot quicker
+    # than its log, is over before the next one: then it is from rest, or to it.
     sizes = np.abs(steps)
-    if sizes[0] > max(6 * sizes[1:5].max(), 2 * least):
+    moving = np.abs(values) > 3 * spread
+    if moving[0] and sizes[0] > max(6 * sizes[1:5].max(), 2 * least):
         spikes = np.append(0, spikes)
-    if sizes[-1] > max(6 * sizes[-5:-1].max(), 2 * least):
+    if moving[-1] and sizes[-1] > max(6 * sizes[-5:-1].max(), 2 * least):
         spikes = np.append(spikes, len(values) - 1)
     if len(spikes):
         first = int(spikes[0])

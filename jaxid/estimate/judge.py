@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs import LogSet
-from ..logs.noise import sensor_step, usual_size, white_level
+from ..logs.noise import as_sampled, sensor_step, usual_size, white_level
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
@@ -184,7 +184,8 @@ def judge(
                 f"The fit is worse than {words}: it leaves {_times(pooled)} times the noise, that {_times(rival)}."
             )
 
-    coloured = [c for c, own in parts.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
+    series = {c: [as_sampled(part) for part in own] for c, own in parts.items()}
+    coloured = [c for c, own in series.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
     driving = drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
     follows = {}
     for c, own in parts.items():
@@ -203,7 +204,7 @@ def judge(
         sentences.append(
             f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
         )
-    slow = {c: slow_part(parts[c], noise[c], step_of(logs, c)) for c in coloured if c not in follows}
+    slow = {c: slow_part(series[c], noise[c], step_of(logs, c)) for c in coloured if c not in follows}
     slow = {c: sizes for c, sizes in slow.items() if sizes[0] > LEFT or sizes[1] > LEFT_IN_ONE}
     if slow:
         several = len(kept) > 1
@@ -216,13 +217,13 @@ def judge(
     alone = [c for c in coloured if c not in follows and c not in slow]
     # So large that it is the sensor's only if it is as even as a sensor's noise.
     limit = _FOLLOWS_LARGE / (2 * max(len(alone), 1))
-    bursty = [c for c in alone if pooled > POOR and min(bursts(parts[c]), uneven(parts[c])) < limit]
+    bursty = [c for c in alone if pooled > POOR and min(bursts(series[c]), uneven(series[c])) < limit]
     if bursty:
         sentences.append(
             f"What is left in {_listed(bursty)} comes in bursts or on one log more than on another, as no sensor's noise does: "
             "the model lacks something, or inputs were not those that were logged."
         )
-    few = [c for c in alone if c not in bursty and pooled > POOR and independent(parts[c]) < FEWEST]
+    few = [c for c in alone if c not in bursty and pooled > POOR and independent(series[c]) < FEWEST]
     if few:
         sentences.append(
             f"What is left in {_listed(few)} changes so slowly that these logs hold fewer than {FEWEST} independent samples of "
@@ -260,7 +261,7 @@ def judge(
             f"A few samples of {_listed(outlying)} lie far from all others and make it that large: outliers, which squares "
             'give too much weight; output error with `loss="cauchy"` (`--loss cauchy`) gives them little.'
         )
-    wandering = [c for c in coloured if by_channel[c] > ABOVE and _wandering(parts[c])]
+    wandering = [c for c in coloured if by_channel[c] > ABOVE and _wandering(series[c])]
     if not better and wandering:
         # What follows the motion, is slow above white noise, or is uneven, is not the sensor's.
         doubtful = any(c not in follows and c not in slow and c not in bursty for c in wandering)

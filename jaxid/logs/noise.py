@@ -3,8 +3,9 @@
 Third differences (divided by the times between the samples, where these are uneven) remove what is smooth over four
 samples and leave white noise, amplified by a known factor. Samples around a change of the input are left out where enough
 remain, since a motion has a kink there. The estimate needs no model, so a model's residual can be judged by it. What a
-slower sensor repeats is counted once, a signal that does not move says nothing, and no noise is finer than the sensor's
-step (its standard deviation over sqrt(12), Widrow and Kollar 2008). Noise that is correlated over several samples is
+slower sensor repeats is counted once; where it leaves cells empty, its own samples are the neighbours; a signal that does
+not move says nothing, and no noise is finer than the sensor's step (its standard deviation over sqrt(12), Widrow and
+Kollar 2008). Noise that is correlated over several samples is
 underestimated (of first-order noise with a correlation of 0.8 a third is seen): from one log it cannot be told from motion,
 from the residual of a fit it can.
 """
@@ -58,6 +59,18 @@ def _updates(y: NDArray[np.float64]) -> NDArray[np.int64] | None:
     return changed if np.median(steps) > _FINE * sensor_step(y) else None
 
 
+def _sparse(y: NDArray[np.float64]) -> bool:
+    """Whether most measured samples have no measured neighbours: of a sensor slower than the log, its other cells empty."""
+    there = np.isfinite(y)
+    four = there[:-3] & there[1:-2] & there[2:-1] & there[3:]
+    return 2 * np.count_nonzero(four) < np.count_nonzero(there)
+
+
+def as_sampled(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A signal as its own sensor samples it: without the empty cells of a log that is faster; else as it is."""
+    return y[np.isfinite(y)] if _sparse(y) else y
+
+
 def _third(y: NDArray[np.float64], time: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """Third divided differences of a signal, in units in which white noise has its own standard deviation."""
     if time is None:
@@ -72,7 +85,7 @@ def _third(y: NDArray[np.float64], time: NDArray[np.float64] | None = None) -> N
 def _differences(y: NDArray[np.float64], inputs: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.float64]:
     """Third differences of one channel, those across an input change dropped where that leaves at least 60."""
     switched = np.cumsum(np.append(0, np.any(np.diff(inputs, axis=0) != 0, axis=1)))
-    updates = _updates(y)
+    updates = np.flatnonzero(np.isfinite(y)) if _sparse(y) else _updates(y)
     if updates is not None:
         y, switched, time = y[updates], switched[updates], time[updates]
     third = _third(y, time)

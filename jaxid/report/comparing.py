@@ -20,6 +20,9 @@ from .comparison import Comparison
 
 HORIZONS = (1, 10)
 """Samples ahead that a model with process noise predicts, beside its free simulation."""
+_PUBLISHED = ("Table", "section")
+_SAME_ROBOT = 1.2
+"""Ratio of a known constant and the published one beyond which the robot is another one."""
 
 
 def _labels(fits: Sequence[Fit]) -> tuple[str, ...]:
@@ -41,9 +44,14 @@ def _fitted_start(fit: Fit, logs: LogSet) -> dict[str, np.ndarray] | None:
 
 
 def _published(fits: Sequence[Fit]) -> dict[str, float]:
-    """Defaults of the robots' tables that come from a publication."""
-    tables = [fit.robot.defaults() for fit in reversed(fits)]
-    return {n: p.value for table in tables for n, p in table.items() if p.source.startswith(("Table", "section"))}
+    """Defaults of the robots' tables that come from a publication; none if the owner knows that it is not of this robot."""
+    found: dict[str, float] = {}
+    for fit in reversed(fits):
+        own = {n: p.value for n, p in fit.robot.defaults().items() if p.source.startswith(_PUBLISHED)}
+        known = [(fit.robot.parameters[n].value, v) for n, v in own.items() if n not in fit.free_names]
+        if all(1.0 / _SAME_ROBOT <= a / b <= _SAME_ROBOT for a, b in known if a and b):
+            found |= own
+    return found
 
 
 def _same_data(one: Log, other: Log) -> bool:
@@ -130,9 +138,11 @@ def compare(
                 seen = simulate(f.robot, fit, start=_fitted_start(f, fit))
             fitted[label] = agreement(fit, seen, level)
     references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)
-    for found in reversed(fits):
+    for found in reversed(fits) if references else ():
+        fixed = {n: v for n, v in found.robot.parameters.numbers.items() if n not in found.free_names}
+        numbers = {**found.robot.defaults().numbers, **(fixed if truth is not None else {}), **references}
         for name, (function, _, _) in found.robot.combinations.items():
-            references.setdefault(name, float(function({**found.robot.defaults().numbers, **references})))
+            references.setdefault(name, float(function(numbers)))
     kind = "true" if truth is not None else "published"
     return Comparison(
         named, held_out, noise, predicted, fitted, kind, references, (*said, *_notes(named, held_out, fit)), ahead

@@ -325,3 +325,20 @@ def test_a_sign_is_not_read_from_a_motion_that_the_inputs_did_not_ask_for(held, 
     for sign in (1, -1):
         turning = sign * 0.05 * log.output("eta1") + 0.01 * np.random.default_rng(1).normal(size=T)
         assert not _checks(_wrong(log, outputs=np.stack([log.output("eta1"), turning], axis=-1)))
+
+
+def test_a_start_that_is_over_before_the_next_sample_is_no_spike():
+    """A light robot logged at 10 Hz: at rest, and at speed one sample later. A wild first reading still is a spike."""
+    random = np.random.default_rng(31)
+    u = np.repeat(random.uniform(-1, 1, 20), 15)
+    v = np.zeros(len(u))
+    for k in range(1, len(u)):
+        v[k] = v[k - 1] + 0.99 * (u[k - 1] - v[k - 1])
+    v = v + 0.002 * random.normal(size=len(u))
+
+    def spikes(values):
+        found = preflight(Log.from_arrays("light", 0.1 * np.arange(len(u)), u, values, "axis"))
+        return [f.sample for f in found if f.check == "spike"]
+
+    assert spikes(v) == []
+    assert spikes(np.where(np.arange(len(u)) == 0, 3.0, v)) == [0]

@@ -291,3 +291,17 @@ def test_outliers_are_called_outliers_and_not_coloured_noise(axis_log):
     assert fit.judgement.normalised_rms > 2.0 and fit.judgement.white and fit.trustworthy
     assert fit.judgement.verdict == "sound" and "outliers" in fit.judgement.sentence
     assert any("cauchy" in note for note in fit.notes)
+
+
+def test_a_slow_sensor_whose_other_cells_are_empty_is_judged_by_its_own_samples(axis_log):
+    """Every fifth cell measured: white noise is sound, first-order noise of the sensor coloured, and neither of them poor."""
+    every = np.arange(SAMPLES) % 5 > 0
+    for memory, verdict in ((0.0, "sound"), (0.7, "coloured")):
+        logs, clean = [], []
+        for name, seed in (("a", 31), ("b", 32), ("c", 33)):
+            noise = np.full(SAMPLES, np.nan)
+            noise[~every] = 0.01 * coloured(memory, seed, SAMPLES // 5)
+            logs.append(log(axis_log, noise, name))
+            clean.append(axis_log(name, INPUTS, position=False).outputs)
+        found = judge(LogSet(logs), clean, noise_scale(LogSet(logs)))
+        assert found.verdict == verdict

@@ -139,3 +139,12 @@ def test_the_levels_own_error_is_what_it_scatters_by(axis_log):
     found = [noise_level(log)["v"] for log in noisy]
     assert noise_error(noisy[0])["v"] == pytest.approx(np.std(found) / np.mean(found), rel=0.15)
     assert np.isnan(noise_error(noisy[0])["q"])  # of which nothing was measured
+
+
+@pytest.mark.parametrize("every", [2, 5])
+def test_a_slower_sensor_that_leaves_cells_empty_has_its_own_neighbours(every):
+    """As the pre-flight check of a slow sensor advises."""
+    inputs, speed = motion(4000)
+    values = speed + 0.01 * np.random.default_rng(1).normal(size=4000)
+    values[np.arange(4000) % every > 0] = np.nan
+    assert noise_level(measured(inputs, values))["v"] == pytest.approx(0.01, rel=0.25)
