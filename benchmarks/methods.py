@@ -22,10 +22,10 @@ import jaxid
 from jaxid.estimate.prediction_error.likelihood import flat
 from jaxid.estimate.prediction_error.scoring import minimise_lanes
 from jaxid.estimate.prediction_error.setup import build
-from jaxid.estimate.prediction_error.uncertainties import doubts, pseudo_inverse, sandwich, whitened
+from jaxid.estimate.prediction_error.uncertainties import doubts, sandwich, whitened
 
 from .methods_page import write_page
-from .prediction_error import _OMNI, _USUAL, DT, _axis, axis, omni
+from .prediction_error import _OMNI, _USUAL, DT, _axis, axis, covariances, omni
 
 RESULTS = Path(__file__).parent / "results" / "methods.json"
 PAGE = Path(__file__).parents[1] / "docs" / "methods.md"
@@ -107,12 +107,13 @@ def by_prediction_error(robot: jaxid.Robot, sets: dict[str, jaxid.LogSet]) -> tu
         lanes = min(32, len(tasks))
         found = minimise_lanes(task.names, task.model, task.problem, {"outputs": outputs}, starts, lanes=lanes)
         scale, errors = np.asarray(task.problem.scale), []
+        spreads = covariances(task, {"outputs": outputs}, found, lanes)
         for k, logs in enumerate(sets.values()):
             problem = replace(task.problem, records=task.problem.records._replace(outputs=outputs[k]))
             white = whitened(task.names, task.model, problem, found.x[k])
             information = np.asarray(found.look.information[k])
             doubted = doubts(white, problem, logs[0].channels.measured)
-            spread = sandwich(white, problem, information) if doubted else pseudo_inverse(information)
+            spread = sandwich(white, problem, information, spreads[k]) if doubted else spreads[k]
             errors.append(np.sqrt(np.diag(spread)[:n]))
         return np.asarray(found.x)[:, :n] * scale, np.array(errors) * scale
 

@@ -9,7 +9,7 @@ output error with standard errors for white residuals and with robust ones. Writ
 import argparse
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,8 +23,10 @@ from jaxid.estimate.output_error.problem import Unknowns as Coordinates
 from jaxid.estimate.output_error.robust_covariance import robust_covariance
 from jaxid.estimate.output_error.setup import build as build_simulation
 from jaxid.estimate.prediction_error.likelihood import flat
-from jaxid.estimate.prediction_error.scoring import minimise_lanes
-from jaxid.estimate.prediction_error.setup import build
+from jaxid.estimate.prediction_error.scoring import QUIETEST, Optimum, minimise_lanes
+from jaxid.estimate.prediction_error.setup import Task, build
+from jaxid.estimate.prediction_error.uncertainties import pseudo_inverse
+from jaxid.estimate.prediction_error.unknown_levels import Looks, averaged, nodes
 from reference import excitation
 from reference.effects import complete, kernel_vector
 from reference.pioneer import PIONEER, mass_and_bias
@@ -206,10 +208,35 @@ def _figures(off: np.ndarray, errors: np.ndarray, judged: np.ndarray) -> dict:
     }
 
 
-def study(setting: Setting, fits: int) -> dict:
+def covariances(task: Task, own: Mapping[str, jax.Array], found: Optimum, lanes: int) -> np.ndarray:
+    """Covariances [N, p, p] of N fits, as `prediction_error` has them for white innovations: averaged over the levels of
+    process noise that the logs leave open."""
+    problem, n = task.problem, len(task.names)
+    x, information = np.asarray(found.x), np.asarray(found.look.information)
+    levels = range(n, n + len(task.model.noisy))
+    lower, upper = (np.asarray(edge / problem.scale) for edge in (problem.lower, problem.upper))
+    moved = np.concatenate([(x[:, :n] > lower) & (x[:, :n] < upper), x[:, n:] > QUIETEST], axis=1)
+    places = [nodes(one, about, levels) for one, about in zip(x, information, strict=True)]
+    points = [place.points for own_places in places for place in own_places]
+    if not points:
+        return np.array([pseudo_inverse(about) for about in information])
+    sizes = [sum(len(place.points) for place in own_places) for own_places in places]
+    whose = np.repeat(np.arange(len(x)), sizes)
+    mine, at = {name: leaf[whose] for name, leaf in own.items()}, jnp.asarray(np.concatenate(points))
+    look = minimise_lanes(task.names, task.model, task.problem, mine, at, lanes=lanes, max_steps=0).look
+    all_of_them, begin = Looks(*map(np.asarray, look)), iter(np.cumsum([0, *map(len, points)]))
+
+    def looks(points: np.ndarray) -> Looks:
+        first = next(begin)  # asked for in the order of `points`
+        return Looks(*(leaf[first : first + len(points)] for leaf in all_of_them))
+
+    return np.array([averaged(x[k], information[k], looks, levels, moved[k]) for k in range(len(x))])
+
+
+def study(setting: Setting, fits: int, seed: int) -> dict:
     """One row."""
     begin, robot = time.process_time(), setting.robot()
-    true, random = robot.parameters.numbers, np.random.default_rng(17)
+    true, random = robot.parameters.numbers, np.random.default_rng(seed)
     runs = [setting.simulator(u, fits, setting.q, setting.r, random, true) for u in setting.inputs]
     logs = jaxid.LogSet(
         jaxid.Log.from_arrays(
@@ -228,9 +255,10 @@ def study(setting: Setting, fits: int) -> dict:
         factors = np.exp(np.random.default_rng(13).uniform(-_APART, _APART, (fits, n)))
         starts = np.repeat(np.asarray(flat(task.start))[None], fits, axis=0)
         starts[:, :n] *= factors
-        found = minimise_lanes(task.names, task.model, task.problem, own, jnp.asarray(starts), lanes=min(32, fits))
-        x, information = np.asarray(found.x), np.asarray(found.look.information)
-        errors = np.sqrt(np.diagonal(np.linalg.pinv(information, hermitian=True), axis1=1, axis2=2))
+        lanes = min(32, fits)
+        found = minimise_lanes(task.names, task.model, task.problem, own, jnp.asarray(starts), lanes=lanes)
+        x = np.asarray(found.x)
+        errors = np.sqrt(np.diagonal(covariances(task, own, found, lanes), axis1=1, axis2=2))
         scale, values = np.asarray(task.problem.scale), np.array([true[name] for name in task.names])
         off, spread = x[:, :n] * scale - values, errors[:, :n] * scale
         lower, upper = np.asarray(task.problem.lower), np.asarray(task.problem.upper)
@@ -241,6 +269,7 @@ def study(setting: Setting, fits: int) -> dict:
         row = {
             "setting": setting.name,
             "fits": fits,
+            "seed": seed,
             "parameters": list(task.names),
             "judged": judged.tolist(),
             "prediction_error": {
@@ -283,13 +312,14 @@ def main() -> None:
     """Run all settings, or those whose name holds a word, and write the figures."""
     parser = argparse.ArgumentParser(description="Coverage with process and sensor noise.")
     parser.add_argument("--fits", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=2611, help="of the noises")
     parser.add_argument("--only", default="", help="settings whose name holds this; the others stay as they are")
     arguments = parser.parse_args()
     rows = {row["setting"]: row for row in json.loads(RESULTS.read_text())["rows"]} if RESULTS.exists() else {}
     for setting in SETTINGS:
         if arguments.only not in setting.name:
             continue
-        row = rows[setting.name] = study(setting, arguments.fits)
+        row = rows[setting.name] = study(setting, arguments.fits, arguments.seed)
         for method in ("prediction_error", "output_error", "output_error_robust"):
             if method in row:
                 cover = row[method]["coverage"]

@@ -31,9 +31,10 @@ from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
 from .disturbance import SIGNIFICANT, disturbance
 from .likelihood import Problem, Unknowns, flat, noise_at, parameters_at, unflat
-from .scoring import Optimum, costs_at, minimise_compiled
+from .scoring import QUIETEST, Optimum, costs_at, minimise_compiled
 from .setup import Task, build
 from .uncertainties import Whitened, doubts, expected, pseudo_inverse, sandwich, stated, whitened
+from .unknown_levels import Looks, averaged
 
 METHOD = "prediction_error"
 _LEVELS = np.linspace(-10.0, 0.0, 11)
@@ -153,6 +154,24 @@ def _parameters_covariance(
     return physical, np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T / slope
 
 
+def _covariance(task: Task, found: _Found) -> NDArray[np.float64]:
+    """Covariance [p, p] of all coordinates for white innovations, averaged over the process noises that the logs leave open:
+    over how large they may be, too, where none shows."""
+    n, nv = len(task.names), len(task.model.noisy)
+    levels, x = range(n, n + nv), np.array(found.optimum.x)
+    absent = np.asarray(task.problem.disturbed & ~found.problem.disturbed)
+    x[n : n + nv] = np.where(absent, QUIETEST, x[n : n + nv])
+
+    def looks(points: NDArray[np.float64]) -> Looks:
+        found = [_minimised(task, task.problem, jnp.asarray(point), 0).look for point in points]
+        return Looks(*(np.stack([np.asarray(part) for part in parts]) for parts in zip(*found, strict=True)))
+
+    information = looks(x[None]).information[0] if absent.any() else np.asarray(found.optimum.look.information)
+    lower, upper = (np.asarray(edge / task.problem.scale) for edge in (task.problem.lower, task.problem.upper))
+    moved = np.concatenate([(x[:n] > lower) & (x[:n] < upper), x[n:] > QUIETEST])
+    return averaged(x, information, looks, levels, moved)
+
+
 def _status(logs: LogSet, problem: Problem, found: Whitened) -> dict[str, str]:
     """What became of every log: one whose innovations are far larger than the others' stands out."""
     count = np.maximum(np.asarray(problem.records.there).sum(axis=(1, 2)), 1)
@@ -193,10 +212,10 @@ def prediction_error(
     - `report`: called with a sentence whenever a stage of the work is done.
 
     Returns a `Fit` whose `noise` is the sensors' and whose `disturbance` tells process noise from sensor noise. Standard
-    errors are those of the Fisher information, or a sandwich (`uncertainties`) where tests reject the innovations; the
-    notes say which. Sensors that lag or are stamped late are part of the filter (`late_sensors`). Raises `ParameterError`
-    for unknown or no free parameters, unknown states, sensors that remember in any other way, and where the filter
-    diverges at every start.
+    errors are those of the Fisher information, averaged over levels of process noise that the logs tell only roughly
+    (`unknown_levels`), or a sandwich (`uncertainties`) where tests reject the innovations; the notes say which. Sensors that
+    lag or are stamped late are part of the filter (`late_sensors`). Raises `ParameterError` for unknown or no free
+    parameters, unknown states, sensors that remember in any other way, and where the filter diverges at every start.
     """
     check_given(robot, logs)
     check_choice("initial_states", initial_states, InitialStates)
@@ -222,9 +241,10 @@ def prediction_error(
     names, channels = task.names, logs[0].channels.measured
     # Uncertainty with every parameter free: one that lies on its bound still widens the others' intervals.
     white = whitened(names, task.model, found.problem, found.optimum.x)
-    information = np.asarray(found.optimum.look.information)
+    covariance = _covariance(task, found)
     doubt = doubts(white, found.problem, channels)
-    covariance = sandwich(white, found.problem, information) if doubt else pseudo_inverse(information)
+    if doubt:
+        covariance = sandwich(white, found.problem, np.asarray(found.optimum.look.information), covariance)
     physical, jacobian = _parameters_covariance(task, found.problem, covariance)
     theta = np.asarray(parameters_at(found.problem, found.optimum.x[: len(names)]))
     magnitude = np.maximum(np.abs(theta), np.asarray(task.problem.scale))

@@ -88,7 +88,7 @@ def _moved(problem: Problem, x: Float[Array, " p"], scaled: _Scaled, damping) ->
 def minimise(
     names: tuple[str, ...], model: Model, problem: Problem, start: Float[Array, " p"], *, max_steps
 ) -> Optimum:
-    """Minimise -log L from `start`. Runs under `jit` and `vmap`."""
+    """Minimise -log L from `start`; without any steps, the look there. Runs under `jit` and `vmap`."""
 
     def unfinished(state):
         return ~state[2]
@@ -123,7 +123,7 @@ def minimise(
     return Optimum(x, here, steps, jnp.any(here.information != 0) & (steps < max_steps))
 
 
-@partial(compiled, static_argnames=("names", "model", "max_steps"))
+@partial(compiled, static_argnames=("names", "model"))
 def minimise_compiled(names, model, problem, start, *, max_steps=100) -> Optimum:
     """`minimise`, compiled."""
     return minimise(names, model, problem, start, max_steps=max_steps)
@@ -135,7 +135,7 @@ def costs_at(names, model, problem, xs: Float[Array, "L p"]) -> Float[Array, " L
     return jax.vmap(lambda x: cost(names, model, problem, x))(xs)
 
 
-@partial(compiled, static_argnames=("names", "model", "lanes", "max_steps"))
+@partial(compiled, static_argnames=("names", "model", "lanes"))
 def minimise_lanes(names, model, problem, own, starts: Float[Array, "N p"], *, lanes=32, max_steps=60) -> Optimum:
     """N problems that differ from `problem` in the fields `own` of their records (leading axis N), `lanes` at a time."""
     N = starts.shape[0]

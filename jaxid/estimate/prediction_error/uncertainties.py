@@ -100,8 +100,14 @@ def pseudo_inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
     return (vectors[:, kept] / values[kept]) @ vectors[:, kept].T * np.outer(scale, scale)
 
 
-def sandwich(found: Whitened, problem: Problem, information: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance [p, p] from the scores of blocks; every standard error at least that of the information."""
+def sandwich(
+    found: Whitened,
+    problem: Problem,
+    information: NDArray[np.float64],
+    white: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Covariance [p, p] from the scores of blocks; every standard error at least that of the covariance `white`, which holds
+    for white innovations."""
     there = np.asarray(problem.records.there)
     samples = int(there.any(axis=-1).sum())
     length = int(
@@ -113,6 +119,6 @@ def sandwich(found: Whitened, problem: Problem, information: NDArray[np.float64]
     blocks = blocks[np.any(blocks != 0.0, axis=1)]
     inverse = pseudo_inverse(information)
     covariance = inverse @ (blocks.T @ blocks) @ inverse
-    least, own = np.sqrt(np.diag(inverse)), np.sqrt(np.diag(covariance))
+    least, own = np.sqrt(np.diag(white)), np.sqrt(np.diag(covariance))
     grow = np.where(own > 0, np.maximum(least, own) / np.where(own > 0, own, 1.0), 1.0)
     return covariance * np.outer(grow, grow)

