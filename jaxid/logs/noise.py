@@ -63,7 +63,7 @@ def _sparse(y: NDArray[np.float64]) -> bool:
     """Whether most measured samples have no measured neighbours: of a sensor slower than the log, its other cells empty."""
     there = np.isfinite(y)
     four = there[:-3] & there[1:-2] & there[2:-1] & there[3:]
-    return 2 * np.count_nonzero(four) < np.count_nonzero(there)
+    return bool(2 * np.count_nonzero(four) < np.count_nonzero(there))
 
 
 def as_sampled(y: NDArray[np.float64]) -> NDArray[np.float64]:
