@@ -57,13 +57,17 @@ _WANDERS_LIKE_A_SENSOR = (
     "motion, prediction error, which has noise of the process beside that of the sensors, fits it better; if it is the "
     "sensor, these estimates are the better ones. A log of the robot at rest tells."
 )
+_FEW_ROWS = (
+    'Output error with `loss="cauchy"` (`--loss cauchy`) gives such samples little weight and lists them (`outliers`): look '
+    "there which of the two they are."
+)
 _ENDLESS = 1e100  # a number whose square is still one
 _SLOW = 0.6
 """Correlation of neighbouring residuals above which they wander rather than jitter."""
 _WHITE = 1.12
 """Scatter between neighbouring residuals, in units of the noise by third differences, up to which the sensor's noise is
 white: that of first-order noise is 1.17 for a correlation of 0.6 and 1.28 for 0.97."""
-_TAILS = 1.5
+TAILS = 1.5
 """Root mean square of a residual, in units of its usual size, from which single samples make it: of Gaussian noise one, of
 Student's with three degrees of freedom 1.4."""
 _CERTAIN = 4.0
@@ -186,6 +190,8 @@ def judge(
 
     series = {c: [as_sampled(part) for part in own] for c, own in parts.items()}
     coloured = [c for c, own in series.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
+    outlying = [c for c, own in parts.items() if by_channel[c] > max(ABOVE, TAILS * _usual(own) / noise[c])]
+    outlying = [] if any(_usual(own) > ABOVE * noise[c] for c, own in parts.items()) else outlying
     driving = drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
     follows = {}
     for c, own in parts.items():
@@ -218,10 +224,18 @@ def judge(
     # So large that it is the sensor's only if it is as even as a sensor's noise.
     limit = _FOLLOWS_LARGE / (2 * max(len(alone), 1))
     bursty = [c for c in alone if pooled > POOR and min(bursts(series[c]), uneven(series[c])) < limit]
-    if bursty:
+    # A few far samples pull squares off, and decide by themselves which part of the motion they happen to fall on.
+    glitches = [c for c in outlying if c in bursty or c in follows]
+    if glitches:
         sentences.append(
-            f"What is left in {_listed(bursty)} comes in bursts or on one log more than on another, as no sensor's noise does: "
-            "the model lacks something, or inputs were not those that were logged."
+            f"A few samples of {_listed(glitches)} make it that large: outliers (a sensor that failed for a "
+            "moment), or something brief that the model lacks (a push, a slip)."
+        )
+    uneven_ones = [c for c in bursty if c not in glitches]
+    if uneven_ones:
+        sentences.append(
+            f"What is left in {_listed(uneven_ones)} comes in bursts or on one log more than on another, as no sensor's noise "
+            "does: the model lacks something, or inputs were not those that were logged."
         )
     few = [c for c in alone if c not in bursty and pooled > POOR and independent(series[c]) < FEWEST]
     if few:
@@ -245,8 +259,6 @@ def judge(
         sentences.append(
             f"The residual of {_listed(alone)} is not white: coloured noise, or dynamics that are missing."
         )
-    outlying = [c for c, own in parts.items() if by_channel[c] > max(ABOVE, _TAILS * _usual(own) / noise[c])]
-    outlying = [] if any(_usual(own) > ABOVE * noise[c] for c, own in parts.items()) else outlying
     far = pooled > FAR or (pooled > POOR and bool(follows))
     verdict: Verdict = "sound"
     if failures:
@@ -256,7 +268,9 @@ def judge(
     elif coloured or (pooled > POOR and not outlying):
         verdict = "coloured"
     better = LOST if failures and not lost else ""
-    if verdict == "sound" and outlying:
+    if not better and glitches:
+        better = _FEW_ROWS
+    elif verdict == "sound" and outlying:
         better = (
             f"A few samples of {_listed(outlying)} lie far from all others and make it that large: outliers, which squares "
             'give too much weight; output error with `loss="cauchy"` (`--loss cauchy`) gives them little.'

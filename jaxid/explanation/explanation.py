@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from .._json import plain, write_json
+from ..estimate.judge import ABOVE, TAILS
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
@@ -187,7 +188,13 @@ class Explanation:
                 base = "The fit that was to be explained failed, and nothing named here mends it"
             part = f"{names} {explain} part of it (to {after:.2f}), the rest" if names else "it"
             why = f" No name is given, since {'; '.join(self.doubts)}." if names and self.doubts else ""
-            return f"{base}: the held-out error is {before:.4g} times the noise; {part} fits no known effect.{why}"
+            few = ""
+            if self.after.usual < ABOVE and after > TAILS * self.after.usual and not self.after.diverged:
+                few = (
+                    f" A few samples make it that large (the usual error is {self.after.usual:.2f} times the noise): outliers "
+                    "of a sensor, or something brief that disturbed the motion."
+                )
+            return f"{base}: the held-out error is {before:.4g} times the noise; {part} fits no known effect.{why}{few}"
         closed = f"the held-out error falls from {before:.2f} to {after:.2f} times the noise"
         freely = self.after.simulated_freely
         if freely is not None:

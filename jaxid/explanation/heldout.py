@@ -62,11 +62,16 @@ class HeldOut:
     def adequate(self) -> bool:
         """Whether nothing but noise is left: white residuals at the noise floor, or a gap too small to matter."""
         # The noise was estimated without its far samples; where there are many, the residual is looked at in that way too.
-        usual = usual_size(np.concatenate([r.ravel() for r in self.residuals]))
+        usual = self.usual
         # Of logarithms: a noise that is underrated by a third makes a residual half as large again.
         known = float(np.exp(_NOISE_UNKNOWN * np.sqrt(self.noise_error**2 + 0.5 / max(self.samples, 1))))
         white = self.p_white > FALSE_ALARM and min(self.normalised_rms, usual) < known
         return bool(white or self.normalised_rms < _NEGLIGIBLE or self.within_errors)
+
+    @property
+    def usual(self) -> float:
+        """The residual's size in units of the noise without what lies far from all others."""
+        return usual_size(np.concatenate([r.ravel() for r in self.residuals]))
 
     @property
     def gap(self) -> float:

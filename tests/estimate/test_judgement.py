@@ -305,3 +305,20 @@ def test_a_slow_sensor_whose_other_cells_are_empty_is_judged_by_its_own_samples(
             clean.append(axis_log(name, INPUTS, position=False).outputs)
         found = judge(LogSet(logs), clean, noise_scale(LogSet(logs)))
         assert found.verdict == verdict
+
+
+def test_outliers_in_a_row_are_said_to_be_a_few_samples_and_the_robust_loss_finds_them(axis_log):
+    """A tag lost for six samples, twice a log: the sensor's doing or a push, so that the fit is poor, and says what helps."""
+    logs = []
+    for name, seed in (("a", 41), ("b", 42)):
+        noise = 0.01 * coloured(0.0, seed)
+        for first, size in ((120 + seed, 0.2), (451 - 3 * seed, -0.15)):
+            noise[first : first + 6] += size
+        logs.append(log(axis_log, noise, name))
+    fit = output_error(ROBOT, LogSet(logs))
+    assert (
+        fit.judgement.verdict == "poor" and "few samples" in fit.judgement.sentence and "cauchy" in fit.judgement.better
+    )
+    assert "wanders" not in fit.judgement.sentence
+    robust = output_error(ROBOT, LogSet(logs), loss="cauchy")
+    assert robust.judgement.verdict == "sound" and len(robust.outliers) == 4

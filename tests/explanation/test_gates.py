@@ -185,6 +185,11 @@ def test_an_error_below_the_noise_that_is_not_white_is_not_said_to_be(heavy_tail
     assert "no structure left" in found.sentence and "beyond doubt" not in found.sentence
     coloured = replace(found, before=replace(found.before, p_white=1e-9))
     assert "no structure left" not in coloured.sentence and "not white" in coloured.sentence
+    # A glitch of a few samples is no gap without a name.
+    wild = tuple(np.where(np.arange(len(r))[:, None] == 40, 200.0, r) for r in found.before.residuals)
+    glitch = replace(found.before, residuals=wild, normalised_rms=12.0)
+    assert "A few samples make it" in replace(found, verdict="unexplained", after=glitch).sentence
+    assert "A few samples" not in replace(found, verdict="unexplained").sentence
     # What the fitted logs hold against the fit is not withdrawn by quiet held-out ones.
     doubted = found.baseline.judgement.doubted("What is left holds the mark of a delay.")
     poor = replace(found, baseline=replace(found.baseline, judgement=doubted))
