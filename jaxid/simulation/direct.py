@@ -49,13 +49,15 @@ def simulated_directly(
     robot: Robot,
     integrator: Integrator,
     numbers: Mapping[str, Float[Array, " c"]],
-    start: Mapping[str, Float[Array, "#c E"]],
+    start: Mapping[str, Float[Array, "*#lanes E"]],
     inputs: Float[Array, "E T nu"],
     dt: Float[Array, "E T"],
     prescribed: Mapping[str, Float[Array, "E T"]],
 ) -> Float[Array, "c E T ny"] | None:
     """Simulated outputs of E logs by c robots that differ in nothing but their `numbers`; None where that takes XLA. Call
     under float64.
+
+    Initial states `start` are every robot's own [c, E], or the same for all [E].
     """
     names = tuple(sorted(numbers))
     system = machine_model(robot, names, integrator.friction, tuple(prescribed))
