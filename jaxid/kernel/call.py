@@ -82,6 +82,7 @@ def grouped(array: Array, width: int) -> Array:
 
 
 def ungrouped(array: Array, E: int) -> Array:
+    """[G, ..., width] -> [E, ...]."""
     return jnp.moveaxis(array, -1, 1).reshape(array.shape[0] * array.shape[-1], *array.shape[1:-1])[:E]
 
 

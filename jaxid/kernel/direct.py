@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from .call import MOST_DIRECTIONS, System, machine_code
 from .dense_kernel import write_triangle
+from .groups import grouped, ungrouped
 from .machine import function, lanes, loaded
 from .rollout_kernel import ARGUMENTS, TANGENTS
 
@@ -64,3 +65,13 @@ def triangle(A: Float[Array, "G m n L"]) -> Float[Array, "G n n L"]:
     R = np.empty((G, n, n, width))
     _triangle()(G, m, n, A, R)
     return R
+
+
+def one_triangle(A: Float[Array, "m n"]) -> Float[Array, "n n"]:
+    """The triangle of one matrix, however tall: of its parts in lanes, and then of their triangles."""
+    m, n = A.shape
+    if m > 2 * lanes() * n:
+        part = -(-m // lanes())
+        A = np.concatenate([A, np.zeros((part * lanes() - m, n))])
+        A = ungrouped(triangle(grouped(A.reshape(lanes(), part, n))), lanes()).reshape(lanes() * n, n)
+    return triangle(grouped(A[None]))[0, :, :, 0]

@@ -1,8 +1,5 @@
 """A batch: a set of logs as padded float64 JAX arrays, one row an experiment, ready for compiled code."""
 
-# jaxtyping writes shapes as strings that linters take for forward annotations.
-# ruff: noqa: F722
-
 from collections.abc import Sequence
 from dataclasses import replace
 

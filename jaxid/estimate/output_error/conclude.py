@@ -66,12 +66,14 @@ def conclude(
 ) -> Fit:
     """The `Fit` at an optimum (see `fit_at`, which takes `others`) with its judgement. Call under float64.
 
-    `covariance` "auto" is the robust one where the residual is not white. `bread` is what a robust loss takes off the
-    information. `rivals` are what the fit must not be worse than, by words; they are only simulated where the residual
-    raises doubts. `whole`: the logs whose windows, of so many seconds, `logs` are; the
-    residual is then judged along them. `integration`: RMS of the simulation's own error in units of the noise; where it is
-    given, the residual of a free simulation is asked for forces that the model lacks, too (`neglected`).
-    `begun`: the values from which the search began, for a sentence where it went nowhere.
+    - `covariance`: "auto" is the robust one where the residual is not white.
+    - `bread`: what a robust loss takes off the information.
+    - `rivals`: what the fit must not be worse than, by words; they are only simulated where the residual raises doubts.
+    - `left_out`: names of the logs without weight.
+    - `whole`: the logs whose windows, of so many seconds, `logs` are; the residual is then judged along them.
+    - `integration`: RMS of the simulation's own error in units of the noise; where it is given, the residual of a free
+      simulation is asked for forces that the model lacks, too (`neglected`).
+    - `begun`: the values from which the search began, for a sentence where it went nowhere.
     """
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
     seen = _without_outliers(logs, problem)

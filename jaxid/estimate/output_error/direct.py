@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ..._compile import compiled
 from ...kernel.call import System
-from ...kernel.direct import outputs, tangents, triangle
+from ...kernel.direct import one_triangle, outputs, tangents, triangle
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.direct import machine_model
@@ -183,26 +183,16 @@ def linearised_directly(d: Direct, unknowns: Unknowns) -> Triangle:
     pull = np.sqrt(problem.prior_precision)
     shared = np.concatenate([np.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
     shared = np.where(problem.free[:, None], shared, 0.0)
-    R = _one_triangle(np.concatenate([triangles[:, s:, s:].reshape(-1, n + 1), shared]))
+    shared_triangle: Any = one_triangle(np.concatenate([triangles[:, s:, s:].reshape(-1, n + 1), shared]))
     return Triangle(
-        shared=R[:n, :n],
+        shared=shared_triangle[:n, :n],
         crossed=triangles[:, :s, s : s + n],
         local=triangles[:, :s, :s],
-        residual_shared=R[:n, n],
+        residual_shared=shared_triangle[:n, n],
         residual_local=triangles[:, :s, -1],
-        rest=R[n:, n],
+        rest=shared_triangle[n:, n],
         squares=each,
     )
-
-
-def _one_triangle(A: Float[Array, "m n"]) -> Float[Array, "n n"]:
-    """The triangle of one tall matrix: of its parts in lanes, and then of their triangles."""
-    m, n = A.shape
-    if m > 2 * lanes() * n:
-        part = -(-m // lanes())
-        A = np.concatenate([A, np.zeros((part * lanes() - m, n))])
-        A = ungrouped(triangle(grouped(A.reshape(lanes(), part, n))), lanes()).reshape(lanes() * n, n)
-    return triangle(grouped(A[None]))[0, :, :, 0]
 
 
 class SideBySide(NamedTuple):

@@ -8,9 +8,6 @@ the fit goes on with shorter steps, and is asked again with the noise that it ha
 in units of what they leave, the next steps' own errors would not show.
 """
 
-# jaxtyping writes shapes as strings that linters take for forward annotations.
-# ruff: noqa: F722
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple

@@ -7,9 +7,6 @@ The points spread as far as the state is uncertain and reach beyond. All matrice
 scalar operations, which compile into one loop over all lanes.
 """
 
-# jaxtyping writes shapes as strings that linters take for forward annotations.
-# ruff: noqa: F722
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Disturbance or sensor? What process noise and sensor noise each contribute, and whether there is process noise at all."""
 
-# ruff: noqa: F722
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 from math import comb

@@ -8,8 +8,6 @@ Processes and Filtering Theory, 1970; Kristensen, Madsen & Jorgensen, Automatica
 go through the rollout's own steps, sticking friction and effects included.
 """
 
-# ruff: noqa: F722
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple

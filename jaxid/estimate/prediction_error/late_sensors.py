@@ -6,8 +6,6 @@ all stamped late by d are those of the same motion begun d later, so that the in
 state is then that of d earlier. Whatever else remembers earlier outputs is refused.
 """
 
-# ruff: noqa: F722
-
 from dataclasses import replace
 
 import jax

@@ -10,8 +10,6 @@ derivative needs first derivatives of e and S alone, which forward mode gives fo
     I = sum of  de deᵀ / S + 1/2 dS dSᵀ / S².
 """
 
-# ruff: noqa: F722
-
 from typing import NamedTuple
 
 import equinox as eqx

@@ -1,7 +1,5 @@
 """Which states process noise accelerates, and how large states are."""
 
-# ruff: noqa: F722
-
 from collections.abc import Sequence
 from functools import partial
 

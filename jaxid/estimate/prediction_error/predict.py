@@ -4,8 +4,6 @@ A free simulation asks how far a model goes without looking; where the motion is
 more of the disturbance than of the model. Between one sample ahead and a free simulation lies every horizon.
 """
 
-# ruff: noqa: F722
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

@@ -6,8 +6,6 @@ from what has been measured so far. Sources: Ljung, System Identification, 1999,
 Jorgensen, Parameter estimation in stochastic grey-box models, Automatica 40, 2004 (CTSM).
 """
 
-# ruff: noqa: F722
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple

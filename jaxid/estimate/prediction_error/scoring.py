@@ -4,8 +4,6 @@ Every linearisation is followed by several damped steps at once, tried as lanes 
 the information's own diagonal (Marquardt, J. SIAM 11, 1963), so that no unit of any unknown matters.
 """
 
-# ruff: noqa: F722
-
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """From a robot and its logs to a prediction-error problem in arrays."""
 
-# ruff: noqa: F722
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

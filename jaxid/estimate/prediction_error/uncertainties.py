@@ -5,8 +5,6 @@ test rejects that, the covariance is I⁻¹ B I⁻¹ with B from the scores of b
 remember (White, Econometrica 50, 1982; Newey & West, ibid. 55, 1987), and no standard error gets smaller by it.
 """
 
-# ruff: noqa: F722
-
 from functools import partial
 from typing import NamedTuple
 
