@@ -48,7 +48,8 @@ def _shifts(structure: Structure, problem: Problem, unknowns: Unknowns, changes:
     """Parameters' changes [n, k], to first order, by changes of what is measured [E, T, ny, k]."""
     n, k = len(structure.names), changes.shape[-1]
     _, jacobian = (np.asarray(x) for x in sensitivities_at(structure, problem, unknowns))
-    moved = np.nan_to_num(changes * residual_weights(problem)[..., None])
+    weights = residual_weights(problem)[..., None]
+    moved = np.nan_to_num(np.where(weights > 0.0, changes, 0.0) * weights)
     both = np.concatenate([jacobian[..., :n], moved], axis=-1)
     both = without_starts(problem, both, jacobian[..., n:]).reshape(-1, n + k)
     free = np.asarray(problem.free)

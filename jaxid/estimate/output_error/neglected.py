@@ -185,7 +185,7 @@ def _on_the_way(structure: Structure, problem: Problem, unknowns: Unknowns) -> A
     less = np.sign(inputs) * np.maximum(np.abs(inputs) - _INNER * largest, 0.0)
     weight = residual_weights(problem)
     here, *there = simulated_with([inputs, late, less], structure, problem, unknowns)
-    return np.stack([np.where(weight > 0.0, (y - here) * weight, 0.0) for y in there], axis=-1)
+    return np.stack([np.where(weight > 0.0, y - here, 0.0) * weight for y in there], axis=-1)
 
 
 def _words(name: str) -> str:

@@ -56,8 +56,9 @@ class Rise(NamedTuple):
 
 def _cost(structure: Structure, problem: Problem, at: Unknowns) -> float:
     """Half the sum of squares, as `problem.cost`, from the simulation that every fit has compiled."""
-    y = np.asarray(simulated(structure, problem, at))
-    r = np.where(np.asarray(problem.mask), (y - np.asarray(problem.outputs)) * residual_weights(problem), 0.0)
+    y, weights = np.asarray(simulated(structure, problem, at)), residual_weights(problem)
+    # A simulation that is not finite is no matter where nothing was measured.
+    r = np.where(weights > 0.0, y - np.asarray(problem.outputs), 0.0) * weights
     off = np.asarray(parameters_at(problem, at.z) - problem.prior_mean)
     pull = np.where(np.asarray(problem.free), np.asarray(problem.prior_precision), 0.0) * off**2
     stiff = np.asarray(problem.state_precision) * np.asarray(problem.state_scale) ** 2
