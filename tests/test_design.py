@@ -141,6 +141,10 @@ def test_what_is_known_from_logs_or_their_fit_counts(sticking, axis_log):
     after = design_experiment(sticking, **QUICK | {"rounds": 0, "noise": None}, already=fit)
     assert all(after.std_errors[name] < after.before[name] for name in after.values)
     assert after.values == {name: fit[name].value for name in fit.free_names}
+    assert after.doubt == ""
+    # A table's start values are no robot's: who designs for them, with logs at hand, is told.
+    other = design_experiment(sticking.with_values(M=0.1), **QUICK | {"rounds": 0, "noise": None}, already=logs)
+    assert "leaves" in other.sentence and "fit it" in other.sentence
     prior = sticking.change("M", prior=(1.0, 0.02))
     assert known(prior, None, {}, magnitude)[0, 0] == pytest.approx(2500.0)
 

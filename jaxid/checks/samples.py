@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 _FEW = 60
 """Samples below which most checks have nothing to go by."""
 _BRIEF = 1.0  # s
+_MUCH = 0.1
+"""Change of an input, in shares of its range, that shows in one sample of a quick robot."""
 
 
 def finding(log: Log, column: str | None, sample: int | None, severity: Severity, check: str, text: str) -> Finding:
@@ -102,6 +104,18 @@ def _missing(log: Log, name: str, values: Array) -> Iterator[Finding]:
     yield finding(log, name, first, "warning", "missing_samples", text)
 
 
+def _answers(log: Log, steps: Array, away: Array) -> NDArray[np.bool_]:
+    """Whether a sample that jumps `away` [T - 2] and back answers an input that was there for one interval: it is no larger
+    than the changes [T - 1] that follow other changes of the inputs in one sample, as those of a robot quicker than its log."""
+    changes = np.abs(np.diff(log.inputs, axis=0))
+    changed = (changes > _MUCH * np.ptp(log.inputs, axis=0)).any(axis=1)
+    if not changed[:-1].any():
+        return np.zeros(len(away), bool)
+    usual = float(np.quantile(np.abs(steps[1:][changed[:-1]]), 0.9))
+    pulsed = np.append(False, changed[:-2] & changed[1:-1])
+    return pulsed & (away <= usual)
+
+
 def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
     """Isolated samples that jump away from both neighbours and back, far beyond every change nearby."""
     if len(values) < 16:
@@ -115,6 +129,8 @@ def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
     low, high = np.quantile(values, [0.01, 0.99])
     least = max(7 * spread, 4.5 * quantum(values), 0.05 * (high - low))
     spikes = 1 + np.flatnonzero((away > 3 * nearby) & (away > least))
+    # Of a robot quicker than its log, an input that was there for one sample makes one, too.
+    spikes = spikes[~_answers(log, steps, away)[spikes - 1]]
     # The first and last sample have one neighbour; a start or stop changes on over the next samples, or, of a robot quicker
     # than its log, is over before the next one: then it is from rest, or to it.
     sizes = np.abs(steps)

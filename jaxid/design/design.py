@@ -16,12 +16,15 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..estimate.confidence.agreement import agreement
+from ..estimate.judge import POOR
 from ..estimate.result import Fit
-from ..logs import LogSet, noise_level
+from ..logs import LogSet, noise_level, noise_scale
 from ..parameters import ParameterError
 from ..robots.robot import Robot
 from ..robots.scales import time_constant
 from ..simulation.excitation import Drive, binary, combined_modes, plain_shapes, shifted, single_modes, tuned_shapes
+from ..simulation.simulate import simulate
 from .candidates import Candidates, Judge
 from .designed import Design, PlannedRun
 from .exchange import changed
@@ -147,11 +150,32 @@ def _noise(robot: Robot, noise: Mapping[str, float] | None, already: Fit | LogSe
     missing = [name for name in channels.outputs if name not in found]
     if missing and not any(channels.substitutes.get(name) in found for name in missing):
         raise DesignError(
-            f"The noise of {', '.join(missing)} is not known; give noise = {{{missing[0]!r}: standard deviation}}, or a fit "
-            "or logs as already."
+            f"The noise of {', '.join(missing)} is not known; give noise = {{{missing[0]!r}: standard deviation}} "
+            f"(--noise {missing[0]}=...), or a fit or logs as already (--already)."
         )
     # Optional channels count only where output error would use them: where they are states of the robot.
     return {name: float(level) for name, level in found.items() if name in (*channels.outputs, *robot.states)}
+
+
+def _doubt(robot: Robot, already: Fit | LogSet | None) -> str:
+    """Why the model may not be that of the robot whose logs or fit are there, in a sentence; empty if nothing says so."""
+    if isinstance(already, Fit):
+        doubted = already.judgement is not None and not already.trustworthy
+        return (
+            f"The fit is doubtful, and so is this. {already.judgement.sentence}"
+            if doubted and already.judgement
+            else ""
+        )
+    if already is None:
+        return ""
+    found = agreement(already, simulate(robot, already), noise_scale(already))
+    if not found.diverged and found.normalised_rms <= POOR:
+        return ""
+    left = "diverges" if found.diverged else f"leaves {found.normalised_rms:.3g} times the noise"
+    return (
+        f"But the model {left} on the logs recorded so far, so that all this is for another robot than theirs: fit it to them "
+        "first (`jaxid fit` writes model.toml) and design for that."
+    )
 
 
 def _usual_times(robot: Robot, already: Fit | LogSet | None) -> tuple[float, float]:
@@ -266,4 +290,5 @@ def design_experiment(
         reference_std_errors=by_name(std_errors(other) * magnitude),
         before=by_name(std_errors(before) * magnitude),
         tried=judge.tried,
+        doubt=_doubt(robot, already),
     )

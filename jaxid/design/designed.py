@@ -69,6 +69,7 @@ class Design:
       same length and energy; `before`: with what was known before alone.
     - `magnitudes`: the parameters' orders of magnitude, beside which an error counts as large.
     - `tried`: how many inputs were simulated.
+    - `doubt`: why the model that was designed for may not be the robot's, empty if nothing says so.
     """
 
     robot: str
@@ -82,6 +83,7 @@ class Design:
     reference_std_errors: dict[str, float]
     before: dict[str, float]
     tried: int
+    doubt: str = ""
 
     @property
     def ratios(self) -> dict[str, float]:
@@ -124,8 +126,8 @@ class Design:
         return (
             f"Intervals are {self.gain:.2f} times as wide as with {self.reference} (geometric mean over {len(self.values)} "
             f"parameters; {worst} fares worst with {self.ratios[worst]:.2f}): {how} by a factor of "
-            f"{max(self.gain, 1 / self.gain):.1f}."
-        )
+            f"{max(self.gain, 1 / self.gain):.1f}. {self.doubt}"
+        ).rstrip()
 
     def _rows(self) -> list[tuple[str, str, str, str, str]]:
         return [

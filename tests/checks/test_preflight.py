@@ -340,5 +340,13 @@ def test_a_start_that_is_over_before_the_next_sample_is_no_spike():
         found = preflight(Log.from_arrays("light", 0.1 * np.arange(len(u)), u, values, "axis"))
         return [f.sample for f in found if f.check == "spike"]
 
+    rows = np.arange(len(u))
     assert spikes(v) == []
-    assert spikes(np.where(np.arange(len(u)) == 0, 3.0, v)) == [0]
+    assert spikes(np.where(rows == 0, 3.0, v)) == [0]
+    # An input that is there for one interval makes such a sample, and none that is larger than others of its changes.
+    pulse = np.where(rows == 202, 0.8, u)
+    quick = np.append(v[0], pulse[:-1]) + 0.002 * random.normal(size=len(u))
+    log = Log.from_arrays("light", 0.1 * rows, pulse, quick, "axis")
+    assert [f for f in preflight(log) if f.check == "spike"] == []
+    wild = Log.from_arrays("light", 0.1 * rows, pulse, quick + 5.0 * (rows == 203), "axis")
+    assert [f.sample for f in preflight(wild) if f.check == "spike"] == [203]
