@@ -32,8 +32,8 @@ the time, at 94 or 96 %); {beyond}.
 
 **Which one?** Output error: with white noise its variance is {oe} times the bound, and its intervals hold the truth in
 {oe_cover} % of the fits. Integral least squares (LS) needs no start values and no iterations, which makes it the start for
-the others. By itself it has {ls} times the bound's variance, at low noise too, since stretches of half a second forget what
-the whole record says; its bias is up to {ls_bias} standard deviations and its intervals hold the truth in {ls_cover} %.
+the others. By itself it has {ls} times the bound's variance, {ls_low} at the lowest noises; its bias is up to {ls_bias}
+standard deviations and its intervals hold the truth in {ls_cover} %.
 Instrumental variables (IV) have {iv} times the bound's variance, a bias of at most {iv_bias} standard deviations, and
 intervals that hold the truth in {iv_cover} % of the fits, {iv_mean:.1f} % over all parameters and settings with white noise;
 in every row {iv_converged} % of the fits converge or more. {iv_low} of {iv_number} intervals of IV hold the truth
@@ -167,8 +167,16 @@ def write_page(rows: list[dict], path: Path) -> None:
         text += f"{_cells(row.get('least_squares'))}{_cells(own)}|\n"
     oe, oe_cover, _ = _ranges(rows, "output_error")
     ls, ls_cover, ls_bias = _ranges(rows, "least_squares")
+    ls_low, _, _ = _ranges([row for row in rows if "noise x0." in row["setting"]], "least_squares")
     text += _TAIL.format(
-        oe=oe, oe_cover=oe_cover, ls=ls, ls_cover=ls_cover, ls_bias=ls_bias, **_linear(rows), **_together(rows)
+        oe=oe,
+        oe_cover=oe_cover,
+        ls=ls,
+        ls_low=ls_low,
+        ls_cover=ls_cover,
+        ls_bias=ls_bias,
+        **_linear(rows),
+        **_together(rows),
     )
     figured = [row for row in rows if "instrumental_variables" in row]
     newest = max((row["instrumental_variables"].get("run", "") for row in figured), default="")
