@@ -9,6 +9,7 @@ Writes `benchmarks/results/design.json` (robots one by one), `docs/design.md` an
 """
 
 import argparse
+import datetime
 import json
 import time
 from pathlib import Path
@@ -112,6 +113,7 @@ def study(name: str, realisations: int) -> dict[str, Any]:
     return {
         "settings": {k: case[k] for k in ("limit", "noise", "speeds", "rectangle", "radius", "rounds")},
         "seconds": SECONDS, "interval": INTERVAL, "seed": SEED, "realisations": realisations,
+        "run": datetime.date.today().isoformat(),
         "processor_seconds": {"design": seconds, "fits": time.process_time() - begin}, "tried": design.tried,
         "description": run.description, "limited_by": list(run.limited_by), "reference": design.reference, "clock": clock,
         "energy": {"design": run.energy, "prbs": prbs.energy}, "values": design.values, "units": design.units,

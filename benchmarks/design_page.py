@@ -170,6 +170,9 @@ def write_page(results: dict[str, Any]) -> None:
                 f"| {symbol} | {value:.4g} {found['units'][symbol]} | {p_share}, {ps_share} | {d_share}, {ds_share} | "
                 f"{d / p:.2f}, {ds / ps:.2f} | {bias:+.2f} |"
             )
+    before = [name for name, found in results.items() if "run" not in found]
+    if before:
+        lines += ["", f"By earlier code than the others: {', '.join(before)}."]
     kept = np.concatenate(
         [
             np.array(found["monte_carlo"]["design"]["spread"]) / np.array(found["expected"]["design"])

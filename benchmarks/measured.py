@@ -31,7 +31,7 @@ What jaxid makes of recordings that others took from their machines. The page an
 
 with the data sets in a folder beside the checkout; `benchmarks/results/measured.json` has the figures with all digits.
 "Free-run fit" is 100 (1 - |measured - simulated| / |measured - mean|) of a simulation that sees the logged inputs only.
-Standard errors take residuals for white; where unmodelled motion dominates them they are too small, as the text says.
+Standard errors are those that each fit reports; where unmodelled motion dominates the residual they say little.
 
 {summary}
 """

@@ -66,6 +66,9 @@ def section(rows: Sequence[dict[str, Any]]) -> str:
             beyond,
         ]
     )
+    before = [row["setting"] for row in rows if "seed" not in row]
+    if before:
+        said += f" By earlier code, which took every level of process noise for known: {'; '.join(before)}."
     return "\n".join([*lines, "", textwrap.fill(said, 125, break_on_hyphens=False, break_long_words=False), ""])
 
 

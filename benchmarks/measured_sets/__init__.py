@@ -49,6 +49,15 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return "\n".join(lines + ["| " + " | ".join(map(cell, row)) + " |" for row in rows])
 
 
+def errors_told(fits: Sequence[Fit]) -> str:
+    """Which standard errors these fits report, in words."""
+    robust = sum(fit.standard_errors == "robust" for fit in fits)
+    return (
+        f"Of {len(fits)} fits {robust} report standard errors that allow for coloured residuals, "
+        f"{len(fits) - robust} those of white ones"
+    )
+
+
 def fit_percent(measured: ArrayLike, simulated: ArrayLike) -> float:
     """`100 (1 - |measured - simulated| / |measured - mean|)` over the samples that were measured, in percent."""
     y, s = np.asarray(measured, float), np.asarray(simulated, float)

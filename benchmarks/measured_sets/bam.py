@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxid import Channels, Custom, Effect, Fit, Integrator, Log, LogSet, Parameter, output_error, simulate
 
-from . import PICTURE_WIDTH, Row, Section, fit_percent, save, table, values
+from . import PICTURE_WIDTH, Row, Section, errors_told, fit_percent, save, table, values
 
 MASS, LENGTH, GRAVITY = 0.49, 0.1, 9.80665  # kg, m, m/s^2
 LOAD = MASS * GRAVITY * LENGTH  # N m
@@ -292,8 +292,7 @@ Free-run fit of every run [%]:
 Coulomb and viscous friction alone do not describe this gearbox: the error halves once friction grows with the torque
 that the gears carry, which is the authors' conclusion too. What remains is in where the arm comes to rest: it stops wherever
 friction holds it (up-and-down, the lift before the drop), so that a small error of friction becomes a lasting one of
-position; lift-and-drop at a gain of 400 is predicted worst. The standard errors, which take the residual for white
-noise, are too small for the same reason.
+position; lift-and-drop at a gain of 400 is predicted worst. {errors_told(list(fits.values()))}.
 
 {_picture(held_out, fits, scores, pictures)}
 """

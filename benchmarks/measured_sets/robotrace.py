@@ -15,7 +15,7 @@ from jaxid.checks.preflight import preflight
 from jaxid.effects import effect_by_id
 from jaxid.logs.prepare import prepare
 
-from . import PICTURE_WIDTH, Row, Section, fit_percent, save, table, values
+from . import PICTURE_WIDTH, Row, Section, errors_told, fit_percent, save, table, values
 from .robotrace_disturbed import ODD, SAMPLING, STEP, STRETCHES, WINDOW, Array, disturbed, disturbed_picture
 
 TRIED = ("quadratic_drag", "sublinear_viscous_friction", "stribeck_friction", "asymmetric_viscous_friction")
@@ -136,9 +136,11 @@ def _clean_picture(runs, pictures: Path) -> str:
 def measure(folder: Path, pictures: Path) -> Section:
     """Speed and yaw gain, time constant, Coulomb level, delay, held-out fit, and the disturbed stretches of tra_B."""
     rows, lines, runs, figures = [], [], [], {}
+    identified: list[Fit] = []
     for recording in CLEAN:
         log = load(folder, recording)
         fit = identify(log, robot(recording), border(log))
+        identified.append(fit)
         without = identify(log, robot(recording, ("input_delay",)), border(log))
         simulated = free_run(log, fit)
         score, plain = held_out_fit(log, simulated), held_out_fit(log, free_run(log, without))
@@ -247,7 +249,7 @@ are 95 %.
   that runs faster than the model.
 - The speed of tra_C and tra_B runs ahead of the duty, so their rows belong to different instants. The duty is given to the
   model {1e3 * ahead:.0f} ms early, which the delay above counts: it is negative.
-- Standard errors take the residual for white noise and are too small.
+- {errors_told(identified)}.
 
 {_clean_picture(runs, pictures)}
 
