@@ -8,7 +8,7 @@ friction or a motor holds back, which tells a sign at steady speed as well. No e
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,56 +62,69 @@ def _late(signals: Array, delay: int) -> Array:
     return np.concatenate([np.zeros((delay, signals.shape[1])), signals[:-delay]])
 
 
-def _centred(values: Array) -> Array:
-    return values - values.mean(axis=0)
+def _left(moments: Array, kept: Sequence[int], products: Sequence[int], mixing: Array) -> Array:
+    """Moments [lags, nu + 1, nu + 1] of the inputs and the output at `kept` without what the `products` explain; those as they
+    are where little of the inputs would be left."""
+
+    def block(rows: Sequence[int], columns: Sequence[int]) -> Array:
+        return moments[:, rows][:, :, columns]
+
+    plain, nu = block(kept, kept), len(mixing)
+    if not products:
+        return plain
+    own = block(products, products)
+    size = np.sqrt(np.maximum(np.diagonal(own, axis1=1, axis2=2), 1e-300))
+    coupled = block(products, kept) / size[:, :, None]
+    inverse = np.linalg.pinv(own / (size[:, :, None] * size[:, None]), rcond=1e-10, hermitian=True)
+    left = plain - np.swapaxes(coupled, 1, 2) @ inverse @ coupled
+    pushed, push = (np.einsum("i,lij,j->l", mixing, part[:, :nu, :nu], mixing) for part in (left, plain))
+    return np.where((pushed > 0.3 * push)[:, None, None], left, plain)
 
 
-def _without(values: Array, nuisance: Array) -> Array:
-    q, _ = np.linalg.qr(nuisance)
-    return values - q @ (q.T @ values)
-
-
-def _answer(log: Log, rows: Even, name: str, speeds: dict[str, Array]) -> Answer | None:
-    values = speeds[name]
-    there = np.isfinite(values)
-    if there.sum() < 40 or np.ptp(values[there]) == 0:
-        return None
-    mixing = np.asarray(log.channels.mixing[name])
-    moved = rows.inputs - rows.inputs.mean(axis=0)
-    excitation = float(np.std(moved @ mixing) / max(np.std(moved, axis=0) @ np.abs(mixing), 1e-300))
-    if excitation < _DRIVEN:
-        return None
-    # Turning frames and inertia that varies couple the speeds by products (the papers' coupled equations); where the
-    # robot only drives straight, they cannot be told from the drive itself and are left alone.
-    others = [np.nan_to_num(speeds[other]) for other in speeds if other != name]
-    products = [a * b for k, a in enumerate(others) for b in [*others[k:], np.nan_to_num(values)]]
-    lags = [0.0, *np.geomspace(1, max(2, len(values) / 4), 14)]
-    grams, pushes, energies = [], [], []
-    alone, nu = _centred(values[there]), rows.inputs.shape[1]
-    signals = np.stack([*rows.inputs.T, *products], axis=-1)
-    for lag in lags:
+def _moments(signals: Array, outputs: Array, there: NDArray[np.bool_]) -> Array:
+    """Products of the signals, at every lag and delay, and the outputs with one another where these were measured, a
+    constant taken out [lags, signals + outputs, signals + outputs]."""
+    found = []
+    for lag in [0.0, *np.geomspace(1, max(2, len(signals) / 4), 14)]:
         slow = _lagged(signals, lag)
         for delay in _DELAYS:
-            # A constant and the products are left out of what the inputs are to explain.
-            late = _centred(_late(slow, delay)[there])
-            plain = late[:, :nu]
-            target, drive_left = alone, plain
-            if products:
-                left = _without(np.column_stack([plain, alone]), late[:, nu:])
-                if np.sum((left[:, :nu] @ mixing) ** 2) > 0.3 * np.sum((plain @ mixing) ** 2):
-                    target, drive_left = left[:, nu], left[:, :nu]
-            grams.append(drive_left.T @ drive_left)
-            pushes.append(drive_left.T @ target)
-            energies.append(max(float(target @ target), 1e-300))
-    return Answer(
-        name,
-        mixing,
-        np.array(grams),
-        np.array(pushes),
-        np.array(energies),
-        len(values) / response(log),
-        min(1.0, excitation / _WELL_DRIVEN),
-    )
+            both = np.concatenate([_late(slow, delay), outputs], axis=1)[there]
+            both -= both.mean(axis=0)
+            found.append(both.T @ both)
+    return np.array(found)
+
+
+def _answers(log: Log, rows: Even, speeds: dict[str, Array]) -> list[Answer]:
+    """Every output that the inputs drive, against all of them at every lag and delay.
+
+    Turning frames and inertia that varies couple the speeds by products (the papers' coupled equations); where the robot
+    only drives straight, they cannot be told from the drive itself and are left alone.
+    """
+    nu = rows.inputs.shape[1]
+    moved = rows.inputs - rows.inputs.mean(axis=0)
+    masks: dict[bytes, list[tuple[str, Array, float]]] = {}  # outputs that were measured at the same samples
+    for name, values in speeds.items():
+        there = np.isfinite(values)
+        if there.sum() < 40 or np.ptp(values[there]) == 0:
+            continue
+        mixing = np.asarray(log.channels.mixing[name])
+        excitation = float(np.std(moved @ mixing) / max(np.std(moved, axis=0) @ np.abs(mixing), 1e-300))
+        if excitation >= _DRIVEN:
+            masks.setdefault(there.tobytes(), []).append((name, mixing, excitation))
+    pairs = list(combinations_with_replacement(speeds, 2)) if len(speeds) > 1 else []
+    whole = {name: np.nan_to_num(values) for name, values in speeds.items()}
+    signals = np.stack([*rows.inputs.T, *(whole[a] * whole[b] for a, b in pairs)], axis=-1)
+    found = []
+    for mask, driven in masks.items():
+        outputs = np.stack([whole[name] for name, _, _ in driven], axis=-1)
+        moments = _moments(signals, outputs, np.frombuffer(mask, bool))
+        for k, (name, mixing, excitation) in enumerate(driven):
+            products = [nu + i for i, pair in enumerate(pairs) if pair != (name, name)]
+            left = _left(moments, [*range(nu), signals.shape[1] + k], products, mixing)
+            energy = np.maximum(left[:, nu, nu], 1e-300)
+            evidence = len(signals) / response(log), min(1.0, excitation / _WELL_DRIVEN)
+            found.append(Answer(name, mixing, left[:, :nu, :nu], left[:, :nu, nu], energy, *evidence))
+    return found
 
 
 @dataclass(frozen=True)
@@ -230,11 +243,10 @@ def check_signs(log: Log) -> Iterator[Finding]:
         return
     rows = even(log)
     speeds = {name: speed(log, name)[rows.rows] for name in names}
-    answers = [answer for name in names if (answer := _answer(log, rows, name, speeds)) is not None]
     # Changes over short windows tell columns apart best; where noise hides them, the speeds themselves tell signs.
     changes = _changes(log)
     found = list(_wiring(log, changes)) if changes else []
-    if not found and answers:
+    if not found and (answers := _answers(log, rows, speeds)):
         found = list(_wiring(log, answers))
     yield from found
     yield from _same_motion(log, speeds, {entry.column for entry in found})

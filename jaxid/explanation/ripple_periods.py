@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+from scipy import fft, ndimage
 
 from .._float64 import in_float64
 from ..logs import LogSet
@@ -69,19 +69,27 @@ class Grid:
         """Radians per unit of the way [M]."""
         return np.asarray(self.step * np.arange(1, self.steps + 1), np.float64)
 
-    def sums(self, values: Array) -> NDArray[np.complex128]:
-        """Sum of `values` [N] times exp(i k way), k from 0 to twice the steps [2 M + 1]."""
-        return np.conj(np.fft.rfft(np.bincount(self.at, values, minlength=self.size)))[: 2 * self.steps + 1]
+    def sums(self, values: Array, steps: int) -> NDArray[np.complex128]:
+        """Sums of `values` [N] times exp(i k way) for k from 0 to `steps`."""
+        return np.conj(fft.rfft(np.bincount(self.at, values, minlength=self.size)))[: steps + 1]
 
 
-def powers(grid: Grid, weight: Array, products: Array) -> Array:
-    """The part of a signal's weighted squares that each period reproduces [M]; `products` [N] are weight times signal."""
-    k = np.arange(1, grid.steps + 1)
-    weights, sums = grid.sums(weight), grid.sums(products)[k]
-    whole, double = float(weights[0].real), weights[2 * k]
-    cc, ss, cs = 0.5 * (whole + double.real), 0.5 * (whole - double.real), 0.5 * double.imag
-    determinant = np.maximum(cc * ss - cs**2, 1e-12 * whole**2)
-    return (ss * sums.real**2 - 2 * cs * sums.real * sums.imag + cc * sums.imag**2) / determinant
+class Periodogram:
+    """The part of a signal's weighted squares that each period of a `grid` reproduces; `weight` [N] is one for all signals."""
+
+    def __init__(self, grid: Grid, weight: Array):
+        k = np.arange(1, grid.steps + 1)
+        weights = grid.sums(weight, 2 * grid.steps)
+        whole, double = float(weights[0].real), weights[2 * k]
+        cc, ss, cs = 0.5 * (whole + double.real), 0.5 * (whole - double.real), 0.5 * double.imag
+        determinant = np.maximum(cc * ss - cs**2, 1e-12 * whole**2)
+        self.grid = grid
+        self.cosine, self.mixed, self.sine = ss / determinant, -2 * cs / determinant, cc / determinant
+
+    def __call__(self, products: Array) -> Array:
+        """The part at each period [M]; `products` [N] are weight times signal."""
+        sums = self.grid.sums(products, self.grid.steps)[1:]
+        return self.cosine * sums.real**2 + self.mixed * sums.real * sums.imag + self.sine * sums.imag**2
 
 
 def _finest(moved: Array) -> float:
@@ -110,15 +118,13 @@ def _peaks(
     products = weight * (mean - np.sum(weight * mean) / np.sum(weight))
     parts = np.split(products, np.cumsum([len(own) for own in ways])[:-1])
     rng = np.random.default_rng(_SEED)
+    power = Periodogram(grid, weight)
     moved = np.stack(
-        [
-            powers(grid, weight, np.concatenate([np.roll(own, rng.integers(len(own))) for own in parts]))[kept]
-            for _ in range(_SHIFTS)
-        ]
+        [power(np.concatenate([np.roll(own, rng.integers(len(own))) for own in parts]))[kept] for _ in range(_SHIFTS)]
     )
     usual = np.maximum(np.mean(moved, axis=0), np.finfo(float).tiny)
     least = float(np.quantile(np.max(moved / usual, axis=1), 1.0 - false_alarm))
-    height = powers(grid, weight, products)[kept] / usual / least
+    height = power(products)[kept] / usual / least
     top = (ndimage.maximum_filter(height, 2 * _OVERSAMPLED + 1, mode="nearest") == height) & (height > 1.0)
     one = grid.step * _OVERSAMPLED
     return [(float(height[i]), float(grid.periods[kept][i]), one) for i in np.flatnonzero(top)], looked_at

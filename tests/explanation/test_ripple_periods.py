@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from jaxid import Axis, Log, LogSet
 from jaxid.effects import effect_by_id
-from jaxid.explanation.ripple_periods import Grid, powers, ripple_periods
+from jaxid.explanation.ripple_periods import Grid, Periodogram, ripple_periods
 from jaxid.logs import AXIS, noise_scale
 
 M, FV, N, DT, NOISE = 1.3, 1.6, 500, 0.02, 0.004
@@ -65,5 +65,5 @@ def test_the_periodogram_is_that_of_scipy():
     grid = Grid(way, 40.0)
     other = signal.lombscargle(way, force - force.mean(), grid.periods)  # half of the squares that a period reproduces
     assert grid.periods[-1] == pytest.approx(40.0, rel=0.02)
-    power = powers(grid, np.ones(way.size), force - force.mean())
+    power = Periodogram(grid, np.ones(way.size))(force - force.mean())
     np.testing.assert_allclose(power, 2 * other, atol=0.05 * np.max(2 * other))

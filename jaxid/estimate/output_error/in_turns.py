@@ -16,7 +16,6 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..._arrays import array
 from ..._compile import compiled, forget_programs
 from .bounds import Bounds
 from .direct import costs_directly, direct, linearised_directly, runs_directly, side_by_side
@@ -123,7 +122,7 @@ def minimise_in_turns(
         states = np.zeros((CANDIDATES, *np.shape(start.states)))
         return costs(candidates._replace(states=states) if alone else candidates)
 
-    begun = start._replace(states=array(np.zeros((1, 0)))) if alone else start
+    begun = start._replace(states=np.zeros((1, 0))) if alone else start
     triangle = looked(begun)
     state = begin(begun, triangle)
     while True:
@@ -149,8 +148,8 @@ def _outline(triangle: Triangle, number: int) -> Triangle:
     n = np.shape(triangle.shared)[-1]
     sound = bool(np.isfinite(triangle.squares).all())
     return triangle._replace(
-        crossed=array(np.zeros((1, 0, n))),
-        local=array(np.zeros((1, 0, 0))),
-        residual_local=array(np.zeros((1, 0))),
-        squares=array([[float(number) if sound else np.inf]]),
+        crossed=np.zeros((1, 0, n)),
+        local=np.zeros((1, 0, 0)),
+        residual_local=np.zeros((1, 0)),
+        squares=np.array([[float(number) if sound else np.inf]]),
     )

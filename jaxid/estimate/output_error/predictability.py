@@ -24,7 +24,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._arrays import array
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ...logs import Log, LogSet
@@ -149,7 +148,7 @@ def _of_log(robot: Robot, log: Log, integrator: Integrator, noise: Mapping[str, 
     at = np.arange(W) * n
     states = states_at(robot, log, at)
     names = robot.estimated_states
-    numbers = {name: array(float(value)) for name, value in robot.parameters.numbers.items()}
+    numbers = {name: np.asarray(float(value)) for name, value in robot.parameters.numbers.items()}
     dt = np.diff(log.time)[: W * n].reshape(W, n)
     inputs = log.inputs[: W * n].reshape(W, n, -1)
     phi, seen = (np.asarray(v) for v in _transitions(robot.structure, integrator, names, numbers, states, inputs, dt))

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import fft, stats
 
 from .evaluation import sensitivities_at
 from .problem import Problem, Structure, Unknowns
@@ -69,43 +69,53 @@ def _lags(residual: Float[NDArray, "E T ny"]) -> int:
     return 2 * last
 
 
-def _by_lag(a: Float[NDArray, "E T *a"], b: Float[NDArray, "E T *b"], lag: int, subscripts: str) -> NDArray[np.float64]:
-    """Sum over experiments and samples of products `lag` samples apart, both ways."""
-    if lag == 0:
-        return np.asarray(np.einsum(subscripts, a, b))
-    later, earlier = np.einsum(subscripts, a[:, lag:], b[:, :-lag]), np.einsum(subscripts, a[:, :-lag], b[:, lag:])
-    return np.asarray(later + earlier)
+def _by_lag(a: NDArray[np.complex128], b: NDArray[np.complex128], size: int, lags: int) -> NDArray[np.float64]:
+    """Sum over experiments, samples and columns of products of two signals that are 0 to `lags` samples apart, both ways
+    [lags]. Of the signals' transforms [E, F, n] at `size` points, zeros behind them."""
+    both = fft.irfft(np.einsum("efi,efi->f", a, np.conj(b)), size)
+    found = both[:lags] + np.roll(both, -1)[::-1][:lags]
+    found[0] = both[0]
+    return found
+
+
+def _autocovariance(residual: Float[NDArray, "E T"], pairs: NDArray[np.float64], lags: int) -> NDArray[np.float64]:
+    size = fft.next_fast_len(residual.shape[1] + lags, real=True)
+    transformed = fft.rfft(residual, size, axis=1)[..., None]
+    return _by_lag(transformed, transformed, size, lags) / pairs
+
+
+def _pairs(mask: Bool[NDArray, "E T"], lags: int) -> NDArray[np.float64]:
+    """Pairs of samples so many apart, both ways, of which both were measured; at least one."""
+    size = fft.next_fast_len(mask.shape[1] + lags, real=True)
+    transformed = fft.rfft(mask.astype(float), size, axis=1)[..., None]
+    return np.maximum(np.rint(_by_lag(transformed, transformed, size, lags)), 1.0)
 
 
 def stationary(residual, jacobian, mask, inverse) -> NDArray[np.float64]:
     """B [n, n] of a residual whose autocovariance depends on the lag alone, channel by channel."""
-    n, total = jacobian.shape[-1], np.zeros((jacobian.shape[-1],) * 2)
+    T, channels = residual.shape[1], range(residual.shape[-1])
     lags = _lags(residual)
     # 1 up to half of the lags, then down to 0: what is forgotten is only noise.
     taper = np.clip(2.0 * (1.0 - np.arange(lags) / lags), 0.0, 1.0)
-    channels = range(residual.shape[-1])
-    pairs = [[float(_by_lag(m := mask[..., y].astype(float), m, k, "et,et->")) for k in range(lags)] for y in channels]
-    raw = [[float(_by_lag(r := residual[..., y], r, k, "et,et->")) for k in range(lags)] for y in channels]
-    gamma = np.array(raw) / np.maximum(np.array(pairs), 1.0)
-    taken = np.zeros_like(gamma)
+    size = fft.next_fast_len(T + lags, real=True)
+    pairs = np.stack([_pairs(mask[..., y], lags) for y in channels])
+    gamma = np.stack([_autocovariance(residual[..., y], pairs[y], lags) for y in channels])
+    taken, total = np.zeros_like(gamma), np.zeros((jacobian.shape[-1],) * 2)
     for _ in range(_ROUNDS):
         weights = (gamma + taken) * taper
-        spread = [np.zeros_like(jacobian[..., 0, :]) for _ in channels]
+        spread = []
         for y in channels:
-            J = jacobian[..., y, :]
-            for k in range(lags):
-                spread[y][:, k:] += weights[y, k] * J[:, : J.shape[1] - k]
-                if k:
-                    spread[y][:, :-k] += weights[y, k] * J[:, k:]
-        total = sum((np.einsum("eti,etj->ij", jacobian[..., y, :], spread[y]) for y in channels), np.zeros((n, n)))
+            kernel = np.zeros(size)
+            kernel[:lags] = weights[y]
+            kernel[size - lags + 1 :] = weights[y, :0:-1]
+            answer = fft.rfft(jacobian[..., y, :], size, axis=1) * fft.rfft(kernel)[:, None]
+            spread.append(fft.irfft(answer, size, axis=1)[:, :T])
+        total = np.sum([np.einsum("eti,etj->ij", jacobian[..., y, :], spread[y]) for y in channels], axis=0)
         for y in channels:
-            J = jacobian[..., y, :]
-            onto = J @ inverse
-            kept = onto @ total
-            for k in range(lags):
-                # H Gamma + Gamma H - H Gamma H along its k-th diagonals, H = J S^-1 J^T
-                lost = 2.0 * _by_lag(onto, spread[y], k, "eti,eti->") - _by_lag(kept, onto, k, "eti,eti->")
-                taken[y, k] = float(lost) / max(pairs[y][k], 1.0)
+            onto = fft.rfft(jacobian[..., y, :] @ inverse, size, axis=1)
+            # H Gamma + Gamma H - H Gamma H along its diagonals, H = J S^-1 J^T
+            lost = 2.0 * _by_lag(onto, fft.rfft(spread[y], size, axis=1), size, lags)
+            taken[y] = (lost - _by_lag(onto @ total, onto, size, lags)) / pairs[y]
     return total
 
 

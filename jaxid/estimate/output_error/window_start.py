@@ -36,18 +36,16 @@ def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[A
     """Value and slope [W] of `values` [T] at the samples `at`, by a parabola through the measured neighbours (a line, or
     a constant, where there are few); NaN where there is none."""
     there = np.flatnonzero(np.isfinite(values))
-    level, slope = np.full(len(at), np.nan), np.full(len(at), np.nan)
-    for w, k in enumerate(at):
-        first = int(np.clip(np.searchsorted(there, k) - _NEIGHBOURS // 2, 0, max(len(there) - _NEIGHBOURS, 0)))
-        near = there[first : first + _NEIGHBOURS]
-        if not len(near):
-            continue
-        order = min(2, len(near) - 1)
-        span = max(float(time[near[-1]] - time[near[0]]), np.finfo(float).tiny)
-        powers = np.vander((time[near] - time[k]) / span, order + 1, increasing=True)
-        found = np.linalg.lstsq(powers, values[near], rcond=None)[0]
-        level[w], slope[w] = found[0], found[1] / span if order else 0.0
-    return level, slope
+    count = min(_NEIGHBOURS, len(there))
+    if not count:
+        return np.full(len(at), np.nan), np.full(len(at), np.nan)
+    first = np.clip(np.searchsorted(there, at) - _NEIGHBOURS // 2, 0, len(there) - count)
+    near = there[first[:, None] + np.arange(count)]  # [W, samples]
+    span = time[near[:, -1]] - time[near[:, 0]] if count > 1 else np.ones(len(at))
+    since = (time[near] - time[at][:, None]) / span[:, None]
+    powers = since[..., None] ** np.arange(min(3, count))
+    found = np.einsum("wpn,wn->wp", np.linalg.pinv(powers, rcond=count * np.finfo(float).eps), values[near])
+    return found[:, 0], found[:, 1] / span if count > 1 else np.zeros(len(at))
 
 
 @partial(compiled, static_argnames=("robot", "names"))
@@ -90,7 +88,7 @@ def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[
     for j, name in enumerate(log.channels.measured):
         if name in names:
             x[:, names.index(name)] = np.where(known[:, j], target[:, j], x[:, names.index(name)])
-    numbers = {name: array(float(value)) for name, value in robot.parameters.numbers.items()}
+    numbers = {name: np.asarray(float(value)) for name, value in robot.parameters.numbers.items()}
     fixed = {name: np.full(len(at), float(value)) for name, value in default.items()}
     step = log.sampling_interval
     for _ in range(_STEPS):
