@@ -16,20 +16,17 @@ percent. Three kinds of plant differ by it:
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._compile import compiled
 from ..._float64 import in_float64
 from ...logs import Log, LogSet
 from ...logs.noise import noise_scale
 from ...robots.robot import Robot
-from ...simulation.rollout import Integrator, step
+from ...simulation.local_slopes import transitions
+from ...simulation.rollout import Integrator
 from .window_start import states_at
 
 Array = NDArray[np.float64]
@@ -90,38 +87,6 @@ class Predictability:
         return f"the free simulation is stable: the outputs forget the start within {self.memory:.2g} s"
 
 
-@partial(compiled, static_argnames=("robot", "integrator", "names"))
-def _transitions(robot: Robot, integrator: Integrator, names: tuple[str, ...], numbers, starts, inputs, dt):
-    """Phi [W, s, s] of W stretches of n samples each, and dy/dx [W, ny, s] where they begin."""
-
-    def one(start, u, d):
-        def state(x):
-            return {**start, **dict(zip(names, x, strict=True))}
-
-        def end(x):
-            def sample(s, row):
-                held, interval = row
-
-                def substep(s, _):
-                    return step(
-                        robot, s, tuple(held), interval / integrator.substeps, numbers, integrator.friction
-                    ), None
-
-                return jax.lax.scan(substep, s, None, length=integrator.substeps)[0], None
-
-            begin = {name: jnp.asarray(value, float) for name, value in state(x).items()}
-            after = jax.lax.scan(sample, begin, (u, d))[0]
-            return jnp.stack([after[name] for name in names])
-
-        def seen(x):
-            return jnp.stack([jnp.asarray(y, float) for y in robot.observe(state(x), tuple(u[0]), numbers)])
-
-        x = jnp.stack([start[name] for name in names])
-        return jax.jacfwd(end)(x), jax.jacfwd(seen)(x)
-
-    return jax.vmap(one)(starts, inputs, dt)
-
-
 def _spans(transitions: Array, seen: Array) -> tuple[Array, Array]:
     """Mean log norm [W] of the products over spans of 1 to W stretches, and of what the outputs show of them."""
     W, s = transitions.shape[:2]
@@ -148,10 +113,9 @@ def _of_log(robot: Robot, log: Log, integrator: Integrator, noise: Mapping[str, 
     at = np.arange(W) * n
     states = states_at(robot, log, at)
     names = robot.estimated_states
-    numbers = {name: np.asarray(float(value)) for name, value in robot.parameters.numbers.items()}
     dt = np.diff(log.time)[: W * n].reshape(W, n)
     inputs = log.inputs[: W * n].reshape(W, n, -1)
-    phi, seen = (np.asarray(v) for v in _transitions(robot.structure, integrator, names, numbers, states, inputs, dt))
+    phi, seen = transitions(robot, integrator, names, states, inputs, dt)
     shown = [j for j in range(log.outputs.shape[1]) if np.isfinite(log.outputs[:, j]).any()]
     spread = np.array([np.std(states[name]) for name in names])
     unit = np.where(spread > 0, spread, 1.0)

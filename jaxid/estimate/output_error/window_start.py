@@ -6,21 +6,18 @@ length. A position gives a speed so, and a speed the current behind it. What nei
 """
 
 from dataclasses import replace
-from functools import partial
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
 from ..._arrays import array
-from ..._compile import compiled
 from ..._float64 import in_float64
 from ...logs import Log, LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import window_rows
 from ...robots.robot import Robot
+from ...simulation.local_slopes import output_slopes
 from .problem import Problem, Structure
 
 Array = NDArray[np.float64]
@@ -48,31 +45,6 @@ def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[A
     return found[:, 0], found[:, 1] / span if count > 1 else np.zeros(len(at))
 
 
-@partial(compiled, static_argnames=("robot", "names"))
-def _seen(robot: Robot, names: tuple[str, ...], numbers, states, inputs, interval):
-    """Outputs [W, ny] and their rates, and the derivatives [W, ny, s] of both by the states `names` [W, s]; dry friction
-    left out, which acts on accelerations only."""
-
-    def at(x, fixed, u):
-        def outputs(state):
-            return jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, tuple(u), numbers)])
-
-        def both(x):
-            state = {**fixed, **dict(zip(names, x, strict=True))}
-            dry = (0.0,) * len(robot.rubbing(state, numbers))
-            acting = robot.effective_inputs(state, tuple(u), interval, numbers)
-            rates = robot.rates(state, acting, dry, numbers)
-            rates = {name: jnp.asarray(rates[name], float) + 0.0 * state[name] for name in state}
-            y, ydot = jax.jvp(outputs, (state,), (rates,))
-            return jnp.concatenate([y, ydot])
-
-        y, tangents = jax.vmap(lambda t: jax.jvp(both, (x,), (t,)), out_axes=(None, -1))(jnp.eye(len(names)))
-        return y, tangents
-
-    x = jnp.stack([states[name] for name in names], axis=-1)
-    return jax.vmap(at)(x, states, inputs)
-
-
 @in_float64
 def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[NDArray, " W"]]:
     """The likeliest states [W] by name at the samples `at` [W] of a log."""
@@ -88,12 +60,11 @@ def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[
     for j, name in enumerate(log.channels.measured):
         if name in names:
             x[:, names.index(name)] = np.where(known[:, j], target[:, j], x[:, names.index(name)])
-    numbers = {name: np.asarray(float(value)) for name, value in robot.parameters.numbers.items()}
     fixed = {name: np.full(len(at), float(value)) for name, value in default.items()}
     step = log.sampling_interval
     for _ in range(_STEPS):
         states = fixed | dict(zip(names, x.T, strict=True))
-        seen, slopes = (np.asarray(v) for v in _seen(robot.structure, names, numbers, states, log.inputs[at], step))
+        seen, slopes = output_slopes(robot, names, states, log.inputs[at], step)
         error = np.where(known, target - seen, 0.0)
         slopes = np.where(known[..., None], slopes, 0.0)
         if not (np.isfinite(error).all() and np.isfinite(slopes).all()):
