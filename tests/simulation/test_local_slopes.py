@@ -41,7 +41,9 @@ def test_a_transition_is_what_a_simulation_started_elsewhere_does():
     logs = LogSet([Log.from_arrays("run", time, u, np.zeros((len(time), 2)), robot.channels)])
 
     def ended(**start):
-        return simulate(robot, logs, start={name: np.array([value]) for name, value in start.items()}, integrator=Integrator(2))[0][-1]
+        return simulate(
+            robot, logs, start={name: np.array([value]) for name, value in start.items()}, integrator=Integrator(2)
+        )[0][-1]
 
     here = {name: float(starts[name][0]) for name in names}
     order = [list(robot.channels.measured).index(name) for name in names]
