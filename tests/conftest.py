@@ -63,6 +63,34 @@ def pytest_collection_modifyitems(items):
                 item.add_marker(pytest.mark.skip(reason="hands over wrong types on purpose"))
 
 
+LEFT_OUT = pytest.StashKey[set[str]]()
+"""Slow tests that this run does not run: its end names them."""
+
+
+def pytest_configure(config):
+    config.stash[LEFT_OUT] = set()
+
+
+def pytest_deselected(items):
+    slow = {item.nodeid for item in items if item.get_closest_marker("slow")}
+    items[0].config.stash[LEFT_OUT] |= slow
+
+
+def pytest_sessionfinish(session):
+    if hasattr(session.config, "workeroutput"):  # one of several processes
+        session.config.workeroutput["left_out"] = sorted(session.config.stash[LEFT_OUT])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node, error):
+    node.config.stash[LEFT_OUT] |= set(getattr(node, "workeroutput", {}).get("left_out", ()))
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    for name in sorted(config.stash[LEFT_OUT]):
+        terminalreporter.write_line(f"LEFT OUT (slow, run it with `pytest -m slow`) {name}")
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """The tests of a file run in one process, which makes and traces what they share once; every notebook for itself."""

@@ -113,6 +113,7 @@ def test_a_ripple_that_can_be_followed_freely_is_so_where_the_angle_is_measured_
     assert fit["cogging_torque.sine_q"].value == pytest.approx(3.0, rel=0.02)
 
 
+@pytest.mark.slow  # half a minute; test_naming names a ripple in the default run
 def test_a_strong_ripple_is_named_whether_or_not_it_can_be_followed_freely(tmp_path):
     case = make("axis", {"cogging_torque": 30.5}, 367)
     fitted, held, nominal = case.write(tmp_path)
