@@ -111,44 +111,76 @@ def minimise_in_turns(
     """`solver.minimise`, part by part."""
     look, costs = _simulations(structure, problem, start)
     limit = np.asarray(max_steps)
+    if structure.state_names:
+        return _minimised(solver, problem.bounds, problem.free, start, look, costs, limit)
     seen: list[Triangle] = []
-    alone = not structure.state_names
+    n, states = len(structure.names), start.states
 
     def looked(there: Unknowns) -> Triangle:
-        seen.append(look(there._replace(states=start.states) if alone else there))
-        return _outline(seen[-1], len(seen) - 1) if alone else seen[-1]
+        seen.append(look(Unknowns(np.asarray(there.z)[:n], states)))
+        return _outline(seen[-1], len(seen) - 1)
 
     def simulated(candidates: Unknowns) -> Any:
-        states = np.zeros((CANDIDATES, *np.shape(start.states)))
-        return costs(candidates._replace(states=states) if alone else candidates)
+        return costs(Unknowns(np.asarray(candidates.z)[:, :n], np.zeros((CANDIDATES, *np.shape(states)))))
 
-    begun = start._replace(states=np.zeros((1, 0))) if alone else start
-    triangle = looked(begun)
-    state = begin(begun, triangle)
-    while True:
-        search = _decided(solver, problem.bounds, problem.free, state, triangle, limit)
-        while search.going:
-            search = _tried(search, simulated(search.candidates))
-        state = search.state
-        if state.outcome != UNDECIDED:
-            break
-        triangle = looked(state.there)
-    found = state.optimum
-    if not alone:
-        return found
+    bounds = problem.bounds
+    found = _minimised(
+        solver,
+        Bounds(_filled(bounds.lower, -np.inf), _filled(bounds.upper, np.inf), _filled(bounds.scale, 1.0)),
+        _filled(problem.free, False),
+        Unknowns(_filled(start.z, 0.0), np.zeros((1, 0))),
+        looked,
+        simulated,
+        limit,
+    )
     number = float(found.triangle.squares[0, 0])
     whole = seen[int(number) if np.isfinite(number) else -1]
-    return found._replace(triangle=whole, unknowns=found.unknowns._replace(states=start.states))
+    return found._replace(triangle=whole, unknowns=Unknowns(np.asarray(found.unknowns.z)[:n], states))
+
+
+def _minimised(
+    solver: BestDampingLevenbergMarquardt,
+    bounds: Bounds,
+    free: Any,
+    start: Unknowns,
+    look: Look,
+    costs: Costs,
+    limit: Any,
+) -> Optimum:
+    triangle = look(start)
+    state = begin(start, triangle)
+    while True:
+        search = _decided(solver, bounds, free, state, triangle, limit)
+        while search.going:
+            search = _tried(search, costs(search.candidates))
+        state = search.state
+        if state.outcome != UNDECIDED:
+            return state.optimum
+        triangle = look(state.there)
+
+
+_FOURS = 4
+"""Decisions are compiled for multiples of so many unknowns; those in excess move nothing."""
+
+
+def _filled(values: Any, with_: Any) -> Any:
+    """[n] filled up to the next multiple."""
+    values = np.asarray(values)
+    return np.concatenate([values, np.full(-len(values) % _FOURS, with_, values.dtype)])
 
 
 def _outline(triangle: Triangle, number: int) -> Triangle:
-    """What is decided on, of logs without initial states of their own: of the same shapes whatever their number, so that
-    it is compiled once for all. In place of the squares stands the linearisation's `number`, infinite if they are not
-    finite."""
-    n = np.shape(triangle.shared)[-1]
+    """What is decided on, of logs without initial states of their own: of the same shapes whatever the number of logs, and
+    for every few unknowns, so that it is compiled once for all. In place of the squares stands the linearisation's
+    `number`, infinite if they are not finite."""
+    own = np.asarray(triangle.shared)
+    n = own.shape[-1]
+    more = -n % _FOURS
     sound = bool(np.isfinite(triangle.squares).all())
     return triangle._replace(
-        crossed=np.zeros((1, 0, n)),
+        shared=np.pad(own, (0, more)),
+        residual_shared=_filled(triangle.residual_shared, 0.0),
+        crossed=np.zeros((1, 0, n + more)),
         local=np.zeros((1, 0, 0)),
         residual_local=np.zeros((1, 0)),
         squares=np.array([[float(number) if sound else np.inf]]),
