@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, ndimage
+from scipy import ndimage
 
 from .._float64 import in_float64
 from ..logs import LogSet
@@ -71,7 +71,7 @@ class Grid:
 
     def sums(self, values: Array, steps: int) -> NDArray[np.complex128]:
         """Sums of `values` [N] times exp(i k way) for k from 0 to `steps`."""
-        return np.conj(fft.rfft(np.bincount(self.at, values, minlength=self.size)))[: steps + 1]
+        return np.conj(np.fft.rfft(np.bincount(self.at, values, minlength=self.size)))[: steps + 1]
 
 
 class Periodogram:

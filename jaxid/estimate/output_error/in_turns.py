@@ -117,25 +117,27 @@ def minimise_in_turns(
     n, states = len(structure.names), start.states
 
     def looked(there: Unknowns) -> Triangle:
-        seen.append(look(Unknowns(np.asarray(there.z)[:n], states)))
+        seen.append(look(there._replace(z=np.asarray(there.z)[:n], states=states)))
         return _outline(seen[-1], len(seen) - 1)
 
     def simulated(candidates: Unknowns) -> Any:
-        return costs(Unknowns(np.asarray(candidates.z)[:, :n], np.zeros((CANDIDATES, *np.shape(states)))))
+        own = np.zeros((CANDIDATES, *np.shape(states)))
+        return costs(candidates._replace(z=np.asarray(candidates.z)[:, :n], states=own))
 
     bounds = problem.bounds
     found = _minimised(
         solver,
         Bounds(_filled(bounds.lower, -np.inf), _filled(bounds.upper, np.inf), _filled(bounds.scale, 1.0)),
         _filled(problem.free, False),
-        Unknowns(_filled(start.z, 0.0), np.zeros((1, 0))),
+        start._replace(z=_filled(start.z, 0.0), states=np.zeros((1, 0))),
         looked,
         simulated,
         limit,
     )
     number = float(found.triangle.squares[0, 0])
     whole = seen[int(number) if np.isfinite(number) else -1]
-    return found._replace(triangle=whole, unknowns=Unknowns(np.asarray(found.unknowns.z)[:n], states))
+    there = found.unknowns._replace(z=np.asarray(found.unknowns.z)[:n], states=states)
+    return found._replace(triangle=whole, unknowns=there)
 
 
 def _minimised(

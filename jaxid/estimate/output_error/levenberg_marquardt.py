@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..._arrays import array
 from .arrow import Eliminated, eliminate, gradient, norms
 from .bounds import Bounds
 from .chart import Chart, chart_at
@@ -137,8 +138,8 @@ def _candidates(chart: Chart, system: Eliminated, round: Int[Array, ""]) -> Unkn
 def begin(start: Unknowns, shapes: Triangle) -> State:
     """Before the first linearisation, whose result has the shapes of `shapes`."""
     empty = jax.tree.map(lambda leaf: np.full(leaf.shape, np.inf, leaf.dtype), shapes)
-    none, infinite = np.array(0), np.array(np.inf)
-    return State(start, start, empty, infinite, infinite, none, none, infinite, np.array(UNDECIDED), none)
+    none, infinite = array(0), array(np.inf)
+    return State(start, start, empty, infinite, infinite, none, none, infinite, array(UNDECIDED), none)
 
 
 def tried(search: Search, costs: Float[Array, " c"]) -> Search:

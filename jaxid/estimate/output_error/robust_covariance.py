@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
-from scipy import fft, stats
+from scipy import stats
 
 from .evaluation import sensitivities_at
 from .problem import Problem, Structure, Unknowns
@@ -69,25 +69,30 @@ def _lags(residual: Float[NDArray, "E T ny"]) -> int:
     return 2 * last
 
 
+def _points(samples: int) -> int:
+    """Points of a Fourier transform of so many samples."""
+    return 2 ** int(np.ceil(np.log2(samples)))
+
+
 def _by_lag(a: NDArray[np.complex128], b: NDArray[np.complex128], size: int, lags: int) -> NDArray[np.float64]:
     """Sum over experiments, samples and columns of products of two signals that are 0 to `lags` samples apart, both ways
     [lags]. Of the signals' transforms [E, F, n] at `size` points, zeros behind them."""
-    both = fft.irfft(np.einsum("efi,efi->f", a, np.conj(b)), size)
+    both = np.fft.irfft(np.einsum("efi,efi->f", a, np.conj(b)), size)
     found = both[:lags] + np.roll(both, -1)[::-1][:lags]
     found[0] = both[0]
     return found
 
 
 def _autocovariance(residual: Float[NDArray, "E T"], pairs: NDArray[np.float64], lags: int) -> NDArray[np.float64]:
-    size = fft.next_fast_len(residual.shape[1] + lags, real=True)
-    transformed = fft.rfft(residual, size, axis=1)[..., None]
+    size = _points(residual.shape[1] + lags)
+    transformed = np.fft.rfft(residual, size, axis=1)[..., None]
     return _by_lag(transformed, transformed, size, lags) / pairs
 
 
 def _pairs(mask: Bool[NDArray, "E T"], lags: int) -> NDArray[np.float64]:
     """Pairs of samples so many apart, both ways, of which both were measured; at least one."""
-    size = fft.next_fast_len(mask.shape[1] + lags, real=True)
-    transformed = fft.rfft(mask.astype(float), size, axis=1)[..., None]
+    size = _points(mask.shape[1] + lags)
+    transformed = np.fft.rfft(mask.astype(float), size, axis=1)[..., None]
     return np.maximum(np.rint(_by_lag(transformed, transformed, size, lags)), 1.0)
 
 
@@ -97,7 +102,7 @@ def stationary(residual, jacobian, mask, inverse) -> NDArray[np.float64]:
     lags = _lags(residual)
     # 1 up to half of the lags, then down to 0: what is forgotten is only noise.
     taper = np.clip(2.0 * (1.0 - np.arange(lags) / lags), 0.0, 1.0)
-    size = fft.next_fast_len(T + lags, real=True)
+    size = _points(T + lags)
     pairs = np.stack([_pairs(mask[..., y], lags) for y in channels])
     gamma = np.stack([_autocovariance(residual[..., y], pairs[y], lags) for y in channels])
     taken, total = np.zeros_like(gamma), np.zeros((jacobian.shape[-1],) * 2)
@@ -108,13 +113,13 @@ def stationary(residual, jacobian, mask, inverse) -> NDArray[np.float64]:
             kernel = np.zeros(size)
             kernel[:lags] = weights[y]
             kernel[size - lags + 1 :] = weights[y, :0:-1]
-            answer = fft.rfft(jacobian[..., y, :], size, axis=1) * fft.rfft(kernel)[:, None]
-            spread.append(fft.irfft(answer, size, axis=1)[:, :T])
+            answer = np.fft.rfft(jacobian[..., y, :], size, axis=1) * np.fft.rfft(kernel)[:, None]
+            spread.append(np.fft.irfft(answer, size, axis=1)[:, :T])
         total = np.sum([np.einsum("eti,etj->ij", jacobian[..., y, :], spread[y]) for y in channels], axis=0)
         for y in channels:
-            onto = fft.rfft(jacobian[..., y, :] @ inverse, size, axis=1)
+            onto = np.fft.rfft(jacobian[..., y, :] @ inverse, size, axis=1)
             # H Gamma + Gamma H - H Gamma H along its diagonals, H = J S^-1 J^T
-            lost = 2.0 * _by_lag(onto, fft.rfft(spread[y], size, axis=1), size, lags)
+            lost = 2.0 * _by_lag(onto, np.fft.rfft(spread[y], size, axis=1), size, lags)
             taken[y] = (lost - _by_lag(onto @ total, onto, size, lags)) / pairs[y]
     return total
 
