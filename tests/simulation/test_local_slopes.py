@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, DifferentialDrive, Integrator, Log, LogSet, Omni, Pioneer, float64, simulate
+from jaxid import Axis, DifferentialDrive, Integrator, Log, LogSet, Omni, float64, simulate
 from jaxid.simulation import local_slopes
 from jaxid.simulation.local_slopes import output_slopes, transitions
 
-ROBOTS = (Axis(), DifferentialDrive(), Omni(), Pioneer())
+ROBOTS = (DifferentialDrive(), Omni())
 
 
 def somewhere(robot, W=11, n=4):
