@@ -29,9 +29,9 @@ _CORNER = 0.01
 class Bounds(eqx.Module):
     """Bounds of n parameters, infinite where there is none, and the unit (`scale`) of their coordinates."""
 
-    lower: Float[AnyArray, " n"]
-    upper: Float[AnyArray, " n"]
-    scale: Float[AnyArray, " n"]
+    lower: Float[Array, " n"]
+    upper: Float[Array, " n"]
+    scale: Float[Array, " n"]
 
     def physical(self, z: Float[AnyArray, "*lanes n"]) -> Any:
         """Parameters from the optimiser's coordinates, never outside their bounds. NumPy's arrays stay such."""

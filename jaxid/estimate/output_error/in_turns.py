@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -124,10 +125,14 @@ def minimise_in_turns(
         own = np.zeros((CANDIDATES, *np.shape(states)))
         return costs(candidates._replace(z=np.asarray(candidates.z)[:, :n], states=own))
 
-    bounds = problem.bounds
+    given = problem.bounds
     found = _minimised(
         solver,
-        Bounds(_filled(bounds.lower, -np.inf), _filled(bounds.upper, np.inf), _filled(bounds.scale, 1.0)),
+        eqx.tree_at(
+            lambda bounds: (bounds.lower, bounds.upper, bounds.scale),
+            given,
+            (_filled(given.lower, -np.inf), _filled(given.upper, np.inf), _filled(given.scale, 1.0)),
+        ),
         _filled(problem.free, False),
         start._replace(z=_filled(start.z, 0.0), states=np.zeros((1, 0))),
         looked,
