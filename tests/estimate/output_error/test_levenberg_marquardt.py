@@ -77,7 +77,7 @@ def linear():
 
 def test_on_a_linear_problem_one_gauss_newton_step_is_linear_least_squares(linear):
     structure, problem, start, matrix, y = linear
-    triangle = linearise(structure, problem, start)
+    triangle = jax.jit(linearise, static_argnums=0)(structure, problem, start)
     step = np.linalg.solve(np.asarray(triangle.shared), -np.asarray(triangle.residual_shared))
     expected, squares, *_ = np.linalg.lstsq(matrix, y)
     np.testing.assert_allclose(parameters_at(problem, start.z + step), expected, rtol=1e-10)
@@ -104,7 +104,7 @@ def test_many_starts_in_one_batch_are_the_single_fits_and_a_diverging_one_harms_
     structure, problem, start = axis
     shifts = jnp.array([[0.0, 0.0, 0.0, 0.0], [0.5, -0.4, 0.3, 0.1], [-40.0, 3.0, 0.0, 0.0]])
     starts = Unknowns(start.z + shifts, jnp.broadcast_to(start.states, (3, *start.states.shape)))
-    outputs = simulate_all(structure, problem, Unknowns(starts.z[2], start.states))
+    outputs = jax.jit(simulate_all, static_argnums=0)(structure, problem, Unknowns(starts.z[2], start.states))
     assert not bool(jnp.all(jnp.isfinite(outputs)))  # a mass of 2.5e-6 kg explodes
     lanes = minimise_lanes(structure, problem, starts)
     for k in range(2):
@@ -133,7 +133,7 @@ def test_a_step_into_divergence_is_rejected():
     options = dict(start=dict(a=0.02), initial="known", integrator=Integrator(1))
     structure, problem, start = build(robot, LogSet([log]), **options)
     problem = replace(problem, sigma=jnp.array([0.1]))
-    triangle = linearise(structure, problem, start)
+    triangle = jax.jit(linearise, static_argnums=0)(structure, problem, start)
     full = start.z - triangle.residual_shared / triangle.shared[0]
     assert float(parameters_at(problem, full)[0]) < 0  # where Gauss-Newton would go
     optimum = minimise_compiled(structure, problem, start)
