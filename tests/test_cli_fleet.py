@@ -61,6 +61,7 @@ def test_every_member_has_its_own_fit_and_a_broken_one_is_named(
         assert abs(found["value"] - mass) < 4 * found["std_error"] < 0.1 * mass
         assert found["low"] < found["value"] < found["high"] and found["status"] == "identified"
     assert "3 of 4 members fitted" in said and "broken" in said
+    assert "linear estimates are there" in remarks and "members as lanes of one program" in remarks  # where it is
     assert np.median([*MASSES.values()]) == pytest.approx(float(said.split("M ")[1].split()[3]), rel=0.02)
 
 

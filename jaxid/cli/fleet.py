@@ -1,6 +1,6 @@
 """`jaxid fleet`: a folder of robots, each fitted on its own logs, in one batch; tables for programs, a summary for people."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -57,7 +57,11 @@ def _started(robot: Robot, logs: LogSet) -> Fit | None:
 
 
 def _batch(
-    robot: Robot, files: Mapping[str, Sequence[Path]], mapping: Path | None, options: Mapping[str, Any]
+    robot: Robot,
+    files: Mapping[str, Sequence[Path]],
+    mapping: Path | None,
+    options: Mapping[str, Any],
+    report: Callable[[str], None],
 ) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]], dict[str, Fit]]:
     """Rows of both tables and the fits."""
     logs: dict[str, LogSet] = {}
@@ -70,7 +74,10 @@ def _batch(
     fits: dict[str, Fit] = {}
     if logs:
         starts = {name: _started(robot, own) for name, own in logs.items()}
-        fleet = fit_fleet(robot, logs, start=starts, **options)
+        report("linear estimates are there, from which output error starts")
+        # What every member goes through is told of a few; of thousands nobody could read it.
+        told = report if len(logs) <= _SHOWN else lambda message: None
+        fleet = fit_fleet(robot, logs, start=starts, report=told, **options)
         fits, failed = fleet.fits, failed | fleet.failed
     estimates = [row for name, fit in fits.items() for row in estimate_rows(name, fit)]
     members = [member_row(name, logs.get(name), fits.get(name), failed.get(name, "")) for name in files]
@@ -120,8 +127,8 @@ def run_fleet(
     names = list(files)
     for begin in range(0, len(names), BATCH):
         some = names[begin : begin + BATCH]
-        with step(f"Members {begin + 1} to {begin + len(some)} of {len(names)}"):
-            more, became, found = _batch(robot, {name: files[name] for name in some}, mapping, options)
+        with step(f"Members {begin + 1} to {begin + len(some)} of {len(names)}") as report:
+            more, became, found = _batch(robot, {name: files[name] for name in some}, mapping, options, report)
         estimates, members, fits = estimates + more, members + became, fits | found
         write_tables(out, {"estimates.parquet": (ESTIMATES, estimates), "members.parquet": (MEMBERS, members)})
     show(_summary(fits, members))
