@@ -15,6 +15,8 @@ _FEW = 60
 _BRIEF = 1.0  # s
 _MUCH = 0.1
 """Change of an input, in shares of its range, that shows in one sample of a quick robot."""
+_LITTLE = 0.03
+"""The same, from which on it is a change at all."""
 
 
 def finding(log: Log, column: str | None, sample: int | None, severity: Severity, check: str, text: str) -> Finding:
@@ -105,15 +107,20 @@ def _missing(log: Log, name: str, values: Array) -> Iterator[Finding]:
 
 
 def _answers(log: Log, steps: Array, away: Array) -> NDArray[np.bool_]:
-    """Whether a sample that jumps `away` [T - 2] and back answers an input that was there for one interval: it is no larger
-    than the changes [T - 1] that follow other changes of the inputs in one sample, as those of a robot quicker than its log."""
+    """Whether a sample that jumps `away` [T - 2] and back answers inputs that were there for one interval: it is no larger
+    than the changes [T - 1] that follow other changes of the inputs in one sample, as those of a robot quicker than its log,
+    or that come with them, as in a motor's current."""
     changes = np.abs(np.diff(log.inputs, axis=0))
-    changed = (changes > _MUCH * np.ptp(log.inputs, axis=0)).any(axis=1)
-    if not changed[:-1].any():
-        return np.zeros(len(away), bool)
-    usual = float(np.quantile(np.abs(steps[1:][changed[:-1]]), 0.9))
-    pulsed = np.append(False, changed[:-2] & changed[1:-1])
-    return pulsed & (away <= usual)
+    changed, moved = ((changes > share * np.ptp(log.inputs, axis=0)).any(axis=1) for share in (_MUCH, _LITTLE))
+    brief = (moved[:-1] & changed[1:]) | (changed[:-1] & moved[1:])  # [T - 2] the inputs of one sample alone
+    answers = np.zeros(len(away), bool)
+    if changed.any():
+        usual = float(np.quantile(np.abs(steps[changed]), 0.9))
+        answers |= brief & (away <= usual)
+    if changed[:-1].any():
+        usual = float(np.quantile(np.abs(steps[1:][changed[:-1]]), 0.9))
+        answers |= np.append(False, brief[:-1]) & (away <= usual)
+    return answers
 
 
 def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:

@@ -97,7 +97,8 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
         if share < 0.1 and _answer(smooth, regressors) < 4.5:
             text = (
                 f"is unrelated to every input and every other sensor ({max(share, 0):.0%} predicted), so the sensor "
-                "looks dead or the column is another one; repair it or leave the column out"
+                "looks dead or the column is another one; repair it or leave the column out (unless the robot hardly moved "
+                "that way)"
             )
             yield finding(log, name, None, "warning", "dead_sensor", text)
 

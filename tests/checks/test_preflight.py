@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jaxid import demo, read_logs
 from jaxid.checks.preflight import preflight
 from jaxid.logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet
 from tests.checks.any_scale import ROBOTS, make
@@ -47,6 +48,12 @@ def _omni_inputs(held, kind, seed=0):
 
 PIONEER_KINDS = ["two levels", "nine levels", "straight", "on the spot", "step", "forward and back", "sines", "coast", "trapezoid"]  # fmt: skip  # noqa: E501
 OMNI_KINDS = ["two levels", "eight levels", "sines", "along Vn", "spin"]
+
+
+@pytest.mark.parametrize("path", sorted(demo.folder("omni").glob("*.csv")), ids=lambda path: path.stem)
+def test_currents_that_jump_with_the_voltages_are_no_spikes(path):
+    """Of the omni's logs, whose voltages are now and then there for one sample alone."""
+    assert not [found for found in read_logs(path, "omni").preflight() if found.check == "spike"]
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0, 3.0])
