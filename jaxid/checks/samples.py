@@ -106,21 +106,19 @@ def _missing(log: Log, name: str, values: Array) -> Iterator[Finding]:
     yield finding(log, name, first, "warning", "missing_samples", text)
 
 
-def _answers(log: Log, steps: Array, away: Array) -> NDArray[np.bool_]:
+def _answers(log: Log, name: str, steps: Array, away: Array) -> NDArray[np.bool_]:
     """Whether a sample that jumps `away` [T - 2] and back answers inputs that were there for one interval: it is no larger
-    than the changes [T - 1] that follow other changes of the inputs in one sample, as those of a robot quicker than its log,
-    or that come with them, as in a motor's current."""
+    than the changes [T - 1] that follow other changes of the inputs in one sample, as those of a robot quicker than its log.
+    What is neither a speed nor a position, such as a motor's current, may change with the inputs at once."""
     changes = np.abs(np.diff(log.inputs, axis=0))
     changed, moved = ((changes > share * np.ptp(log.inputs, axis=0)).any(axis=1) for share in (_MUCH, _LITTLE))
-    brief = (moved[:-1] & changed[1:]) | (changed[:-1] & moved[1:])  # [T - 2] the inputs of one sample alone
-    answers = np.zeros(len(away), bool)
-    if changed.any():
+    if name not in log.channels.mixing and changed.any():
         usual = float(np.quantile(np.abs(steps[changed]), 0.9))
-        answers |= brief & (away <= usual)
-    if changed[:-1].any():
-        usual = float(np.quantile(np.abs(steps[1:][changed[:-1]]), 0.9))
-        answers |= np.append(False, brief[:-1]) & (away <= usual)
-    return answers
+        return ((moved[:-1] & changed[1:]) | (changed[:-1] & moved[1:])) & (away <= usual)
+    if not changed[:-1].any():
+        return np.zeros(len(away), bool)
+    usual = float(np.quantile(np.abs(steps[1:][changed[:-1]]), 0.9))
+    return np.append(False, changed[:-2] & changed[1:-1]) & (away <= usual)
 
 
 def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
@@ -137,7 +135,7 @@ def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
     least = max(7 * spread, 4.5 * quantum(values), 0.05 * (high - low))
     spikes = 1 + np.flatnonzero((away > 3 * nearby) & (away > least))
     # Of a robot quicker than its log, an input that was there for one sample makes one, too.
-    spikes = spikes[~_answers(log, steps, away)[spikes - 1]]
+    spikes = spikes[~_answers(log, name, steps, away)[spikes - 1]]
     # The first and last sample have one neighbour; a start or stop changes on over the next samples, or, of a robot quicker
     # than its log, is over before the next one: then it is from rest, or to it.
     sizes = np.abs(steps)
