@@ -29,6 +29,8 @@ Look = Callable[[Unknowns], Triangle]
 Costs = Callable[[Unknowns], Any]
 _MOST_MODELS = 32
 """Then all are forgotten, the traces they were made from too."""
+_MULTIPLE = 4
+"""Decisions are compiled for multiples of so many unknowns; those in excess move nothing."""
 
 
 class _Model(NamedTuple):
@@ -166,14 +168,10 @@ def _minimised(
         triangle = look(state.there)
 
 
-_FOURS = 4
-"""Decisions are compiled for multiples of so many unknowns; those in excess move nothing."""
-
-
 def _filled(values: Any, with_: Any) -> Any:
     """[n] filled up to the next multiple."""
     values = np.asarray(values)
-    return np.concatenate([values, np.full(-len(values) % _FOURS, with_, values.dtype)])
+    return np.concatenate([values, np.full(-len(values) % _MULTIPLE, with_, values.dtype)])
 
 
 def _outline(triangle: Triangle, number: int) -> Triangle:
@@ -182,7 +180,7 @@ def _outline(triangle: Triangle, number: int) -> Triangle:
     `number`, infinite if they are not finite."""
     own = np.asarray(triangle.shared)
     n = own.shape[-1]
-    more = -n % _FOURS
+    more = -n % _MULTIPLE
     sound = bool(np.isfinite(triangle.squares).all())
     return triangle._replace(
         shared=np.pad(own, (0, more)),
