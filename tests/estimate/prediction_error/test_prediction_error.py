@@ -1,13 +1,14 @@
 """Whole fits: against output error where nothing is disturbed, against the truth of an independent simulator where the
 motion is, on a plant that no free simulation follows, and in other units."""
 
+import importlib
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxid import AXIS, Axis, Custom, Log, LogSet, ParameterError, compare, output_error, prediction_error
 from jaxid.effects.sensor import SensorBias, SensorDelay, SensorLag
-from jaxid.estimate.prediction_error import unknown_levels
 from jaxid.estimate.prediction_error.disturbance import chance
 from jaxid.estimate.prediction_error.noisy_states import noisy_states
 from jaxid.estimate.prediction_error.predict import predict
@@ -34,15 +35,18 @@ def disturbed(disturbed_axis):
 def test_without_process_noise_it_is_output_error(disturbed_axis, monkeypatch):
     logs = LogSet([disturbed_axis(seed, q=0.0) for seed in (3, 4)])
     innovations, simulation = (method(Axis(), logs, integrator=FINE) for method in (prediction_error, output_error))
-    monkeypatch.setattr(unknown_levels, "nodes", lambda *_: [])
-    sure = prediction_error(Axis(), logs, integrator=FINE)  # as if the faintest process noise were the true one
+    module = importlib.import_module("jaxid.estimate.prediction_error.prediction_error")
+    monkeypatch.setattr(
+        module, "_covariance", lambda _, found: np.linalg.pinv(np.asarray(found.optimum.look.information))
+    )
+    sure = prediction_error(Axis(), logs, integrator=FINE)  # as if it were known that there is no process noise
     assert innovations.disturbance is not None and simulation.disturbance is None
     assert innovations.disturbance.process["v"].value == 0.0
     assert innovations.disturbance.p_value == 1.0 and innovations.disturbance.sentence.startswith("No process noise")
     for name in TRUTH:
         one, other = innovations[name], simulation[name]
         assert abs(one.value - other.value) < 1e-3 * other.std_error
-        assert 0.99 < sure[name].std_error / other.std_error < 1.1
+        assert sure[name].std_error == pytest.approx(other.std_error, rel=0.01)  # degrees of freedom apart
         # Two logs of five seconds leave open that the motion is disturbed a little, which output error leaves out.
         assert 1.0 < one.std_error / other.std_error < 2.0
     assert innovations.noise["v"] == pytest.approx(simulation.noise["v"], rel=0.01)
