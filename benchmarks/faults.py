@@ -198,15 +198,15 @@ JUDGEMENT = (
     Fault(
         "bursts of a residual overlooked",
         JUDGE,
-        "min(bursts(parts[c]), uneven(parts[c])) < limit",
-        "uneven(parts[c]) < limit",
+        "min(bursts(series[c]), uneven(series[c])) < limit",
+        "uneven(series[c]) < limit",
         "tests/estimate/test_judgement.py -k uneven",
     ),
     Fault(
         "a residual uneven over the logs overlooked",
         JUDGE,
-        "min(bursts(parts[c]), uneven(parts[c])) < limit",
-        "bursts(parts[c]) < limit",
+        "min(bursts(series[c]), uneven(series[c])) < limit",
+        "bursts(series[c]) < limit",
         "tests/estimate/test_judgement.py -k uneven",
     ),
     Fault(
