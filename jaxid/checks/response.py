@@ -1,4 +1,4 @@
-"""Pre-flight checks between columns: is each output sampled fast enough, does it always answer the inputs in the same way,
+"""Pre-flight checks between columns: do outputs follow inputs, is each output sampled fast enough, does it always answer the inputs in the same way,
 and with accelerations and turning terms that a robot on a floor can have?
 """
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..logs.finding import Finding
 from ..logs.log import Log
 from ..logs.noise import white_level
+from .exchanged import check_exchanged
 from .motion import is_planar, is_position, response, speed
 from .samples import finding
 from .signs import check_signs
@@ -156,6 +157,9 @@ def _turning_frame(log: Log) -> Iterator[Finding]:
 
 def check_response(log: Log) -> Iterator[Finding]:
     """Findings about how the outputs answer the inputs, against what `Channels.mixing` says."""
+    if exchanged := list(check_exchanged(log)):
+        yield from exchanged  # whatever else looks odd follows from it
+        return
     outputs = speed_windows(log)
     yield from check_signs(log)
     yield from _turning_frame(log)
