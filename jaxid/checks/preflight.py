@@ -5,8 +5,8 @@ Identifiers of the checks, by severity:
 - error: `never_moved`.
 - warning: `short_log`, `time_gap`, `clock_jitter`, `time_unit`, `unit`, `contradiction`, `idle`, `saturated`,
   `missing_samples`, `slow_sensor`, `frozen_sensor`, `spike`, `dead_sensor`, `moving_start`, `exchanged`, `sign_flipped`,
-  `swapped`, `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`; and from the reader `repeated_row`, `truncated_row`,
-  `held_input`, `infinite`, `empty_column`, `unused_column`.
+  `swapped`, `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`; and from the reader `repeated_row`,
+  `truncated_row`, `held_input`, `infinite`, `empty_column`, `unused_column`.
 - note: `constant_input`, `quantisation`, `skipped_row`.
 
 A time that does not increase never gets here: no `Log` is made of it (`LogError`).

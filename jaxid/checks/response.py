@@ -1,5 +1,5 @@
-"""Pre-flight checks between columns: do outputs follow inputs, is each output sampled fast enough, does it always answer the inputs in the same way,
-and with accelerations and turning terms that a robot on a floor can have?
+"""Pre-flight checks between columns: do outputs follow inputs, is each output sampled fast enough, does it always answer the
+inputs in the same way, and with accelerations and turning terms that a robot on a floor can have?
 """
 
 from collections.abc import Iterator
