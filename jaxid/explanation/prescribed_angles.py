@@ -14,8 +14,9 @@ from ..estimate.output_error.conclude import conclude
 from ..estimate.output_error.from_optimum import initial_states_at, on_bounds
 from ..estimate.output_error.globalise import shortened
 from ..estimate.output_error.optimum import Optimum
-from ..estimate.output_error.output_error import output_error, reweighted
+from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.problem import Problem, Structure, Unknowns, parameters_at
+from ..estimate.output_error.reweighted import reweighted
 from ..estimate.output_error.setup import build
 from ..estimate.output_error.solvers import minimise_compiled
 from ..estimate.result import Fit

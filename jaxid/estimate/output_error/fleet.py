@@ -24,9 +24,9 @@ from ..result import Fit, estimate_text
 from .from_optimum import channel_noise
 from .lanes import in_lanes
 from .optimum import Optimum
-from .output_error import Starts, output_error
+from .output_error import output_error
 from .problem import Problem, Structure, Unknowns
-from .setup import start_values
+from .setup import Starts, start_values
 from .solvers import minimise
 
 _WEIGHT_ROUNDS = 3

@@ -1,6 +1,6 @@
 """From a robot and its logs to an output-error problem in arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -22,6 +22,8 @@ from .window_start import started
 
 InitialStates = Literal["auto", "known", "estimate"]
 StartValues = Fit | Mapping[str, float] | None
+Starts = StartValues | Sequence[Mapping[str, float]]
+"""Start values, or several of them, of which the one with the best minimum goes on."""
 CLOCK_SPREAD = 50.0
 """Prior standard deviation of the offset between two clocks, in sampling intervals."""
 

@@ -10,7 +10,7 @@ grow twentyfold where the simulation is unstable, and windows as long as the res
 integrates in a closed loop.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
@@ -32,7 +32,7 @@ from .from_optimum import channel_noise
 from .optimum import Optimum
 from .predictability import Predictability, predictability
 from .problem import Problem, Structure, Unknowns
-from .setup import build, start_values
+from .setup import Starts, build, start_values
 from .solvers import minimise_compiled
 from .window_start import started
 
@@ -53,7 +53,6 @@ _BETTER = 0.5
 """Share of the free simulation's residual that windows must come below to be taken."""
 
 
-Begin = Fit | Mapping[str, float] | Sequence[Mapping[str, float]] | None
 Unless = Callable[[Problem, Optimum], bool]
 """Whether a first minimum of the free simulation is not worth going on from."""
 
@@ -62,7 +61,7 @@ Unless = Callable[[Problem, Optimum], bool]
 class Once(Protocol):
     """A fit in windows of so many seconds, or free, from a start. Raises `Lost` where `unless` says so."""
 
-    def __call__(self, window: float | None, start: Begin, unless: Unless | None = None) -> Fit: ...
+    def __call__(self, window: float | None, start: Starts, unless: Unless | None = None) -> Fit: ...
 
 
 class Lost(Exception):
@@ -158,7 +157,7 @@ def _worse(one: Predictability, other: Predictability) -> Predictability:
     return max(one, other, key=lambda p: (order.index(p.kind), np.nan_to_num(p.growth_rate)))
 
 
-def _growing(robot: Robot, logs: LogSet, free: Fit | None, start: Begin) -> Predictability:
+def _growing(robot: Robot, logs: LogSet, free: Fit | None, start: Starts) -> Predictability:
     """Predictability at the start values and at the free simulation's estimate, whichever is worse."""
     if isinstance(start, Fit):
         robot = robot.with_values(**{n: v for n, v in start.robot.parameters.numbers.items() if n in robot.parameters})
@@ -175,7 +174,7 @@ def _shortest(robot: Robot, logs: LogSet) -> float:
     return interval * (2 * int(np.ceil(len(robot.estimated_states) / channels)) + 2)
 
 
-def _by_noise(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
+def _by_noise(robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit:
     """The fit in the longest windows whose residual is at the noise, or in the shortest sensible ones."""
     shortest = _shortest(robot, logs)
     longest = max(max(log.duration for log in logs) / _FEWEST, shortest)
@@ -196,7 +195,7 @@ def _by_noise(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
     return middle if _ratio(middle, logs) <= _GOOD else least
 
 
-def _by_growth(growth: Predictability, robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
+def _by_growth(growth: Predictability, robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit:
     """The fit in windows over which errors grow twentyfold, or in shorter ones where that leaves more than noise."""
     shortest = _shortest(robot, logs)
     length = max(GROWTH / growth.growth_rate, shortest)
@@ -236,7 +235,7 @@ def _sentence(growth: Predictability, loop: Feedback, free: float, fit: Fit, log
     return text
 
 
-def _in_windows(growth: Predictability, robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit | None:
+def _in_windows(growth: Predictability, robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit | None:
     """The fit in the windows that suit the growth of errors; None where it fails."""
     by = _by_growth if growth.kind == "unstable" else lambda growth, *others: _by_noise(*others)
     try:
@@ -271,7 +270,7 @@ def _taken(
     return replace(fit, notes=(_sentence(growth, loop, poor, fit, logs), *fit.notes))
 
 
-def choose(robot: Robot, logs: LogSet, once: Once, start: Begin) -> Fit:
+def choose(robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit:
     """The free fit `once(None, start)`, or one in windows where evidence asks for them, with a note that says so.
 
     Raises `ParameterError` where neither the free simulation nor windows lead anywhere.

@@ -1,0 +1,115 @@
+"""A fit as it is asked for: what the caller chose, and the problem in arrays that comes of it, before anything is
+minimised."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from ..._arrays import array
+from ...logs import LogSet
+from ...logs.windows import in_windows
+from ...parameters import ParameterError
+from ...robots.robot import Robot
+from ...simulation.rollout import Integrator
+from ..result import Fit
+from .conclude import Covariance
+from .losses import Loss, Squares
+from .optimum import Optimum
+from .problem import Problem, Structure, Unknowns
+from .setup import InitialStates, Starts, StartValues, build, start_values
+from .solvers import Solver, minimise_compiled, minimise_each
+from .window_start import started
+from .windows import approached
+
+_STEPS_OF_MANY = 60
+"""Steps at most of each of many starts."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a caller chose for a fit; see `output_error`."""
+
+    initial_states: InitialStates
+    integrator: Integrator | None
+    loss: Loss
+    solver: Solver
+    covariance: Covariance
+    clock_offset: bool
+    max_steps: int
+    report: Callable[[str], None]
+
+    @property
+    def squares(self) -> bool:
+        """Whether the loss is that of least squares."""
+        return isinstance(self.loss, Squares)
+
+    def minimise(self, structure: Structure, problem: Problem, unknowns: Unknowns) -> Optimum:
+        """The minimum that the solver finds from `unknowns`."""
+        return minimise_compiled(structure, problem, unknowns, max_steps=self.max_steps, solver=self.solver)
+
+
+class Posed(NamedTuple):
+    """A fit of `robot` to `logs`, which are the `whole` ones or their windows of `window` seconds.
+
+    `unknowns` is where the search begins. `values` are the start values by symbol, of many starts their medians; `start`
+    is what the caller gave, or `values` where that were many.
+    """
+
+    robot: Robot
+    whole: LogSet
+    logs: LogSet
+    window: float | None
+    structure: Structure
+    problem: Problem
+    unknowns: Unknowns
+    values: dict[str, float]
+    start: StartValues
+
+
+def posed(robot: Robot, whole: LogSet, options: Options, start: Starts, window: float | None) -> Posed:
+    """The fit in arrays; of many starts, the one whose minimum is best. Call under float64.
+
+    Raises `ParameterError` for unknown or no free parameters.
+    """
+    logs, initial = whole, options.initial_states
+    if window is not None:
+        logs, initial = in_windows(whole, window), "estimate"
+    many: list[dict[str, float]] = []
+    if start is None or isinstance(start, Fit | Mapping):
+        values = start_values(robot, start)
+    else:
+        many = [start_values(robot, own) for own in start]
+        if not many:
+            raise ParameterError("`start` is an empty sequence; give at least one start")
+        # The middle of the starts sets the magnitudes in which all of them move: one wild start must not.
+        values = {name: float(np.median([own[name] for own in many])) for name in many[0]}
+        start = values
+    structure, problem, unknowns = build(
+        robot, logs, start=values, initial=initial, integrator=options.integrator, clock_offset=options.clock_offset
+    )
+    if window is not None:
+        problem = started(robot.with_values(**values), whole, window, structure, problem)
+        if not many:
+            unknowns = approached(structure, problem, unknowns)
+    if not options.squares:
+        problem = replace(problem, weight=array(np.ones(problem.mask.shape)))
+    if many:
+        unknowns = _best_of(many, structure, problem, unknowns, options.solver)
+        options.report(f"best of {len(many)} starts chosen")
+    return Posed(robot, whole, logs, window, structure, problem, unknowns, values, start)
+
+
+def _best_of(
+    many: list[dict[str, float]], structure: Structure, problem: Problem, unknowns: Unknowns, solver: Solver
+) -> Unknowns:
+    """The best of many starts, all minimised in one compiled batch."""
+    coordinates = [problem.bounds.coordinates(array([own[n] for n in structure.names])) for own in many]
+    states = np.broadcast_to(np.asarray(unknowns.states), (len(many), *unknowns.states.shape))
+    starts = Unknowns(array(np.stack(coordinates)), array(states))
+    optima = minimise_each(structure, problem, starts, max_steps=_STEPS_OF_MANY, solver=solver)
+    costs = np.nan_to_num(np.asarray(optima.cost), nan=np.inf)
+    best = int(np.argmin(costs))
+    return jax.tree.map(lambda x: array(np.asarray(x)[best]), optima.unknowns)
