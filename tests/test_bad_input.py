@@ -55,6 +55,14 @@ def test_words_and_starts_are_looked_at(estimate, logs):
         estimate(Axis(), logs, start={"M": "two"})
 
 
+def test_what_is_no_start_is_told_before_anything_is_simulated(logs):
+    with pytest.raises(ParameterError, match="start is an empty list; give at least one start"):
+        jaxid.output_error(Axis(), logs, start=[])
+    for wrong in ("integral least squares", 1.5, [1.0, 2.0]):
+        with pytest.raises(TypeError, match="is no start; give a fit, values such as"):
+            jaxid.output_error(Axis(), logs, start=wrong)
+
+
 def test_other_words_that_nothing_has(logs):
     with pytest.raises(ValueError, match="covariance = 'robus' is no choice; use one of 'auto', 'white', 'robust'"):
         jaxid.output_error(Axis(), logs, covariance="robus")

@@ -20,7 +20,7 @@ from ..estimate.confidence.agreement import agreement
 from ..estimate.judge import POOR
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_level, noise_scale
-from ..parameters import ParameterError
+from ..robots.given import check_free
 from ..robots.robot import Robot
 from ..robots.scales import time_constant
 from ..simulation.excitation import Drive, binary, combined_modes, plain_shapes, shifted, single_modes, tuned_shapes
@@ -230,8 +230,7 @@ def design_experiment(
     if isinstance(already, Fit):
         shared = {n: already.robot.parameters[n].value for n in already.free_names if n in robot.parameters}
         robot = robot.with_values(**shared)
-    if not robot.parameters.free_names:
-        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
+    check_free(robot)
     usual = _usual_times(robot, already)
     seconds, interval = seconds or usual[0], interval or usual[1]
     if not (interval > 0 and np.isfinite(seconds) and seconds >= _FEWEST_SAMPLES * interval):

@@ -169,6 +169,7 @@ def whiteness(found: Explanation) -> Figure:
     handles = [Line2D([], [], color=colour, lw=2, label=label) for *_, colour, label in shown]
     handles += [Line2D([], [], color="0.2", ls="--", label="noise alone"), Patch(color="0.75", label="95 % of noise")]
     figure.legend(handles=handles, loc="outside upper right", ncols=4, fontsize="small", frameon=False)
+    figure.align_ylabels(grid)
     return figure
 
 

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MEASURED, _NOISE = "0.55", "0.88"
 _TIME = "time [s]"
+_LETTER = 0.6
+"""Width of a letter in units of the font's size."""
 _PLAIN = {"fc": "white", "ec": "none", "pad": 1}
 
 
@@ -250,8 +252,19 @@ def parameters(
     return figure
 
 
+def _shrink_labels(figure: Figure) -> None:
+    """Makes labels of y axes, which carry the logs' own column names, as small as their axes ask."""
+    for ax in figure.axes:
+        label = ax.yaxis.label
+        longest = max(map(len, label.get_text().split("\n")))
+        room = 72.0 * ax.bbox.height / figure.dpi  # points
+        needed = _LETTER * longest * label.get_fontsize()
+        label.set_fontsize(label.get_fontsize() * min(1.0, room / max(needed, room)))
+
+
 def as_png(figure: Figure, dpi: int = 110) -> bytes:
     """The figure as a PNG file's bytes."""
+    _shrink_labels(figure)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()

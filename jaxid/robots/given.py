@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import Any, get_args
 
 from ..logs import Log, LogError, LogSet
+from ..parameters import ParameterError
 from .closed_loop import Controller, Law
 from .robot import Robot
 
@@ -50,6 +51,12 @@ def check_given(robot: Any, logs: Any) -> None:
                 f"{log.name} has the columns {list(log.channels)} and the robot {robot.name!r} has "
                 f"{list(robot.channels)}; give logs of this robot, or the robot of these logs."
             )
+
+
+def check_free(robot: Robot) -> None:
+    """Raise `ParameterError` if no parameter of the robot is free: there is nothing to estimate."""
+    if not robot.parameters.free_names:
+        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
 
 
 def check_choice(what: str, value: Any, choices: Any) -> None:

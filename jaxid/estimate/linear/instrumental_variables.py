@@ -17,8 +17,7 @@ from scipy.stats import chi2
 
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
-from ...parameters import ParameterError
-from ...robots.given import check_given
+from ...robots.given import check_free, check_given
 from ...robots.robot import Robot
 from ..result import Fit, Status
 from ..uncertainty import combinations
@@ -274,9 +273,8 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
     """
     check_given(robot, logs)
     logs = LogSet(logs)
+    check_free(robot)
     names = robot.parameters.free_names
-    if not names:
-        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
     if start is None:
         start = linear_estimate(robot, logs)[0]  # checks the same
     else:

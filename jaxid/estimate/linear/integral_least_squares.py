@@ -13,8 +13,7 @@ import numpy as np
 
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
-from ...parameters import ParameterError
-from ...robots.given import check_given
+from ...robots.given import check_free, check_given
 from ...robots.robot import Robot
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
@@ -46,8 +45,7 @@ def linear_estimate(
     logs = list(logs)
     if not logs:
         raise LogError("There are no logs to identify from; give at least one.")
-    if not robot.parameters.free_names:
-        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
+    check_free(robot)
     check_linear(robot, logs)
     solution, equations, iterations, stands = identify(robot, logs, window)
     names = equations.names

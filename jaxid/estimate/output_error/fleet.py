@@ -19,6 +19,7 @@ from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
+from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..result import Fit, estimate_text
 from .from_optimum import channel_noise
@@ -26,7 +27,7 @@ from .lanes import in_lanes
 from .optimum import Optimum
 from .output_error import output_error
 from .problem import Problem, Structure, Unknowns
-from .setup import Starts, start_values
+from .setup import Starts, every_start
 from .solvers import minimise
 
 _WEIGHT_ROUNDS = 3
@@ -152,10 +153,8 @@ def fit_fleet(
     jobs: dict[str, Callable[[], Fit]] = {}
     for name, logs in fleet.items():
         own, begin = _of(name, robot, fleet), _of(name, start, fleet)
-        if begin is None or isinstance(begin, Fit | Mapping):
-            start_values(own, begin)  # a mistake in the start is the caller's, not a member's failure
-        if not own.parameters.free_names:
-            raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
+        every_start(own, begin)  # a mistake in the start is the caller's, not a member's failure
+        check_free(own)
         jobs[name] = partial(
             output_error,
             own,

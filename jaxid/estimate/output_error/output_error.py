@@ -12,7 +12,7 @@ from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ...logs import LogSet
 from ...robots.closed_loop import Controller, Law, closed_loop
-from ...robots.given import check_choice, check_given
+from ...robots.given import check_choice, check_free, check_given
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
@@ -20,7 +20,7 @@ from .conclude import Covariance
 from .fitted import fitted
 from .losses import Loss, loss_named
 from .posed import Options
-from .setup import InitialStates, Starts
+from .setup import InitialStates, Starts, every_start
 from .solvers import DEFAULT, Solver
 from .windows import Unless, choose
 
@@ -82,6 +82,8 @@ def output_error(
     check_given(robot, logs)
     check_choice("initial_states", initial_states, InitialStates)
     check_choice("covariance", covariance, Covariance)
+    every_start(robot, start)  # nothing is simulated before a mistake in the start is told
+    check_free(robot)
     options = Options(initial_states, integrator, loss_named(loss), solver, covariance, clock_offset, max_steps, report)
     if windows != "auto":
         return fitted(robot, logs, options, start, windows)

@@ -11,7 +11,6 @@ import numpy as np
 from ..._arrays import array
 from ...logs import LogSet
 from ...logs.windows import in_windows
-from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
@@ -19,7 +18,7 @@ from .conclude import Covariance
 from .losses import Loss, Squares
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
-from .setup import InitialStates, Starts, StartValues, build, start_values
+from .setup import InitialStates, Starts, StartValues, build, every_start
 from .solvers import Solver, minimise_compiled, minimise_each
 from .window_start import started
 from .windows import approached
@@ -77,16 +76,10 @@ def posed(robot: Robot, whole: LogSet, options: Options, start: Starts, window: 
     logs, initial = whole, options.initial_states
     if window is not None:
         logs, initial = in_windows(whole, window), "estimate"
-    many: list[dict[str, float]] = []
-    if start is None or isinstance(start, Fit | Mapping):
-        values = start_values(robot, start)
-    else:
-        many = [start_values(robot, own) for own in start]
-        if not many:
-            raise ParameterError("`start` is an empty sequence; give at least one start")
-        # The middle of the starts sets the magnitudes in which all of them move: one wild start must not.
-        values = {name: float(np.median([own[name] for own in many])) for name in many[0]}
-        start = values
+    starts = every_start(robot, start)
+    many = start is not None and not isinstance(start, Fit | Mapping)
+    # The middle of the starts sets the magnitudes in which all of them move: one wild start must not.
+    values = {name: float(np.median([own[name] for own in starts])) for name in starts[0]} if many else starts[0]
     structure, problem, unknowns = build(
         robot, logs, start=values, initial=initial, integrator=options.integrator, clock_offset=options.clock_offset
     )
@@ -97,19 +90,20 @@ def posed(robot: Robot, whole: LogSet, options: Options, start: Starts, window: 
     if not options.squares:
         problem = replace(problem, weight=array(np.ones(problem.mask.shape)))
     if many:
-        unknowns = _best_of(many, structure, problem, unknowns, options.solver)
-        options.report(f"best of {len(many)} starts chosen")
-    return Posed(robot, whole, logs, window, structure, problem, unknowns, values, start)
+        unknowns = _best_of(starts, structure, problem, unknowns, options.solver)
+        options.report(f"best of {len(starts)} starts chosen")
+    one = start if start is None or isinstance(start, Fit | Mapping) else values
+    return Posed(robot, whole, logs, window, structure, problem, unknowns, values, one)
 
 
 def _best_of(
-    many: list[dict[str, float]], structure: Structure, problem: Problem, unknowns: Unknowns, solver: Solver
+    starts: list[dict[str, float]], structure: Structure, problem: Problem, unknowns: Unknowns, solver: Solver
 ) -> Unknowns:
     """The best of many starts, all minimised in one compiled batch."""
-    coordinates = [problem.bounds.coordinates(array([own[n] for n in structure.names])) for own in many]
-    states = np.broadcast_to(np.asarray(unknowns.states), (len(many), *unknowns.states.shape))
-    starts = Unknowns(array(np.stack(coordinates)), array(states))
-    optima = minimise_each(structure, problem, starts, max_steps=_STEPS_OF_MANY, solver=solver)
+    coordinates = [problem.bounds.coordinates(array([own[n] for n in structure.names])) for own in starts]
+    states = np.broadcast_to(np.asarray(unknowns.states), (len(starts), *unknowns.states.shape))
+    everywhere = Unknowns(array(np.stack(coordinates)), array(states))
+    optima = minimise_each(structure, problem, everywhere, max_steps=_STEPS_OF_MANY, solver=solver)
     costs = np.nan_to_num(np.asarray(optima.cost), nan=np.inf)
     best = int(np.argmin(costs))
     return jax.tree.map(lambda x: array(np.asarray(x)[best]), optima.unknowns)

@@ -12,6 +12,7 @@ from ...logs import LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import in_windows
 from ...parameters import ParameterError
+from ...robots.given import check_free
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ...simulation.start import initial_states
@@ -44,6 +45,24 @@ def start_values(robot: Robot, start: StartValues) -> dict[str, float]:
     return {**start_values(robot, None), **{k: float(v) for k, v in start.items() if k in robot.parameters.free_names}}
 
 
+def every_start(robot: Robot, start: Starts) -> list[dict[str, float]]:
+    """Start values of the free parameters, one set a start. Raises `ParameterError` for unknown names and for no
+    start, `TypeError` for what is none."""
+    if start is None or isinstance(start, Fit | Mapping):
+        return [start_values(robot, start)]
+    if (
+        isinstance(start, str)
+        or not isinstance(start, Sequence)
+        or not all(isinstance(own, Fit | Mapping) for own in start)
+    ):
+        raise TypeError(
+            f"start = {start!r:.60} is no start; give a fit, values such as {{'M': 1.0}}, or a list of these"
+        )
+    if not start:
+        raise ParameterError("start is an empty list; give at least one start, or None for the robot's own values")
+    return [start_values(robot, own) for own in start]
+
+
 def typical_values(robot: Robot, start: Mapping[str, float], names: tuple[str, ...]) -> np.ndarray:
     """Orders of magnitude of the parameters as far as they are known before anything is simulated: of the start, of the
     table, or one."""
@@ -70,9 +89,8 @@ def build(
     Optional channels weigh in only where they are states of the robot (a measured position) and their output stands in
     the log. Raises `ParameterError` if no parameter is free.
     """
+    check_free(robot)
     names = robot.parameters.free_names
-    if not names:
-        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
     batch = logs.batch()
     measured = batch.channels.measured
     begin = initial_states(robot.with_values(**start), logs)
