@@ -257,9 +257,9 @@ def _shrink_labels(figure: Figure) -> None:
     for ax in figure.axes:
         label = ax.yaxis.label
         longest = max(map(len, label.get_text().split("\n")))
+        size = float(label.get_fontsize())
         room = 72.0 * ax.bbox.height / figure.dpi  # points
-        needed = _LETTER * longest * label.get_fontsize()
-        label.set_fontsize(label.get_fontsize() * min(1.0, room / max(needed, room)))
+        label.set_fontsize(size * min(1.0, room / max(_LETTER * longest * size, room)))
 
 
 def as_png(figure: Figure, dpi: int = 110) -> bytes:
