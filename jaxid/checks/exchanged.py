@@ -113,7 +113,7 @@ def check_exchanged(log: Log) -> Iterator[Finding]:
     i, j = np.unravel_index(np.argmax(apart), apart.shape)
     text = (
         f"output {outputs[j]!r} foretells {led[i, j]:.0%} of what is new in this input, and the inputs {answers[j]:.0%} of "
-        "what is new in that output, where a command leads and a sensor follows: the two columns look exchanged; exchange their "
-        "names (a mapping does), or look for a clock of the outputs that runs ahead"
+        "what is new in that output, where a command leads and a sensor follows: the two columns look exchanged; exchange "
+        "their names (a mapping does), or look for a clock of the outputs that runs ahead"
     )
     yield finding(log, names[i], None, "warning", "exchanged", text)
