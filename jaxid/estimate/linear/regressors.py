@@ -13,6 +13,7 @@ errors in variables there), but the inertias enter inverted and the equations ar
 """
 
 from collections.abc import Iterable
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,14 +79,34 @@ def evaluate(
     return list(integrals(robot.structure, asked, numbers | dict(zip(free, theta, strict=True)), rows, sliding, places))
 
 
+@cache
+def _unknown_rates(
+    robot: Robot, positions: tuple[str, ...], numbers: tuple[tuple[str, float], ...], free: tuple[str, ...]
+):
+    """Those of the `positions` whose rates change with the free parameters, at two states without symmetry."""
+    found, known = set(), dict(numbers)
+    other = known | {name: (1.1 + 0.05 * k) * known[name] + 0.1 * (known[name] == 0) for k, name in enumerate(free)}
+    for probe in np.random.default_rng(1).uniform(0.1, 1.0, (2, len(robot.states) + len(robot.channels.inputs))):
+        state = dict(zip(robot.states, probe.tolist(), strict=False))
+        inputs = tuple(probe[len(robot.states) :].tolist())
+        dry = (0.0,) * len(robot.rubbing(state, known))
+        here, there = (robot.rates(state, inputs, dry, p) for p in (known, other))
+        found |= {
+            name for name in positions if not np.isclose(float(here[name]), float(there[name]), rtol=1e-12, atol=0)
+        }
+    return tuple(name for name in positions if name in found)
+
+
 @in_float64
 def check_linear(robot: Robot, logs: Iterable[Log]) -> None:
-    """Raise `ParameterError` naming free parameters in which, together, the robot's balances are not linear."""
+    """Raise `ParameterError` naming free parameters in which, together, the robot's balances are not linear, or speeds that
+    nobody measured: what is not measured is rebuilt from what is, which needs no free parameter."""
     names = measured_speeds(robot)
+    free = robot.parameters.free_names
     rows = gather(robot, logs, names)
     if not rows.moved.any():
         return  # nothing but noise: there are no balances to judge
-    numbers, free = robot.parameters.numbers, robot.parameters.free_names
+    numbers = robot.parameters.numbers
     theta = np.array([numbers[name] for name in free], dtype=float)
     elsewhere = np.where(theta == 0, 0.1, theta * (1.1 + 0.05 * np.arange(len(theta))))
     here, there = (evaluate(robot, rows, names, "momentum", at) for at in (theta, elsewhere))
@@ -100,4 +121,12 @@ def check_linear(robot: Robot, logs: Iterable[Log]) -> None:
         raise ParameterError(
             f"the equations of motion of {robot.name!r} are not linear in {', '.join(bent)}, freed together; fix what "
             "makes them so (free=False: lengths, gains, one factor of a product) or use output error."
+        )
+    unmeasured = _unknown_rates(
+        robot.structure, positions_of(robot, names), tuple(robot.parameters.numbers.items()), free
+    )
+    if unmeasured:
+        raise ParameterError(
+            f"the logs do not measure {', '.join(unmeasured)} of {robot.name!r}, whose equations hold free parameters: linear "
+            "methods need those states measured; log them as outputs, or use output error"
         )

@@ -21,6 +21,7 @@ from jaxid import (
     Pioneer,
     float64,
 )
+from jaxid.estimate.linear.instrumental_variables import instrumental_variables
 from jaxid.estimate.linear.integral_least_squares import integral_least_squares
 from jaxid.estimate.linear.log_rows import gather
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
@@ -323,3 +324,27 @@ def test_bad_input(axis_logs, coupled_logs):
     )
     with pytest.raises(LogError, match="none of the outputs"):
         integral_least_squares(hidden, [Log.from_arrays("y", 0.02 * np.arange(50), np.ones(50), np.ones(50), hidden)])
+
+
+def test_what_nobody_measured_cannot_hold_free_parameters():
+    """A pendulum whose angle alone is logged: its angle's equation holds no parameter, and all were "not identifiable"."""
+    channels = Channels(("u",), ("angle",), units={"u": "N m", "angle": "rad"})
+
+    def dynamics(state, u, p):
+        torque = u["u"] - p["weight"] * state["angle"] - p["damping"] * state["rate"]
+        return {"angle": state["rate"], "rate": torque / p["inertia"]}
+
+    table = {"inertia": 0.02, "weight": 0.3, "damping": 0.03}
+    robot = Custom(
+        dynamics=dynamics,
+        state_names=("angle", "rate"),
+        own_channels=channels,
+        table={name: Parameter(value, free=True, lower=0.0) for name, value in table.items()},
+        title="pendulum",
+    )
+    log = Log.from_arrays(
+        "a", 0.02 * np.arange(200), np.sin(0.1 * np.arange(200)), np.cos(0.1 * np.arange(200)), channels
+    )
+    for estimator in (integral_least_squares, instrumental_variables):
+        with pytest.raises(ParameterError, match="do not measure rate of 'pendulum', .* or use output error"):
+            estimator(robot, [log])
