@@ -88,7 +88,8 @@ def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> str
     """Spread of every parameter over the members whose fits are sound, and who is doubted or failed."""
     failure = {row[0]: row[-1] for row in members if row[-1]}
     doubted = [name for name, fit in fits.items() if not fit.trustworthy]
-    said = [f"{len(fits)} of {len(members)} members fitted; {len(doubted)} of these are to be doubted."]
+    how = "is" if len(doubted) == 1 else "are"
+    said = [f"{len(fits)} of {len(members)} members fitted; {len(doubted)} of these {how} to be doubted."]
     rows = []
     sound = [fit for fit in fits.values() if fit.trustworthy]
     for name in next(iter(fits.values())).free_names if fits else ():

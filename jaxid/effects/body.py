@@ -62,8 +62,9 @@ class QuadraticDrag(Effect):
 
 def drag_unit(robot: Robot) -> str:
     """Unit of a force over a speed squared, for the robot's first translation."""
-    angular = robot.channels.units.get(robot.translations[0], "").startswith("rad")
-    return "N m s^2" if angular else "N s^2/m^2"
+    name = robot.translations[0]
+    per = robot.velocity_unit(name).split("/")[0].split(" or ")[0] or "m"
+    return f"{robot.force_unit(name)} s^2/{per}^2"
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,6 @@ def forced(robot: Robot) -> tuple[Robot, tuple[str, ...], tuple[str, ...]]:
     A robot whose equations do not say what a force accelerates gets missing accelerations of its `velocities`. Raises
     `NoVelocities` where there are none.
     """
-    units = robot.channels.units
     if not robot.velocities:
         raise NoVelocities(
             f"the robot {robot.name!r} does not say which of its states forces accelerate; declare "
@@ -111,10 +110,9 @@ def forced(robot: Robot) -> tuple[Robot, tuple[str, ...], tuple[str, ...]]:
         )
     if "force" not in robot.traits:
         robot = robot.per_unit_inertia()
-        of = tuple(f"{units[name]}/s" if units.get(name) else "1/s" for name in robot.velocities)
+        of = tuple(f"{unit}/s" if (unit := robot.velocity_unit(name)) else "1/s" for name in robot.velocities)
     else:
-        angular = [units.get(name, "").startswith("rad") for name in robot.velocities]
-        of = tuple("N m" if turns else "N" for turns in angular)
+        of = tuple(map(robot.force_unit, robot.velocities))
     return robot + MissingForce(robot.velocities), robot.velocities, of
 
 

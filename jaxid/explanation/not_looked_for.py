@@ -26,6 +26,8 @@ def not_looked_for(robot: Robot) -> str:
         refused = effect.id not in out and lacking and refusal(effect, robot) is not None
         if refused and not set(lacking) & set(_BY_NATURE):
             arguments = [word for trait in lacking for word in re.findall(r"`\w+=`", TRAITS[trait])]
+            # What was passed already is not what is missing, unless something in it is.
+            arguments = [word for word in arguments if not getattr(robot, word.strip("`="), None)] or arguments
             found.setdefault(", ".join(dict.fromkeys(arguments)), []).append(in_words(effect.id))
     if not found:
         return ""

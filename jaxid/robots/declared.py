@@ -214,6 +214,30 @@ class Declared(Robot):
     def torque_unit(self) -> str:  # type: ignore[override]
         return self.friction_unit
 
+    @property
+    def _first(self) -> DriveAxis | None:
+        """The first drive axis."""
+        return self._axes[self.drive_axes[0]][1] if self.drive_axes else None
+
+    @property
+    def rim_unit(self) -> str:  # type: ignore[override]
+        axis = self._first
+        if axis is None or axis.lever != 1.0:
+            return "m/s"  # a radius makes it one
+        speed = self.velocity_unit(axis.speed) if isinstance(axis.speed, str) else ""
+        return speed or ("rad/s" if "m" in self.friction_unit.split() else "m/s")
+
+    @property
+    def angle_unit(self) -> str:  # type: ignore[override]
+        axis = self._first
+        measured = self.channels.units.get(axis.angle, "") if axis and axis.angle else ""
+        return measured or ("rad" if axis is None or axis.lever != 1.0 else self.rim_unit.split("/")[0])
+
+    @property
+    def ground_force_unit(self) -> str:  # type: ignore[override]
+        axis = self._first
+        return "N" if axis is None or axis.lever != 1.0 else self.friction_unit
+
     def defaults(self) -> ParameterTable:
         return ParameterTable(self.table)
 

@@ -22,6 +22,8 @@ from .scales import Scales
 from .traits import refusal, traits_of
 
 _EMPTY = ParameterTable({})
+ANGLES = ("rad", "mrad", "deg", "rev", "turn", "turns")
+"""Units of angles."""
 _OWN: Any = None
 """In place of what `__post_init__` then takes from the robot itself."""
 
@@ -151,6 +153,16 @@ class Robot:
     def translations(self) -> tuple[str, ...]:
         """The velocities that are not the yaw rate."""
         return tuple(name for name in self.velocities if name != self.turning)
+
+    def velocity_unit(self, name: str) -> str:
+        """Unit of a velocity: its channel's, or by that of the measured position which it changes; empty where neither says."""
+        units = self.channels.units
+        place = units.get(self.positions.get(name, ""), "")
+        return units.get(name, "") or (f"{place}/s" if place else "")
+
+    def force_unit(self, name: str) -> str:
+        """Unit of the generalised force on a velocity: a torque where it is angular."""
+        return "N m" if self.velocity_unit(name).split("/")[0] in ANGLES else "N"
 
     @property
     def drive_inputs(self) -> tuple[int, ...]:

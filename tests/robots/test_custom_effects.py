@@ -42,7 +42,8 @@ def smooth_pendulum(state, u, p):
 
 
 def robot(**more):
-    table = {name: Parameter(value, free=True, lower=0.0) for name, value in P.items()}
+    units = {"coulomb": "N m"}
+    table = {name: Parameter(value, units.get(name, ""), free=True, lower=0.0) for name, value in P.items()}
     settings = {"axes": {"bearing": DriveAxis("rate", "coulomb", "damping")}, "dynamics": pendulum} | more
     return Custom(state_names=("angle", "rate"), own_channels=CHANNELS, table=table, title="pendulum", **settings)
 
@@ -193,6 +194,30 @@ def test_what_cannot_act_is_refused_in_a_sentence():
     assert not names & {"quadratic_drag", "cogging_torque", "traction_limit", "battery_sag", "surface_change"}
     with pytest.raises(ParameterError, match="has no way into the dynamics; let them take a fourth argument"):
         robot(dynamics=smooth_pendulum)
+
+
+def test_units_of_effects_are_those_of_the_users_axis():
+    """A joint that turns, whose speed is no channel; and a trolley with wheels."""
+    bearing = DriveAxis("rate", "coulomb", "damping", torque=lambda s, u, p: 0.1 * u["voltage"], angle="angle")
+    joint = robot(axes={"bearing": bearing}, forces={"rate": "inertia"})
+    channels = Channels(("u",), ("v",), units={"v": "m/s"})
+    trolley = Custom(
+        dynamics=lambda s, u, p, friction: {"v": (u["u"] - friction["wheel"]) / p["m"]},
+        state_names=("v",),
+        own_channels=channels,
+        table={"m": Parameter(2.0, "kg"), "Fc": Parameter(0.4, "N")},
+        axes={"wheel": DriveAxis("v", "Fc", torque=lambda s, u, p: u["u"], angle="way")},
+        forces={"v": "m"},
+    )
+    names = ("quadratic_drag.coefficient", "stribeck_friction.speed")
+    names += ("cogging_torque.periods", "traction_limit.inverse_limit")
+    for model, units in (
+        (joint, ("N m s^2/rad^2", "rad/s", "1/rad", "1/N m")),
+        (trolley, ("N s^2/m^2", "m/s", "1/m", "1/N")),
+    ):
+        for name, unit in zip(names, units, strict=True):
+            assert (model + effect_by_id(model, name.split(".")[0])).parameters[name].unit == unit
+    assert joint.force_unit("rate") == "N m" and trolley.force_unit("v") == "N"
 
 
 def test_an_effect_gives_rates_of_its_own_states_only():
