@@ -87,9 +87,10 @@ def derivatives_directly(robot: Robot, inputs: np.ndarray) -> Callable[[], Any]:
     x = np.tile([float(robot.initial_state()[name]) for name in robot.states], (E, 1))
 
     def run():
-        system = machine_model(robot, names, integrator.friction)
-        if system is None:
+        model = machine_model(robot, names, integrator.friction)
+        if model is None:
             raise RuntimeError(f"{robot.name} has no machine code here")
+        system = model.system
         seen = shares, grouped(p), grouped(x), u, dt, fixed
         found = outputs(system, seen), tangents(system, moving, seen, grouped(dp), grouped(dx))
         return tuple(ungrouped(a, E)[:, :, :shown] for a in found)

@@ -21,9 +21,9 @@ Seen = tuple[Array, Array, Array, Array, Array, Array]
 
 
 @cache
-def _rollout(system: System, moving: tuple[int, ...] | None) -> Callable[..., None]:
+def _rollout(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> Callable[..., None]:
     arrays = len(ARGUMENTS) + (len(TANGENTS) if moving is not None else 0) + 1
-    return function(machine_code(system, moving), "rollout", 5, arrays)
+    return function(machine_code(system, moving, inputs_move), "rollout", 5, arrays)
 
 
 @cache
@@ -57,6 +57,21 @@ def tangents(
     if not parts:
         return np.zeros((G, T, system.outputs, 0, width))
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=3)
+
+
+def input_tangents(system: System, seen: Seen, du: Float[Array, "G T R K U L"]) -> Float[Array, "G T Y K L"]:
+    """Their tangents in K directions of the inputs. Raises `Untranslated`."""
+    shares, p, x, u, _, _ = seen
+    G, T, R, _, width = u.shape
+    parts = []
+    for first in range(0, du.shape[3], MOST_DIRECTIONS):
+        some = np.ascontiguousarray(du[:, :, :, first : first + MOST_DIRECTIONS])
+        K = some.shape[3]
+        still = np.zeros((G, K, 0, width)), np.zeros((G, K, x.shape[1], width))
+        dy = np.empty((G, T, system.outputs, K, width))
+        _rollout(system, (), True)(G, T, R, K, len(shares), *seen, *still, some, dy)
+        parts.append(dy)
+    return np.concatenate(parts, axis=3)
 
 
 def triangle(A: Float[Array, "G m n L"]) -> Float[Array, "G n n L"]:

@@ -1,7 +1,8 @@
 """Simulations in machine code alone: for another number of logs, samples or steps nothing is compiled anew."""
 
 from collections.abc import Mapping
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,35 +15,52 @@ from ..kernel.groups import grouped, ungrouped
 from ..kernel.machine import lanes
 from ..kernel.symbolic import Untranslated
 from ..robots.robot import Robot
-from ..robots.signal_path import overrides
 from .friction import DryFriction
 from .machine_rollout import system_of
+from .records import Records, commanded_each, measured_each, records_of, without_records
 from .rollout import Integrator, step
 
 Array = Any
 """NumPy's, or what can be read as such."""
+_MOST_MODELS = 256
 _TOGETHER = 2_000_000
 """Numbers of the inputs and outputs up to which several simulations of the logs run side by side."""
 
 
+class MachineModel(NamedTuple):
+    """A robot with parameters of given names as machine code: one integration step and the sensors as a sampled `system` of
+    some of them, in `places` among all, and the effects on whole `records` before and after."""
+
+    system: System
+    places: tuple[int, ...]
+    records: Records
+
+
 def machine_model(
     robot: Robot, names: tuple[str, ...], friction: DryFriction, prescribed: tuple[str, ...] = ()
-) -> System | None:
-    """One integration step and the sensors of `robot`, as functions of the parameters `names`, as a sampled system.
+) -> MachineModel | None:
+    """`robot`, as functions of the parameters `names`, in machine code.
 
-    None where a simulation takes XLA: on another device than a processor, in single precision, for functions that have no
-    translation, and with effects on commands or sensors, which act on whole records.
+    None where a simulation takes XLA: on another device than a processor, in single precision, and for functions that have
+    no translation.
     """
     if jax.default_backend() != "cpu" or jnp.result_type(float) != jnp.float64:
         return None
-    if any(overrides(type(effect), stage) for effect in robot.effects for stage in ("command", "measure")):
-        return None
-    system = system_of(robot.structure, names, step, friction, prescribed)
+    model = _model(robot.structure, names, friction, prescribed)
     try:
-        machine_code(system, None)
+        machine_code(model.system, None)
     except Untranslated:
         return None
-    return system
+    return model
+
+
+@lru_cache(_MOST_MODELS)
+def _model(robot: Robot, names: tuple[str, ...], friction: DryFriction, prescribed: tuple[str, ...]) -> MachineModel:
+    plain = without_records(robot)
+    left = tuple(f"{effect.id}." for effect in robot.effects if effect not in plain.effects)
+    places = tuple(i for i, name in enumerate(names) if not name.startswith(left))
+    system = system_of(plain, tuple(names[i] for i in places), step, friction, prescribed)
+    return MachineModel(system, places, records_of(robot, names))
 
 
 def simulated_directly(
@@ -59,23 +77,28 @@ def simulated_directly(
 
     Initial states `start` are every robot's own [c, E], or the same for all [E].
     """
-    names = tuple(sorted(numbers))
-    system = machine_model(robot, names, integrator.friction, tuple(prescribed))
-    if system is None:
+    names, n = tuple(sorted(numbers)), integrator.substeps
+    model = machine_model(robot, names, integrator.friction, tuple(prescribed))
+    if model is None:
         return None
-    E, T, U = inputs.shape
+    (E, T, U), (system, places, records) = inputs.shape, model
     p = np.stack([np.asarray(numbers[name], float) for name in names], axis=1)
     x = np.stack([np.broadcast_to(start[name], (len(p), E)) for name in robot.states], axis=2)
     fixed = np.stack([np.asarray(v) for v in prescribed.values()], axis=-1) if prescribed else np.zeros((E, T, 0))
-    shares = np.full((integrator.substeps, lanes()), 1.0 / integrator.substeps)
-    several = max(1, min(len(p), _TOGETHER // max(1, E * T * (U + system.outputs))))
+    shares = np.full((n, lanes()), 1.0 / n)
+    rows = 1 if records.commands is None else n
+    several = max(1, min(len(p), _TOGETHER // max(1, E * T * (U * rows + system.outputs))))
     found = []
     for first in range(0, len(p), several):
-        some = slice(first, first + several)
-        own = grouped(np.repeat(p[some], E, axis=0)), grouped(x[some].reshape(-1, x.shape[-1]))
-        u, d, known = (_times(len(p[some]), a) for a in (np.asarray(inputs)[:, :, None, :], dt, fixed))
-        y = outputs(system, (shares, *own, u, d, known))
-        found.append(ungrouped(y, len(p[some]) * E).reshape(-1, E, T, system.outputs))
+        own_p = p[first : first + several]
+        own = (
+            grouped(np.repeat(own_p[:, places], E, axis=0)),
+            grouped(x[first : first + several].reshape(-1, x.shape[-1])),
+        )
+        u = grouped(commanded_each(records, own_p, inputs, dt, n).reshape(-1, T, rows, U))
+        d, known = (_times(len(own_p), a) for a in (dt, fixed))
+        y = ungrouped(outputs(system, (shares, *own, u, d, known)), len(own_p) * E).reshape(-1, E, T, system.outputs)
+        found.append(measured_each(records, own_p, y, dt))
     return np.concatenate(found)
 
 

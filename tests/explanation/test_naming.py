@@ -24,10 +24,11 @@ def test_nothing_hidden_is_adequate():
     ("effect", "size"),
     [
         ("stribeck_friction", 4.0),
-        ("actuator_dead_zone", 0.3),
-        ("quadratic_drag", 20.0),
         ("sensor_bias", 0.03),
-        ("cogging_torque", 8.0),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [("actuator_dead_zone", 0.3), ("quadratic_drag", 20.0), ("cogging_torque", 8.0)]
+        ),
     ],
 )
 def test_a_hidden_effect_is_named_and_closes_the_gap(effect, size):

@@ -174,6 +174,7 @@ def test_a_users_pendulum_lacks_the_same_in_any_units():
         assert named_in(pendulum(time, torque), runs, time, torque, [1.0]) == first, (time, torque)
 
 
+@pytest.mark.slow
 def test_a_differential_drive_lacks_the_same_in_any_units():
     si = (1.0, 1.0, 1.0)
     runs = lacking(differential(*si), "asymmetric_friction", {"asymmetric_friction.asymmetry": 0.3}, 6.0, [0.004, 0.01])

@@ -12,11 +12,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._compile import compiled
-from ...kernel.call import System
-from ...kernel.direct import one_triangle, outputs, tangents, triangle
+from ...kernel.direct import input_tangents, one_triangle, outputs, tangents, triangle
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
-from ...simulation.direct import machine_model
+from ...simulation.direct import MachineModel, machine_model
+from ...simulation.records import command_slopes, commanded, commanded_each, measured, measured_each, measured_slopes
 from .problem import (
     CLOCK_OFFSET,
     DIVERGED,
@@ -41,10 +41,10 @@ class Direct(NamedTuple):
     """A problem in lanes: of its E logs, G groups of L lanes.
 
     `moving`: places of the problem's parameters among all `numbers` [P]; `starts`: those of the free initial states among
-    the robot's. `weight`: of residuals, zero where nothing was measured.
+    the robot's. `u`: the inputs before any effect on commands. `weight`: of residuals, zero where nothing was measured.
     """
 
-    system: System
+    model: MachineModel
     problem: Problem
     moving: tuple[int, ...]
     starts: tuple[int, ...]
@@ -58,8 +58,8 @@ class Direct(NamedTuple):
     weight: Float[Array, "G T Y L"]
 
 
-def _system(structure: Structure, problem: Problem) -> tuple[System | None, tuple[str, ...]]:
-    """The machine code's system, None where a simulation takes XLA, and the names of its parameters."""
+def _model(structure: Structure, problem: Problem) -> tuple[MachineModel | None, tuple[str, ...]]:
+    """The robot in machine code, None where a simulation takes XLA, and the names of its parameters."""
     names = tuple(sorted({*problem.numbers, *structure.names}))
     if CLOCK_OFFSET in structure.state_names:
         return None, names
@@ -68,13 +68,13 @@ def _system(structure: Structure, problem: Problem) -> tuple[System | None, tupl
 
 def runs_directly(structure: Structure, problem: Problem) -> bool:
     """Whether `direct` has an answer: no simulation takes XLA. Call under float64."""
-    return _system(structure, problem)[0] is not None
+    return _model(structure, problem)[0] is not None
 
 
 def direct(structure: Structure, problem: Problem) -> Direct | None:
     """`problem` in lanes; None where a simulation takes XLA. Call under float64."""
-    system, names = _system(structure, problem)
-    if system is None:
+    model, names = _model(structure, problem)
+    if model is None:
         return None
     problem = jax.tree.map(np.asarray, problem)
     robot, fixed = structure.robot, problem.prescribed
@@ -82,7 +82,7 @@ def direct(structure: Structure, problem: Problem) -> Direct | None:
     known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
     n = structure.integrator.substeps
     return Direct(
-        system=system,
+        model=model,
         problem=problem,
         moving=tuple(names.index(name) for name in structure.names),
         starts=tuple(robot.states.index(name) for name in structure.state_names),
@@ -110,8 +110,20 @@ def _numbers(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
 
 
 def _seen(d: Direct, theta: Float[Array, " n"], states: Float[Array, "E s"]):
-    p = np.broadcast_to(_numbers(d, theta)[None, :, None], (len(d.u), len(d.numbers), lanes()))
-    return d.shares, np.ascontiguousarray(p), grouped(_starts(d, states)), d.u, d.dt, d.fixed
+    numbers, records, n = _numbers(d, theta), d.model.records, len(d.shares)
+    own = numbers[list(d.model.places)]
+    p = np.broadcast_to(own[None, :, None], (len(d.u), len(own), lanes()))
+    u = d.u
+    if records.commands is not None:
+        u = grouped(commanded(records, numbers, d.problem.inputs, d.problem.dt, n))
+    return d.shares, np.ascontiguousarray(p), grouped(_starts(d, states)), u, d.dt, d.fixed
+
+
+def _shown(d: Direct, theta: Float[Array, " n"], y: Float[Array, "G T Y L"]) -> Float[Array, "G T Y L"]:
+    """What the sensors report of the outputs."""
+    if d.model.records.measures is None:
+        return y
+    return grouped(measured(d.model.records, _numbers(d, theta), ungrouped(y, len(d.begin)), d.problem.dt))
 
 
 def _residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Float[Array, "G T Y L"]:
@@ -121,27 +133,54 @@ def _residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Flo
     return residual if np.isfinite(residual).all() else np.where(weight > 0.0, residual, 0.0)
 
 
+def _tangents(d: Direct, theta: Float[Array, " n"], columns: Float[Array, " n"], seen, y) -> Float[Array, "G T Y k L"]:
+    """Derivatives of what the sensors report by the initial states and by the parameters, times `columns`; `y`: the outputs
+    before any effect on sensors."""
+    (system, places, records), problem = d.model, d.problem
+    E, n, s = len(d.begin), len(theta), len(d.starts)
+    at = {place: i for i, place in enumerate(places)}
+    inside = [j for j, place in enumerate(d.moving) if place in at]
+    m = len(inside)
+    dp, dx = np.zeros((E, s + m, m)), np.zeros((E, s + m, d.begin.shape[1]))
+    dp[:, s + np.arange(m), np.arange(m)] = columns[inside]
+    dx[:, np.arange(s), list(d.starts)] = np.where(problem.state_free, problem.state_scale, 0.0)
+    dy = tangents(system, tuple(at[d.moving[j]] for j in inside), seen, grouped(dp), grouped(dx))
+    if m < n:
+        whole = np.zeros((*dy.shape[:3], s + n, lanes()))
+        whole[:, :, :, [*range(s), *(s + j for j in inside)]] = dy
+        dy = whole
+    if records.commands is None and records.measures is None:
+        return dy
+    numbers, moved = _numbers(d, theta), np.zeros((n, len(d.numbers)))
+    moved[np.arange(n), list(d.moving)] = columns
+    before = [j for j, place in enumerate(d.moving) if place in (records.commands or ())]
+    if before:
+        du = command_slopes(records, numbers, problem.inputs, problem.dt, len(d.shares), moved[before])
+        dy[:, :, :, [s + j for j in before]] += input_tangents(system, seen, grouped(np.moveaxis(du, 0, 3)))
+    if records.measures is None:
+        return dy
+    steps = np.concatenate([np.zeros((s, len(d.numbers))), moved])
+    return grouped(measured_slopes(records, numbers, ungrouped(y, E), problem.dt, steps, ungrouped(dy, E)))
+
+
 def _whitened(d: Direct, theta: Float[Array, " n"], columns: Float[Array, " n"], states: Float[Array, "E s"]):
     """Derivatives of the weighted residuals by the initial states, by the parameters, times `columns`, and the residuals
     themselves, [G, T, Y, s + n + 1, L]."""
-    E, n, s = len(d.begin), len(theta), len(d.starts)
     seen = _seen(d, theta, states)
-    dp, dx = np.zeros((E, s + n, n)), np.zeros((E, s + n, d.begin.shape[1]))
-    dp[:, s + np.arange(n), np.arange(n)] = columns
-    dx[:, np.arange(s), list(d.starts)] = np.where(d.problem.state_free, d.problem.state_scale, 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
-        residual = _residual(outputs(d.system, seen), d.measured, d.weight)
-        dy = tangents(d.system, d.moving, seen, grouped(dp), grouped(dx))
-        both = np.empty((*dy.shape[:3], s + n + 1, lanes()))
+        y = outputs(d.model.system, seen)
+        dy = _tangents(d, theta, columns, seen, y)
+        both = np.empty((*dy.shape[:3], dy.shape[3] + 1, lanes()))
         np.multiply(dy, d.weight[:, :, :, None], out=both[:, :, :, :-1])
-    both[:, :, :, -1] = residual
+        both[:, :, :, -1] = _residual(_shown(d, theta, y), d.measured, d.weight)
     return both
 
 
 def _simulated_in_lanes(d: Direct, unknowns: Unknowns) -> Float[Array, "E T Y"]:
     """`problem.simulate_all`."""
     theta = parameters_at(d.problem, np.asarray(unknowns.z))
-    return ungrouped(outputs(d.system, _seen(d, theta, np.asarray(unknowns.states))), len(d.begin))
+    y = outputs(d.model.system, _seen(d, theta, np.asarray(unknowns.states)))
+    return ungrouped(_shown(d, theta, y), len(d.begin))
 
 
 def sensitivities_directly(
@@ -209,22 +248,32 @@ class SideBySide(NamedTuple):
 def side_by_side(d: Direct, times: int) -> SideBySide:
     """The logs `times` times over, or once, where they are many or long."""
     E, of = len(d.begin), (d.u, d.dt, d.fixed, d.measured, d.weight)
-    if times == 1 or d.measured.size * times > _TOGETHER:
+    rows = 1 if d.model.records.commands is None else len(d.shares)
+    if times == 1 or max(d.measured.size, d.u.size * rows) * times > _TOGETHER:
         return SideBySide(1, *of)
     return SideBySide(times, *(grouped(np.tile(ungrouped(x, E), (times, *[1] * (x.ndim - 2)))) for x in of))
 
 
 def costs_directly(d: Direct, many: SideBySide, candidates: Unknowns) -> Float[Array, " c"]:
     """`problem.cost` at many unknowns."""
-    problem, E = d.problem, len(d.begin)
+    problem, E, (system, places, records) = d.problem, len(d.begin), d.model
     theta, states = parameters_at(problem, np.asarray(candidates.z)), np.asarray(candidates.states)
     squares = []
     with np.errstate(over="ignore", invalid="ignore"):
         for first in range(0, len(theta), many.together):
             some = slice(first, first + many.together)
-            p = grouped(np.repeat(_numbers(d, theta[some]), E, axis=0))
+            numbers = _numbers(d, theta[some])
+            p = grouped(np.repeat(numbers[:, places], E, axis=0))
             x = grouped(np.concatenate([_starts(d, own) for own in states[some]]))
-            y = outputs(d.system, (d.shares, p, x, many.u, many.dt, many.fixed))
+            u = many.u
+            if records.commands is not None:
+                each = commanded_each(records, numbers, problem.inputs, problem.dt, len(d.shares))
+                u = grouped(each.reshape(-1, *each.shape[2:]))
+            y = outputs(system, (d.shares, p, x, u, many.dt, many.fixed))
+            if records.measures is not None:
+                plain = ungrouped(y, many.together * E)
+                each = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), problem.dt)
+                y = grouped(each.reshape(plain.shape))
             residual = _residual(y, many.measured, many.weight)
             each = ungrouped(np.einsum("gtyl,gtyl->gl", residual, residual), many.together * E)
             squares.append(each.reshape(many.together, E).sum(axis=1))

@@ -26,6 +26,7 @@ def test_recordings_of_one_robot_agree(axis_log):
         assert ratio == pytest.approx(0.5, rel=0.3)
 
 
+@pytest.mark.slow
 def test_p_values_are_uniform_for_repeatable_recordings(axis_log):
     p = []
     for seed in range(0, 30, 3):

@@ -62,7 +62,7 @@ def test_without_noise_it_is_the_truth(clean):
     assert fit.robot.parameters["M"].value == fit["M"].value
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.8])
+@pytest.mark.parametrize("colour", [0.8, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_unbiased_and_covered_where_the_regressors_are_noisy(clean, colour):
     fits, off, errors = repeated(instrumental_variables, clean, 0.05, colour)
     assert np.mean([fit.converged for fit in fits]) == 1.0
@@ -117,7 +117,9 @@ def test_least_squares_is_what_it_mends():
     assert 0.85 <= np.mean(np.abs(off["iv"]) <= 1.96 * errors)
 
 
-@pytest.mark.parametrize("estimator", [integral_least_squares, instrumental_variables])
+@pytest.mark.parametrize(
+    "estimator", [pytest.param(integral_least_squares, marks=pytest.mark.slow), instrumental_variables]
+)
 def test_an_interval_knows_what_its_neighbour_leaves_open(axis_log, estimator):
     """Viscous friction that the logs hardly show beside dry friction, and a table that has it ten times too large: the
     interval of dry friction holds the truth, and would not with the other held at the table's value."""

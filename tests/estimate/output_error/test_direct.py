@@ -1,6 +1,6 @@
 """What runs in machine code from NumPy, against the same problem's functions with XLA's own simulation."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import jaxid.estimate.output_error.problem as by_xla
-from jaxid import Axis, Integrator, LogSet
-from jaxid.effects.actuator import InputDelay
+from jaxid import Axis, Integrator, LogSet, Parameter
+from jaxid.effects import effect_by_id
+from jaxid.effects.actuator import DeadZone, InputDelay
+from jaxid.effects.sensor import SensorLag
 from jaxid.estimate.output_error.direct import (
     costs_directly,
     direct,
@@ -21,6 +23,7 @@ from jaxid.estimate.output_error.direct import (
 )
 from jaxid.estimate.output_error.problem import CLOCK_OFFSET, Unknowns
 from jaxid.estimate.output_error.setup import build
+from jaxid.robots.effect import Effect
 from jaxid.simulation.rollout import rollout_in_xla
 
 pytestmark = pytest.mark.usefixtures("double_precision")
@@ -86,13 +89,68 @@ def test_a_log_on_which_the_simulation_diverges_harms_no_other(problem, xla):
     assert float(found.cost) == pytest.approx(float(expected.cost), rel=1e-9)
 
 
-def test_what_acts_on_whole_records_takes_xla(axis_log):
-    """Effects on commands or sensors, and offsets of clocks: nothing is left out, the same functions answer by XLA."""
+@dataclass(frozen=True)
+class Weakened(Effect):
+    """A user's own: commands fade with the robot's own viscous friction, and the sensors see it too."""
+
+    id = "weakened"
+
+    def parameters(self, robot):
+        return {self.key("share"): Parameter(0.1, free=True)}
+
+    def command(self, inputs, time, dt, p, robot):
+        return inputs / (1.0 + p[self.key("share")] * p["Fv"] * jnp.cos(time)[:, None])
+
+    def measure(self, outputs, time, p, robot):
+        return outputs * (1.0 + 0.1 * p["Fv"]) + p["M"] * p[self.key("share")] * outputs**2
+
+
+def test_effects_on_commands_and_sensors_are_those_of_xla(axis_log, xla):
+    """Several at once, beside one in the equations of motion; one reads the robot's own parameters in both places."""
+    logs = LogSet([axis_log(f"{k}", np.roll(np.repeat([3.0, -2.0, 0.5], 20), 9 * k), noise=0.01) for k in range(2)])
+    robot = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5)
+    for effect in (DeadZone(), InputDelay(), Weakened(), SensorLag()):
+        robot = robot + effect
+    for name in ("stribeck_friction", "sensor_bias"):
+        robot = robot + effect_by_id(robot, name)
+    values = {"actuator_dead_zone.threshold": 0.1, "input_delay.delay": 0.013, "sensor_lag.time_constant": 0.02}
+    values["stribeck_friction.amplitude"] = 0.2
+    given = robot.with_values(**values)
+    start = {name: given.parameters[name].value for name in given.parameters.free_names}
+    structure, numbers, there = build(given, logs, start=start, initial="estimate", integrator=Integrator(3))
+    there = there._replace(states=there.states + 0.1)
+    d = direct(structure, numbers)
+    expected, found = xla(by_xla.linearise, structure, numbers, there), linearised_directly(d, there)
+    for name in expected._fields:
+        agree(getattr(found, name), getattr(expected, name))
+    # Each of the last few directions moves what the sensors show, so that none was left out.
+    assert np.all(np.abs(np.asarray(found.shared)).max(axis=0) > 1e-6)
+    candidates = jax.tree.map(lambda leaf: np.stack([f * np.asarray(leaf) for f in (1.0, 1.1, 1.2)]), there)
+    each = [jax.tree.map(lambda x, k=k: x[k], candidates) for k in range(3)]
+    costs = [xla(by_xla.cost, structure, numbers, own) for own in each]
+    for times in (1, 3):
+        agree(costs_directly(d, side_by_side(d, times), candidates), costs)
+    agree(simulated_now(structure, numbers, there), xla(by_xla.simulate_all, structure, numbers, there))
+
+
+def test_robots_that_differ_in_their_signals_share_their_machine_code(axis_log):
     logs = LogSet([axis_log("one", np.repeat([1.0, -1.0], 50), noise=0.01)])
-    late = Axis() + InputDelay()
-    for robot, offset in ((late, False), (Axis(), True)):
-        structure, numbers, there = build(robot, logs, start={}, integrator=Integrator(2), clock_offset=offset)
-        assert direct(structure, numbers) is None
-        assert offset == (CLOCK_OFFSET in structure.state_names)
-        expected = jax.jit(by_xla.linearise, static_argnums=0)(structure, numbers, there)
-        agree(linearised_now(structure, numbers, there).shared, expected.shared)
+    models = []
+    for added in ((), (InputDelay(),), (SensorLag(), DeadZone())):
+        robot = Axis()
+        for effect in added:
+            robot = robot + effect
+        structure, numbers, _ = build(robot, logs, start={}, integrator=Integrator(2))
+        models.append(direct(structure, numbers).model)
+    assert models[0].system == models[1].system == models[2].system
+    assert [model.records.commands is None for model in models] == [True, False, False]
+    assert [model.records.measures is None for model in models] == [True, True, False]
+
+
+def test_offsets_of_clocks_take_xla(axis_log):
+    """Nothing is left out: the same functions answer by XLA."""
+    logs = LogSet([axis_log("one", np.repeat([1.0, -1.0], 50), noise=0.01)])
+    structure, numbers, there = build(Axis(), logs, start={}, integrator=Integrator(2), clock_offset=True)
+    assert direct(structure, numbers) is None and CLOCK_OFFSET in structure.state_names
+    expected = jax.jit(by_xla.linearise, static_argnums=0)(structure, numbers, there)
+    agree(linearised_now(structure, numbers, there).shared, expected.shared)

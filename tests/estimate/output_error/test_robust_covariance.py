@@ -33,7 +33,7 @@ def fits(axis_log, rho, covariance, runs=RUNS):
     return found
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.8])
+@pytest.mark.parametrize("rho", [0.8, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_errors_are_the_scatter_of_the_estimates(axis_log, rho):
     found = fits(axis_log, rho, "robust")
     for name, true in TRUE.items():

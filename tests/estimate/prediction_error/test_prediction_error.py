@@ -181,7 +181,7 @@ def test_a_sensor_that_answers_late_is_found(disturbed_axis, kind):
     assert np.sqrt(np.mean(ahead**2)) < 0.02  # the speed itself is off by up to a metre per second
 
 
-@pytest.mark.parametrize("kind", LATE)
+@pytest.mark.parametrize("kind", ["delay", pytest.param("lag", marks=pytest.mark.slow)])
 def test_without_process_noise_a_late_sensor_is_output_errors(disturbed_axis, kind):
     """Between samples one averages inputs over its steps of 10 ms, the other interpolates outputs: next to nothing."""
     effect, hidden, _ = LATE[kind]

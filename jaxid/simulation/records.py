@@ -1,0 +1,218 @@
+"""Effects on whole records, before and after a rollout in machine code: on commands and on what sensors report.
+
+They act on signals, not in the equations of motion, and are small programs of XLA's of their own: a robot with one has the
+machine code of the robot without it, and what is compiled for a delay is the delay.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .._compile import compiled
+from ..robots.effect import Effect
+from ..robots.robot import Robot
+from ..robots.signal_path import STAGES, overrides, passed
+from .rollout import commanded as _commanded_one
+
+Array = Any
+"""NumPy's, or what can be read as such."""
+_MOST_MODELS = 256
+_TRIED = 3
+"""Samples of the record on which it is seen which parameters an effect reads."""
+
+
+class Records(NamedTuple):
+    """The effects on whole records of a robot with the parameters `names`: `robot` has no others and no numbers.
+
+    `commands` and `measures`: places among the names of what effects on commands, and on sensors, read; None without such
+    effects.
+    """
+
+    robot: Robot
+    names: tuple[str, ...]
+    commands: tuple[int, ...] | None
+    measures: tuple[int, ...] | None
+
+
+class _Seen(Mapping[str, Any]):
+    """Numbers that remember which of them were asked for."""
+
+    def __init__(self, numbers: Mapping[str, Any]):
+        self.numbers, self.asked = numbers, set[str]()
+
+    def __getitem__(self, name: str) -> Any:
+        self.asked.add(name)
+        return self.numbers[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.numbers)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+
+def on_records_alone(effect: Effect, robot: Robot) -> bool:
+    """Whether the effect acts on commands or sensors and nowhere else."""
+    inside = any(overrides(type(effect), stage) for stage in (*STAGES, "rates"))
+    return not inside and not effect.states_on(robot)
+
+
+def without_records(robot: Robot) -> Robot:
+    """The robot without effects that act on commands or sensors alone, where its states are the same without them."""
+    kept = tuple(effect for effect in robot.effects if not on_records_alone(effect, robot))
+    plain = replace(robot, effects=kept)
+    return plain if plain.states == robot.states else robot
+
+
+@lru_cache(_MOST_MODELS)
+def records_of(robot: Robot, names: tuple[str, ...]) -> Records:
+    """The effects on records of `robot`, a structure without numbers."""
+    own = tuple(e for e in robot.effects if any(overrides(type(e), stage) for stage in ("command", "measure")))
+    bare = replace(robot, effects=own)
+    U, Y = len(robot.channels.inputs), len(robot.channels.measured)
+    record = jax.ShapeDtypeStruct((_TRIED, U), float), jax.ShapeDtypeStruct((_TRIED, Y), float)
+    numbers = [jax.ShapeDtypeStruct((), float)] * len(names)
+    time = jax.ShapeDtypeStruct((_TRIED,), float)
+
+    def read(stage: str, act: Callable[..., Any]) -> tuple[int, ...] | None:
+        if not any(overrides(type(effect), stage) for effect in own):
+            return None
+        asked: set[str] = set()
+
+        def tried(p, u, y, dt):
+            seen = _Seen(dict(zip(names, p, strict=True)))
+            result = act(seen, u, y, dt)
+            asked.update(seen.asked)
+            return result
+
+        jax.eval_shape(tried, numbers, *record, time)
+        return tuple(i for i, name in enumerate(names) if name in asked)
+
+    commands = read("command", lambda p, u, y, dt: _commanded_one(bare, p, u, dt, 1))
+    measures = read("measure", lambda p, u, y, dt: _measured_one(bare, p, y, dt))
+    return Records(bare, names, commands, measures)
+
+
+def _measured_one(robot: Robot, p: Mapping[str, Any], y: Float[Array, "T Y"], dt: Float[Array, " T"]):
+    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
+    return passed(robot, "measure", y, time, p)
+
+
+def _commanded_all(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt):
+    numbers = dict(zip(names, q, strict=True))
+    return jax.vmap(lambda u, d: _commanded_one(robot, numbers, u, d, substeps))(inputs, dt)
+
+
+@partial(compiled, static_argnums=(0, 1, 2))
+def _command(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt):
+    return _commanded_all(robot, names, substeps, q, inputs, dt)
+
+
+@partial(compiled, static_argnums=(0, 1, 2))
+def _command_slopes(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, dq):
+    def moved(step):
+        return jax.jvp(lambda q: _commanded_all(robot, names, substeps, q, inputs, dt), (q,), (step,))[1]
+
+    return jax.vmap(moved)(dq)
+
+
+def _measured_all(robot: Robot, names: tuple[str, ...], q, y, dt):
+    numbers = dict(zip(names, q, strict=True))
+    return jax.vmap(lambda own, d: _measured_one(robot, numbers, own, d))(y, dt)
+
+
+@partial(compiled, static_argnums=(0, 1))
+def _measure(robot: Robot, names: tuple[str, ...], q, y, dt):
+    return _measured_all(robot, names, q, y, dt)
+
+
+@partial(compiled, static_argnums=(0, 1))
+def _measure_slopes(robot: Robot, names: tuple[str, ...], q, y, dt, dq, dy):
+    def moved(step, change):
+        return jax.jvp(lambda q, y: _measured_all(robot, names, q, y, dt), (q, y), (step, change))[1]
+
+    return jax.vmap(moved, in_axes=(0, -1), out_axes=-1)(dq, dy)
+
+
+def _names(records: Records, places: tuple[int, ...]) -> tuple[str, ...]:
+    return tuple(records.names[i] for i in places)
+
+
+def commanded(
+    records: Records, p: Float[Array, " P"], inputs: Float[Array, "E T U"], dt: Float[Array, "E T"], substeps: int
+) -> Float[np.ndarray, "E T R U"]:
+    """What arrives of the inputs: one row a sample, or, with effects on commands, one a sub-step."""
+    if records.commands is None:
+        return np.asarray(inputs)[:, :, None, :]
+    own = np.asarray(p, float)[list(records.commands)]
+    return np.asarray(_command(records.robot, _names(records, records.commands), substeps, own, inputs, dt))
+
+
+def commanded_each(
+    records: Records, p: Float[Array, "c P"], inputs: Float[Array, "E T U"], dt: Float[Array, "E T"], substeps: int
+) -> Float[np.ndarray, "c E T R U"]:
+    """`commanded` with each of c sets of parameters; computed once for those that no effect on commands tells apart."""
+    if records.commands is None:
+        return np.broadcast_to(
+            np.asarray(inputs)[:, :, None, :], (len(p), *np.shape(inputs)[:2], 1, np.shape(inputs)[2])
+        )
+    _, first, same = np.unique(p[:, records.commands], axis=0, return_index=True, return_inverse=True)
+    return np.stack([commanded(records, p[k], inputs, dt, substeps) for k in first])[same.reshape(-1)]
+
+
+def command_slopes(
+    records: Records,
+    p: Float[Array, " P"],
+    inputs: Float[Array, "E T U"],
+    dt: Float[Array, "E T"],
+    substeps: int,
+    dp: Float[Array, "k P"],
+) -> Float[np.ndarray, "k E T R U"]:
+    """Its derivatives in k directions of the parameters; with effects on commands only."""
+    assert records.commands is not None
+    places = list(records.commands)
+    own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
+    return np.asarray(
+        _command_slopes(records.robot, _names(records, records.commands), substeps, own, inputs, dt, step)
+    )
+
+
+def measured(
+    records: Records, p: Float[Array, " P"], y: Float[Array, "E T Y"], dt: Float[Array, "E T"]
+) -> Float[np.ndarray, "E T Y"]:
+    """What the sensors report of the outputs `y`."""
+    if records.measures is None:
+        return np.asarray(y)
+    own = np.asarray(p, float)[list(records.measures)]
+    return np.asarray(_measure(records.robot, _names(records, records.measures), own, y, dt))
+
+
+def measured_each(
+    records: Records, p: Float[Array, "c P"], y: Float[Array, "c E T Y"], dt: Float[Array, "E T"]
+) -> Float[np.ndarray, "c E T Y"]:
+    """`measured` with each of c sets of parameters."""
+    if records.measures is None:
+        return y
+    return np.stack([measured(records, *own, dt) for own in zip(p, y, strict=True)])
+
+
+def measured_slopes(
+    records: Records,
+    p: Float[Array, " P"],
+    y: Float[Array, "E T Y"],
+    dt: Float[Array, "E T"],
+    dp: Float[Array, "K P"],
+    dy: Float[Array, "E T Y K"],
+) -> Float[np.ndarray, "E T Y K"]:
+    """Tangents of what the sensors report, from those of the parameters and of the outputs."""
+    if records.measures is None:
+        return np.asarray(dy)
+    places = list(records.measures)
+    own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
+    return np.asarray(_measure_slopes(records.robot, _names(records, records.measures), own, y, dt, step, dy))
