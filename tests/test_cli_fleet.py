@@ -48,10 +48,23 @@ def test_every_member_has_its_own_fit_and_a_broken_one_is_named(
 ):
     monkeypatch.setattr(command, "BATCH", 3)  # two batches
     out = tmp_path / "out"
-    status, said, remarks = jaxid("fleet", "axis", robots, "--model", without_dry_friction, "--out", out)
+    status, said, remarks = jaxid(
+        "fleet",
+        "axis",
+        robots,
+        "--model",
+        without_dry_friction,
+        "--windows",
+        "none",
+        "--covariance",
+        "robust",
+        "--out",
+        out,
+    )
     assert status == 0, remarks
     members = pd.read_parquet(out / "members.parquet").set_index("member")
     assert list(members.index) == ["a", "b", "broken", "c"]
+    assert set(members.loc[list(MASSES), "standard_errors"]) == {"robust"}
     assert "run.csv" in members.loc["broken", "failure"] and not members.loc["broken", "trustworthy"]
     assert (members.loc[list(MASSES), "logs"] == 2).all() and (members.loc[list(MASSES), "samples"] == 600).all()
     assert members.loc[list(MASSES), "trustworthy"].all() and (members.loc[list(MASSES), "failure"] == "").all()
@@ -61,6 +74,8 @@ def test_every_member_has_its_own_fit_and_a_broken_one_is_named(
         assert abs(found["value"] - mass) < 4 * found["std_error"] < 0.1 * mass
         assert found["low"] < found["value"] < found["high"] and found["status"] == "identified"
     assert "3 of 4 members fitted" in said and "broken" in said
+    page = (out / "report.html").read_text()
+    assert all(f">{name}</td>" in page for name in MASSES) and "no fit: " in page and "M [kg]" in page
     assert "linear estimates are there" in remarks and "members as lanes of one program" in remarks  # where it is
     assert np.median([*MASSES.values()]) == pytest.approx(float(said.split("M ")[1].split()[3]), rel=0.02)
 

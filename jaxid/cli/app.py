@@ -47,6 +47,29 @@ Model = Annotated[
     ),
 ]
 
+Loss = Annotated[
+    Literal["squares", "huber", "cauchy", "student_t"],
+    typer.Option("--loss", help="Of output error: squares, or one that outliers pull less."),
+]
+Covariance = Annotated[
+    Literal["auto", "white", "robust"],
+    typer.Option(
+        "--covariance",
+        help="Of output error: for white residuals, or robust against coloured ones; auto: as the residual is.",
+    ),
+]
+ClockOffset = Annotated[
+    bool, typer.Option("--clock-offset", help="Inputs and outputs may be on different clocks: estimate the offset.")
+]
+Windows = Annotated[
+    str,
+    typer.Option(
+        "--windows",
+        metavar="SECONDS|auto|none",
+        help="Of output error: windows with their own initial states, for what a free simulation cannot follow.",
+    ),
+]
+
 
 class Method(StrEnum):
     """Estimators by the name that they have in fit.json."""
@@ -122,28 +145,10 @@ def fit(
             "integral_least_squares, instrumental_variables, output_error, prediction_error (the motion is disturbed, too).",
         ),
     ] = None,
-    loss: Annotated[
-        Literal["squares", "huber", "cauchy", "student_t"],
-        typer.Option("--loss", help="Of output error: squares, or one that outliers pull less."),
-    ] = "squares",
-    covariance: Annotated[
-        Literal["auto", "white", "robust"],
-        typer.Option(
-            "--covariance",
-            help="Of output error: for white residuals, or robust against coloured ones; auto: as the residual is.",
-        ),
-    ] = "auto",
-    clock_offset: Annotated[
-        bool, typer.Option("--clock-offset", help="Inputs and outputs may be on different clocks: estimate the offset.")
-    ] = False,
-    windows: Annotated[
-        str,
-        typer.Option(
-            "--windows",
-            metavar="SECONDS|auto|none",
-            help="Of output error: windows with their own initial states, for what a free simulation cannot follow.",
-        ),
-    ] = "auto",
+    loss: Loss = "squares",
+    covariance: Covariance = "auto",
+    clock_offset: ClockOffset = False,
+    windows: Windows = "auto",
     controller: Annotated[
         str | None,
         typer.Option(
@@ -163,8 +168,7 @@ def fit(
     """Identify a robot's parameters from its logs, by integral least squares and by output error, or as --method says."""
     from .fit import USUAL, run_fit
 
-    options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset}
-    options |= {"windows": window_option(windows)}
+    options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset, "windows": window_option(windows)}
     if controller is not None and intersample != "hold":
         raise typer.BadParameter("--intersample linear is for measured inputs; a --controller holds its commands.")
     methods = tuple(dict.fromkeys(map(str, method or USUAL)))
@@ -210,19 +214,20 @@ def fleet(
         Path, typer.Argument(metavar="FOLDER", help="A folder of logs for every robot, or one log for each.")
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for estimates.parquet and members.parquet.")
+        Path, typer.Option("--out", metavar="DIR", help="Folder for estimates.parquet, members.parquet, report.html.")
     ],
     model: Model = None,
     mapping: Mapping = None,
-    loss: Annotated[
-        Literal["squares", "huber", "cauchy", "student_t"],
-        typer.Option("--loss", help="Squares, or one that outliers pull less."),
-    ] = "squares",
+    loss: Loss = "squares",
+    covariance: Covariance = "auto",
+    clock_offset: ClockOffset = False,
+    windows: Windows = "auto",
 ) -> None:
     """Fit many robots, each on its own logs, by output error in one batch."""
     from .fleet import run_fleet
 
-    run_fleet(robot, folder, model, mapping, out, {"loss": loss})
+    options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset, "windows": window_option(windows)}
+    run_fleet(robot, folder, model, mapping, out, options)
 
 
 @app.command()

@@ -1,5 +1,6 @@
 """`jaxid fleet`: a folder of robots, each fitted on its own logs, in one batch; tables for programs, a summary for people."""
 
+import html
 from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -7,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from .._atomic import write_text
 from ..estimate.linear.integral_least_squares import linear_estimate
 from ..estimate.output_error.fleet import fit_fleet
 from ..estimate.result import Fit
 from ..logs import LogError, LogSet, read_logs
 from ..parameters import ParameterError
 from ..report.fleet_files import ESTIMATES, MEMBERS, estimate_rows, member_row, write_tables
-from ..report.tables import Cell, Table, to_text
+from ..report.tables import DOUBT, Cell, Table, to_html, to_text, value_cell
 from ..robots import Robot
 from .arguments import UnusableInput
 from .cache import keep_compiled_programs
@@ -24,6 +26,8 @@ BATCH = 256
 """Members at a time: what is done is in the files, and memory stays bounded."""
 _ENDINGS = (".csv", ".parquet", ".pq")
 _SHOWN = 10
+_ON_PAGE = 200
+"""Members that the page lists."""
 
 
 def members_of(folder: Path) -> dict[str, list[Path]]:
@@ -84,8 +88,8 @@ def _batch(
     return estimates, members, fits
 
 
-def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> str:
-    """Spread of every parameter over the members whose fits are sound, and who is doubted or failed."""
+def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> tuple[list[str], Table]:
+    """How the fleet fared, and the spread of every parameter over the members whose fits are sound."""
     failure = {row[0]: row[-1] for row in members if row[-1]}
     doubted = [name for name, fit in fits.items() if not fit.trustworthy]
     how = "is" if len(doubted) == 1 else "are"
@@ -105,13 +109,41 @@ def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> str
     left = len(failure) + len(doubted) - len(notes)
     notes += [f"{left} more in members.parquet."] if left > 0 else []
     header = ("parameter", "unit", "sound fits", "5 %", "median", "95 %", "median std. error")
-    return to_text([Table("Parameters over the fleet", header, tuple(rows), tuple(notes))], said)
+    return said, Table("Parameters over the fleet", header, tuple(rows), tuple(notes))
+
+
+def _members_table(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> Table:
+    """Every member's estimates and what its residual says of them, the first `_ON_PAGE`."""
+    names = next(iter(fits.values())).free_names if fits else ()
+    rows = []
+    for name, *_, failure in members[:_ON_PAGE]:
+        fit = fits.get(name)
+        if fit is None:
+            rows.append((Cell(name), Cell(f"no fit: {failure}", "bad"), *[Cell("-")] * len(names)))
+            continue
+        verdict = fit.judgement.verdict if fit.judgement else "-"
+        cells = (value_cell(fit[symbol], not fit.trustworthy) for symbol in names)
+        rows.append((Cell(name), Cell(verdict, "" if fit.trustworthy else "bad"), *cells))
+    units = (f"{n} [{u}]" if (u := next(iter(fits.values()))[n].unit) else n for n in names)
+    more = (f"{len(members) - _ON_PAGE} more in members.parquet and estimates.parquet.",)
+    notes = ("± is one standard error.", *([DOUBT] if any(not fit.trustworthy for fit in fits.values()) else []))
+    return Table("Members", ("member", "judged", *units), tuple(rows), notes + more * (len(members) > _ON_PAGE))
+
+
+def _write_page(out: Path, robot: Robot, said: Sequence[str], tables: Sequence[Table]) -> None:
+    title = html.escape(f"jaxid fleet {robot.name}")
+    body = "".join(f"<p><b>{html.escape(text)}</b></p>" for text in said) + "".join(map(to_html, tables))
+    write_text(
+        out / "report.html",
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head>'
+        f'<body style="font-family:sans-serif"><h2>{title}</h2>{body}</body></html>\n',
+    )
 
 
 def run_fleet(
     spec: str, folder: Path, model: Path | None, mapping: Path | None, out: Path, options: Mapping[str, Any]
 ) -> None:
-    """Write estimates.parquet and members.parquet to `out`, batch by batch, and print a summary.
+    """Write estimates.parquet and members.parquet to `out`, batch by batch, then report.html, and print a summary.
 
     A member whose logs cannot be read or fitted is named and does not touch the others. Raises `UnusableInput` where no
     member could be fitted.
@@ -132,7 +164,9 @@ def run_fleet(
             more, became, found = _batch(robot, {name: files[name] for name in some}, mapping, options, report)
         estimates, members, fits = estimates + more, members + became, fits | found
         write_tables(out, {"estimates.parquet": (ESTIMATES, estimates), "members.parquet": (MEMBERS, members)})
-    show(_summary(fits, members))
-    say(f"{out}: estimates.parquet, members.parquet")
+    said, spread = _summary(fits, members)
+    show(to_text([spread], said))
+    _write_page(out, robot, said, [spread, _members_table(fits, members)])
+    say(f"{out}: estimates.parquet, members.parquet, report.html")
     if not fits:
         raise UnusableInput(f"No member could be fitted; the first: {members[0][-1]}")

@@ -1,5 +1,7 @@
 """jaxid/estimate/fleet.py: many axes in one batch give what each gives alone, and a bad one does not touch the rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -95,6 +97,24 @@ def test_members_have_their_own_constants_starts_and_outliers(fleet):
         for symbol in ROBOT.parameters.free_names:
             assert abs(fit[symbol].value - alone[symbol].value) < 0.01 * alone[symbol].std_error
     assert found.fits["light"]["M"].value == pytest.approx(2.0 * MASSES["light"], rel=0.02)
+
+
+def test_members_have_their_own_clocks(fleet):
+    """The light robot's outputs were stamped 10 ms late: its inputs' clock is behind."""
+    late = LogSet(replace(log, outputs=shifted(log)) for log in fleet["light"])
+    two = {"light": late, "usual": fleet["usual"][:1]}
+    found = fit_fleet(ROBOT, two, clock_offset=True, covariance="robust", windows=None)
+    for name, ahead in (("light", -0.01), ("usual", 0.0)):
+        (offset,) = found.fits[name].clock_offsets.values()
+        assert abs(offset.value - ahead) < 4 * offset.std_error < 0.005
+        assert found.fits[name].standard_errors == "robust"
+        assert abs(found.fits[name]["M"].value - MASSES[name]) < 0.01
+
+
+def shifted(log):
+    """What was measured half a sample before, between two samples of a speed."""
+    earlier = np.concatenate([log.outputs[:1], log.outputs[:-1]])
+    return 0.5 * (log.outputs + earlier)
 
 
 def test_errors_name_what_is_missing(fleet):
