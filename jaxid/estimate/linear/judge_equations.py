@@ -23,9 +23,11 @@ from ..judge import (
     with_integration,
 )
 from ..judgement import Judgement, Verdict
+from ..lacking import FALSE_ALARM as LACKING
 from ..noise_colour import Colour, colour_in_stretches
 from ..residual_tests import FALSE_ALARM, relation, whiteness
 from ..result import Fit
+from .neglected import neglected
 from .regressor_noise import NoiseResponse, noise_response, series, whiteness_of
 from .simulated_motion import followed_simulation, twins_of
 from .weighted_least_squares import Solution
@@ -189,7 +191,14 @@ def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, equations: 
     # The measured speeds share their noise with the residual.
     nothing = [np.zeros_like(log.outputs) for log in logs]
     driving = drivers(logs, nothing if simulated is None else simulated)
-    return judged_equations(fit, logs, Residual(parts, white, driving, whole=False), biased)
+    found = judged_equations(fit, logs, Residual(parts, white, driving, whole=False), biased)
+    if simulated is None or found.judgement is None or not found.judgement.trustworthy:
+        return found
+    moved = {name: fit[name].std_error for name in names if np.isfinite(fit[name].std_error)}
+    lacking = neglected(fit.robot, logs, moved, with_integration(logs, noise_scale(logs)), equations.memory)
+    if lacking is None or not lacking.p_value < LACKING:
+        return found
+    return judged(replace(fit, standard_errors="scatter"), found.judgement.doubted(lacking.sentence(fit)))
 
 
 def judged_instruments(fit: Fit, logs: LogSet, parts: Mapping[str, Sequence[Array]], simulated: Sequence[Array]) -> Fit:

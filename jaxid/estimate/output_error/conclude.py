@@ -13,11 +13,12 @@ from ...logs.windows import bridged, stitched
 from ...robots.robot import Robot
 from ..judge import judge, judged
 from ..judgement import LOOK_FURTHER
+from ..lacking import FALSE_ALARM
 from ..result import Fit
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at
 from .lost_rows import lost_rows
-from .neglected import FALSE_ALARM, neglected
+from .neglected import neglected
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_covariance import robust_covariance

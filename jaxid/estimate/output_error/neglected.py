@@ -8,9 +8,9 @@ one finds a standard normal number there; with coloured noise its variance follo
 Beside forces, two things that happen to commands on their way are looked for: a delay, and a dead zone.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,134 +20,24 @@ from scipy import stats
 
 from ..._arrays import array
 from ..._compile import compiled
-from ...effects.drivetrain import risen
 from ...logs import LogSet
-from ...parameters import Parameter
-from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
-from ...robots.traits import refusal
-from ...simulation.scaled import scales_of
-from ..result import Fit
+from ..lacking import HINT, WAYS, Neglected, probed, words_of
+from ..residual_tests import FALSE_ALARM as COLOURED
+from ..residual_tests import whiteness
 from .direct import direct, sensitivities_directly
 from .evaluation import simulated_with
 from .lanes import Operation, ask
 from .problem import Problem, Structure, Unknowns, experiments, parameters_at, residual_weights, whitened
 from .robust_covariance import stationary
 
-FALSE_ALARM = 0.001
-"""How often a fit that lacks nothing is called poor for a force that it may lack."""
-HINT, _MATTERS = 0.01, 2.0
-"""The same of a note, for what would also move a parameter by that many standard errors."""
-_SHARES = (0.05, 0.2)
-"""Speeds, in shares of the largest, below which friction may rise towards standstill."""
 _OWN = 1e-6
 """Share of a direction that must be its own, beside what parameters and initial states do."""
-_WHOLE = "whole_drag"
-_WAYS = {
-    "inputs.late": "inputs that act later or earlier than logged",
-    "inputs.dead_zone": "a dead zone of the inputs",
-}
 _INNER = 0.02
 """Dead zone, in shares of the largest input, by which a simulation is changed to see what one does."""
 _FEWEST = 30
 """Samples, less what is fitted to them, below which nothing is asked."""
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ConstantAndDrag(Effect):
-    """A constant force and one that grows with the speed's square, on every velocity and against the whole translation."""
-
-    id: ClassVar[str] = "neglected_force"
-    where: ClassVar[str] = "body"
-    formula: ClassVar[str] = "Q' = Q + constant - drag v |v|"
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        names = [f"{kind}_{v}" for v in robot.velocities for kind in ("constant", "drag")]
-        names += [_WHOLE] if len(robot.translations) > 1 else []
-        return {self.key(name): Parameter(0.0, free=True) for name in names}
-
-    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        changed, linear = [], robot.translations
-        # The small number keeps the derivative of the root finite at standstill.
-        speed = jnp.sqrt(sum(state[v] ** 2 for v in linear) + 1e-300) if len(linear) > 1 else 0.0
-        for force, v in zip(forces, robot.velocities, strict=True):
-            drag = p[self.key(f"drag_{v}")] * state[v] * jnp.abs(state[v])
-            drag = drag + p[self.key(_WHOLE)] * speed * state[v] if len(linear) > 1 and v in linear else drag
-            changed.append(force + p[self.key(f"constant_{v}")] - drag)
-        return tuple(changed)
-
-
-@dataclass(frozen=True)
-class RiseTowardsStandstill(Effect):
-    """Dry friction that rises towards standstill, below either of two speeds."""
-
-    id: ClassVar[str] = "neglected_friction"
-    where: ClassVar[str] = "drivetrain"
-    formula: ClassVar[str] = "C' = C + rise exp(-(s / speed)^2)"
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        found = {}
-        for k, share in enumerate(_SHARES):
-            found[self.key(f"rise_{k}")] = Parameter(0.0, free=True)
-            found[self.key(f"speed_{k}")] = Parameter(share * robot.scales.speed)
-        return found
-
-    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        axes = robot.drive_axes or tuple(range(len(levels)))
-        for k in range(len(_SHARES)):
-            rise, speed = p[self.key(f"rise_{k}")], p[self.key(f"speed_{k}")]
-            levels = risen(levels, axes, speeds, p, robot, rise, speed)
-        return levels
-
-
-class Neglected(NamedTuple):
-    """A force that the residual asks for.
-
-    What it is in `words`; how many standard deviations of chance it stands out by, `z`, and how likely chance is to bring
-    as much among all that were looked at, `p_value`; the change `shift` [n] of the fitted parameters to first order, were it
-    in the model.
-    """
-
-    words: str
-    z: float
-    p_value: float
-    shift: NDArray[np.float64]
-
-    def _moves(self, fit: Fit) -> Array:
-        """How far each free parameter would move, in its standard errors; zero where it has none."""
-        errors = np.array([fit[name].std_error for name in fit.free_names])
-        known = np.isfinite(errors) & (errors > 0)
-        return np.where(known, np.abs(self.shift) / np.where(known, errors, 1.0), 0.0)
-
-    def worth_a_note(self, fit: Fit) -> bool:
-        """Whether this, which may be chance, would change what `fit` says of a parameter."""
-        return bool(self._moves(fit).max() > _MATTERS)
-
-    def sentence(self, fit: Fit) -> str:
-        """What that means for the parameters of `fit`."""
-        moves = self._moves(fit)
-        most = int(np.argmax(moves))
-        then = f": with it {fit.free_names[most]} would move by {moves[most]:.2g} of its standard errors"
-        sure = self.p_value < FALSE_ALARM
-        found = "holds the mark of" if sure else "hints at"
-        return (
-            f"What is left {found} {self.words} (p = {self.p_value:.1g}{'' if sure else ': it may be chance'}), which the "
-            f"model does not have{then if moves[most] > 1.0 else ''}."
-        )
-
-
-def probed(robot: Robot, logs: LogSet) -> tuple[Robot, tuple[str, ...]]:
-    """The robot with everything in it that it may lack, at nothing, and the names of those parameters."""
-    robot = replace(robot, scales=scales_of(robot, logs))
-    own = robot.parameters
-    if "force" not in robot.traits and robot.velocities:
-        robot = robot.per_unit_inertia()
-    for effect in (ConstantAndDrag(), RiseTowardsStandstill()):
-        if refusal(effect, robot) is None:
-            robot = robot + effect
-    added = [name for name in robot.parameters if name not in own and robot.parameters[name].free]
-    return robot, tuple(added)
 
 
 def _sensitivities(structure: Structure, added: tuple[str, ...], problem: Problem, unknowns: Unknowns):
@@ -186,17 +76,6 @@ def _on_the_way(structure: Structure, problem: Problem, unknowns: Unknowns) -> A
     weight = residual_weights(problem)
     here, *there = simulated_with([inputs, late, less], structure, problem, unknowns)
     return np.stack([np.where(weight > 0.0, y - here, 0.0) * weight for y in there], axis=-1)
-
-
-def _words(name: str) -> str:
-    if name in _WAYS:
-        return _WAYS[name]
-    kind, _, of = name.partition(".")[2].partition("_")
-    if kind == "whole":
-        return "drag that grows with the square of the speed"
-    if kind == "rise":
-        return "friction that rises towards standstill"
-    return f"a constant force on {of}" if kind == "constant" else f"drag that grows with the square of {of}"
 
 
 class _Directions(NamedTuple):
@@ -250,6 +129,17 @@ def _by_chance(problem: Problem, d: _Directions) -> Array:
     return np.sqrt(np.maximum(spread, np.finfo(float).tiny))
 
 
+def _white_without(problem: Problem, d: _Directions, scores: Array) -> bool:
+    """Whether the residual is white but for what lies along the direction that it asks for most: then it is that force that
+    colours it, and no noise."""
+    best = int(np.argmax(np.abs(scores)))
+    left = (d.residual.ravel() - d.found[:, best] * scores[best]).reshape(d.residual.shape)
+    left = np.where(np.asarray(problem.mask), left, np.nan)
+    channels = [[part[:, c] for part in left] for c in range(left.shape[-1]) if np.isfinite(left[..., c]).any()]
+    p_values = [whiteness(parts).p_value for parts in channels]
+    return bool(p_values) and min(p_values) > COLOURED / len(p_values)
+
+
 def neglected(
     robot: Robot, logs: LogSet, structure: Structure, problem: Problem, unknowns: Unknowns, *, white: bool, error: float
 ) -> Neglected | None:
@@ -270,7 +160,7 @@ def neglected(
     own = len(structure.names) + len(added)
     ways = _on_the_way(structure, problem, unknowns)
     jacobian = np.concatenate([jacobian[..., :own], ways, jacobian[..., own:]], axis=-1)
-    added = (*added, *_WAYS)
+    added = (*added, *WAYS)
     samples = int(np.count_nonzero(np.asarray(problem.mask)))
     freedom = samples - jacobian.shape[-1]
     if freedom < _FEWEST or not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
@@ -278,8 +168,9 @@ def neglected(
     d = _directions(problem, len(structure.names), len(added), residual, jacobian)
     if not d.kept.size:
         return None
-    deviation = np.ones(len(d.kept)) if white else _by_chance(problem, d)
     scores = d.found.T @ residual.ravel()
+    white = white or _white_without(problem, d, scores)
+    deviation = np.ones(len(d.kept)) if white else _by_chance(problem, d)
     z = np.maximum(np.abs(scores) - error * np.sqrt(samples), 0.0) / deviation
     best = int(np.argmax(z))
     p = min(2.0 * float(stats.t.sf(z[best], freedom)) * len(z), 1.0)
@@ -288,4 +179,4 @@ def neglected(
     shift = np.zeros(len(structure.names))
     # The fitted parameters have taken up what they can of the force; in the model, it gives that back.
     shift[np.asarray(problem.free)] = d.onto[:, best] * scores[best] / d.lengths[best]
-    return Neglected(_words(added[d.kept[best]]), float(z[best]), p, shift)
+    return Neglected(words_of(added[d.kept[best]]), float(z[best]), p, shift)
