@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from benchmarks.measured_sets import bam, emps, robojackets, robotrace
+from jaxid import AXIS, Axis, Log, LogSet, integral_least_squares
+from jaxid.cli.fit import _stretch
+from jaxid.logs.intersample import between_samples
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "../shared/data"
@@ -31,6 +34,16 @@ def record():
 @needs_data
 def test_emps_control_law_is_the_published_one(record):
     assert emps.controller_error(record) < 0.3
+
+
+@needs_data
+def test_emps_integral_least_squares_of_the_plain_position_comes_within_half_a_percent(record):
+    """`jaxid fit axis --fit emps.csv --intersample linear --windows 0.006 --method integral_least_squares`, in its own words."""
+    log = Log.from_arrays("record", record.t, record.gain * record.vir, {"q": record.q}, AXIS)
+    logs = between_samples(LogSet([log]), "linear")
+    fit = integral_least_squares(Axis(), logs, window=_stretch(logs, 0.006))
+    assert emps.furthest(fit) <= 0.5
+    assert _stretch(logs, "auto") is None and _stretch(logs, 0.0001) == 2
 
 
 @needs_data

@@ -66,7 +66,8 @@ Windows = Annotated[
     typer.Option(
         "--windows",
         metavar="SECONDS|auto|none",
-        help="Of output error: windows with their own initial states, for what a free simulation cannot follow.",
+        help="Windows with their own initial states, for what a free simulation cannot follow: of output error, and, in "
+        "seconds, of integral least squares.",
     ),
 ]
 

@@ -56,10 +56,17 @@ def _beside_judgement(fit: Fit) -> list[str]:
     return [note for note in fit.notes if fit.judgement is None or note != fit.judgement.sentence]
 
 
+def _stretch(logs: LogSet, windows: float | str | None) -> int | None:
+    """Samples in a stretch of integral least squares where `--windows` gives seconds; its own choice otherwise."""
+    if not isinstance(windows, float):
+        return None
+    return max(2, 1 + round(windows / min(log.sampling_interval for log in logs)))
+
+
 def _integral_least_squares(robot: Robot, logs: LogSet, start: Fit | None, options: Mapping[str, Any]) -> Fit | None:
     with step("Integral least squares"):
         try:
-            return integral_least_squares(robot, logs)
+            return integral_least_squares(robot, logs, window=_stretch(logs, options.get("windows")))
         except (ParameterError, LogError) as error:
             say(f"warning: integral least squares is left out: {error}", style="yellow")
     return None
