@@ -19,3 +19,20 @@ def test_what_a_page_names_exists(page):
         if not path.with_suffix(".py").exists() and not (path / "__main__.py").exists():
             missing.append(module)
     assert not missing
+
+
+@pytest.mark.slow
+def test_the_programs_of_the_page_on_programs_run(axis_log):
+    """With the scatter of two hundred fits as the standard errors say."""
+    import numpy as np
+    import optimistix
+
+    import jaxid
+
+    inputs = np.repeat(np.random.default_rng(3).uniform(-2, 2, 25), 10)
+    logs = jaxid.LogSet([axis_log("a", inputs, 0.02, 1, position=False, Fc=0.3)])
+    names = {"robot": jaxid.Axis(), "logs": logs, "optimistix": optimistix}
+    for code in re.findall(r"```python\n(.*?)```", (ROOT / "docs/programs.md").read_text(encoding="utf-8"), re.S):
+        exec(code, names)
+    scatter, errors = np.std(names["many"].parameters, axis=0), np.sqrt(np.diag(names["fit"].covariance))
+    assert np.all(np.abs(scatter / errors - 1) < 0.25)

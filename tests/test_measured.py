@@ -38,7 +38,7 @@ def test_emps_control_law_is_the_published_one(record):
 
 @needs_data
 def test_emps_integral_least_squares_of_the_plain_position_comes_within_half_a_percent(record):
-    """`jaxid fit axis --fit emps.csv --intersample linear --windows 0.006 --method integral_least_squares`, in its own words."""
+    """`jaxid fit axis --fit emps.csv --intersample linear --windows 0.006 --method integral_least_squares`."""
     log = Log.from_arrays("record", record.t, record.gain * record.vir, {"q": record.q}, AXIS)
     logs = between_samples(LogSet([log]), "linear")
     fit = integral_least_squares(Axis(), logs, window=_stretch(logs, 0.006))
