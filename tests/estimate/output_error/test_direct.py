@@ -102,7 +102,8 @@ class Weakened(Effect):
         return inputs / (1.0 + p[self.key("share")] * p["Fv"] * jnp.cos(time)[:, None])
 
     def measure(self, outputs, time, p, robot):
-        return outputs * (1.0 + 0.1 * p["Fv"]) + p["M"] * p[self.key("share")] * outputs**2
+        both = p | {"start": outputs[20]}  # asks for a record longer than a few samples, and for a dictionary
+        return outputs * (1.0 + 0.1 * p["Fv"]) + p["M"] * p[self.key("share")] * (outputs**2 + both["start"])
 
 
 def test_effects_on_commands_and_sensors_are_those_of_xla(axis_log, xla):
