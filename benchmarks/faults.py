@@ -126,6 +126,20 @@ MACHINE_CODE = (
         "K = [[x for x in row]",
         "tests/estimate/linear/test_integrals.py",
     ),
+    Fault(
+        "a sign in how inputs move with what acts on commands",
+        "jaxid/estimate/output_error/direct.py",
+        "dy[:, :, :, [s + j for j in before]] += input_tangents(",
+        "dy[:, :, :, [s + j for j in before]] -= input_tangents(",
+        "tests/estimate/output_error/test_direct.py",
+    ),
+    Fault(
+        "sensors whose own parameters have no sensitivities",
+        "jaxid/estimate/output_error/direct.py",
+        "steps = np.concatenate([np.zeros((s, len(d.numbers))), moved])",
+        "steps = np.concatenate([np.zeros((s, len(d.numbers))), 0.0 * moved])",
+        "tests/estimate/output_error/test_direct.py",
+    ),
 )
 
 ESTIMATORS = (
