@@ -47,6 +47,23 @@ def test_logs_must_be_logs_of_the_robot(estimate, logs):
         estimate(Omni(), logs)
 
 
+def test_a_list_of_logs_is_as_good_as_a_set(axis_log):
+    """For whatever takes logs; and what needs names says so."""
+    robot, inputs = Axis(), np.repeat([3.0, -2.0, 1.0, -1.5], 25)
+    short = [axis_log(name, np.roll(inputs, 30 * k), 0.01, k, position=False) for k, name in enumerate("ab")]
+    logs = LogSet(short)
+    fit = jaxid.output_error(robot, short, integrator=jaxid.Integrator(2))
+    assert fit["M"] == jaxid.output_error(robot, logs, integrator=jaxid.Integrator(2))["M"]
+    assert len(jaxid.simulate(robot, short)) == 2
+    assert jaxid.compare(fit, held_out=short[1:], fit=short[:1]).predicted
+    assert jaxid.identifiability(robot, short).values
+    for wrong in (lambda: jaxid.simulate(Omni(), short), lambda: jaxid.explain(fit, "a.csv", short)):
+        with pytest.raises((LogError, TypeError), match="give"):
+            wrong()
+    with pytest.raises(TypeError, match="a list is no fleet; give every member's logs by its name"):
+        jaxid.fit_fleet(robot, [logs])
+
+
 @pytest.mark.parametrize("estimate", [jaxid.output_error, jaxid.prediction_error, jaxid.output_error_problem])
 def test_words_and_starts_are_looked_at(estimate, logs):
     with pytest.raises(ValueError, match="initial_states = 'estimated' is no choice; use one of 'auto', 'known'"):

@@ -12,6 +12,7 @@ from ..logs import LogError, LogSet
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect
+from ..robots.given import given_logs
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, differs_from_nothing, effect_parameters
 from .heldout import HeldOut
 from .localise import localise, without_place
@@ -177,6 +178,7 @@ def explain(
 
     Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share.
     """
+    logs, held_out = (given_logs(fit.robot, each) for each in (logs, held_out))
     apart(logs, held_out)
     fit = without_windows(fit, logs, report)
     placeless = without_place(fit.robot)

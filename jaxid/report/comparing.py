@@ -83,6 +83,10 @@ def _notes(fits: Mapping[str, Fit], held_out: LogSet, fit: LogSet | None) -> tup
 
 @renamed(check="held_out")
 @in_float64
+def _set(logs: Sequence[Log]) -> LogSet:
+    return logs if isinstance(logs, LogSet) else LogSet(logs)
+
+
 def compare(
     *fits: Fit, held_out: LogSet | Log, fit: LogSet | None = None, truth: Mapping[str, float] | None = None
 ) -> Comparison:
@@ -104,7 +108,8 @@ def compare(
     for other in fits:
         if not isinstance(other, Fit):
             raise TypeError(f"{other!r:.60} is no fit; compare what the estimators returned.")
-    held_out = LogSet([held_out]) if isinstance(held_out, Log) else held_out
+    held_out = LogSet([held_out]) if isinstance(held_out, Log) else _set(held_out)
+    fit = None if fit is None else _set(fit)
     named = dict(zip(_labels(fits), fits, strict=True))
     for label, found in named.items():
         for logs in (held_out, fit):

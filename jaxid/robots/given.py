@@ -53,6 +53,14 @@ def check_given(robot: Any, logs: Any) -> None:
             )
 
 
+def given_logs(robot: Any, logs: Any) -> LogSet:
+    """The logs as a set, of any sequence of them; errors as of `check_given`."""
+    check_given(robot, logs)
+    if not isinstance(logs, LogSet):
+        check_given(robot, logs := LogSet(logs))
+    return logs
+
+
 def check_free(robot: Robot) -> None:
     """Raise `ParameterError` if no parameter of the robot is free: there is nothing to estimate."""
     if not robot.parameters.free_names:

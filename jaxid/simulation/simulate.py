@@ -18,7 +18,7 @@ from .._float64 import in_float64
 from .._renamed import renamed
 from ..logs import LogSet
 from ..logs.noise import noise_scale
-from ..robots.given import check_given
+from ..robots.given import given_logs
 from ..robots.robot import Robot
 from .direct import simulated_directly
 from .rollout import Integrator, rollout
@@ -80,7 +80,7 @@ def simulate_models(
     As `simulate`; the steps are those that suit every model.
     """
     for robot in robots:
-        check_given(robot, logs)
+        logs = given_logs(robot, logs)
     batch = logs.batch()
     given = {name: np.asarray(values, dtype=float) for name, values in (start or {}).items()}
     each = [{**initial_states(robot, logs).states, **given} for robot in robots]

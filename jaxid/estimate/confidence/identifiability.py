@@ -15,6 +15,7 @@ from ..._arrays import array
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogSet
+from ...robots.given import given_logs
 from ...robots.robot import Robot
 from ..output_error.direct import linearised_now
 from ..output_error.magnitudes import magnitudes
@@ -130,6 +131,7 @@ def identifiability(
     outputs) can be judged too. `noise` is the standard deviation by channel; by default the data's. Priors count as
     measurements. Raises `ParameterError` if no parameter is free.
     """
+    logs = given_logs(robot, logs)
     structure, problem, unknowns = build(robot, logs, start={}, initial=initial_states)
     if noise is not None:
         sigma = [noise.get(name, float(problem.sigma[i])) for i, name in enumerate(logs.channels.measured)]

@@ -20,6 +20,7 @@ from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogSet
+from ...robots.given import given_logs
 from ...simulation.rollout import Integrator
 from ..output_error.bounds import Unconstrained
 from ..output_error.problem import Problem, Structure, Triangle, Unknowns, parameters_at, reduced_residual
@@ -162,6 +163,7 @@ def posterior(
         from blackjax.diagnostics import effective_sample_size, potential_scale_reduction
     except ImportError:
         raise ImportError("posterior() needs blackjax; install it with: pip install jaxid[posterior]") from None
+    logs = given_logs(fit.robot, logs)
     structure, problem, unknowns = at_fit(fit, logs, initial=initial_states, integrator=integrator)
     optimum = minimise_compiled(structure, problem, unknowns)
     W = jnp.asarray(_whitener(jax.tree.map(np.asarray, optimum.triangle)))

@@ -18,6 +18,7 @@ from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogSet
 from ...parameters import ParameterError
+from ...robots.given import given_logs
 from ...simulation.rollout import Integrator
 from ..output_error.fleet import fit_lanes
 from ..output_error.optimum import Optimum
@@ -152,6 +153,7 @@ def profile_likelihood(
             raise ParameterError(
                 f"the fit did not estimate {name!r}; its free parameters are {', '.join(fit.free_names)}"
             )
+    logs = given_logs(fit.robot, logs)
     structure, problem, unknowns = at_fit(fit, logs, initial=initial_states, integrator=integrator)
     theta = np.asarray(problem.held)
     free = np.asarray(problem.free)

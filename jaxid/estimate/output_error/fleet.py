@@ -145,6 +145,10 @@ def fit_fleet(
 
     Raises `LogError` for an empty fleet or a member without logs and `ParameterError` for unknown or no free parameters.
     """
+    if not isinstance(fleet, Mapping):
+        raise TypeError(
+            f"a {type(fleet).__name__} is no fleet; give every member's logs by its name, {{'name': logs, ...}}."
+        )
     if not fleet:
         raise LogError("There is no member to fit; give at least one set of logs.")
     empty = [name for name, logs in fleet.items() if not len(logs)]

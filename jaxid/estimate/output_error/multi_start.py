@@ -14,7 +14,7 @@ from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
-from ...robots.given import check_choice, check_given
+from ...robots.given import check_choice, given_logs
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..linear.integral_least_squares import linear_estimate
@@ -94,7 +94,7 @@ def multi_start(
     `factor` of what would matter in these logs, either sign. Raises `ParameterError` if no parameter is free or no start
     leads anywhere.
     """
-    check_given(robot, logs)
+    logs = given_logs(robot, logs)
     check_choice("initial_states", initial_states, InitialStates)
     values = start_values(robot, None)
     structure, problem, unknowns = build(robot, logs, start=values, initial=initial_states, integrator=integrator)

@@ -12,7 +12,7 @@ from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ...logs import LogSet
 from ...robots.closed_loop import Controller, Law, closed_loop
-from ...robots.given import check_choice, check_free, check_given
+from ...robots.given import check_choice, check_free, given_logs
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
@@ -79,7 +79,7 @@ def output_error(
     """
     if controller is not None:
         robot, logs = closed_loop(robot, logs, controller)
-    check_given(robot, logs)
+    logs = given_logs(robot, logs)
     check_choice("initial_states", initial_states, InitialStates)
     check_choice("covariance", covariance, Covariance)
     every_start(robot, start)  # nothing is simulated before a mistake in the start is told

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, Int
 from ..._float64 import in_float64
 from ...kernel.dense import orthogonal_columns
 from ...logs import LogSet
-from ...robots.given import check_choice, check_given
+from ...robots.given import check_choice, given_logs
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
@@ -94,7 +94,7 @@ def output_error_problem(
     integrator: Integrator | None = None,
 ) -> tuple[OutputErrorProblem, Unknowns]:
     """The problem that `output_error` solves, and where it starts. Arguments and errors are those of `output_error`."""
-    check_given(robot, logs)
+    logs = given_logs(robot, logs)
     check_choice("initial_states", initial_states, InitialStates)
     structure, problem, unknowns = build(
         robot, logs, start=start_values(robot, start), initial=initial_states, integrator=integrator

@@ -19,7 +19,7 @@ from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
-from ...robots.given import check_choice, check_given
+from ...robots.given import check_choice, given_logs
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..judge import judge, judged
@@ -215,7 +215,7 @@ def prediction_error(
     lag or are stamped late are part of the filter (`late_sensors`). Raises `ParameterError` for unknown or no free
     parameters, unknown states, sensors that remember in any other way, and where the filter diverges at every start.
     """
-    check_given(robot, logs)
+    logs = given_logs(robot, logs)
     check_choice("initial_states", initial_states, InitialStates)
     candidates = _candidates(robot, logs, start)
     task = build(
