@@ -1,5 +1,6 @@
 """Figure of a designed experiment: what to drive and what to expect of it."""
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from ..design import PlannedRun
@@ -12,7 +13,8 @@ def planned(run: PlannedRun) -> Figure:
     values = (*run.inputs.T, *run.outputs.T)
     driven, path = len(run.channels.inputs), run.path is not None
     figure = Figure(figsize=(12 if path else 9, 0.8 + 0.95 * len(names)), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=(3, 1)) if path else (figure, None)
+    parts = np.ravel(figure.subfigures(1, 2, squeeze=False, width_ratios=(3, 1))) if path else (figure, None)
+    left, right = parts[0], parts[1]
     axes = left.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for i, (ax, name, series) in enumerate(zip(axes, names, values, strict=True)):
         held = "steps-post" if i < driven else "default"

@@ -62,6 +62,17 @@ def test_without_noise_it_is_the_truth(clean):
     assert fit.robot.parameters["M"].value == fit["M"].value
 
 
+def test_time_stamps_may_be_irregular_and_the_first_interval_an_odd_one(axis_log):
+    """Samples 6 to 34 ms apart, the first 160 ms: estimates over ten draws of noise, against the axis in closed form."""
+    intervals = 0.02 * np.random.default_rng(7).uniform(0.3, 1.7, SAMPLES)
+    intervals[0] = 0.16
+    clean = axis_log("irregular", levels(3), dt=intervals, **TRUTH)
+    fits = [instrumental_variables(Axis(), [measured(clean, 0.02, seed)]) for seed in range(10)]
+    for name, truth in TRUTH.items():
+        off = [(fit[name].value - truth) / fit[name].std_error for fit in fits]
+        assert all(fit.converged for fit in fits) and abs(np.mean(off)) < 3.5 / np.sqrt(10) and np.max(np.abs(off)) < 4
+
+
 @pytest.mark.parametrize("colour", [0.8, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_unbiased_and_covered_where_the_regressors_are_noisy(clean, colour):
     fits, off, errors = repeated(instrumental_variables, clean, 0.05, colour)
