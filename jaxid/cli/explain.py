@@ -74,8 +74,10 @@ def run_explain(
     _write_fits(out, fits, fit_logs, held_out_logs)
     with step("Explanation") as report:
         found = explain(fits[-1], fit_logs, held_out_logs, report=report)
+    judged = found.final.judgement.sentence if found.final.judgement else ""
     for note in found.final.notes if found.effects else ():
-        say(f"warning: {note}", style="yellow")
+        if note != judged:  # stands in the explanation, where there is one
+            say(f"warning: {note}", style="yellow")
     show(repr(found))
     with step("Page and pictures"):
         written = found.save(out)

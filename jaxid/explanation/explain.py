@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from .._compile import seldom_collected
 from .._renamed import renamed
+from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit
@@ -124,6 +125,14 @@ def _stages(found: Search) -> dict[str, float]:
     return shares
 
 
+def still_doubted(final: Fit) -> str:
+    """What the residual says of the fit with all that was added, where it is poor or failed; else empty."""
+    if final.judgement is None or final.judgement.verdict not in ("poor", "failed"):
+        return ""
+    said = final.judgement.sentence.removesuffix(LOOK_FURTHER)
+    return f"The fit with what was added is itself to be doubted. {said}".rstrip()
+
+
 def apart(logs: LogSet, held_out: LogSet) -> None:
     """Raise `LogError` where a fitted and a held-out log have one name: what a fit knows of logs, it knows by name."""
     shared = [name for name in held_out.names if name in logs.names]
@@ -197,6 +206,7 @@ def explain(
     doubts = _doubts(found, final, named, after)
     verdict = _verdict(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not _all_noise(found) else ""
+    still = still_doubted(final) if verdict in ("named", "ambiguous") and named else ""
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
     open_ = found.colour is not None and not found.steps
@@ -215,6 +225,6 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (placeless, untried) if note),
+        notes=tuple(note for note in (still, placeless, untried) if note),
         colour=found.colour,
     )

@@ -96,8 +96,9 @@ def _percent(share: float) -> str:
 
 
 def channel_name(channel: str, words: Mapping[str, str]) -> str:
-    """The channel in the robot's words, with its symbol."""
-    return f"{words[channel]} {channel}" if channel in words else channel
+    """The channel in the robot's words, with its symbol unless that is one of them."""
+    said = words.get(channel, channel)
+    return said if channel in said.split() else f"{said} {channel}"
 
 
 def _where(shares: Mapping[str, float], words: Mapping[str, str]) -> str:

@@ -15,6 +15,14 @@ _BY_NATURE = ("several_drives", "mechanism")
 """Traits that a robot has not for want of a word."""
 
 
+def _wanted(trait: str, robot: Robot) -> list[str]:
+    """The arguments that would give the trait and were not passed; where all were, what they have to hold."""
+    arguments = re.findall(r"`\w+=`", TRAITS[trait])
+    left = [word for word in arguments if not getattr(robot, word.strip("`="), None)]
+    whole = re.search(r"\((.*`\w+=`.*)\)", TRAITS[trait])
+    return left if left or whole is None else [whole.group(1)]
+
+
 def not_looked_for(robot: Robot) -> str:
     """A sentence that names those effects with the arguments that would let them act; empty where there are none."""
     if not robot.declared:
@@ -25,9 +33,7 @@ def not_looked_for(robot: Robot) -> str:
         lacking = [trait for trait in asked(effect) if trait not in traits_of(robot)]
         refused = effect.id not in out and lacking and refusal(effect, robot) is not None
         if refused and not set(lacking) & set(_BY_NATURE):
-            arguments = [word for trait in lacking for word in re.findall(r"`\w+=`", TRAITS[trait])]
-            # What was passed already is not what is missing, unless something in it is.
-            arguments = [word for word in arguments if not getattr(robot, word.strip("`="), None)] or arguments
+            arguments = [word for trait in lacking for word in _wanted(trait, robot)]
             found.setdefault(", ".join(dict.fromkeys(arguments)), []).append(in_words(effect.id))
     if not found:
         return ""

@@ -9,7 +9,9 @@ import pandas as pd
 import pytest
 
 from jaxid import Axis, output_error, read_logs, simulate
+from jaxid.explanation.explain import still_doubted
 from jaxid.explanation.heldout import held_out_state
+from jaxid.explanation.localise import channel_name
 from jaxid.explanation.next_experiment import NextExperiment
 from jaxid.model_file import read_model
 
@@ -78,3 +80,18 @@ def test_a_proposed_experiment_is_a_log_ready_file_and_goes_with_its_explanation
 def test_where_there_was_no_gap_none_is_closed(explained):
     closed = replace(explained, before=replace(explained.before, normalised_rms=0.99))
     assert math.isnan(closed.gap_closed) and json.loads(json.dumps(closed.to_dict()))["gap"]["closed"] is None
+
+
+def test_a_fit_that_stays_poor_with_what_was_added_says_so(explained):
+    """On the page and in explanation.json, and without advice to explain what is being explained."""
+    final = explained.final
+    assert final.judgement.verdict == "sound" and still_doubted(final) == ""
+    poor = replace(final, judgement=final.judgement.doubted("What is left follows the speed."))
+    said = still_doubted(poor)
+    assert "itself to be doubted. Poor: What is left follows the speed." in said and "looks further" not in said
+
+
+def test_a_channels_words_are_not_said_twice():
+    words = {"speed": "forward speed", "eta1": "forward speed"}
+    named = [channel_name(channel, words) for channel in ("speed", "eta1", "q")]
+    assert named == ["forward speed", "forward speed eta1", "q"]

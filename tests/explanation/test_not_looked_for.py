@@ -1,6 +1,6 @@
 """jaxid/explanation/not_looked_for.py: a robot that keeps something to itself is told which effects that hides."""
 
-from jaxid import Channels, Custom, Parameter, Pioneer
+from jaxid import Channels, Custom, DriveAxis, Parameter, Pioneer
 from jaxid.explanation.not_looked_for import not_looked_for
 
 
@@ -21,6 +21,13 @@ def test_effects_that_a_declaration_would_admit_are_named_with_it():
     assert "input delay" not in found and "sensor bias" not in found  # any robot can have these
     assert "motor gain mismatch" not in found  # with one motor there is none
     assert "quadratic drag" not in not_looked_for(cart(forces={"v": "m"}))
+
+
+def test_what_was_declared_is_not_asked_for_again():
+    found = not_looked_for(cart(forces={"v": "m"}))
+    assert "ground slope (`plane=`, `mass=`)" in found
+    driven = cart(axes={"wheel": DriveAxis("v", torque=lambda s, u, p: u["u"])}, forces={"v": "m"})
+    assert "cogging torque (`axes=` with `angle`)" in not_looked_for(driven)
 
 
 def test_what_a_built_in_robot_lacks_it_cannot_have():

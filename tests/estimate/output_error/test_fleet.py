@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, LogError, LogSet, ParameterError, fit_fleet, output_error
+from jaxid import Axis, Integrator, LogError, LogSet, ParameterError, Pioneer, fit_fleet, output_error
 from jaxid.estimate.output_error import lanes
 
 ROBOT = Axis().change("offset", free=False).with_values(M=1.0, Fv=2.0, Fc=0.5)
@@ -115,6 +115,20 @@ def shifted(log):
     """What was measured half a sample before, between two samples of a speed."""
     earlier = np.concatenate([log.outputs[:1], log.outputs[:-1]])
     return 0.5 * (log.outputs + earlier)
+
+
+@pytest.mark.slow
+def test_casters_at_unknown_angles_are_found_in_the_batch(demo_logs):
+    """Two Pioneers, whose casters nobody saw: every member gets what it gets alone."""
+    logs = demo_logs("pioneer", "fit_[cm]*")
+    members = {log.name: LogSet([log.window(0.0, 6.0)]) for log in logs[:2]}
+    found = fit_fleet(Pioneer(), members, initial_states="estimate")
+    assert found.failed == {} and len(found.fits) == 2
+    for name, fit in found.fits.items():
+        alone = output_error(Pioneer(), members[name], initial_states="estimate")
+        ((_, own),), ((_, single),) = fit.initial_states.items(), alone.initial_states.items()
+        assert own["beta"] == pytest.approx(single["beta"], abs=1e-4)
+        assert fit["Cs"].value == pytest.approx(alone["Cs"].value, abs=0.01 * alone["Cs"].std_error)
 
 
 def test_errors_name_what_is_missing(fleet):
