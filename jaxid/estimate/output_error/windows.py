@@ -44,6 +44,8 @@ _VISIBLE = 1e-3
 """Share of the signal below which no residual is poor: the integrator's own error."""
 _FEWEST = 10
 """Windows that the longest choice makes of a log, and samples of the shortest share of one that is fitted by itself."""
+_ROUGH = 0.8
+"""Residual of a channel in units of the noise by its third differences below which these are of motion."""
 _HORIZONS = (0.125, 0.25, 0.5)
 """Shares of a window that are fitted before the whole."""
 _LENGTHENED, _AS_GOOD = 1, 1.02
@@ -139,6 +141,14 @@ def _largest(noise: Mapping[str, float], logs: LogSet, *, free: bool) -> float:
         least = max(scale[name], _VISIBLE * float(np.nanstd(y)) / _POOR)
         found = max(found, float(level) / (least if free else scale[name]))
     return found if np.isfinite(found) else float("inf")
+
+
+def _rough(fit: Fit, logs: LogSet) -> bool:
+    """Whether `fit` is doubted though it leaves less than the noise: then that is no noise, but motion that is as quick (a
+    controller's that answers every sample), and says nothing of how good the fit is."""
+    doubted = fit.judgement is not None and fit.judgement.verdict in ("poor", "failed")
+    scale = noise_scale(logs)
+    return doubted and any(level < _ROUGH * scale[name] for name, level in fit.noise.items())
 
 
 def _loop(fit: Fit | None, logs: LogSet) -> Feedback:
@@ -261,7 +271,7 @@ def _taken(
             again = once(None, fit, unless)
         except (ParameterError, Lost):
             again = None
-        if again is not None and _ratio(again, logs) <= _GOOD:
+        if again is not None and _ratio(again, logs) <= _GOOD and not _rough(again, logs):
             note = (
                 f"The free simulation is lost at the start values; a fit in windows of {fit.window:.3g} s led to values from "
                 "which it follows the logs."
@@ -307,9 +317,12 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit:
         if taken is not None and _ratio(free, logs) > _POOR:
             return taken
     poor = _ratio(free, logs)
-    if free is not None and poor <= _POOR:
+    within = free is not None and poor <= _POOR
+    if free is not None and within and not _rough(free, logs):
         return free
     growth = _growing(robot, logs, free, start)
+    if free is not None and within and growth.kind != "unstable":
+        return free
     loop = _loop(free, logs)
     # An error of what integrates grows by a power of time, which is no instability: a free simulation can follow. Windows
     # would hide what the model lacks, but where the record is a loop, whose inputs answer every disturbance so far.
@@ -321,6 +334,8 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit:
     if fit is None or not _ratio(fit, logs) < _BETTER * poor:
         if free is None:
             raise why or ParameterError(f"the simulation of {robot.name!r} diverges")
+        if within:
+            return free
         note = f"{capital(growth.sentence)}; windows leave as much, so that the model itself is suspect."
         return replace(free, notes=(*free.notes, note))
     return _taken(fit, growth, loop, poor, logs, once)
