@@ -199,7 +199,9 @@ def explain(
     report("looking for a gap on the held-out logs")
     found = search(fit, logs, held_out, effects=effects, most=most, report=report)
     final, after = fit, found.before
-    if found.steps and found.final:
+    # Fitted again with the weights of the search, the model may need nothing more.
+    mended = found.after.adequate and not found.before.adequate
+    if (found.steps or mended) and found.final:
         final = in_full(found.final, logs, after.noise)
         after = predicted(final.robot, held_out, after.noise)
     named = _named(found, fit, final)

@@ -187,6 +187,10 @@ class Explanation:
             if self.baseline.failed:
                 base = "The fit that was to be explained failed, and nothing named here mends it"
             part = f"{names} {explain} part of it (to {after:.2f}), the rest" if names else "it"
+            if names and not after < before:
+                part = (
+                    f"{names} {explain} part of it on the fitted logs, but none here (then {after:.4g}), and the rest"
+                )
             why = f" No name is given, since {'; '.join(self.doubts)}." if names and self.doubts else ""
             few = ""
             if self.after.usual < ABOVE and after > TAILS * self.after.usual and not self.after.diverged:
@@ -214,8 +218,11 @@ class Explanation:
     @property
     def _nothing_found(self) -> str:
         """The sentence where the held-out error is noise, or too small beside it to be looked into."""
-        held, judgement = self.before, self.baseline.judgement
+        again = self.final is not self.baseline
+        held, judgement = self.after if again else self.before, self.baseline.judgement
         error = f"on held-out logs the model's error is {held.normalised_rms:.2f} times the noise"
+        if again:
+            error += f" once it is fitted again with their weights (before: {self.before.normalised_rms:.2f})"
         doubted = judgement is not None and not judgement.trustworthy
         though = ""
         if judgement is not None and doubted:

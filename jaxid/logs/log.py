@@ -82,6 +82,7 @@ class Log:
     - `extra`: every other column of the file, unchanged (pose columns `x, y, theta, beta` give the initial pose).
     - `source`: the path it was read from, or "".
     - `findings`: what the reader noticed and had to decide; pre-flight repeats it.
+    - `cut`: whether it is a window of a longer log, whose initial state is estimated whatever its first sample shows.
 
     Raises `LogError` for fewer than two rows, wrong shapes, a time that is not finite and strictly increasing or whose
     unit cannot be told, an input that is not finite, infinite outputs, numbers beyond 1e12, and an output (without
@@ -96,6 +97,7 @@ class Log:
     extra: pd.DataFrame = field(default_factory=pd.DataFrame)
     source: str = ""
     findings: tuple[Finding, ...] = ()
+    cut: bool = False
 
     def __post_init__(self) -> None:
         time = _read_only(self.time)

@@ -59,7 +59,8 @@ def in_windows(logs: LogSet, seconds: float) -> LogSet:
             continue
         for k in rows:
             name = f"{log.name}[{log.time[k.start]:.9g}:{log.time[k.stop - 1]:.9g}]"
-            windows.append(Log(name, log.time[k], log.inputs[k], log.outputs[k], log.channels, source=log.source))
+            own = log.time[k], log.inputs[k], log.outputs[k]
+            windows.append(Log(name, *own, log.channels, source=log.source, cut=True))
     return LogSet(windows)
 
 

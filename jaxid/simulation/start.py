@@ -36,7 +36,8 @@ _STEPS, _RANK = 8, 1e-8
 
 @dataclass(frozen=True)
 class InitialConditions:
-    """Initial states of E logs: `states[name]` [E], and `uncertain` [E]: whether a log starts elsewhere."""
+    """Initial states of E logs: `states[name]` [E], and `uncertain` [E]: whether a log starts elsewhere, or was cut out of a
+    longer one."""
 
     states: dict[str, NDArray[np.float64]]
     uncertain: NDArray[np.bool_]
@@ -103,7 +104,7 @@ def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
     noise = noise_level(logs)
     default = robot.initial_state()
     states = {name: np.full(len(logs), default[name]) for name in robot.states}
-    uncertain = np.zeros(len(logs), dtype=bool)
+    uncertain = np.array([log.cut for log in logs], dtype=bool)
     measured = logs[0].channels.measured
     offset, gain = _sensed(robot, len(measured))
     for e, log in enumerate(logs):

@@ -28,6 +28,11 @@ _NOTICEABLE = 0.01
 _TRIED = np.linspace(-np.pi, np.pi, 24, endpoint=False)
 """Values that are tried of an angle [rad] that the outputs tell in many ways."""
 _DIVERGED = 1e6
+_HORIZONS = (0.125, 0.25, 0.5, 1.0)
+"""Shares of a log, from its start, over which its initial state is estimated one after the other where the whole leads
+nowhere: what is off at the start of an unstable motion is out of sight at its end."""
+_LOST, _FEWEST = 2.0, 10
+"""Residual in units of the noise from which that is so, and samples of the shortest share."""
 
 
 def estimated_start(
@@ -58,20 +63,21 @@ def estimated_start(
         ):
             error = (simulated[:, columns] - log.outputs[:, columns]) / sigma
             error = np.where(np.isfinite(log.outputs[:, columns]), np.nan_to_num(error, nan=_DIVERGED), 0.0)
+            error[max(int(horizon * len(log)), min(_FEWEST, len(log))) :] = 0.0
             found.append(np.concatenate([np.clip(error, -_DIVERGED, _DIVERGED).ravel(), prior * (x[e] - origin[e])]))
         return found
 
     def costs(found: list[NDArray[np.float64]]) -> NDArray[np.float64]:
         return np.array([float(r @ r) for r in found])
 
-    x = origin.copy()
+    x, horizon, searched = origin.copy(), 1.0, moving
     now = residuals(x)
     best = costs(now)
 
     def tried(there: NDArray[np.float64]) -> None:
         """Go there with every log that fits better there."""
         nonlocal x, now, best
-        there = np.where(moving[:, None], there, x)
+        there = np.where(searched[:, None], there, x)
         then = residuals(there)
         better = costs(then) < best
         x = np.where(better[:, None], there, x)
@@ -90,16 +96,33 @@ def estimated_start(
             if felt == 0.0 or _FELT[0] < felt < _FELT[1]:
                 break
             lengths[j] *= 1e3 if felt <= _FELT[0] else 1e-3
-    for _ in range(_STEPS):
-        before = best
-        moved = [residuals(x + length * unit) for length, unit in zip(lengths, np.eye(len(names)), strict=True)]
-        step = np.zeros_like(x)
-        for e in np.flatnonzero(moving):
-            jacobian = np.stack([m[e] - now[e] for m in moved], axis=1)
-            step[e] = -np.array(lengths) * np.linalg.lstsq(jacobian, now[e], rcond=1e-10)[0]
-        start = x
-        for share in _SHRINK:
-            tried(np.where((best < before)[:, None], x, start + share * step))
-        if not np.any(best < before - _NOTICEABLE):
-            break
+
+    def descend(share: float) -> None:
+        """Gauss-Newton steps of the logs that are searched, over that share of them."""
+        nonlocal now, best, horizon
+        horizon = share
+        now = residuals(x)
+        best = costs(now)
+        for _ in range(_STEPS):
+            before = best
+            moved = [residuals(x + length * unit) for length, unit in zip(lengths, np.eye(len(names)), strict=True)]
+            step = np.zeros_like(x)
+            for e in np.flatnonzero(searched):
+                jacobian = np.stack([m[e] - now[e] for m in moved], axis=1)
+                step[e] = -np.array(lengths) * np.linalg.lstsq(jacobian, now[e], rcond=1e-10)[0]
+            start = x
+            for shrunk in _SHRINK:
+                tried(np.where((best < before)[:, None], x, start + shrunk * step))
+            if not np.any(best < before - _NOTICEABLE):
+                break
+
+    descend(1.0)
+    size = np.array([np.count_nonzero(np.isfinite(log.outputs[:, columns])) for log in logs])
+    searched = moving & (best > _LOST**2 * np.maximum(size, 1))
+    if searched.any():
+        found, left = x, best
+        x = np.where(searched[:, None], origin, x)
+        for share in _HORIZONS:
+            descend(share)
+        x = np.where((best < left)[:, None], x, found)
     return {**states, **dict(zip(names, x.T, strict=True))}

@@ -44,8 +44,6 @@ _VISIBLE = 1e-3
 """Share of the signal below which no residual is poor: the integrator's own error."""
 _FEWEST = 10
 """Windows that the longest choice makes of a log, and samples of the shortest share of one that is fitted by itself."""
-_ROUGH = 0.8
-"""Residual of a channel in units of the noise by its third differences below which these are of motion."""
 _HORIZONS = (0.125, 0.25, 0.5)
 """Shares of a window that are fitted before the whole."""
 _LENGTHENED, _AS_GOOD = 1, 1.02
@@ -143,12 +141,10 @@ def _largest(noise: Mapping[str, float], logs: LogSet, *, free: bool) -> float:
     return found if np.isfinite(found) else float("inf")
 
 
-def _rough(fit: Fit, logs: LogSet) -> bool:
-    """Whether `fit` is doubted though it leaves less than the noise: then that is no noise, but motion that is as quick (a
-    controller's that answers every sample), and says nothing of how good the fit is."""
-    doubted = fit.judgement is not None and fit.judgement.verdict in ("poor", "failed")
-    scale = noise_scale(logs)
-    return doubted and any(level < _ROUGH * scale[name] for name, level in fit.noise.items())
+def _white(fit: Fit) -> bool:
+    """Whether nothing but white noise is left. What is left at the noise and is not may be a lost simulation: motion that is as
+    quick as a controller that answers every sample passes for noise."""
+    return fit.judgement is None or bool(fit.judgement.white)
 
 
 def _loop(fit: Fit | None, logs: LogSet) -> Feedback:
@@ -271,7 +267,7 @@ def _taken(
             again = once(None, fit, unless)
         except (ParameterError, Lost):
             again = None
-        if again is not None and _ratio(again, logs) <= _GOOD and not _rough(again, logs):
+        if again is not None and _ratio(again, logs) <= _GOOD * min(_ratio(fit, logs), 1.0):
             note = (
                 f"The free simulation is lost at the start values; a fit in windows of {fit.window:.3g} s led to values from "
                 "which it follows the logs."
@@ -318,7 +314,7 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit:
             return taken
     poor = _ratio(free, logs)
     within = free is not None and poor <= _POOR
-    if free is not None and within and not _rough(free, logs):
+    if free is not None and within and _white(free):
         return free
     growth = _growing(robot, logs, free, start)
     if free is not None and within and growth.kind != "unstable":

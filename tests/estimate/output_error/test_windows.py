@@ -2,12 +2,29 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
-from jaxid import AXIS, Axis, Fit, Log, LogSet, compare, output_error
+from jaxid import (
+    AXIS,
+    Axis,
+    Channels,
+    Custom,
+    Fit,
+    Log,
+    LogSet,
+    Parameter,
+    ParameterTable,
+    compare,
+    noise_level,
+    output_error,
+)
+from jaxid.estimate.confidence.agreement import rms
 from jaxid.estimate.output_error import output_error as module
 from jaxid.estimate.output_error import windows
 from jaxid.estimate.output_error.windows import Lost
 from jaxid.explanation.explain import without_windows
+from jaxid.explanation.heldout import held_out_state
+from jaxid.logs.windows import in_windows
 
 SAMPLES = 300
 
@@ -117,3 +134,46 @@ def test_windows_of_a_record_in_the_open_lead_on_to_the_free_fit_with_every_resc
     assert f"a fit in windows of {after_windows[0]:.3g} s led to" in fit.notes[-1]
     for name, truth in pendulum.truth.items():
         assert abs(fit[name].value - truth) < 4.0 * fit[name].std_error < 0.05, name
+
+
+def _balancing(th, om, u, p):
+    return {"th": om, "om": p["g"] * th - p["d"] * om + p["b"] * u}
+
+
+@pytest.fixture(scope="module")
+def restless() -> LogSet:
+    """An unstable plant whose controller answers every sample, so that its own motion is as quick as noise; by exact steps."""
+    g, d, b, dt = 36.0, 0.5, 4.0, 0.01
+    A = np.array([[0.0, 1.0, 0.0], [g, -d, b], [0.0, 0.0, 0.0]])
+    step = expm(A * dt)
+    logs = []
+    for seed in range(3):
+        random, x, rows = np.random.default_rng(seed), np.array([0.05, 0.0]), []
+        for _ in range(SAMPLES):
+            u = -20.0 * x[0] - 4.0 * x[1] + 5.0 * random.normal()
+            rows.append((u, x[1] + 0.03 * random.normal()))
+            x = (step @ [*x, u])[:2]
+        u, om = np.array(rows).T
+        logs.append(Log.from_arrays(f"{seed}", dt * np.arange(SAMPLES), u[:, None], om[:, None], _BALANCE))
+    return LogSet(logs)
+
+
+_BALANCE = Channels(inputs=("u",), outputs=("om",))
+
+
+def test_quick_motion_that_passes_for_noise_hides_no_lost_simulation(restless):
+    table = ParameterTable({n: Parameter(v, free=True, lower=0.0) for n, v in (("g", 20.0), ("d", 1.0), ("b", 2.5))})
+    robot = Custom(
+        dynamics=lambda s, u, p: _balancing(s["th"], s["om"], u["u"], p),
+        state_names=("th", "om"),
+        own_channels=_BALANCE,
+        table=table,
+    )
+    fit = output_error(robot, restless[:2])
+    assert noise_level(restless[:2])["om"] > 3 * 0.03  # the yardstick is motion
+    assert fit.window is not None and fit.noise["om"] == pytest.approx(0.03, rel=0.1)
+    for name, truth in dict(g=36.0, d=0.5, b=4.0).items():
+        assert abs(fit[name].value - truth) < 4.0 * fit[name].std_error, name
+    # Each window's start is estimated, also where it looks like rest: the plant may lean.
+    state = held_out_state(fit.robot, in_windows(restless[2:], fit.window))
+    assert rms(np.concatenate([r[:, 0] for r in state.residuals])) * state.noise["om"] == pytest.approx(0.03, rel=0.15)
