@@ -81,12 +81,12 @@ def _notes(fits: Mapping[str, Fit], held_out: LogSet, fit: LogSet | None) -> tup
     return tuple(notes)
 
 
-@renamed(check="held_out")
-@in_float64
 def _set(logs: Sequence[Log]) -> LogSet:
     return logs if isinstance(logs, LogSet) else LogSet(logs)
 
 
+@renamed(check="held_out")
+@in_float64
 def compare(
     *fits: Fit, held_out: LogSet | Log, fit: LogSet | None = None, truth: Mapping[str, float] | None = None
 ) -> Comparison:
