@@ -79,7 +79,7 @@ class Outlier:
     deviations: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Disturbance:
     """What prediction error says of the two kinds of noise.
 
@@ -100,6 +100,11 @@ class Disturbance:
     p_value: float
     ratio_by_velocity: dict[str, float]
     sentence: str
+
+    def __repr__(self) -> str:
+        process = [f"process noise of {name}: {estimate!r}" for name, estimate in self.process.items()]
+        sensor = [f"sensor noise of {name}: {estimate!r}" for name, estimate in self.sensor.items()]
+        return "\n".join([self.sentence, *process, *sensor])
 
     def to_dict(self) -> dict[str, Any]:
         """As result files have it."""

@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, fit_fleet, instrumental_variables, integral_least_squares, output_error
+from jaxid import (
+    Axis,
+    Disturbance,
+    Estimate,
+    Log,
+    LogSet,
+    fit_fleet,
+    instrumental_variables,
+    integral_least_squares,
+    output_error,
+)
 from jaxid.estimate.judge import judge, judged
 from jaxid.estimate.residual_tests import bursts, independent, relation, uneven
 from jaxid.logs.noise import noise_scale
@@ -221,6 +231,13 @@ def test_every_result_shows_itself_on_one_screen_and_in_a_notebook(sound, axis_l
         assert len(text.splitlines()) <= 30 and max(map(len, text.splitlines())) <= 120
         assert "<table" in page and "Fv" in text and "Fv" in page
     assert "30 more in fits." in repr(results[1]) and "lost: it diverges" in results[1]._repr_html_()
+
+
+def test_the_two_kinds_of_noise_show_themselves_with_the_sentence_first():
+    level = Estimate.of(0.1, 0.01, "m/s^1.5")
+    found = Disturbance({"v": level}, {"v": level}, {"v": 0.5}, {"v": 0.9}, 30.0, 1e-7, {"v": 30.0}, "There is noise.")
+    first, process, sensor = repr(found).splitlines()
+    assert first == "There is noise." and process.startswith("process noise of v: 0.1 ± 0.01") and "sensor" in sensor
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.8, 0.95])
