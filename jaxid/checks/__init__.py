@@ -1,6 +1,6 @@
 """Pre-flight: look at a log before anything is fitted to it."""
 
 from ..logs.log import look_with
-from .preflight import preflight
+from .preflight import preflight as _look
 
-look_with(preflight)
+look_with(_look)
