@@ -38,40 +38,35 @@ _DISAGREE = 0.01
 _SINGULAR = 1e-13
 
 
+def _points(samples: int) -> int:
+    """Points of a Fourier transform of so many samples."""
+    return 2 ** int(np.ceil(np.log2(samples)))
+
+
+def _remembered(residual: Float[NDArray, "E T"], longest: int) -> Float[NDArray, " lags"]:
+    """Correlation of a channel's residual with itself at lags 1, 2, ... (below `longest`) until it has forgotten, or at all of
+    them where it does not."""
+    longest = max(longest, 1)
+    size, spectrum = _points(residual.shape[1] + longest), 0.0
+    for own in residual:
+        spectrum = spectrum + np.abs(np.fft.rfft(own, size)) ** 2
+    products = np.fft.irfft(spectrum, size)[:longest]
+    if not products[0] > 0.0:
+        return np.zeros(0)
+    correlation = products[1:] / products[0]
+    forgotten = correlation < _REMEMBERED
+    return correlation[: int(np.argmax(forgotten))] if forgotten.any() else correlation
+
+
 def memory(residual: Float[NDArray, "E T ny"], mask: Bool[NDArray, "E T ny"]) -> float:
     """Correlation time of the slowest channel [samples]: one for white residuals."""
-    longest = 1.0
-    for y in range(residual.shape[-1]):
-        r = np.where(mask[..., y], residual[..., y], 0.0)
-        power = float(np.sum(r * r))
-        if power == 0.0:
-            continue
-        total = 1.0
-        for lag in range(1, r.shape[1] // 4):
-            rho = float(np.sum(r[:, lag:] * r[:, :-lag])) / power
-            if rho < _REMEMBERED:
-                break
-            total += 2.0 * rho
-        longest = max(longest, total)
-    return longest
+    channels = np.moveaxis(np.where(mask, residual, 0.0), -1, 0)
+    return max(1.0 + 2.0 * float(np.sum(_remembered(own, own.shape[1] // 4))) for own in channels)
 
 
 def _lags(residual: Float[NDArray, "E T ny"]) -> int:
     """Lags after which the residual of every channel has forgotten, twice over."""
-    last = 1
-    for y in range(residual.shape[-1]):
-        r = residual[..., y]
-        power = float(np.sum(r * r))
-        for lag in range(1, r.shape[1] // 8):
-            if power == 0.0 or float(np.sum(r[:, lag:] * r[:, :-lag])) < _REMEMBERED * power:
-                last = max(last, lag)
-                break
-    return 2 * last
-
-
-def _points(samples: int) -> int:
-    """Points of a Fourier transform of so many samples."""
-    return 2 ** int(np.ceil(np.log2(samples)))
+    return 2 * max(1 + len(_remembered(own, own.shape[1] // 8)) for own in np.moveaxis(residual, -1, 0))
 
 
 def _by_lag(a: NDArray[np.complex128], b: NDArray[np.complex128], size: int, lags: int) -> NDArray[np.float64]:

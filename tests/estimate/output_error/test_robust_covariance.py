@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Log, LogSet, output_error
-from jaxid.estimate.output_error.robust_covariance import memory
+from jaxid.estimate.output_error.robust_covariance import memory, stationary
 
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
 ROBOT = Axis().change("offset", free=False).with_values(**TRUE)
@@ -70,6 +70,22 @@ def together(axis_log, masses, seed):
         v = log.output("v") + 0.01 * coloured(rng, (len(log),), 0.7)
         logs.append(Log.from_arrays(log.name, log.time, log.inputs, {"v": v}, log.channels))
     return output_error(ROBOT, LogSet(logs))
+
+
+@pytest.mark.parametrize("rho", [0.8, 0.98, 0.99])
+def test_errors_of_a_linear_regression_in_noise_however_slow(rho):
+    """Two logs of 400 samples; the slowest noise has a correlation time of half a log."""
+    rng = np.random.default_rng(4)
+    swing, steps = np.sin(0.04 * np.arange(400) + [[0.0], [1.0]]), np.repeat(rng.normal(size=(2, 20)), 20, axis=1)
+    jacobian = np.stack([swing, steps], axis=-1)
+    inverse = np.linalg.inv(np.einsum("eti,etj->ij", jacobian, jacobian))
+    mask, estimates, variances = np.ones((2, 400, 1), dtype=bool), [], []
+    for noise in coloured(rng, (200, 2, 400), rho):
+        estimates.append(inverse @ np.einsum("eti,et->i", jacobian, noise))
+        residual = (noise - jacobian @ estimates[-1])[..., None]
+        variances.append(np.diag(inverse @ stationary(residual, jacobian[:, :, None], mask, inverse) @ inverse))
+    ratio = np.sqrt(np.mean(variances, axis=0)) / np.std(estimates, axis=0)
+    assert np.all((ratio > 0.85) & (ratio < 1.6)), ratio
 
 
 def test_logs_of_different_robots_widen_the_standard_errors_and_those_of_one_robot_do_not(axis_log):
