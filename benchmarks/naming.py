@@ -85,8 +85,10 @@ def plans(name: str) -> list[Plan]:
 
 def true_parameters(robot: str, hidden: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
     """The hidden effects' constants in the model's own terms, where the two have the same meaning."""
-    inputs = {"pioneer": ("V2", "V3"), "omni": ("u1", "u2", "u3", "u4"), "axis": ("u",)}[robot]
-    outputs = {"pioneer": ("eta1", "eta2"), "omni": ("V", "Vn", "W"), "axis": ("v",)}[robot]
+    from .hidden.cases import MODEL
+
+    channels = MODEL[robot].channels
+    inputs, outputs = channels.inputs, channels.outputs
     same = {
         "actuator_dead_zone": "threshold",
         "battery_sag": "resistance",

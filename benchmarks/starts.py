@@ -78,7 +78,7 @@ def logs_from_rest(robot: str) -> jaxid.LogSet:
     """Logs of 10 s by the independent simulator: nothing is known but the inputs and the noisy speeds."""
     model, simulated, noise = KINDS_OF_ROBOT[robot]
     channels, found = model.channels, []
-    for number, kind in enumerate(("multilevel", "turning", "crawl")[: 1 if robot == "axis" else 3]):
+    for number, kind in enumerate(("multilevel", "turning", "crawl")[: 3 if len(channels.inputs) > 1 else 1]):
         inputs = excitation.experiment(robot, kind, SAMPLES, seed=3 + number)
         table = simulate_log(simulated, inputs, SAMPLING, noise, 50 + number)
         outputs = table[list(channels.outputs)].to_numpy()
