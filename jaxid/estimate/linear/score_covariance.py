@@ -56,18 +56,20 @@ def widened(covariance: Array, freedom: float) -> Array:
 def _autocovariance(residual: Array, seen: NDArray[np.bool_], log: NDArray[np.int64]) -> Array:
     """Autocovariance of a residual [N] from lag zero on, up to where it is no longer told from white noise, and from there
     on falling exponentially."""
-    clean, memory = np.where(seen, residual, 0.0), []
-    count = max(int(seen.sum()), 1)
-    level = float(clean @ clean) / count
-    for lag in range(1, len(residual) // 8):
-        pair = seen[lag:] & seen[:-lag] & (log[lag:] == log[:-lag])
-        pairs = int(pair.sum())
-        value = float(clean[lag:][pair] @ clean[:-lag][pair]) / max(pairs, 1)
-        # Parameters and starts have taken up slow noise, which leaves a little negative correlation: that counts as none.
-        if pairs == 0 or value <= _TOLD * level / np.sqrt(pairs):
-            break
-        memory.append(value)
-    found = np.array([level, *memory])
+    longest = max(len(residual) // 8, 1)
+    products, pairs = np.zeros(longest), np.zeros(longest)
+    for number in np.unique(log):
+        own = log == number
+        there, size = seen[own].astype(float), 2 * int(own.sum())
+        shown = min(longest, size // 2)
+        for total, signal in ((products, np.where(seen[own], residual[own], 0.0)), (pairs, there)):
+            total[:shown] += np.fft.irfft(np.abs(np.fft.rfft(signal, size)) ** 2, size)[:shown]
+    pairs = np.rint(pairs)
+    values = products / np.maximum(pairs, 1.0)
+    # Parameters and starts have taken up slow noise, which leaves a little negative correlation: that counts as none.
+    told = (pairs > 0.0) & (values > _TOLD * values[0] / np.sqrt(np.maximum(pairs, 1.0)))
+    ends = np.flatnonzero(~told[1:])
+    found = values[: 1 + int(ends[0])] if len(ends) else values
     if len(found) <= 2:
         return found
     # What lies below the noise of the estimate is not nothing: it goes on falling as it did before.
