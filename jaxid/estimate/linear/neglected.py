@@ -117,19 +117,30 @@ def neglected(
     steps = replace(integrator_for(wide, logs), substeps=_FINER * integrator_for(wide, logs).substeps)
 
     def changed(values: Mapping[str, float]) -> Robot:
-        return wide.with_values(**{name: wide.parameters[name].value + by for name, by in values.items()})
+        """With parameters changed by `values`, or by as much of them as their bounds allow."""
+        table = wide.parameters
+        return wide.with_values(
+            **{n: min(max(table[n].value + by, table[n].lower), table[n].upper) for n, by in values.items()}
+        )
 
     def simulated(robots: Sequence[Robot]) -> list[Array]:
         by_log = simulate_models(robots, logs, start=begin.states, integrator=steps)
         return [_scaled(logs, [y[k] for y in by_log], noise) for k in range(len(robots))]
 
     names = list(errors)
-    shifts = [{name: sign * errors[name]} for name in names for sign in (1.0, -1.0)]
-    here, *others = simulated([wide, *map(changed, shifts)])
+    either = [changed({name: sign * errors[name]}) for name in names for sign in (1.0, -1.0)]
+    here, *others = simulated([wide, *either])
     coarse = _scaled(logs, simulate(wide, logs, start=begin.states, integrator=integrator_for(wide, logs)), noise)
     if not all(np.isfinite(y).all() for y in (here, coarse, *others)):
         return None
-    columns = [(up - down) / 2.0 for up, down in zip(others[::2], others[1::2], strict=True)]
+    spans = [
+        up.parameters[n].value - down.parameters[n].value
+        for n, up, down in zip(names, either[::2], either[1::2], strict=True)
+    ]
+    columns = [
+        (up - down) * errors[name] / max(span, 1e-300)
+        for name, span, up, down in zip(names, spans, others[::2], others[1::2], strict=True)
+    ]
     forces = _felt(
         lambda by: simulated([changed({n: float(s)}) for n, s in zip(added, by, strict=True)]), here, len(added)
     )
