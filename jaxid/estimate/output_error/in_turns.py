@@ -31,6 +31,8 @@ _MOST_MODELS = 32
 """Then all are forgotten, the traces they were made from too."""
 _MULTIPLE = 4
 """Decisions are compiled for multiples of so many unknowns; those in excess move nothing."""
+_FEWEST = 8
+"""And for powers of two of logs with unknowns of their own, from so many on."""
 
 
 class _Model(NamedTuple):
@@ -114,18 +116,18 @@ def minimise_in_turns(
     """`solver.minimise`, part by part."""
     look, costs = _simulations(structure, problem, start)
     limit = np.asarray(max_steps)
-    if structure.state_names:
-        return _minimised(solver, problem.bounds, problem.free, start, look, costs, limit)
     seen: list[Triangle] = []
-    n, states = len(structure.names), start.states
+    n, states = len(structure.names), np.asarray(start.states)
+    E, s = states.shape
+
+    def whole(there: Unknowns) -> Unknowns:
+        """Without what was filled up, for one or several candidates."""
+        own = np.asarray(there.states)[..., :E, :] if s else np.zeros((*np.shape(there.z)[:-1], E, 0))
+        return there._replace(z=np.asarray(there.z)[..., :n], states=own)
 
     def looked(there: Unknowns) -> Triangle:
-        seen.append(look(there._replace(z=np.asarray(there.z)[:n], states=states)))
+        seen.append(look(whole(there)))
         return _outline(seen[-1], len(seen) - 1)
-
-    def simulated(candidates: Unknowns) -> Any:
-        own = np.zeros((CANDIDATES, *np.shape(states)))
-        return costs(candidates._replace(z=np.asarray(candidates.z)[:, :n], states=own))
 
     given = problem.bounds
     found = _minimised(
@@ -136,15 +138,14 @@ def minimise_in_turns(
             (_filled(given.lower, -np.inf), _filled(given.upper, np.inf), _filled(given.scale, 1.0)),
         ),
         _filled(problem.free, False),
-        start._replace(z=_filled(start.z, 0.0), states=np.zeros((1, 0))),
+        start._replace(z=_filled(start.z, 0.0), states=np.pad(states[: E * bool(s)], ((0, _more_logs(E, s)), (0, 0)))),
         looked,
-        simulated,
+        lambda candidates: costs(whole(candidates)),
         limit,
     )
     number = float(found.triangle.squares[0, 0])
-    whole = seen[int(number) if np.isfinite(number) else -1]
-    there = found.unknowns._replace(z=np.asarray(found.unknowns.z)[:n], states=states)
-    return found._replace(triangle=whole, unknowns=there)
+    last = seen[int(number) if np.isfinite(number) else -1]
+    return found._replace(triangle=last, unknowns=whole(found.unknowns))
 
 
 def _minimised(
@@ -174,19 +175,26 @@ def _filled(values: Any, with_: Any) -> Any:
     return np.concatenate([values, np.full(-len(values) % _MULTIPLE, with_, values.dtype)])
 
 
+def _more_logs(E: int, s: int) -> int:
+    """How many logs without any information fill up E logs with s unknowns of their own: to a power of two, or, where they
+    have none, to a single one in the place of all."""
+    return max(_FEWEST, 1 << (E - 1).bit_length()) - E if s else 1
+
+
 def _outline(triangle: Triangle, number: int) -> Triangle:
-    """What is decided on, of logs without initial states of their own: of the same shapes whatever the number of logs, and
-    for every few unknowns, so that it is compiled once for all. In place of the squares stands the linearisation's
-    `number`, infinite if they are not finite."""
-    own = np.asarray(triangle.shared)
-    n = own.shape[-1]
-    more = -n % _MULTIPLE
+    """What is decided on: of the same shapes for every few unknowns and for about as many logs, so that it is compiled once
+    for all. In place of the squares stands the linearisation's `number`, infinite if they are not finite."""
+    own, local = np.asarray(triangle.shared), np.asarray(triangle.local)
+    n, (E, s) = own.shape[-1], local.shape[:2]
+    more, logs = -n % _MULTIPLE, _more_logs(E, s)
+    crossed = np.asarray(triangle.crossed) if s else np.zeros((0, 0, n))
+    local, residual = (local, np.asarray(triangle.residual_local)) if s else (local[:0], np.zeros((0, 0)))
     sound = bool(np.isfinite(triangle.squares).all())
     return triangle._replace(
         shared=np.pad(own, (0, more)),
         residual_shared=_filled(triangle.residual_shared, 0.0),
-        crossed=np.zeros((1, 0, n + more)),
-        local=np.zeros((1, 0, 0)),
-        residual_local=np.zeros((1, 0)),
+        crossed=np.pad(crossed, ((0, logs), (0, 0), (0, more))),
+        local=np.pad(local, ((0, logs), (0, 0), (0, 0))),
+        residual_local=np.pad(residual, ((0, logs), (0, 0))),
         squares=np.array([[float(number) if sound else np.inf]]),
     )

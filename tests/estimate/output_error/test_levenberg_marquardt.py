@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
+from jaxid.estimate.output_error import in_turns
 from jaxid.estimate.output_error.problem import Unknowns, linearise, parameters_at, simulate_all
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.solvers import minimise, minimise_compiled, minimise_lanes
@@ -51,6 +52,29 @@ def test_the_returned_triangle_is_the_linearisation_at_the_optimum(axis):
     np.testing.assert_allclose(optimum.triangle.shared, there.shared, rtol=1e-8, atol=1e-6)
     np.testing.assert_allclose(optimum.triangle.squares, there.squares, rtol=1e-10)
     assert float(optimum.cost) == pytest.approx(float(there.cost), rel=1e-12)
+
+
+def test_decisions_are_compiled_once_for_any_few_logs_that_start_in_motion(axis_log):
+    """Their own initial states are filled up with logs that say nothing; the optimum is that of the pure form."""
+    rng = np.random.default_rng(2)
+    logs = []
+    for k in range(5):
+        log = axis_log(f"{k}", np.repeat(rng.uniform(-2, 2, 12), 10), noise=0.02, seed=k, v=0.2 * k, q=1.0)
+        logs.append(log)
+    compiled = []
+    for E in (2, 3, 5):
+        start = dict(M=1.4, Fv=1.3, Fc=0.3, offset=0.0)
+        task = build(Axis(), LogSet(logs[:E]), start=start, initial="estimate", integrator=Integrator(2))
+        found = minimise_compiled(*task)
+        compiled.append(in_turns._decided._outer._cache_size())
+        assert bool(found.converged) and found.unknowns.states.shape == task[2].states.shape
+        assert found.triangle.local.shape[0] == E
+    assert compiled[0] == compiled[1] == compiled[2]
+    pure = jax.jit(minimise, static_argnums=0)(*task)
+    error = np.sqrt(np.diag(np.linalg.inv(np.asarray(found.triangle.shared).T @ np.asarray(found.triangle.shared))))
+    assert np.all(np.abs(np.asarray(pure.unknowns.z) - found.unknowns.z) < 1e-4 * error)
+    np.testing.assert_allclose(found.unknowns.states, pure.unknowns.states, atol=1e-6)
+    assert float(found.cost) == pytest.approx(float(pure.cost), rel=1e-10)
 
 
 @pytest.fixture(scope="module")
