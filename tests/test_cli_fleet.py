@@ -96,3 +96,19 @@ def test_folders_that_hold_no_fleet_are_named_with_the_remedy(jaxid, robots, tmp
     for folder, words in ((empty, "holds no logs"), (robots, "loose.csv"), (tmp_path / "nowhere", "no folder")):
         status, _, remarks = jaxid("fleet", "axis", folder, "--out", tmp_path / "out")
         assert status == 1 and str(folder) in remarks and words in remarks
+
+
+def test_a_column_of_the_wrong_sign_is_said_of_its_member(jaxid, robots, without_dry_friction, tmp_path):
+    wrong = robots / "b/run_1.csv"
+    table = pd.read_csv(wrong)
+    table.assign(v=-table["v"]).to_csv(wrong, index=False)
+    out = tmp_path / "out"
+    status, said, _ = jaxid(
+        "fleet", "axis", robots, "--model", without_dry_friction, "--windows", "none", "--covariance", "robust",
+        "--out", out,
+    )  # fmt: skip
+    assert status == 0
+    members = pd.read_parquet(out / "members.parquet").set_index("member")
+    assert not members.trustworthy["b"] and members.trustworthy["a"]
+    assert "opposite sign" in members.notes["b"] and "opposite sign" not in members.notes["a"]
+    assert "opposite sign" in " ".join(said.split())

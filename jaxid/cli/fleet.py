@@ -2,6 +2,7 @@
 
 import html
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -82,10 +83,23 @@ def _batch(
         # What every member goes through is told of a few; of thousands nobody could read it.
         told = report if len(logs) <= _SHOWN else lambda message: None
         fleet = fit_fleet(robot, logs, start=starts, report=told, **options)
-        fits, failed = fleet.fits, failed | fleet.failed
+        fits, failed = {n: _with_findings(fit, logs[n]) for n, fit in fleet.fits.items()}, failed | fleet.failed
     estimates = [row for name, fit in fits.items() for row in estimate_rows(name, fit)]
     members = [member_row(name, logs.get(name), fits.get(name), failed.get(name, "")) for name in files]
     return estimates, members, fits
+
+
+def _with_findings(fit: Fit, logs: LogSet) -> Fit:
+    """The fit with what pre-flight says of its logs among its notes, such as a column of the wrong sign."""
+    found = [str(f) for f in logs.preflight() if f.severity in ("error", "warning")]
+    return replace(fit, notes=(*fit.notes, *dict.fromkeys(found)))
+
+
+def _why(fit: Fit) -> str:
+    """Why a fit is doubted: what pre-flight says of its logs, which may be the reason, then its judgement."""
+    found = [note for note in fit.notes if note.startswith(("error:", "warning:"))]
+    said = [fit.judgement.sentence] if fit.judgement is not None else []
+    return " ".join([*found, *said])
 
 
 def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> tuple[list[str], Table]:
@@ -105,7 +119,7 @@ def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> tup
             cells += [Cell(f"{x:.5g}") for x in (low, middle, high)] + [Cell(f"{error:.2g}")]
         rows.append(tuple(cells + [Cell("")] * (7 - len(cells))))
     notes = [f"{name}: {why}" for name, why in islice(failure.items(), _SHOWN)]
-    notes += [f"{name}: {fits[name].judgement.sentence}" for name in doubted[:_SHOWN] if fits[name].judgement]  # type: ignore[union-attr]
+    notes += [f"{name}: {_why(fits[name])}" for name in doubted[:_SHOWN]]
     left = len(failure) + len(doubted) - len(notes)
     notes += [f"{left} more in members.parquet."] if left > 0 else []
     header = ("parameter", "unit", "sound fits", "5 %", "median", "95 %", "median std. error")

@@ -29,8 +29,9 @@ def identify(robot: Robot, logs: list[Log], window: int | None) -> tuple[Solutio
     equations = window_equations(robot, logs, "momentum", window)
     if not len(equations):
         raise LogError(
-            f"the logs {', '.join(log.name for log in logs)} hold no two samples in a row in which the robot moves; "
-            "give logs in which it does."
+            f"the logs {', '.join(log.name for log in logs)} hold no two samples in a row in which the robot moves, or its "
+            "speeds never come above three times what their sensors' noise or coarse steps are; give logs in which it moves "
+            "faster, or speeds averaged over more of an encoder's counts, or use output error."
         )
     solution, theta = None, np.array([robot.parameters[name].value for name in names])
     # Without a known force the balances only say how parameters compare, and theta = 0 solves them.
