@@ -10,6 +10,9 @@ underestimated (of first-order noise with a correlation of 0.8 a third is seen):
 from the residual of a fit it can.
 """
 
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -117,6 +120,29 @@ def white_level(values: NDArray[np.float64]) -> float:
     return usual_size(_third(values)) if len(values) >= 4 else 0.0
 
 
+class _Shown(NamedTuple):
+    """What one channel of one log shows: measured samples, differences that tell its noise, and their level."""
+
+    samples: int
+    differences: int
+    level: float
+
+
+_known: WeakKeyDictionary[Log, tuple[_Shown, ...]] = WeakKeyDictionary()
+
+
+def _shown(log: Log) -> tuple[_Shown, ...]:
+    """What every channel shows, worked out once for a log, which does not change: every stage of a fit asks for it."""
+    if log not in _known:
+        found = []
+        for y in log.outputs.T:
+            third = _differences(y, log.inputs, log.time)
+            level = max(usual_size(third), sensor_step(y) / np.sqrt(12.0)) if third.size >= _FEWEST else 0.0
+            found.append(_Shown(int(np.isfinite(y).sum()), third.size, level))
+        _known[log] = tuple(found)
+    return _known[log]
+
+
 def noise_level(logs: LogSet | Log) -> dict[str, float]:
     """Standard deviation of the measurement noise of each measured channel, NaN for a channel no log holds.
 
@@ -127,16 +153,11 @@ def noise_level(logs: LogSet | Log) -> dict[str, float]:
     each = [logs] if isinstance(logs, Log) else list(logs)
     levels: dict[str, float] = {}
     for index, channel in enumerate(each[0].channels.measured):
-        squares, counts, still = 0.0, 0, False
-        for log in each:
-            y = log.outputs[:, index]
-            differences = _differences(y, log.inputs, log.time)
-            still |= bool(np.isfinite(y).sum() >= 11)
-            if differences.size < _FEWEST:
-                continue
-            level = max(usual_size(differences), sensor_step(y) / np.sqrt(12.0))
-            squares += differences.size * level**2
-            counts += differences.size
+        mine = [_shown(log)[index] for log in each]
+        enough = [own for own in mine if own.differences >= _FEWEST]
+        counts = sum(own.differences for own in enough)
+        squares = sum(own.differences * own.level**2 for own in enough)
+        still = any(own.samples >= 11 for own in mine)
         levels[channel] = float(np.sqrt(squares / counts)) if counts else 0.0 if still else float("nan")
     return levels
 

@@ -83,7 +83,8 @@ def simulate_models(
         logs = given_logs(robot, logs)
     batch = logs.batch()
     given = {name: np.asarray(values, dtype=float) for name, values in (start or {}).items()}
-    each = [{**initial_states(robot, logs).states, **given} for robot in robots]
+    known = set(given) >= set(robots[0].states)
+    each = [given if known else {**initial_states(robot, logs).states, **given} for robot in robots]
     states = {name: np.stack([own[name] for own in each]) for name in each[0]}
     tables = [robot.parameters.numbers for robot in robots]
     numbers = {name: np.array([float(own[name]) for own in tables]) for name in tables[0]}

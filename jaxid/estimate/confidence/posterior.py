@@ -171,10 +171,11 @@ def posterior(
     report(f"{chains} chains of {warmup} + {draws} draws")
     theta, divergent = _chains(structure, problem, optimum.unknowns, W, keys, warmup=warmup, draws=draws)
     samples = {name: np.asarray(theta[..., i]) for i, name in enumerate(structure.names)}
+    reduction, effective = map(jax.jit, (potential_scale_reduction, effective_sample_size))
     return Posterior(
         samples=samples,
-        r_hat={name: float(potential_scale_reduction(x)) for name, x in samples.items()},
-        effective={name: float(effective_sample_size(x)) for name, x in samples.items()},
+        r_hat={name: float(reduction(x)) for name, x in samples.items()},
+        effective={name: float(effective(x)) for name, x in samples.items()},
         divergences=int(np.sum(divergent)),
         caveat=not_white(fit),
     )

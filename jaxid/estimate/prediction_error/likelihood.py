@@ -141,22 +141,36 @@ def scores(white, level, d_white, d_level):
     return 0.5 * (white**2 + level), white[..., None] * d_white + 0.5 * d_level
 
 
-def look(names: tuple[str, ...], model: Model, problem: Problem, x: Float[Array, " p"]) -> Look:
-    """-log L, gradient and information at `x`. Coordinates that are not free have zeros."""
-    n = len(names)
+class Samples(NamedTuple):
+    """Of every sample and channel: whitened innovations and log S, zero where nothing was measured, and both their
+    derivatives."""
 
-    def one(record):
-        white, level, d_white, d_level = sensitivities(names, model, problem, x, record)
-        value, score = scores(white, level, d_white, d_level)
-        change = d_white + 0.5 * white[..., None] * d_level  # de / sqrt(S)
-        rows = jnp.concatenate([change.reshape(-1, len(x)), d_level.reshape(-1, len(x)) / jnp.sqrt(2.0)])
-        return jnp.sum(value), jnp.sum(score, axis=(0, 1)), rows.T @ rows
+    white: Float[Array, "E T ny"]
+    level: Float[Array, "E T ny"]
+    d_white: Float[Array, "E T ny p"]
+    d_level: Float[Array, "E T ny p"]
 
-    value, gradient, information = jax.tree.map(lambda leaf: jnp.sum(leaf, axis=0), jax.vmap(one)(problem.records))
+
+def samples(names: tuple[str, ...], model: Model, problem: Problem, x: Float[Array, " p"]) -> Samples:
+    """What the filter and its sensitivities say at `x`, of all experiments."""
+    return Samples(*jax.vmap(lambda record: sensitivities(names, model, problem, x, record))(problem.records))
+
+
+def reduced(problem: Problem, x: Float[Array, " p"], seen: Samples) -> Look:
+    """-log L, gradient and information of what was `seen` at `x`. Knows nothing of the model."""
+    n, p = problem.held.shape[0], x.shape[0]
+    value, score = scores(*seen)
+    change = seen.d_white + 0.5 * seen.white[..., None] * seen.d_level  # de / sqrt(S)
+    rows = jnp.concatenate([change.reshape(-1, p), seen.d_level.reshape(-1, p) / jnp.sqrt(2.0)])
     pull, pulled = jax.value_and_grad(_pull, argnums=1)(problem, x[:n])
     slope = jnp.where(problem.free, problem.scale, 0.0)
-    gradient = gradient.at[:n].add(pulled)
-    information = information.at[:n, :n].add(jnp.diag(problem.prior_precision * slope**2))
-    total = value + pull + _half_log_two_pi(problem)
+    gradient = jnp.sum(score, axis=(0, 1, 2)).at[:n].add(pulled)
+    information = (rows.T @ rows).at[:n, :n].add(jnp.diag(problem.prior_precision * slope**2))
+    total = jnp.sum(value) + pull + _half_log_two_pi(problem)
     sound = jnp.isfinite(total) & jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(information))
     return Look(jnp.where(sound, total, _DIVERGED), jnp.where(sound, gradient, 0.0), jnp.where(sound, information, 0.0))
+
+
+def look(names: tuple[str, ...], model: Model, problem: Problem, x: Float[Array, " p"]) -> Look:
+    """-log L, gradient and information at `x`. Coordinates that are not free have zeros."""
+    return reduced(problem, x, samples(names, model, problem, x))

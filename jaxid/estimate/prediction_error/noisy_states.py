@@ -17,6 +17,16 @@ from ...simulation.rollout import Integrator, commanded, step
 _PROBES = 3
 
 
+@partial(compiled, static_argnums=0)
+def _slopes(robot: Robot, state, inputs, dry, numbers):
+    """Derivatives of the states' rates by inputs, dry friction and parameters."""
+
+    def rates(inputs, dry, numbers):
+        return robot.rates(state, tuple(inputs), tuple(dry), numbers)
+
+    return jax.jacfwd(rates, argnums=(0, 1, 2))(inputs, dry, numbers)
+
+
 def noisy_states(robot: Robot, asked: Sequence[str] | None = None) -> tuple[str, ...]:
     """The states that process noise acts on: those `asked` for, else the robot's velocities.
 
@@ -36,15 +46,11 @@ def noisy_states(robot: Robot, asked: Sequence[str] | None = None) -> tuple[str,
     found: set[str] = set()
     random = np.random.default_rng(0)
     for _ in range(_PROBES):
-        state = {name: jnp.asarray(random.uniform(0.2, 1.0)) for name in robot.states}
-        inputs = jnp.asarray(random.uniform(0.2, 1.0, len(robot.channels.inputs)))
-        numbers = {k: jnp.asarray(v * random.uniform(0.8, 1.2) + 1e-3) for k, v in robot.parameters.numbers.items()}
-        dry = jnp.asarray(random.uniform(0.2, 1.0, len(robot.rubbing(state, numbers))))
-
-        def rates(inputs, dry, numbers, state=state):
-            return robot.rates(state, tuple(inputs), tuple(dry), numbers)
-
-        slopes = jax.jacfwd(rates, argnums=(0, 1, 2))(inputs, dry, numbers)
+        state = {name: np.asarray(random.uniform(0.2, 1.0)) for name in robot.states}
+        inputs = random.uniform(0.2, 1.0, len(robot.channels.inputs))
+        numbers = {k: np.asarray(v * random.uniform(0.8, 1.2) + 1e-3) for k, v in robot.parameters.numbers.items()}
+        dry = random.uniform(0.2, 1.0, len(jax.eval_shape(robot.rubbing, state, numbers)))
+        slopes = _slopes(robot.structure, state, inputs, dry, numbers)
         for name in own:
             if any(bool(np.any(np.asarray(leaf) != 0)) for leaf in jax.tree.leaves(slopes[name])):
                 found.add(name)

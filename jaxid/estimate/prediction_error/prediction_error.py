@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from numpy.typing import NDArray
 
+from ..._arrays import AnyArray, array
 from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ...logs import LogError, LogSet
@@ -28,8 +28,8 @@ from ..output_error.setup import InitialStates, StartValues, start_values
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
 from .disturbance import SIGNIFICANT, disturbance
-from .likelihood import Problem, Unknowns, flat, noise_at, parameters_at, unflat
-from .scoring import QUIETEST, Optimum, costs_at, minimise_compiled
+from .likelihood import Problem, noise_at, parameters_at, unflat
+from .scoring import QUIETEST, Optimum, costs_at, look_at, minimise_in_turns
 from .setup import Task, build
 from .uncertainties import Whitened, doubts, expected, pseudo_inverse, sandwich, stated, whitened
 from .unknown_levels import Looks, averaged
@@ -68,27 +68,25 @@ def _candidates(robot: Robot, logs: LogSet, start: StartValues) -> list[dict[str
     return [*found, start_values(robot, None)]
 
 
-def _first(task: Task, candidates: Sequence[Mapping[str, float]]) -> list[Float[Array, " p"]]:
+def _first(task: Task, candidates: Sequence[Mapping[str, float]]) -> list[Float[AnyArray, " p"]]:
     """Every candidate at the level of process noise that suits it best, the likeliest first."""
     rows = []
+    lower, upper, scale = (np.asarray(edge) for edge in (task.problem.lower, task.problem.upper, task.problem.scale))
+    sensor, process = np.asarray(task.start.sensor), np.shape(task.start.process)
     for values in candidates:
-        z = (
-            jnp.clip(jnp.array([values[n] for n in task.names]), task.problem.lower, task.problem.upper)
-            / task.problem.scale
-        )
-        rows += [flat(Unknowns(z, jnp.full_like(task.start.process, level), task.start.sensor)) for level in _LEVELS]
-    costs = np.asarray(costs_at(task.names, task.model, task.problem, jnp.stack(rows)))
-    costs = costs.reshape(len(candidates), len(_LEVELS))
+        z = np.clip([values[n] for n in task.names], lower, upper) / scale
+        rows += [np.concatenate([z, np.full(process, level), sensor]) for level in _LEVELS]
+    costs = costs_at(task.names, task.model, task.problem, np.stack(rows)).reshape(len(candidates), len(_LEVELS))
     best = np.argmin(costs, axis=1)
     order = np.argsort(costs[np.arange(len(candidates)), best])
     return [rows[c * len(_LEVELS) + best[c]] for c in order if costs[c, best[c]] < _DIVERGED]
 
 
-def _minimised(task: Task, problem: Problem, x: Float[Array, " p"], max_steps: int) -> Optimum:
-    return minimise_compiled(task.names, task.model, problem, x, max_steps=max_steps)
+def _minimised(task: Task, problem: Problem, x: Float[AnyArray, " p"], max_steps: int) -> Optimum:
+    return minimise_in_turns(task.names, task.model, problem, x, max_steps=max_steps)
 
 
-def _likeliest(task: Task, starts: Sequence[Float[Array, " p"]], max_steps: int) -> Optimum:
+def _likeliest(task: Task, starts: Sequence[Float[AnyArray, " p"]], max_steps: int) -> Optimum:
     """The best optimum reached from the starts; further ones are tried where the first did not converge."""
     best: Optimum | None = None
     for x in starts:
@@ -101,25 +99,25 @@ def _likeliest(task: Task, starts: Sequence[Float[Array, " p"]], max_steps: int)
     return best
 
 
-def _sensors_alone(task: Task, problem: Problem, x: Float[Array, " p"]) -> Float[Array, " p"]:
+def _sensors_alone(task: Task, problem: Problem, x: Float[AnyArray, " p"]) -> Float[np.ndarray, " p"]:
     """`x` with sensor noise as large as what its simulation without process noise leaves: how far off a model is without
     disturbance may be any number of times what its sensors show beside one."""
     first = len(task.names) + len(task.model.noisy)
-    x = x.at[first:].set(0.0)
+    x = np.where(np.arange(np.size(x)) < first, np.asarray(x), 0.0)
     found = whitened(task.names, task.model, problem, x)
     there = np.asarray(problem.records.there)
     count = np.maximum(there.sum(axis=(0, 1)), 1)
     with np.errstate(all="ignore"):
         left = np.sqrt(np.sum(np.where(there, found.innovations * found.deviations, 0.0) ** 2, axis=(0, 1)) / count)
         level = np.log(left / np.asarray(problem.sensor_reference))
-    return x.at[first:].set(jnp.asarray(np.where(np.isfinite(level), level, 0.0)))
+    return np.concatenate([x[:first], np.where(np.isfinite(level), level, 0.0)])
 
 
 def _without_noise(task: Task, found: _Found, max_steps: int) -> tuple[_Found, float, dict[str, float]]:
     """The likelihood ratio of all process noise and of each velocity's own; noises that bring nothing are switched off."""
     problem, optimum, steps = found
     nv = len(task.model.noisy)
-    none = replace(problem, disturbed=jnp.zeros(nv, dtype=bool))
+    none = replace(problem, disturbed=array(np.zeros(nv, dtype=bool)))
     still = _minimised(task, none, _sensors_alone(task, none, optimum.x), max_steps)
     steps += int(still.iterations)
     gone = float(still.look.cost) > _DIVERGED
@@ -161,7 +159,7 @@ def _covariance(task: Task, found: _Found) -> NDArray[np.float64]:
     x[n : n + nv] = np.where(absent, QUIETEST, x[n : n + nv])
 
     def looks(points: NDArray[np.float64]) -> Looks:
-        found = [_minimised(task, task.problem, jnp.asarray(point), 0).look for point in points]
+        found = [look_at(task.names, task.model, task.problem, point) for point in points]
         return Looks(*(np.stack([np.asarray(part) for part in parts]) for parts in zip(*found, strict=True)))
 
     information = looks(x[None]).information[0] if absent.any() else np.asarray(found.optimum.look.information)

@@ -10,12 +10,14 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..._arrays import AnyArray, array
 from ..._compile import compiled
 from ...kernel.dense import orthogonal_columns
 from .filter import Model
-from .likelihood import Look, Problem, cost, look
+from .likelihood import Look, Problem, cost, look, reduced, samples
 
 _DAMPINGS = (1e-4, 0.03, 0.3, 3.0, 30.0)
 """Tried at every step, in units of the information's diagonal."""
@@ -83,54 +85,105 @@ def _moved(problem: Problem, x: Float[Array, " p"], scaled: _Scaled, damping) ->
     return jnp.clip(x + step * jnp.minimum(1.0, _LONGEST / jnp.maximum(longest, 1e-300)), *_limits(problem))
 
 
+class _State(NamedTuple):
+    """Between two linearisations: where to look next, whether it is over, and how the search goes."""
+
+    x: Float[Array, " p"]
+    done: Bool[Array, ""]
+    stalled: Int[Array, ""]
+    steps: Int[Array, ""]
+    stronger: Float[Array, ""]
+
+
+def _begin(start: Float[AnyArray, " p"]) -> _State:
+    return _State(array(start), array(False), array(0), array(0), array(1.0))
+
+
+def _planned(problem: Problem, state: _State, here: Look, max_steps) -> tuple[Bool[Array, ""], Float[Array, "d p"]]:
+    """Whether the search is over at `state.x`, where `here` was seen, and where its damped steps lead."""
+    scaled = _scaled(problem, state.x, here)
+    settled = (scaled.promise <= _PROMISE) | (state.stalled >= _STALLED_STEPS) | (state.stronger >= _STRONGER**3)
+    there = jax.vmap(lambda d: _moved(problem, state.x, scaled, d * state.stronger))(jnp.array(_DAMPINGS))
+    return settled | (state.steps >= max_steps), there
+
+
+def _taken(state: _State, here: Look, done: Bool[Array, ""], there: Float[Array, "d p"], costs: Float[Array, " d"]):
+    """The state after the best of the steps, whose costs are known."""
+    best = jnp.argmin(costs)
+    drop = here.cost - costs[best]
+    better = ~done & (drop > 0)
+    noticed = better & (drop > _NOTICEABLE)
+    return _State(
+        x=jnp.where(better, there[best], state.x),
+        done=done,
+        stalled=jnp.where(noticed | done, 0, state.stalled + 1),
+        steps=jnp.where(done, state.steps, state.steps + 1),
+        stronger=jnp.where(better | done, 1.0, state.stronger * _STRONGER),
+    )
+
+
+def _optimum(state: _State, here: Look, max_steps) -> Optimum:
+    return Optimum(state.x, here, state.steps, jnp.any(here.information != 0) & (state.steps < max_steps))
+
+
 def minimise(
     names: tuple[str, ...], model: Model, problem: Problem, start: Float[Array, " p"], *, max_steps
 ) -> Optimum:
     """Minimise -log L from `start`; without any steps, the look there. Runs under `jit` and `vmap`."""
 
-    def unfinished(state):
-        return ~state[2]
-
-    def improve(state):
+    def improve(carry):
         # Looks first, so that the whole program holds one linearisation; the last round only looks.
-        x, _, _, stalled, steps, stronger = state
-        here = look(names, model, problem, x)
-        scaled = _scaled(problem, x, here)
-        settled = (scaled.promise <= _PROMISE) | (stalled >= _STALLED_STEPS) | (stronger >= _STRONGER**3)
-        done = settled | (steps >= max_steps)
-        there = jax.vmap(lambda d: _moved(problem, x, scaled, d * stronger))(jnp.array(_DAMPINGS))
+        state, _ = carry
+        here = look(names, model, problem, state.x)
+        done, there = _planned(problem, state, here, max_steps)
         costs = jax.vmap(lambda y: cost(names, model, problem, y))(there)
-        best = jnp.argmin(costs)
-        drop = here.cost - costs[best]
-        better = ~done & (drop > 0)
-        noticed = better & (drop > _NOTICEABLE)
-        return (
-            jnp.where(better, there[best], x),
-            here,
-            done,
-            jnp.where(noticed | done, 0, stalled + 1),
-            jnp.where(done, steps, steps + 1),
-            jnp.where(better | done, 1.0, stronger * _STRONGER),
-        )
+        return _taken(state, here, done, there, costs), here
 
-    zero, p = jnp.zeros((), dtype=int), start.shape[0]
+    p = start.shape[0]
     nothing = Look(jnp.zeros(()), jnp.zeros(p), jnp.zeros((p, p)))
-    x, here, _, _, steps, _ = jax.lax.while_loop(
-        unfinished, improve, (start, nothing, jnp.array(False), zero, zero, jnp.ones(()))
-    )
-    return Optimum(x, here, steps, jnp.any(here.information != 0) & (steps < max_steps))
+    state, here = jax.lax.while_loop(lambda carry: ~carry[0].done, improve, (_begin(start), nothing))
+    return _optimum(state, here, max_steps)
+
+
+seen_at = compiled(samples, static_argnames=("names", "model"))
+"""`likelihood.samples`, compiled: one program of a model for optimiser, intervals and residuals."""
+_reduced = compiled(reduced)
+_planned_compiled = compiled(_planned)
+_taken_compiled = compiled(_taken)
 
 
 @partial(compiled, static_argnames=("names", "model"))
-def minimise_compiled(names, model, problem, start, *, max_steps=100) -> Optimum:
-    """`minimise`, compiled."""
-    return minimise(names, model, problem, start, max_steps=max_steps)
-
-
-@partial(compiled, static_argnames=("names", "model"))
-def costs_at(names, model, problem, xs: Float[Array, "L p"]) -> Float[Array, " L"]:
-    """-log L at many points, as lanes."""
+def _costs(names, model, problem, xs: Float[Array, "d p"]) -> Float[Array, " d"]:
     return jax.vmap(lambda x: cost(names, model, problem, x))(xs)
+
+
+def look_at(names: tuple[str, ...], model: Model, problem: Problem, x: Float[AnyArray, " p"]) -> Look:
+    """`likelihood.look` by the compiled parts."""
+    return _reduced(problem, x, seen_at(names, model, problem, x))
+
+
+def minimise_in_turns(
+    names: tuple[str, ...], model: Model, problem: Problem, start: Float[AnyArray, " p"], *, max_steps: int = 100
+) -> Optimum:
+    """`minimise`, with Python between its compiled parts: of a model its filter and its sensitivities alone are compiled,
+    once for all that is asked of them."""
+    state = _begin(start)
+    while True:
+        here = look_at(names, model, problem, state.x)
+        done, there = _planned_compiled(problem, state, here, max_steps)
+        if bool(done):
+            return _optimum(state, here, max_steps)
+        state = _taken_compiled(state, here, done, there, _costs(names, model, problem, there))
+
+
+def costs_at(
+    names: tuple[str, ...], model: Model, problem: Problem, xs: Float[np.ndarray, "L p"]
+) -> Float[np.ndarray, " L"]:
+    """-log L at many points, by the program that the optimiser runs."""
+    together = len(_DAMPINGS)
+    filled = np.concatenate([xs, np.repeat(xs[-1:], -len(xs) % together, axis=0)])
+    parts = [_costs(names, model, problem, part) for part in filled.reshape(-1, together, xs.shape[1])]
+    return np.concatenate([np.asarray(part) for part in parts])[: len(xs)]
 
 
 @partial(compiled, static_argnames=("names", "model", "lanes"))

@@ -5,22 +5,20 @@ test rejects that, the covariance is I⁻¹ B I⁻¹ with B from the scores of b
 remember (White, Econometrica 50, 1982; Newey & West, ibid. 55, 1987), and no standard error gets smaller by it.
 """
 
-from functools import partial
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from numpy.typing import NDArray
 
-from ..._compile import compiled
+from ..._arrays import AnyArray
 from ...logs import LogSet
 from ..output_error.robust_covariance import memory
 from ..residual_tests import normality, whiteness
 from .filter import Model
-from .likelihood import Problem, scores, sensitivities
+from .likelihood import Problem, scores
+from .scoring import seen_at
 
 _MEMORIES, _SHORTEST, _FEWEST = 10.0, 10, 30
 _SINGULAR = 1e-13
@@ -35,18 +33,10 @@ class Whitened(NamedTuple):
     scores: NDArray[np.float64]
 
 
-@partial(compiled, static_argnames=("names", "model"))
-def _all(names, model, problem, x):
-    def one(record):
-        white, level, d_white, d_level = sensitivities(names, model, problem, x, record)
-        return white, jnp.exp(0.5 * level), scores(white, level, d_white, d_level)[1]
-
-    return jax.vmap(one)(problem.records)
-
-
-def whitened(names: tuple[str, ...], model: Model, problem: Problem, x: Float[Array, " p"]) -> Whitened:
+def whitened(names: tuple[str, ...], model: Model, problem: Problem, x: Float[AnyArray, " p"]) -> Whitened:
     """Innovations and scores at `x`."""
-    return Whitened(*map(np.asarray, _all(names, model, problem, x)))
+    white, level, d_white, d_level = map(np.asarray, seen_at(names, model, problem, x))
+    return Whitened(white, np.exp(0.5 * level), np.asarray(scores(white, level, d_white, d_level)[1]))
 
 
 def doubts(found: Whitened, problem: Problem, channels: tuple[str, ...]) -> dict[str, str]:
