@@ -23,7 +23,7 @@ from .ranking_figure import ranking
 from .tables import Table, to_html
 
 _TEMPLATE = "explanation.html.jinja"
-_DPI = 100
+_DPI = 130
 ALT = {
     "localisation": "The missing force over time, and when it acts",
     "leads": "The missing force against speed, heading, place and time",
@@ -53,11 +53,16 @@ def figures(found: Explanation) -> dict[str, Figure]:
     return {name: figure for name, figure in made.items() if figure is not None}
 
 
+def _drawn(found: Explanation) -> dict[str, bytes]:
+    """The figures as PNG files, drawn once for the page and the files beside it: that takes most of the page's time."""
+    return {name: as_png(figure, _DPI) for name, figure in figures(found).items()}
+
+
 def _markup(table: Table) -> Markup:
     return Markup(to_html(table))
 
 
-def _render(found: Explanation, pictures: dict[str, Figure], whole: bool) -> str:
+def _render(found: Explanation, pictures: dict[str, bytes], whole: bool) -> str:
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string(files("jaxid.report").joinpath(_TEMPLATE).read_text(encoding="utf-8"))
     bars = [("error " + label if found.effects else "error", state.normalised_rms, colour)
@@ -68,7 +73,7 @@ def _render(found: Explanation, pictures: dict[str, Figure], whole: bool) -> str
         whole=whole,
         found=found,
         bars=[(name, value, 80.0 * value / top, colour) for name, value, colour in bars],
-        pictures={name: Markup(as_html(figure, ALT[name], _DPI)) for name, figure in pictures.items()},
+        pictures={name: Markup(as_html(picture, ALT[name])) for name, picture in pictures.items()},
         effects=_markup(tab.effects_table(found)),
         evidence=_markup(tab.evidence_table(found)),
         channels=_markup(tab.channel_table(found)),
@@ -85,16 +90,16 @@ class Page:
         return tab.text(found)
 
     def body(self, found: Explanation) -> str:
-        return _render(found, figures(found), whole=False)
+        return _render(found, _drawn(found), whole=False)
 
     def save(self, found: Explanation, folder: Path) -> list[Path]:
-        pictures = figures(found)
+        pictures = _drawn(found)
         written = [folder / "report.html"]
         write_text(written[0], _render(found, pictures, whole=True))
-        for name, figure in pictures.items():
+        for name, picture in pictures.items():
             written.append(folder / f"{name}.png")
             with replacing(written[-1]) as temporary:
-                temporary.write_bytes(as_png(figure, 130))
+                temporary.write_bytes(picture)
         # What an earlier explanation left here would pass for this one's.
         for name in ALT.keys() - pictures.keys():
             (folder / f"{name}.png").unlink(missing_ok=True)
