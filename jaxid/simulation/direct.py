@@ -60,6 +60,13 @@ def _model(robot: Robot, names: tuple[str, ...], friction: DryFriction, prescrib
     left = tuple(f"{effect.id}." for effect in robot.effects if effect not in plain.effects)
     places = tuple(i for i, name in enumerate(names) if not name.startswith(left))
     system = system_of(plain, tuple(names[i] for i in places), step, friction, prescribed)
+    try:
+        machine_code(system, None)
+    except KeyError:  # an effect in the equations of motion reads a parameter of one that was left out
+        places = tuple(range(len(names)))
+        system = system_of(plain, names, step, friction, prescribed)
+    except Untranslated:
+        pass  # `machine_model` says so
     return MachineModel(system, places, records_of(robot, names))
 
 

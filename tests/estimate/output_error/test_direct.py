@@ -148,6 +148,27 @@ def test_robots_that_differ_in_their_signals_share_their_machine_code(axis_log):
     assert [model.records.measures is None for model in models] == [True, True, False]
 
 
+@dataclass(frozen=True)
+class Leaning(Effect):
+    """A force that reads the parameter of a sensor's effect: they share a cause."""
+
+    id = "leaning"
+
+    def force(self, forces, state, p, robot):
+        return tuple(force + 3.0 * p["sensor_bias.bias_v"] for force in forces)
+
+
+def test_a_force_may_read_the_parameter_of_a_sensors_effect(axis_log, xla):
+    logs = LogSet([axis_log("one", np.repeat([1.0, -1.0], 50), noise=0.01)])
+    robot = (Axis() + effect_by_id(Axis(), "sensor_bias") + Leaning()).with_values(**{"sensor_bias.bias_v": 0.1})
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    structure, numbers, there = build(robot, logs, start=start, integrator=Integrator(2))
+    found = linearised_directly(direct(structure, numbers), there)
+    expected = xla(by_xla.linearise, structure, numbers, there)
+    for name in expected._fields:
+        agree(getattr(found, name), getattr(expected, name))
+
+
 def test_offsets_of_clocks_take_xla(axis_log):
     """Nothing is left out: the same functions answer by XLA."""
     logs = LogSet([axis_log("one", np.repeat([1.0, -1.0], 50), noise=0.01)])
