@@ -1,6 +1,9 @@
 """Data flows one way: no package imports from a later one, anywhere in its files."""
 
 import ast
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -57,3 +60,18 @@ def test_the_reference_simulator_knows_nothing_of_jaxid():
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             assert not any(name.split(".")[0] == "jaxid" for name in names), path.name
+
+
+def test_what_only_some_calls_need_is_not_imported_with_jaxid():
+    """Each takes a tenth of a second or more, before anything else can be done; `import scipy` gives its parts when used."""
+    late = ("matplotlib", "optimistix", "jinja2", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.ndimage")
+    code = f"import sys, jaxid; print(*[name for name in {late!r} if name in sys.modules])"
+    search = os.pathsep.join([str(ROOT.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": search},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.split() == []

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import combinations, combinations_with_replacement
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ..logs.finding import Finding
 from ..logs.log import Log
@@ -54,7 +54,7 @@ class Answer:
 def _lagged(inputs: Array, lag: float) -> Array:
     """First-order lag of `lag` samples."""
     decay = np.exp(-1 / lag) if lag > 0 else 0.0
-    return np.asarray(lfilter([1 - decay], [1, -decay], inputs, axis=0))
+    return np.asarray(scipy.signal.lfilter([1 - decay], [1, -decay], inputs, axis=0))
 
 
 def _late(signals: Array, delay: int) -> Array:

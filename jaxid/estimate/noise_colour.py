@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import signal
 from scipy.linalg import toeplitz
 
 from .residual_tests import autocorrelation
@@ -63,10 +63,10 @@ class Colour:
     @property
     def correlations(self) -> Array:
         """Autocorrelations [lags] of the autoregression, by its response to one innovation."""
-        response = signal.lfilter(
+        response = scipy.signal.lfilter(
             [1.0], np.concatenate([[1.0], -np.asarray(self.coefficients)]), np.eye(1, _RESPONSE)[0]
         )
-        products = np.asarray(signal.correlate(response, response, "full", "fft"), np.float64)[_RESPONSE - 1 :]
+        products = np.asarray(scipy.signal.correlate(response, response, "full", "fft"), np.float64)[_RESPONSE - 1 :]
         return products / products[0]
 
     def drawn(self, random: np.random.Generator, samples: int) -> Array:
@@ -74,7 +74,7 @@ class Colour:
         before = int(np.ceil(_FORGOTTEN * max(self.memory, 0.0))) if self.order else 0
         taps = np.concatenate([[1.0], -np.asarray(self.coefficients)])
         fresh = self.level * random.normal(size=before + samples)
-        return np.asarray(signal.lfilter([1.0], taps, fresh), np.float64)[before:]
+        return np.asarray(scipy.signal.lfilter([1.0], taps, fresh), np.float64)[before:]
 
     def whiten(self, values: Array, there: NDArray[np.bool_]) -> Array:
         """Innovations of `values` [..., T] in units of their level, zero at a log's first samples and where not `there` [T].
@@ -84,7 +84,7 @@ class Colour:
         found = np.zeros_like(values)
         if np.count_nonzero(there) > self.order:
             taps = np.concatenate([[1.0], -np.asarray(self.coefficients)])
-            own = np.asarray(signal.lfilter(taps, 1.0, values[..., there], axis=-1), np.float64) / self.level
+            own = np.asarray(scipy.signal.lfilter(taps, 1.0, values[..., there], axis=-1), np.float64) / self.level
             own[..., : self.order] = 0.0
             found[..., there] = own
         return found

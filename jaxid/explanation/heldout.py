@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import ndtri
 
 from ..estimate.confidence.agreement import counted_channels, diverging, errors_of, rms
 from ..estimate.output_error.estimated_start import estimated_start
@@ -21,7 +22,7 @@ FALSE_ALARM = 0.005
 _LAGS = 20
 _NEGLIGIBLE = 1.005
 """Normalised RMS below which a gap is too small to matter, whatever its significance."""
-_NOISE_UNKNOWN = float(stats.norm.isf(FALSE_ALARM))
+_NOISE_UNKNOWN = float(-ndtri(FALSE_ALARM))
 """Standard deviations by which a white residual may be above the noise, whose own estimate has an error, too."""
 _FARTHEST = 1e6
 
@@ -91,7 +92,7 @@ def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
             continue
         own, degrees = ljung_box(parts, _LAGS, mean=0.0)
         statistic, freedom = statistic + own, freedom + degrees
-    return float(stats.chi2.sf(statistic, freedom)) if freedom else 1.0
+    return float(scipy.stats.chi2.sf(statistic, freedom)) if freedom else 1.0
 
 
 def held_out_state(

@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from ..estimate.noise_colour import Colour
 from ..estimate.output_error.estimated_start import estimated_start
@@ -71,7 +71,7 @@ def generalised(
     if not names or like.diverged or np.any(lower >= upper):
         return robot
     options: dict[str, Any] = {"jac": secants, "x_scale": "jac", "ftol": _ENOUGH, "max_nfev": _EVALUATIONS}
-    found = optimize.least_squares(white, begin, bounds=(lower, upper), **options)
+    found = scipy.optimize.least_squares(white, begin, bounds=(lower, upper), **options)
     if not found.cost < 0.5 * float(np.sum(white(begin) ** 2)):
         return robot
     return robot.with_values(**{name: float(v) for name, v in zip(names, found.x * size, strict=True)})

@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from .._float64 import in_float64
 from ..logs import LogSet
@@ -125,7 +125,7 @@ def _peaks(
     usual = np.maximum(np.mean(moved, axis=0), np.finfo(float).tiny)
     least = float(np.quantile(np.max(moved / usual, axis=1), 1.0 - false_alarm))
     height = power(products)[kept] / usual / least
-    top = (ndimage.maximum_filter(height, 2 * _OVERSAMPLED + 1, mode="nearest") == height) & (height > 1.0)
+    top = (scipy.ndimage.maximum_filter(height, 2 * _OVERSAMPLED + 1, mode="nearest") == height) & (height > 1.0)
     one = grid.step * _OVERSAMPLED
     return [(float(height[i]), float(grid.periods[kept][i]), one) for i in np.flatnonzero(top)], looked_at
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from ..effects import catalogue
 from ..estimate.output_error.estimated_start import estimated_start
@@ -183,7 +183,7 @@ def _worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
     deviation of 2 sqrt(D). So a gain of g has at most the probability of sqrt(g) standard deviations, whatever D.
     """
     gained = before.held_out.squares - after.held_out.squares
-    return _likelier(before, after, tried) and gained > float(stats.norm.isf(FALSE_ALARM)) ** 2
+    return _likelier(before, after, tried) and gained > float(scipy.stats.norm.isf(FALSE_ALARM)) ** 2
 
 
 def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> list[tuple[HeldOut, LogSet]]:

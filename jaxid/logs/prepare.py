@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
-from scipy.signal import butter, sosfiltfilt
 
 from .finding import LogError
 from .log import Log, LogSet
@@ -55,9 +54,9 @@ def _without_outliers(values: Array) -> tuple[Array, tuple[int, ...]]:
     width = 2 * _HALF_WIDTH + 1
     if len(values) < width:
         return values, ()
-    middle = median_filter(values, size=width, mode="nearest")
+    middle = scipy.ndimage.median_filter(values, size=width, mode="nearest")
     off = np.abs(values - middle)
-    scale = 1.4826 * np.maximum(median_filter(off, size=width, mode="nearest"), np.median(off))
+    scale = 1.4826 * np.maximum(scipy.ndimage.median_filter(off, size=width, mode="nearest"), np.median(off))
     # A column without noise has scale 0 almost everywhere; a bend in it is no outlier.
     least = 0.02 * np.ptp(np.quantile(values, [0.01, 0.99]))
     found = np.flatnonzero((off > _THRESHOLD * scale) & (off > least))
@@ -90,7 +89,7 @@ def _column(
             )
         if len(known) <= 3 * (2 * len(sos) + 1):
             raise LogError(f"{name} has {len(known)} samples, too few for the filter; leave cutoff_hz out.")
-        smooth = sosfiltfilt(sos, known)
+        smooth = scipy.signal.sosfiltfilt(sos, known)
         removed = replace(removed, noise_power=float(np.mean((known - smooth) ** 2)))
         known = smooth
     result = values.copy()
@@ -112,7 +111,7 @@ def _one(log: Log, outliers: bool, trends: bool, cutoff_hz: float | None) -> tup
                 f"{log.name}: sampling intervals differ by {uneven:.0%}, across which no filter runs; resample or cut "
                 "it."
             )
-        sos = np.asarray(butter(_ORDER, cutoff_hz, fs=1 / log.sampling_interval, output="sos"))
+        sos = np.asarray(scipy.signal.butter(_ORDER, cutoff_hz, fs=1 / log.sampling_interval, output="sos"))
     outputs = log.outputs.copy()
     report = {}
     for name in log.measured:

@@ -3,7 +3,7 @@
 from ..explanation.explanation import show_with
 from .comparing import compare
 from .comparison import Comparison
-from .explanation_page import Page
+from .page import Page
 
 show_with(Page())
 

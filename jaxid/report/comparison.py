@@ -7,17 +7,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
-from ..estimate.confidence.agreement import Agreement, counted_channels
+from ..estimate.confidence.agreement import Agreement
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
-from . import figures as draw
 from . import tables as tab
 from .tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _TIE = 0.005  # normalised RMS values that print alike
 _DOUBTS = {"failed": "failed (it does not follow its own logs)", "poor": "is poor (it leaves more than noise)"}
@@ -234,41 +236,6 @@ class Comparison:
         key = {n: max(np.inf if f.diverged else f.normalised_rms for f in own) for n, own in found.items()}
         return max(key, key=lambda name: key[name])
 
-    def _response(self, name: str) -> Figure:
-        log = self.logs[name]
-        simulated = {label: v.simulated[name] for label, v in self.predicted.items()}
-        words = {}
-        for label, v in self.predicted.items():
-            own = v.by_log[name]
-            words[label] = f"{tab.title_of(label)} ({'diverges' if own.diverged else f'{own.normalised_rms:.2f}'})"
-        return draw.response(log, counted_channels(log), simulated, self.noise, words)
-
-    def _residuals(self, channel: str) -> Figure:
-        times = {log.name: log.time for log in self.logs if channel in counted_channels(log)}
-        parts = {label: v.residuals[channel] for label, v in self.predicted.items()}
-        tests = {label: v.tests[channel] for label, v in self.predicted.items() if channel in v.tests}
-        return draw.residuals(channel, self._unit(channel), parts, times, tests, self.noise[channel])
-
-    def _ratios(self) -> Figure:
-        names, combined = self._names
-        last = list(self.fits)[-1]
-        known = {name: self.references.get(name, np.nan) for name in names + combined}
-        what = f"{self.reference} value"
-        if not np.isfinite(list(known.values())).any():
-            known, what = {name: self._value_of(last, name) for name in known}, tab.title_of(last)
-        ratios: dict[str, dict[str, draw.Ratio]] = {}
-        left_out = [name for name, reference in known.items() if not (np.isfinite(reference) and reference != 0)]
-        for name, reference in known.items():
-            own = {label: e for label in self.fits if (e := self._estimate(label, name))}
-            # A parameter that nobody estimated is not worth a line.
-            if name in left_out or all(e.status == "fixed" for e in own.values()):
-                continue
-            ratios[name] = {}
-            for label, e in own.items():
-                edges = [edge / reference for edge in e.ci95] if e.status == "identified" else [np.nan, np.nan]
-                ratios[name][label] = draw.Ratio(e.value / reference, min(edges), max(edges))
-        return draw.parameters(ratios, what, left_out, self._doubtful)
-
     @cached_property
     def _responses(self) -> dict[str, str]:
         """Name of each held-out log's figure."""
@@ -279,13 +246,15 @@ class Comparison:
         return found
 
     @cached_property
-    def _drawings(self) -> dict[str, Callable[[], Figure]]:
+    def _drawings(self) -> "dict[str, Callable[[], Figure]]":
         """How to draw each figure, by name."""
+        from . import comparison_figures as draw  # and matplotlib with it, only where something is drawn
+
         found: dict[str, Callable[[], Figure]] = {
-            name: partial(self._response, log) for log, name in self._responses.items()
+            name: partial(draw.held_out_response, self, log) for log, name in self._responses.items()
         }
-        found |= {f"residuals_{channel}": partial(self._residuals, channel) for channel in self.channels}
-        return found | {"parameters": self._ratios}
+        found |= {f"residuals_{channel}": partial(draw.channel_residuals, self, channel) for channel in self.channels}
+        return found | {"parameters": partial(draw.ratios, self)}
 
     @cached_property
     def _drawn(self) -> dict[str, bytes]:
@@ -293,11 +262,13 @@ class Comparison:
 
     def _picture(self, name: str) -> bytes:
         """A figure as a PNG file's bytes, drawn once."""
+        from .figures import as_png
+
         if name not in self._drawn:
-            self._drawn[name] = draw.as_png(self._drawings[name](), _DPI)
+            self._drawn[name] = as_png(self._drawings[name](), _DPI)
         return self._drawn[name]
 
-    def figures(self) -> dict[str, Figure]:
+    def figures(self) -> "dict[str, Figure]":
         """Figures by name: `response_<log>` of every held-out log, `residuals_<channel>`, `parameters`."""
         return {name: drawn() for name, drawn in self._drawings.items()}
 
@@ -312,6 +283,8 @@ class Comparison:
         return paths
 
     def _repr_html_(self) -> str:
+        from .figures import as_html
+
         worst = self.worst_log
         largest = max(
             self.channels, key=lambda c: max(np.nan_to_num(v.rms[c]) / self.noise[c] for v in self.predicted.values())
@@ -322,7 +295,7 @@ class Comparison:
         )  # predictions ahead stand with the parameters
         return (
             f"<div><p><b>{html.escape(self.sentence)}</b></p>{f'<ul>{notes}</ul>' if notes else ''}{held_out}{logs}"
-            f"{draw.as_html(self._picture(self._responses[worst]), 'response')}{''.join(parameters)}"
-            f"{draw.as_html(self._picture('parameters'), 'parameters')}{tests}"
-            f"{draw.as_html(self._picture(f'residuals_{largest}'), 'residuals')}</div>"
+            f"{as_html(self._picture(self._responses[worst]), 'response')}{''.join(parameters)}"
+            f"{as_html(self._picture('parameters'), 'parameters')}{tests}"
+            f"{as_html(self._picture(f'residuals_{largest}'), 'residuals')}</div>"
         )

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
-from scipy import signal
 
 from ..explanation.explanation import Explanation
 from ..explanation.heldout import HeldOut
@@ -126,7 +126,7 @@ def spectrum(parts: Sequence[Array], interval: float) -> tuple[Array, Array]:
     """Frequency [Hz] and power of the residuals in units of the noise's, which is 1 at every frequency (Welch)."""
     n = min(256, min(len(part) for part in parts))
     plain: Any = False  # no trend is taken off; the library's annotation knows strings only
-    found = [signal.welch(np.nan_to_num(part), 1.0 / interval, nperseg=n, detrend=plain) for part in parts]
+    found = [scipy.signal.welch(np.nan_to_num(part), 1.0 / interval, nperseg=n, detrend=plain) for part in parts]
     weights = [len(part) for part in parts]
     power = np.average([p for _, p in found], axis=0, weights=weights)
     # One-sided density of white noise of variance 1 is 2 / rate; the two ends of the spectrum have half of it.

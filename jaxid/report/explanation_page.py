@@ -1,6 +1,6 @@
 """The page of an explanation: verdict, where, what, how sure, before and after, what next, in one file.
 
-The same body shows in a notebook. The package gives it to explanations (`explain.explanation.show_with`).
+The same body shows in a notebook. Imported when it is wanted (`page.Page`), since matplotlib takes long to import.
 """
 
 from importlib.resources import files
@@ -83,24 +83,21 @@ def _render(found: Explanation, pictures: dict[str, bytes], whole: bool) -> str:
     )
 
 
-class Page:
-    """How explanations are shown: text on a terminal, this page in a notebook and in a file."""
+def body(found: Explanation) -> str:
+    """HTML for a notebook."""
+    return _render(found, _drawn(found), whole=False)
 
-    def text(self, found: Explanation) -> str:
-        return tab.text(found)
 
-    def body(self, found: Explanation) -> str:
-        return _render(found, _drawn(found), whole=False)
-
-    def save(self, found: Explanation, folder: Path) -> list[Path]:
-        pictures = _drawn(found)
-        written = [folder / "report.html"]
-        write_text(written[0], _render(found, pictures, whole=True))
-        for name, picture in pictures.items():
-            written.append(folder / f"{name}.png")
-            with replacing(written[-1]) as temporary:
-                temporary.write_bytes(picture)
-        # What an earlier explanation left here would pass for this one's.
-        for name in ALT.keys() - pictures.keys():
-            (folder / f"{name}.png").unlink(missing_ok=True)
-        return written
+def save(found: Explanation, folder: Path) -> list[Path]:
+    """Write the page and its pictures into `folder` and return their paths."""
+    pictures = _drawn(found)
+    written = [folder / "report.html"]
+    write_text(written[0], _render(found, pictures, whole=True))
+    for name, picture in pictures.items():
+        written.append(folder / f"{name}.png")
+        with replacing(written[-1]) as temporary:
+            temporary.write_bytes(picture)
+    # What an earlier explanation left here would pass for this one's.
+    for name in ALT.keys() - pictures.keys():
+        (folder / f"{name}.png").unlink(missing_ok=True)
+    return written

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.linalg import qr as pivoted_qr
-from scipy.stats import chi2
 
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
@@ -128,7 +128,7 @@ def _covariance(
         return spread
     other = inverse @ (scatter + np.diag(prior)) @ inverse.T
     # The scatter is roughly known, so it counts where it is larger by more than chance.
-    chance = degrees / float(chi2.ppf(_CHANCE, degrees))
+    chance = degrees / float(scipy.stats.chi2.ppf(_CHANCE, degrees))
     return _grown(spread, other / chance)
 
 

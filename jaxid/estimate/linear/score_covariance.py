@@ -9,9 +9,9 @@ first cosine transforms over each log: positive semidefinite, no model of the co
 """
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.fft import dct
-from scipy.stats import t as student
 
 from ..result import NORMAL_95
 
@@ -50,7 +50,7 @@ def score_covariance(scores: Array, log: NDArray[np.int64], memory: int) -> tupl
 
 def widened(covariance: Array, freedom: float) -> Array:
     """The covariance whose normal 95 % interval is as wide as Student's with that many degrees of freedom."""
-    return covariance * (float(student.ppf(0.975, max(freedom, 1.0))) / NORMAL_95) ** 2
+    return covariance * (float(scipy.stats.t.ppf(0.975, max(freedom, 1.0))) / NORMAL_95) ** 2
 
 
 def _autocovariance(residual: Array, seen: NDArray[np.bool_], log: NDArray[np.int64]) -> Array:

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax.typing import ArrayLike
 from jaxtyping import Float
 from numpy.typing import NDArray
 from scipy.linalg import qr as pivoted_qr
-from scipy.optimize import lsq_linear
 
 from ..._float64 import in_float64
 from ...robots.robot import Robot
@@ -178,7 +178,7 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_]) -> 
         scale = lengths[index]
         Q, R = np.linalg.qr(stacked / scale)
         sides = (lower[index] * scale, upper[index] * scale)
-        solved = lsq_linear(R, Q.T @ rhs, bounds=sides, method="bvls", tol=1e-14)
+        solved = scipy.optimize.lsq_linear(R, Q.T @ rhs, bounds=sides, method="bvls", tol=1e-14)
         theta = default.copy()
         theta[index] = np.clip(solved.x / scale, lower[index], upper[index])
         bound = np.zeros(n, bool)

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 from ..._arrays import array
 from ..._compile import compiled
@@ -173,7 +173,7 @@ def neglected(
     deviation = np.ones(len(d.kept)) if white else _by_chance(problem, d)
     z = np.maximum(np.abs(scores) - error * np.sqrt(samples), 0.0) / deviation
     best = int(np.argmax(z))
-    p = min(2.0 * float(stats.t.sf(z[best], freedom)) * len(z), 1.0)
+    p = min(2.0 * float(scipy.stats.t.sf(z[best], freedom)) * len(z), 1.0)
     if p >= HINT:
         return None
     shift = np.zeros(len(structure.names))

@@ -7,9 +7,9 @@ from math import comb
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
-from scipy import stats
 
 from ..._compile import compiled
 from ..result import NORMAL_95, Disturbance, Estimate
@@ -60,7 +60,7 @@ def chance(ratio: float, levels: int) -> float:
     """
     if ratio <= 0:
         return 1.0
-    return float(sum(comb(levels, k) * 0.5**levels * stats.chi2.sf(ratio, k) for k in range(1, levels + 1)))
+    return float(sum(comb(levels, k) * 0.5**levels * scipy.stats.chi2.sf(ratio, k) for k in range(1, levels + 1)))
 
 
 def _noise(value: float, error: float, unit: str, at_zero: bool) -> Estimate:

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.stats import t as student
 
 from ...estimate.result import Estimate
 from .printed import AXES, COULOMB, DISC_RADIUS, GRAVITY, VISCOUS, Axis
@@ -64,7 +64,7 @@ def _least_squares(what: str, A: Array, y: Array) -> tuple[Array, Array, float, 
 
 
 def _estimate(value: float, std_error: float, unit: str, freedom: int) -> Estimate:
-    half = float(student.ppf(0.975, freedom)) * std_error  # few measurements: Student's t, not the normal law
+    half = float(scipy.stats.t.ppf(0.975, freedom)) * std_error  # few measurements: Student's t, not the normal law
     return Estimate(float(value), float(std_error), (float(value - half), float(value + half)), unit, "identified")
 
 
