@@ -72,6 +72,23 @@ Windows = Annotated[
 ]
 
 
+ControlLaw = Annotated[
+    str | None,
+    typer.Option(
+        "--controller",
+        metavar="MODULE:ATTRIBUTE",
+        help="Simulate the closed loop with this control law, from the reference among the logs' further columns.",
+    ),
+]
+BetweenSamples = Annotated[
+    Literal["hold", "linear"],
+    typer.Option(
+        "--intersample",
+        help="Inputs between samples: held, as a computer commands them, or linear, as a sensor sees.",
+    ),
+]
+
+
 class Method(StrEnum):
     """Estimators by the name that they have in fit.json."""
 
@@ -79,6 +96,12 @@ class Method(StrEnum):
     instrumental_variables = "instrumental_variables"
     output_error = "output_error"
     prediction_error = "prediction_error"
+
+
+def check_loop(controller: str | None, intersample: str) -> None:
+    """Raise `typer.BadParameter` (exit status 2) for a controller and inputs that are not held."""
+    if controller is not None and intersample != "hold":
+        raise typer.BadParameter("--intersample linear is for measured inputs; a --controller holds its commands.")
 
 
 def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
@@ -150,28 +173,14 @@ def fit(
     covariance: Covariance = "auto",
     clock_offset: ClockOffset = False,
     windows: Windows = "auto",
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            "--controller",
-            metavar="MODULE:ATTRIBUTE",
-            help="Simulate the closed loop with this control law, from the reference among the logs' further columns.",
-        ),
-    ] = None,
-    intersample: Annotated[
-        Literal["hold", "linear"],
-        typer.Option(
-            "--intersample",
-            help="Inputs between samples: held, as a computer commands them, or linear, as a sensor sees.",
-        ),
-    ] = "hold",
+    controller: ControlLaw = None,
+    intersample: BetweenSamples = "hold",
 ) -> None:
     """Identify a robot's parameters from its logs, by integral least squares and by output error, or as --method says."""
     from .fit import USUAL, run_fit
 
     options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset, "windows": window_option(windows)}
-    if controller is not None and intersample != "hold":
-        raise typer.BadParameter("--intersample linear is for measured inputs; a --controller holds its commands.")
+    check_loop(controller, intersample)
     methods = tuple(dict.fromkeys(map(str, method or USUAL)))
     run_fit(robot, fit, held_out or [], model, mapping, out, options, intersample, controller, methods)
 
@@ -200,11 +209,18 @@ def explain(
         typer.Option("--baseline", metavar="uncoupled", help="Start the omni from the paper's equations."),
     ] = None,
     mapping: Mapping = None,
+    loss: Loss = "squares",
+    covariance: Covariance = "auto",
+    windows: Windows = "auto",
+    controller: ControlLaw = None,
+    intersample: BetweenSamples = "hold",
 ) -> None:
     """Find where simulation and logs disagree, name the missing effect, add it, and show the gap shrink."""
     from .explain import run_explain
 
-    run_explain(robot, fit, held_out, model, baseline, mapping, out)
+    options = {"loss": loss, "covariance": covariance, "windows": window_option(windows)}
+    check_loop(controller, intersample)
+    run_explain(robot, fit, held_out, model, baseline, mapping, out, options, intersample, controller)
 
 
 @app.command()

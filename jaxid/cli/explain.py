@@ -1,19 +1,22 @@
 """`jaxid explain`: read, look, fit, and say what the model lacks; files for programs and a page for people."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import typer
 
 from ..estimate.result import Fit
 from ..explanation.explain import apart, explain, without_windows
 from ..logs import LogSet
+from ..logs.intersample import Intersample
 from ..report import compare
 from ..report.files import write_fit
 from ..robots import Robot
 from .arguments import UnusableInput, load_robot
 from .cache import keep_compiled_programs
 from .console import complain, say, show, step
-from .fit import estimate, identifiable, read_case
+from .fit import estimated, identifiable, read_case
 
 BASELINES = ("uncoupled",)
 """What `--baseline` can be."""
@@ -59,6 +62,9 @@ def run_explain(
     baseline: str | None,
     mapping: Path | None,
     out: Path,
+    options: Mapping[str, Any],
+    intersample: Intersample = "hold",
+    controller: str | None = None,
 ) -> None:
     """Write fit.json, explanation.json, model.toml, report.html and pictures to `out` and print what was found."""
     keep_compiled_programs()
@@ -67,13 +73,14 @@ def run_explain(
     if baseline is not None:
         robot = without_coupling(robot)
     fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
+    if held_out_logs is not None:
+        apart(fit_logs, held_out_logs)
+    fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, controller)
     assert held_out_logs is not None  # --held-out is required
-    apart(fit_logs, held_out_logs)
-    fits = estimate(robot, fit_logs)
-    fits[-1] = without_windows(fits[-1], fit_logs, say)
+    fits[-1] = without_windows(fits[-1], fit_logs, say, **options)
     _write_fits(out, fits, fit_logs, held_out_logs)
     with step("Explanation") as report:
-        found = explain(fits[-1], fit_logs, held_out_logs, report=report)
+        found = explain(fits[-1], fit_logs, held_out_logs, report=report, **options)
     judged = found.final.judgement.sentence if found.final.judgement else ""
     for note in found.final.notes if found.effects else ():
         if note != judged:  # stands in the explanation, where there is one

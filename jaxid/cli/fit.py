@@ -125,6 +125,38 @@ def estimate(
     return fits
 
 
+def estimated(
+    robot: Robot,
+    logs: LogSet,
+    held_out: LogSet | None,
+    options: Mapping[str, Any],
+    intersample: Intersample = "hold",
+    controller: str | None = None,
+    methods: Sequence[str] = USUAL,
+) -> tuple[list[Fit], LogSet, LogSet | None]:
+    """The estimates by `methods` as the command line asks for them, and the logs that they are of: with their inputs as
+    between samples, and, with a controller, as logs of the closed loop, in which the linear estimate is judged, too.
+
+    Raises `UnusableInput` for a controller that is none or that no method simulates, and where no method gives an estimate.
+    """
+    law = None if controller is None else load_controller(controller)
+    if law is not None and methods[-1] != "output_error":
+        raise UnusableInput(
+            "a controller is simulated by output error alone, and prediction error needs none: it starts every prediction "
+            "from what was measured; leave out --controller, or put output_error last in --method."
+        )
+    logs = between_samples(logs, intersample)
+    held_out = None if held_out is None else between_samples(held_out, intersample)
+    fits = estimate(robot, logs, options if law is None else {**options, "controller": law}, methods)
+    if not fits:
+        raise UnusableInput(f"{', '.join(methods)} gives no estimate here; add --method output_error.")
+    if law is not None:
+        logs = closed_loop(robot, logs, law)[1]
+        held_out = None if held_out is None else closed_loop(robot, held_out, law)[1]
+        fits = [_looped(fit, fits[-1]) for fit in fits]
+    return fits, logs, held_out
+
+
 def _estimates_table(fits: Sequence[Fit]) -> Table:
     """Estimated parameters and combinations of every method, without held-out logs."""
     rows = []
@@ -222,22 +254,7 @@ def run_fit(
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
     robot = identifiable(spec, model, fit, mapping)
-    law = None if controller is None else load_controller(controller)
-    if law is not None and methods[-1] != "output_error":
-        raise UnusableInput(
-            "a controller is simulated by output error alone, and prediction error needs none: it starts every prediction "
-            "from what was measured; leave out --controller, or put output_error last in --method."
-        )
     fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
-    fit_logs = between_samples(fit_logs, intersample)
-    held_out_logs = None if held_out_logs is None else between_samples(held_out_logs, intersample)
-    fits = estimate(robot, fit_logs, options if law is None else {**options, "controller": law}, methods)
-    if not fits:
-        raise UnusableInput(f"{', '.join(methods)} gives no estimate here; add --method output_error.")
-    if law is not None:
-        # The linear estimate is judged in the loop, too.
-        fit_logs = closed_loop(robot, fit_logs, law)[1]
-        held_out_logs = None if held_out_logs is None else closed_loop(robot, held_out_logs, law)[1]
-        fits = [_looped(fit, fits[-1]) for fit in fits]
+    fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, controller, methods)
     write_results(out, fits, held_out_logs, fit_logs)
     say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if held_out_logs is not None else ""))

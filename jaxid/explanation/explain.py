@@ -6,7 +6,9 @@ from dataclasses import replace
 from .._compile import seldom_collected
 from .._renamed import renamed
 from ..estimate.judgement import LOOK_FURTHER
-from ..estimate.output_error.output_error import output_error
+from ..estimate.output_error.conclude import Covariance
+from ..estimate.output_error.losses import Loss, Squares, loss_named
+from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit
 from ..logs import LogError, LogSet
@@ -19,6 +21,7 @@ from .heldout import HeldOut
 from .localise import localise, without_place
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
+from .passing_jumps import without_passing_jumps
 from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, differ, search
@@ -143,18 +146,27 @@ def apart(logs: LogSet, held_out: LogSet) -> None:
         )
 
 
-def without_windows(fit: Fit, logs: LogSet, report: Callable[[str], None] = lambda message: None) -> Fit:
+def without_windows(
+    fit: Fit,
+    logs: LogSet,
+    report: Callable[[str], None] = lambda message: None,
+    *,
+    loss: Loss | str = "squares",
+    covariance: Covariance = "auto",
+    windows: Windows = "auto",
+) -> Fit:
     """`fit`, by free simulation if it was made in windows though no output's errors grow without bound.
 
     A window's own initial state takes up what the model lacks: of what merely integrates, that is what is looked for.
-    Unstable plants, and those whose free simulation diverges, keep their windows.
+    Unstable plants, and those whose free simulation diverges, keep their windows, and so does whoever asked for `windows` of
+    so many seconds. The other options are those of `output_error`.
     """
-    if fit.window is None or predictability(fit.robot, logs).kind == "unstable":
+    if fit.window is None or isinstance(windows, int | float) or predictability(fit.robot, logs).kind == "unstable":
         return fit
     report("windows would hide what is missing; fitted by free simulation to be explained")
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
     try:
-        free = output_error(fit.robot, logs, start=start, windows=None)
+        free = output_error(fit.robot, logs, start=start, loss=loss, covariance=covariance, windows=None)
     except ParameterError:
         return fit
     return replace(free, notes=(*free.notes, _FREELY))
@@ -169,12 +181,18 @@ def explain(
     *,
     effects: Sequence[Effect] = (),
     most: int = MOST_EFFECTS,
+    loss: Loss | str = "squares",
+    covariance: Covariance = "auto",
+    windows: Windows = "auto",
     report: Callable[[str], None] = lambda message: None,
 ) -> Explanation:
     """Say what is missing in `fit`, an output-error fit to `logs`, judged on logs that were not fitted (`held_out`).
 
-    `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `report` is
-    called with a sentence whenever something is done.
+    `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `loss` and
+    `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, samples that jump away
+    from their neighbours and come back are left out of the search, in the fitted and in the held-out logs
+    (`passing_jumps`). `windows`: "auto" keeps those of an unstable plant only; seconds keep the fit's. `report` is called
+    with a sentence whenever something is done.
 
     Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. The false-alarm rate
     of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong estimate of the noise adds.
@@ -189,20 +207,25 @@ def explain(
     """
     logs, held_out = (given_logs(fit.robot, each) for each in (logs, held_out))
     apart(logs, held_out)
-    fit = without_windows(fit, logs, report)
+    loss = loss_named(loss)
+    fit = without_windows(fit, logs, report, loss=loss, covariance=covariance, windows=windows)
     placeless = without_place(fit.robot)
     if placeless:
         report(placeless)
     if fit.window is not None:
         logs, held_out = in_windows(logs, fit.window), in_windows(held_out, fit.window)
         report(f"the fit is in windows of {fit.window:.3g} s, and so is its explanation")
+    noted, whole = "", logs
+    if not isinstance(loss, Squares):
+        logs, held_out, noted = without_passing_jumps(fit.robot, logs, held_out)
+        report(noted)
     report("looking for a gap on the held-out logs")
     found = search(fit, logs, held_out, effects=effects, most=most, report=report)
     final, after = fit, found.before
     # Fitted again with the weights of the search, the model may need nothing more.
     mended = found.after.adequate and not found.before.adequate
     if (found.steps or mended) and found.final:
-        final = in_full(found.final, logs, after.noise)
+        final = in_full(found.final, whole, after.noise, loss=loss, covariance=covariance)
         after = predicted(final.robot, held_out, after.noise)
     named = _named(found, fit, final)
     doubts = _doubts(found, final, named, after)
@@ -227,6 +250,6 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (still, placeless, untried) if note),
+        notes=tuple(note for note in (still, placeless, noted, untried) if note),
         colour=found.colour,
     )

@@ -170,7 +170,12 @@ def sentence(
 
 
 def without_place(robot: Robot) -> str:
-    """A sentence if the gap of this robot's models cannot be placed, for want of velocities; else nothing."""
+    """A sentence if the gap of this robot's models cannot be placed: in a closed loop, or for want of velocities."""
+    if robot.controlled:
+        return (
+            "The gap is not placed in an equation of motion, since the controller answers what is missing before it shows; an "
+            "explanation of the plant at its logged commands places it."
+        )
     try:
         forced(robot)
     except NoVelocities as error:

@@ -23,8 +23,23 @@ def _wanted(trait: str, robot: Robot) -> list[str]:
     return left if left or whole is None else [whole.group(1)]
 
 
+def _in_no_loop(robot: Robot) -> str:
+    """A sentence that names the effects that the plant of a controlled robot may lack and its loop cannot have."""
+    plant = robot.alone
+    out = {effect.id for effect in plant.effects} | plant.expressed
+    names = [e.id for e in ALL if e.id not in out and refusal(e, plant) is None and refusal(e, robot) is not None]
+    if not names:
+        return ""
+    return (
+        f"Not looked for in a closed loop: {', '.join(map(in_words, names))}. What is missing may be one of these, or have the "
+        "name of another that can do the same; an explanation of the plant at its logged commands looks for them."
+    )
+
+
 def not_looked_for(robot: Robot) -> str:
     """A sentence that names those effects with the arguments that would let them act; empty where there are none."""
+    if robot.controlled:
+        return _in_no_loop(robot)
     if not robot.declared:
         return ""
     out = {effect.id for effect in robot.effects} | robot.expressed

@@ -7,8 +7,10 @@ import numpy as np
 
 from .._arrays import array
 from .._float64 import in_float64
+from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.from_optimum import initial_states_at
 from ..estimate.output_error.in_turns import compile_ahead
+from ..estimate.output_error.losses import Loss
 from ..estimate.output_error.optimum import Optimum
 from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.problem import Unknowns
@@ -141,10 +143,20 @@ def continued(trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, 
     return again if again.score < trial.score else trial
 
 
-def in_full(trial: Trial, logs: LogSet, noise: Mapping[str, float]) -> Fit:
-    """The output-error fit of a trial's model, with its uncertainty."""
+def in_full(
+    trial: Trial,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    *,
+    loss: Loss | str = "squares",
+    covariance: Covariance = "auto",
+) -> Fit:
+    """The output-error fit of a trial's model, with its uncertainty; `loss` and `covariance` as of `output_error`.
+
+    Where wheels' angles have to be prescribed, the loss is that of squares.
+    """
     robot = replace(trial.robot, effects=tuple(effect.sharp for effect in trial.robot.effects))
     start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     if trial.angles:
         return fit_with_prescribed_angles(robot, logs, noise, start, trial.initial_states)
-    return output_error(robot, logs, start=start, windows=None, max_steps=60)
+    return output_error(robot, logs, start=start, loss=loss, covariance=covariance, windows=None, max_steps=60)

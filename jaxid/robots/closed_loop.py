@@ -18,7 +18,7 @@ from ..logs import Channels, Log, LogError, LogSet
 from ..parameters import Parameter, ParameterError, ParameterTable
 from .effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot
-from .signal_path import overrides
+from .traits import IN_NO_LOOP, on_whole_signals
 
 SAMPLE = "sample"
 """Input channel with the number of the sample: the controller runs once where it changes."""
@@ -101,6 +101,59 @@ class ClosedLoop(Robot):
     @property
     def words(self) -> Mapping[str, str]:  # type: ignore[override]
         return self.plant.words
+
+    # What effects ask for, but for pose and wheel angles.
+    @property
+    def stages(self) -> frozenset[str]:  # type: ignore[override]
+        return self.plant.stages
+
+    @property
+    def drive_inputs(self) -> tuple[int, ...]:
+        return self.plant.drive_inputs
+
+    @property
+    def translations(self) -> tuple[str, ...]:
+        return self.plant.translations
+
+    @property
+    def drive_axes(self) -> tuple[int, ...]:  # type: ignore[override]
+        return self.plant.drive_axes
+
+    @property
+    def axis_words(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.plant.axis_words
+
+    @property
+    def friction_unit(self) -> str:  # type: ignore[override]
+        return self.plant.friction_unit
+
+    @property
+    def torque_unit(self) -> str:  # type: ignore[override]
+        return self.plant.torque_unit
+
+    @property
+    def rim_unit(self) -> str:  # type: ignore[override]
+        return self.plant.rim_unit
+
+    @property
+    def ground_force_unit(self) -> str:  # type: ignore[override]
+        return self.plant.ground_force_unit
+
+    @property
+    def winding(self) -> str:  # type: ignore[override]
+        return self.plant.winding
+
+    @property
+    def supply_voltage(self) -> str | float | None:  # type: ignore[override]
+        return self.plant.supply_voltage
+
+    @property
+    def mechanisms(self) -> Mapping[str, tuple[str, ...]]:  # type: ignore[override]
+        return self.plant.mechanisms
+
+    @property
+    def expressed(self) -> frozenset[str]:  # type: ignore[override]
+        return self.plant.expressed
 
     @property
     def _added(self) -> tuple[str, ...]:
@@ -186,11 +239,8 @@ class ClosedLoop(Robot):
 
 def _check_effects(plant: Robot) -> None:
     for effect in plant.effects:
-        if overrides(type(effect), "command") or overrides(type(effect), "measure"):
-            raise ParameterError(
-                f"the effect {effect.id!r} acts on whole recorded signals, which a closed loop makes as it goes; give the "
-                "controller such a delay or sensor as states of its own"
-            )
+        if on_whole_signals(effect):
+            raise ParameterError(f"the effect {effect.id!r} {IN_NO_LOOP}")
 
 
 def _check_law(plant: Robot, controller: Controller) -> None:
@@ -234,6 +284,19 @@ def _looped(log: Log, robot: ClosedLoop) -> Log:
     outputs = {name: log.output(name) for name in log.channels.measured}
     outputs |= {name: log.input(name) for name in log.channels.inputs} if robot.controller.fitted else {}
     return Log.from_arrays(log.name, log.time, inputs, outputs, robot.channels, log.extra, log.source)
+
+
+def at_commands(loop: Robot, logs: LogSet) -> LogSet:
+    """The logs of a loop as logs of its plant, at the commands that stand in them. Raises `LogError` where none do."""
+    plant, own = loop.alone, []
+    for log in logs:
+        lacking = [name for name in plant.channels.inputs if name not in log.channels.measured]
+        if lacking:
+            raise LogError(f"{log.name} has no commands {lacking[0]!r}, since the controller says fitted=False.")
+        inputs = {name: np.nan_to_num(log.output(name)) for name in plant.channels.inputs}
+        outputs = {name: log.output(name) for name in plant.channels.measured}
+        own.append(Log.from_arrays(log.name, log.time, inputs, outputs, plant.channels, log.extra, log.source))
+    return LogSet(own)
 
 
 def _numeric(logs: LogSet) -> tuple[str, ...]:

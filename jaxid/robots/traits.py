@@ -31,6 +31,18 @@ TRAITS = {
 """Traits by name, each with what the robot has to say to have it."""
 
 
+IN_NO_LOOP = (
+    "acts on whole recorded signals, which a closed loop makes as it goes; give the controller such a delay or sensor as "
+    "states of its own"
+)
+"""Why a controlled robot has no effect on commands and sensors."""
+
+
+def on_whole_signals(effect: Effect) -> bool:
+    """Whether an effect acts on whole commanded or measured signals."""
+    return overrides(type(effect), "command") or overrides(type(effect), "measure")
+
+
 def traits_of(robot: "Robot") -> frozenset[str]:
     """The traits that a robot has."""
     found = set(robot.stages)
@@ -53,6 +65,8 @@ def asked(effect: Effect) -> tuple[str, ...]:
 
 def refusal(effect: Effect, robot: "Robot") -> str | None:
     """Why `robot` cannot have `effect`, in a sentence; None if it can."""
+    if robot.controlled and on_whole_signals(effect):
+        return f"the effect {effect.id!r} {IN_NO_LOOP}"
     there = traits_of(robot)
     if effect.id in robot.mechanisms:
         there |= {"mechanism"}

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from .._float64 import in_float64
 from ..logs import Log, LogSet
+from ..robots.closed_loop import at_commands
 from ..robots.robot import Robot
 from ..robots.scales import Scales, time_constant
 from .reckoning import measured_velocities, reckoned
@@ -75,7 +76,12 @@ def _efforts(robot: Robot, largest: float) -> tuple[float, float, float]:
 
 
 def scales_of(robot: Robot, logs: LogSet) -> Scales:
-    """Orders of magnitude of what `robot`, at its parameters, does in `logs`."""
+    """Orders of magnitude of what `robot`, at its parameters, does in `logs`; in a closed loop, of its plant at the commands.
+
+    Raises `LogError` for logs of a loop without commands.
+    """
+    if robot.controlled:
+        return scales_of(robot.alone, at_commands(robot, logs))
     largest = max(float(np.max(np.abs(log.inputs[:, list(robot.drive_inputs)]))) for log in logs) or 1.0
     interval = float(np.median([log.sampling_interval for log in logs]))
     duration = float(np.median([log.duration for log in logs]))

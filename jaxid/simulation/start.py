@@ -74,7 +74,8 @@ def _sensed(robot: Robot, channels: int) -> tuple[NDArray[np.float64], NDArray[n
 
 def _observed(robot: Robot, state: Mapping[str, float], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outputs [channels.outputs] of a state."""
-    return np.array([float(y) for y in robot.observe(dict(state), tuple(inputs), robot.parameters.numbers)])
+    seen = robot.observe(dict(state), tuple(inputs), robot.parameters.numbers)
+    return np.array([float(y) for y in seen[: len(robot.channels.outputs)]])
 
 
 @in_float64
@@ -87,7 +88,7 @@ def _showing(
 
     def outputs(x):
         seen = robot.observe({**state, **dict(zip(names, x, strict=True))}, tuple(inputs), numbers)
-        return jnp.stack([jnp.asarray(y, float) for y in seen])
+        return jnp.stack([jnp.asarray(y, float) for y in seen[: len(wanted)]])
 
     x = np.array([float(state[name]) for name in names])
     for _ in range(_STEPS):
