@@ -16,7 +16,7 @@ from ..robots import Robot
 from .arguments import UnusableInput, load_robot
 from .cache import keep_compiled_programs
 from .console import complain, say, show, step
-from .fit import estimated, identifiable, read_case
+from .fit import control_law, estimated, identifiable, read_case
 
 BASELINES = ("uncoupled",)
 """What `--baseline` can be."""
@@ -72,10 +72,11 @@ def run_explain(
     robot = identifiable(spec, model, fit, mapping)
     if baseline is not None:
         robot = without_coupling(robot)
+    law = control_law(controller)
     fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
     if held_out_logs is not None:
         apart(fit_logs, held_out_logs)
-    fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, controller)
+    fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, law)
     assert held_out_logs is not None  # --held-out is required
     fits[-1] = without_windows(fits[-1], fit_logs, say, **options)
     _write_fits(out, fits, fit_logs, held_out_logs)

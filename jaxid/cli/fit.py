@@ -22,6 +22,7 @@ from ..report import Comparison, compare
 from ..report.files import write_fit
 from ..report.tables import DOUBT, Cell, Table, title_of, to_html, to_text, value_cell, with_error
 from ..robots import Robot, closed_loop
+from ..robots.closed_loop import Controller, Law
 from .arguments import UnusableInput, for_logs, load_controller, load_robot
 from .cache import keep_compiled_programs
 from .console import say, show, step
@@ -125,26 +126,31 @@ def estimate(
     return fits
 
 
-def estimated(
-    robot: Robot,
-    logs: LogSet,
-    held_out: LogSet | None,
-    options: Mapping[str, Any],
-    intersample: Intersample = "hold",
-    controller: str | None = None,
-    methods: Sequence[str] = USUAL,
-) -> tuple[list[Fit], LogSet, LogSet | None]:
-    """The estimates by `methods` as the command line asks for them, and the logs that they are of: with their inputs as
-    between samples, and, with a controller, as logs of the closed loop, in which the linear estimate is judged, too.
-
-    Raises `UnusableInput` for a controller that is none or that no method simulates, and where no method gives an estimate.
-    """
+def control_law(controller: str | None, methods: Sequence[str] = USUAL) -> Controller | Law | None:
+    """What `--controller` names. Raises `UnusableInput` for what is none, or where the last of `methods` simulates none."""
     law = None if controller is None else load_controller(controller)
     if law is not None and methods[-1] != "output_error":
         raise UnusableInput(
             "a controller is simulated by output error alone, and prediction error needs none: it starts every prediction "
             "from what was measured; leave out --controller, or put output_error last in --method."
         )
+    return law
+
+
+def estimated(
+    robot: Robot,
+    logs: LogSet,
+    held_out: LogSet | None,
+    options: Mapping[str, Any],
+    intersample: Intersample = "hold",
+    law: Controller | Law | None = None,
+    methods: Sequence[str] = USUAL,
+) -> tuple[list[Fit], LogSet, LogSet | None]:
+    """The estimates by `methods` as the command line asks for them, and the logs that they are of: with their inputs as
+    between samples, and, with a controller, as logs of the closed loop, in which the linear estimate is judged, too.
+
+    Raises `UnusableInput` where no method gives an estimate.
+    """
     logs = between_samples(logs, intersample)
     held_out = None if held_out is None else between_samples(held_out, intersample)
     fits = estimate(robot, logs, options if law is None else {**options, "controller": law}, methods)
@@ -254,7 +260,8 @@ def run_fit(
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
     robot = identifiable(spec, model, fit, mapping)
+    law = control_law(controller, methods)
     fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
-    fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, controller, methods)
+    fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, law, methods)
     write_results(out, fits, held_out_logs, fit_logs)
     say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if held_out_logs is not None else ""))
