@@ -112,3 +112,18 @@ def test_a_column_of_the_wrong_sign_is_said_of_its_member(jaxid, robots, without
     assert not members.trustworthy["b"] and members.trustworthy["a"]
     assert "opposite sign" in members.notes["b"] and "opposite sign" not in members.notes["a"]
     assert "opposite sign" in " ".join(said.split())
+
+
+def test_a_member_far_from_the_others_is_pointed_out(jaxid, without_dry_friction, tmp_path):
+    masses = {"a": 1.0, "b": 1.02, "c": 0.98, "d": 1.01, "e": 1.0, "f": 0.99, "heavy": 1.6}
+    for k, (name, mass) in enumerate(masses.items()):
+        axis_log(tmp_path / "logs" / f"{name}.csv", mass, k)
+    out = tmp_path / "out"
+    status, said, remarks = jaxid("fleet", "axis", tmp_path / "logs", "--model", without_dry_friction, "--out", out)
+    assert status == 0, remarks
+    said = " ".join(said.split())
+    assert "Far from the others: heavy." in said and "heavy is far from the others in M: 1.6" in said
+    page = (out / "report.html").read_text()
+    assert "heavy is far from the others in M" in page and page.count(" far</td>") == 1
+    far = pd.read_parquet(out / "estimates.parquet").set_index(["member", "parameter"])["far"]
+    assert far[("heavy", "M")] > 5 and (far.drop(("heavy", "M")) == 0).all()

@@ -11,11 +11,12 @@ import numpy as np
 
 from .._atomic import write_text
 from ..estimate.linear.integral_least_squares import linear_estimate
+from ..estimate.output_error.far_members import FarMember, far_members
 from ..estimate.output_error.fleet import fit_fleet
 from ..estimate.result import Fit
 from ..logs import LogError, LogSet, read_logs
 from ..parameters import ParameterError
-from ..report.fleet_files import ESTIMATES, MEMBERS, estimate_rows, member_row, write_tables
+from ..report.fleet_files import ESTIMATES, MEMBERS, estimate_rows, member_row, with_distances, write_tables
 from ..report.tables import DOUBT, Cell, Table, to_html, to_text, value_cell
 from ..robots import Robot
 from .arguments import UnusableInput
@@ -27,6 +28,7 @@ BATCH = 256
 """Members at a time: what is done is in the files, and memory stays bounded."""
 _ENDINGS = (".csv", ".parquet", ".pq")
 _SHOWN = 10
+_FAR = "far: farther from the fleet's median than chance makes a sound member, by its spread and the standard error."
 _ON_PAGE = 200
 """Members that the page lists."""
 
@@ -102,12 +104,18 @@ def _why(fit: Fit) -> str:
     return " ".join([*found, *said])
 
 
-def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> tuple[list[str], Table]:
+def _summary(
+    fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]], far: Sequence[FarMember]
+) -> tuple[list[str], Table]:
     """How the fleet fared, and the spread of every parameter over the members whose fits are sound."""
     failure = {row[0]: row[-1] for row in members if row[-1]}
     doubted = [name for name, fit in fits.items() if not fit.trustworthy]
     how = "is" if len(doubted) == 1 else "are"
     said = [f"{len(fits)} of {len(members)} members fitted; {len(doubted)} of these {how} to be doubted."]
+    if far:
+        out = list(dict.fromkeys(one.member for one in far))
+        more = f" and {len(out) - _SHOWN} more" if len(out) > _SHOWN else ""
+        said.append(f"Far from the others: {', '.join(out[:_SHOWN])}{more}.")
     rows = []
     sound = [fit for fit in fits.values() if fit.trustworthy]
     for name in next(iter(fits.values())).free_names if fits else ():
@@ -118,17 +126,24 @@ def _summary(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> tup
             error = float(np.median([e.std_error for e in own]))
             cells += [Cell(f"{x:.5g}") for x in (low, middle, high)] + [Cell(f"{error:.2g}")]
         rows.append(tuple(cells + [Cell("")] * (7 - len(cells))))
+    first = [one.sentence for one in far[:_SHOWN]]
     notes = [f"{name}: {why}" for name, why in islice(failure.items(), _SHOWN)]
     notes += [f"{name}: {_why(fits[name])}" for name in doubted[:_SHOWN]]
     left = len(failure) + len(doubted) - len(notes)
     notes += [f"{left} more in members.parquet."] if left > 0 else []
     header = ("parameter", "unit", "sound fits", "5 %", "median", "95 %", "median std. error")
-    return said, Table("Parameters over the fleet", header, tuple(rows), tuple(notes))
+    return said, Table("Parameters over the fleet", header, tuple(rows), (*first, *notes))
 
 
-def _members_table(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) -> Table:
+def _own_cell(fit: Fit, symbol: str, far: bool) -> Cell:
+    cell = value_cell(fit[symbol], not fit.trustworthy)
+    return Cell(f"{cell.text} far", "bad") if far else cell
+
+
+def _members_table(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]], far: Sequence[FarMember]) -> Table:
     """Every member's estimates and what its residual says of them, the first `_ON_PAGE`."""
     names = next(iter(fits.values())).free_names if fits else ()
+    out = {(one.member, one.parameter) for one in far}
     rows = []
     for name, *_, failure in members[:_ON_PAGE]:
         fit = fits.get(name)
@@ -136,11 +151,12 @@ def _members_table(fits: Mapping[str, Fit], members: Sequence[tuple[Any, ...]]) 
             rows.append((Cell(name), Cell(f"no fit: {failure}", "bad"), *[Cell("-")] * len(names)))
             continue
         verdict = fit.judgement.verdict if fit.judgement else "-"
-        cells = (value_cell(fit[symbol], not fit.trustworthy) for symbol in names)
+        cells = (_own_cell(fit, symbol, (name, symbol) in out) for symbol in names)
         rows.append((Cell(name), Cell(verdict, "" if fit.trustworthy else "bad"), *cells))
     units = (f"{n} [{u}]" if (u := next(iter(fits.values()))[n].unit) else n for n in names)
     more = (f"{len(members) - _ON_PAGE} more in members.parquet and estimates.parquet.",)
     notes = ("± is one standard error.", *([DOUBT] if any(not fit.trustworthy for fit in fits.values()) else []))
+    notes += (_FAR,) if far else ()
     return Table("Members", ("member", "judged", *units), tuple(rows), notes + more * (len(members) > _ON_PAGE))
 
 
@@ -178,9 +194,12 @@ def run_fleet(
             more, became, found = _batch(robot, {name: files[name] for name in some}, mapping, options, report)
         estimates, members, fits = estimates + more, members + became, fits | found
         write_tables(out, {"estimates.parquet": (ESTIMATES, estimates), "members.parquet": (MEMBERS, members)})
-    said, spread = _summary(fits, members)
+    far = far_members(fits)
+    if far:
+        write_tables(out, {"estimates.parquet": (ESTIMATES, with_distances(estimates, far))})
+    said, spread = _summary(fits, members, far)
     show(to_text([spread], said))
-    _write_page(out, robot, said, [spread, _members_table(fits, members)])
+    _write_page(out, robot, said, [spread, _members_table(fits, members, far)])
     say(f"{out}: estimates.parquet, members.parquet, report.html")
     if not fits:
         raise UnusableInput(f"No member could be fitted; the first: {members[0][-1]}")

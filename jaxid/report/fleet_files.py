@@ -7,10 +7,11 @@ from typing import Any
 import pandas as pd
 
 from .._atomic import replacing
+from ..estimate.output_error.far_members import FarMember
 from ..estimate.result import Fit
 from ..logs import LogSet
 
-ESTIMATES = ("member", "parameter", "value", "std_error", "low", "high", "unit", "status")
+ESTIMATES = ("member", "parameter", "value", "std_error", "low", "high", "unit", "status", "far")
 MEMBERS = (
     "member", "logs", "samples", "method", "verdict", "trustworthy", "converged", "reason", "iterations",
     "standard_errors", "cost", "notes", "failure",
@@ -22,8 +23,14 @@ def estimate_rows(member: str, fit: Fit) -> list[tuple[Any, ...]]:
     rows = []
     for name in (*fit.free_names, *fit.combinations):
         e = fit[name]
-        rows.append((member, name, e.value, e.std_error, *e.ci95, e.unit, e.status))
+        rows.append((member, name, e.value, e.std_error, *e.ci95, e.unit, e.status, 0.0))
     return rows
+
+
+def with_distances(rows: Sequence[tuple[Any, ...]], far: Sequence[FarMember]) -> list[tuple[Any, ...]]:
+    """The rows with the distances of those that are far from the fleet, in the last column."""
+    distances = {(one.member, one.parameter): one.distance for one in far}
+    return [(*row[:-1], distances.get((row[0], row[1]), 0.0)) for row in rows]
 
 
 def member_row(member: str, logs: LogSet | None, fit: Fit | None, failure: str = "") -> tuple[Any, ...]:

@@ -7,7 +7,7 @@ bootstraps, all recordings but one.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import jax
@@ -22,6 +22,7 @@ from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..result import Fit, estimate_text
+from .far_members import FarMember, far_members
 from .from_optimum import channel_noise
 from .lanes import in_lanes
 from .optimum import Optimum
@@ -86,10 +87,15 @@ def fit_lanes(
 
 @dataclass(frozen=True, repr=False)
 class Fleet:
-    """Fits by member, and why the others have none."""
+    """Fits by member, and why the others have none. `far` are the members that stand out from the fleet."""
 
     fits: dict[str, Fit]
     failed: dict[str, str]
+
+    @cached_property
+    def far(self) -> tuple[FarMember, ...]:
+        """Sound members whose estimates are farther from the fleet's than chance makes them (`far_members`)."""
+        return far_members(self.fits)
 
     @property
     def sentence(self) -> str:
@@ -114,6 +120,7 @@ class Fleet:
 
     def _after(self) -> list[str]:
         more = [f"{len(self.fits) - _SHOWN} more in fits."] if len(self.fits) > _SHOWN else []
+        more += [far.sentence for far in self.far[:_SHOWN]]
         return more + [f"{name}: {why}" for name, why in list(self.failed.items())[:_SHOWN]]
 
     def __repr__(self) -> str:

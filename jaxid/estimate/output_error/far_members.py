@@ -1,0 +1,104 @@
+"""Members of a fleet that are far from the others: another machine, another load, a worn or wrongly assembled one.
+
+Each parameter's middle over the fleet is the median, its spread the median absolute deviation, which the far members do not
+move. A member is far where its distance, in units of spread and standard error together, is larger than the largest one of
+as many normally distributed members is in all but one of a hundred fleets, whatever the parameter: what that takes is drawn.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..result import Fit
+
+FEWEST = 5
+"""Members below which the spread of a fleet is not known and nothing is said."""
+_FALSE_ALARM = 0.01
+"""How often one of a fleet of members that are normally distributed is called far."""
+_NORMAL_MAD = 1.482602218505602
+_DRAWN = 20_000
+"""Fleets of normally distributed members that are drawn to learn what chance does."""
+_MOST_DRAWN = 64
+"""Members of a drawn fleet at most; the largest of more of them is farther at most as often as there are more."""
+
+
+@dataclass(frozen=True)
+class FarMember:
+    """A member's estimate `value` of `parameter` and the fleet's: `median`, and robust standard deviation `spread`.
+
+    `distance` is that from the median in units of spread and the member's own standard error together, with its sign.
+    """
+
+    member: str
+    parameter: str
+    unit: str
+    value: float
+    std_error: float
+    median: float
+    spread: float
+    distance: float
+
+    @property
+    def sentence(self) -> str:
+        """What is far, from what, and by how much."""
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{self.member} is far from the others in {self.parameter}: {self.value:.4g} ± {self.std_error:.2g}{unit}, where "
+            f"the fleet has a median of {self.median:.4g} and a spread of {self.spread:.2g}: {abs(self.distance):.3g} times "
+            "spread and standard error together."
+        )
+
+
+def _distances(values: NDArray[np.float64], errors: NDArray[np.float64] | float = 0.0):
+    """Median, spread and distances of members (last axis)."""
+    count = values.shape[-1]
+    median = np.median(values, axis=-1, keepdims=True)
+    # A few values lie closer to their own median than to the distribution's: n / (n - 0.8).
+    level = _NORMAL_MAD * count / (count - 0.8)
+    spread = level * np.median(np.abs(values - median), axis=-1, keepdims=True)
+    unit = np.hypot(spread, errors)
+    return median, spread, (values - median) / np.where(unit > 0, unit, np.inf)
+
+
+@cache
+def _largest_by_chance(count: int) -> NDArray[np.float64]:
+    """The largest distances in fleets of `count` normally distributed members, in rising order [_DRAWN]."""
+    drawn = np.random.default_rng(0).normal(size=(_DRAWN, count))
+    return np.sort(np.max(np.abs(_distances(drawn)[2]), axis=-1))
+
+
+def _chance(distance: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Probability that the largest of `count` members is as far."""
+    drawn = min(count, _MOST_DRAWN)
+    beyond = _DRAWN - np.searchsorted(_largest_by_chance(drawn), np.abs(distance))
+    return beyond / _DRAWN * count / drawn
+
+
+def far_members(fits: Mapping[str, Fit]) -> tuple[FarMember, ...]:
+    """Those that are farther from the fleet than chance makes them, the farthest first.
+
+    Only sound fits and identified parameters (and combinations that the logs determine) count and are judged, and only
+    parameters that `FEWEST` members or more have identified.
+    """
+    sound = {name: fit for name, fit in fits.items() if fit.trustworthy}
+    names = dict.fromkeys(name for fit in sound.values() for name in (*fit.free_names, *fit.combinations))
+    candidates: list[tuple[FarMember, float]] = []
+    for name in names:
+        own = {m: fit[name] for m, fit in sound.items() if name in (*fit.free_names, *fit.combinations)}
+        own = {m: e for m, e in own.items() if e.status == "identified" and np.isfinite([e.value, e.std_error]).all()}
+        count = len(own)
+        if count < FEWEST:
+            continue
+        values = np.array([e.value for e in own.values()])
+        errors = np.array([e.std_error for e in own.values()])
+        median, spread, distance = _distances(values, errors)
+        p = _chance(distance, count)
+        for (member, e), d, chance in zip(own.items(), distance, p, strict=True):
+            far = FarMember(member, name, e.unit, e.value, e.std_error, median.item(), spread.item(), float(d))
+            candidates.append((far, float(chance)))
+    parameters = len({far.parameter for far, _ in candidates})
+    found = [far for far, chance in candidates if chance * parameters < _FALSE_ALARM]
+    return tuple(sorted(found, key=lambda far: -abs(far.distance)))
