@@ -38,7 +38,6 @@ from jaxid.cli import main  # noqa: E402
 
 # What the tests start in processes of their own (notebooks, command lines) reads modules that one of them has compiled.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-os.environ.setdefault("PYTHONPYCACHEPREFIX", str(Path(__file__).parents[1] / ".pytest_cache/modules"))
 
 # NumPy may have been imported by a plugin of pytest's.
 threadpoolctl.threadpool_limits(1, user_api="blas")

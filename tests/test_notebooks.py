@@ -1,22 +1,26 @@
-"""Every notebook runs from top to bottom in a fresh kernel, and the committed ones have been, and name no machine.
+"""Every notebook runs from top to bottom, and the committed ones have been, and name no machine.
 
-In the default run on less data (`LESS`): the first ten seconds of the demonstration's logs, three of them fitted, and five
-effects to name. `pytest -m slow tests/test_notebooks.py` runs them as they are committed.
+In the default run in this process and on less data: the first ten seconds of the demonstration's logs, three of them fitted,
+and five effects to name. `pytest -m slow tests/test_notebooks.py` runs them as they are committed, each in a fresh kernel.
 """
 
+import importlib
 import os
 import re
 import shutil
 from itertools import islice
 from pathlib import Path
 
+import matplotlib
 import pytest
 
 from jaxid import demo
+from jaxid.effects import catalogue
 
 nbformat = pytest.importorskip("nbformat", reason="notebooks need the extra 'notebook'")
 nbclient = pytest.importorskip("nbclient", reason="notebooks need the extra 'notebook'")
 pytest.importorskip("ipykernel", reason="notebooks need the extra 'notebook'")
+interactiveshell = pytest.importorskip("IPython.core.interactiveshell", reason="notebooks need the extra 'notebook'")
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
@@ -27,16 +31,6 @@ SHORTENED = ("omni", "pioneer", "unknown")
 LEFT_OUT = ("fit_crawl", "fit_prbs_forward", "fit_turning", "fit_2", "fit_3", "fit_6")
 EFFECTS = ("sensor_bias", "quadratic_drag", "stribeck_friction", "sublinear_viscous_friction", "asymmetric_friction")
 
-LESS = """
-import importlib
-from pathlib import Path
-from jaxid import demo
-
-demo.folder = Path({folder!r}).joinpath
-search, effects = (importlib.import_module(f"jaxid.{{name}}") for name in ("explanation.search", "effects"))
-search.catalogue = lambda robot: [effect for effect in effects.catalogue(robot) if effect.id in {effects!r}]
-"""
-
 
 def by_name(path: Path) -> str:
     return path.stem
@@ -46,10 +40,9 @@ def code_cells(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def executed(path, before=""):
-    """The notebook, run in a fresh kernel after the code `before`."""
+def executed(path):
+    """The notebook, run in a fresh kernel."""
     notebook = nbformat.read(path, as_version=4)
-    notebook.cells.insert(0, nbformat.v4.new_code_cell(before))
     client = nbclient.NotebookClient(
         notebook, timeout=CELL_SECONDS, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
     )
@@ -76,16 +69,35 @@ def less_data(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.fixture
+def shell(monkeypatch):
+    """A notebook's shell in this process, which has loaded and compiled already what a kernel would have to."""
+    # A kernel of its own starts for every notebook in the slow test.
+    shell = interactiveshell.InteractiveShell.instance()
+    monkeypatch.chdir(ROOT / "notebooks")
+    with matplotlib.rc_context():
+        yield shell
+    matplotlib.pyplot.close("all")
+    interactiveshell.InteractiveShell.clear_instance()
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=by_name)
-def test_notebook_runs(path, less_data):
-    notebook = executed(path, LESS.format(folder=str(less_data), effects=EFFECTS))
-    assert all(cell.execution_count for cell in code_cells(notebook))
+def test_notebook_runs(path, less_data, shell, monkeypatch):
+    monkeypatch.setattr(demo, "folder", less_data.joinpath)
+    search = importlib.import_module("jaxid.explanation.search")
+    monkeypatch.setattr(
+        search, "catalogue", lambda robot: [effect for effect in catalogue(robot) if effect.id in EFFECTS]
+    )
+    for cell in code_cells(nbformat.read(path, as_version=4)):
+        # Pictures are drawn into memory here; `%matplotlib inline` is a kernel's.
+        source = "\n".join(line for line in cell.source.splitlines() if not line.startswith("%matplotlib"))
+        shell.run_cell(source).raise_error()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=by_name)
 def test_notebook_runs_as_committed(path):
-    assert all(cell.execution_count for cell in code_cells(executed(path, "pass")))
+    assert all(cell.execution_count for cell in code_cells(executed(path)))
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=by_name)

@@ -73,7 +73,7 @@ def _sensed(robot: Robot, channels: int) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def _observed(robot: Robot, state: Mapping[str, float], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Outputs [channels.outputs] of a state."""
+    """Outputs [channels.outputs] of a state; optional ones, which `observe` gives after them, are left out."""
     seen = robot.observe(dict(state), tuple(inputs), robot.parameters.numbers)
     return np.array([float(y) for y in seen[: len(robot.channels.outputs)]])
 

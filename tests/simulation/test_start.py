@@ -98,3 +98,21 @@ def test_a_start_in_motion_is_seen_through_outputs_that_are_no_states():
     np.testing.assert_array_equal(start.uncertain, [False, True])
     assert start.states["right"].tolist() == pytest.approx([0.0, 0.5 + 0.2 * 1.5], abs=1e-9)
     assert start.states["left"].tolist() == pytest.approx([0.0, 0.5 - 0.2 * 1.5], abs=1e-9)
+
+
+def test_optional_outputs_that_are_no_states_do_not_stand_in_a_starts_way():
+    """Measured is the sum of two speeds; each of them may be in a log as well, and a state is in no column."""
+    from jaxid import Channels, Custom, Parameter
+
+    channels = Channels(inputs=("u",), outputs=("sum",), optional=("right", "twice"))
+    robot = Custom(
+        dynamics=lambda s, u, p: {"right": u["u"] - s["right"], "left": u["u"] - p["a"] * s["left"]},
+        output=lambda s, u, p: {"sum": s["right"] + s["left"], "right": s["right"], "twice": 2 * s["right"]},
+        state_names=("right", "left"), own_channels=channels, table={"a": Parameter(1.0, "1/s")}, title="two speeds",
+    )  # fmt: skip
+    time, rise = 0.02 * np.arange(200), np.linspace(0, 1, 200)
+    for optional in ({}, {"right": 1.0 + rise, "twice": 2.0 + 2 * rise}):
+        log = Log.from_arrays("moving", time, np.zeros((200, 1)), {"sum": 2.5 + rise, **optional}, channels)
+        start = initial_states(robot, LogSet([log]))
+        assert start.uncertain.tolist() == [True]
+        assert start.states["right"][0] + start.states["left"][0] == pytest.approx(2.5, abs=1e-9)

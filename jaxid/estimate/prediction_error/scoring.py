@@ -95,8 +95,8 @@ class _State(NamedTuple):
     stronger: Float[Array, ""]
 
 
-def _begin(start: Float[AnyArray, " p"]) -> _State:
-    return _State(array(start), array(False), array(0), array(0), array(1.0))
+def _begin(start: Float[Array, " p"]) -> _State:
+    return _State(start, array(False), array(0), array(0), array(1.0))
 
 
 def _planned(problem: Problem, state: _State, here: Look, max_steps) -> tuple[Bool[Array, ""], Float[Array, "d p"]]:
@@ -167,7 +167,7 @@ def minimise_in_turns(
 ) -> Optimum:
     """`minimise`, with Python between its compiled parts: of a model its filter and its sensitivities alone are compiled,
     once for all that is asked of them."""
-    state = _begin(start)
+    state = _begin(array(start))
     while True:
         here = look_at(names, model, problem, state.x)
         done, there = _planned_compiled(problem, state, here, max_steps)

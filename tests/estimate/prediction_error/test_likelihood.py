@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal
 
 from jaxid import AXIS, Axis, Integrator, Log, LogSet
 from jaxid.estimate.prediction_error.likelihood import Unknowns, cost, flat, look
+from jaxid.estimate.prediction_error.scoring import minimise, minimise_in_turns, minimise_lanes
 from jaxid.estimate.prediction_error.setup import build
 
 M, FV, Q, R_V, R_Q = 1.5, 3.0, 0.3, 0.02, 0.005
@@ -143,3 +144,27 @@ def test_the_information_is_the_scatter_of_the_gradient(task, double_precision):
     white = gradients @ root
     np.testing.assert_allclose(white.mean(axis=0), 0.0, atol=4 / np.sqrt(N))
     np.testing.assert_allclose(np.cov(white.T), np.eye(5), atol=5 * np.sqrt(2 / N))
+
+
+def test_the_optimiser_can_be_traced(task, double_precision):
+    """As under the user's own `jit` and `vmap`; what it finds is compared in the slow test below."""
+    task, x = task
+    found = jax.eval_shape(
+        lambda start: minimise(task.names, task.model, task.problem, start, max_steps=3),
+        jax.ShapeDtypeStruct(x.shape, x.dtype),
+    )
+    assert found.x.shape == x.shape
+
+
+@pytest.mark.slow
+def test_many_realisations_are_minimised_in_lanes_as_one_is_alone(task, sampled, double_precision):
+    task, x = task
+    names, model, problem = task.names, task.model, task.problem
+    once = np.asarray(problem.records.outputs)
+    outputs = jnp.asarray(np.stack([once, once[:, ::-1]]))
+    starts = jnp.stack([x, x])
+    lanes = minimise_lanes(names, model, problem, {"outputs": outputs}, starts, lanes=2, max_steps=3)
+    for k in range(2):
+        alone = replace(problem, records=problem.records._replace(outputs=outputs[k]))
+        found = minimise_in_turns(names, model, alone, np.asarray(x), max_steps=3)
+        np.testing.assert_allclose(lanes.x[k], found.x, rtol=1e-9, atol=1e-12)
