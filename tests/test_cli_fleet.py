@@ -76,7 +76,7 @@ def test_every_member_has_its_own_fit_and_a_broken_one_is_named(
     assert "3 of 4 members fitted" in said and "broken" in said
     page = (out / "report.html").read_text()
     assert all(f">{name}</td>" in page for name in MASSES) and "no fit: " in page and "M [kg]" in page
-    assert "linear estimates are there" in remarks and "members as lanes of one program" in remarks  # where it is
+    assert "linear estimates are there" in remarks and "members side by side" in remarks  # where it is
     assert np.median([*MASSES.values()]) == pytest.approx(float(said.split("M ")[1].split()[3]), rel=0.02)
 
 

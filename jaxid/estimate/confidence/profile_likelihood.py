@@ -3,7 +3,7 @@
 A standard error assumes that the cost is a parabola. The profile holds one parameter at a value, minimises over all others,
 and takes as its 95 % interval where twice the cost has risen by 3.84 (Venzon & Moolgavkar, Applied Statistics 37, 1988;
 Raue et al., Bioinformatics 25, 2009). A profile that never rises that far says that the parameter is not identifiable in
-practice. All points of all profiles are lanes of one compiled program.
+practice. All points of all profiles are minimised side by side.
 """
 
 from collections.abc import Callable, Sequence
@@ -165,12 +165,12 @@ def profile_likelihood(
     limits = {name: _limits(problem, i) for name, i in index.items()}
 
     def look(wanted: list[tuple[str, float]]) -> Optimum:
-        """Optima with each (parameter, value) held and everything else minimised; the last lane holds nothing."""
-        lanes = len(names) * len(_FIRST)
+        """Optima with each (parameter, value) held and everything else minimised; the last one holds nothing."""
+        lanes = len(wanted)
         held, frees = np.tile(theta, (lanes + 1, 1)), np.tile(free, (lanes + 1, 1))
         z = np.repeat(np.asarray(unknowns.z)[None], lanes + 1, axis=0)
         states = np.repeat(np.asarray(unknowns.states)[None], lanes + 1, axis=0)
-        for lane, (name, value) in enumerate(wanted + [wanted[-1]] * (lanes - len(wanted))):
+        for lane, (name, value) in enumerate(wanted):
             i = index[name]
             held[lane, i], frees[lane, i] = value, False
             if tried[name]:
@@ -182,7 +182,7 @@ def profile_likelihood(
                 z[lane] = problem.bounds.coordinates(array(moved))
         own = {"held": array(held), "free": array(frees)}
         starts = Unknowns(array(z), array(states))
-        return fit_lanes(structure, problem, own, starts, rounds=1, lanes=min(lanes + 1, 32)).optimum
+        return fit_lanes(structure, problem, own, starts, rounds=1, lanes=min(len(names) * len(_FIRST) + 1, 32)).optimum
 
     points: dict[str, dict[float, float]] = {name: {} for name in names}
     tried: dict[str, dict[float, Unknowns]] = {name: {} for name in names}

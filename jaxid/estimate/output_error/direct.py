@@ -37,25 +37,36 @@ _TOGETHER = 2_000_000
 """Numbers of the outputs up to which several simulations of the logs run side by side."""
 
 
-class Direct(NamedTuple):
-    """A problem in lanes: of its E logs, G groups of L lanes.
+class Logs(NamedTuple):
+    """E logs as G groups of L lanes. `u`: the inputs before any effect on commands. `weight`: of residuals, zero where
+    nothing was measured."""
 
-    `moving`: places of the problem's parameters among all `numbers` [P]; `starts`: those of the free initial states among
-    the robot's. `u`: the inputs before any effect on commands. `weight`: of residuals, zero where nothing was measured.
+    u: Float[Array, "G T 1 U L"]
+    dt: Float[Array, "G T L"]
+    fixed: Float[Array, "G T D L"]
+    measured: Float[Array, "G T Y L"]
+    weight: Float[Array, "G T Y L"]
+
+
+class Direct(NamedTuple):
+    """A problem in lanes.
+
+    `moving`: places of the problem's parameters among all `numbers`; `starts`: those of the free initial states among the
+    robot's, of which a unit of the optimiser is `state_scale`; one moves by `state_slope`, which is zero for what is held,
+    and its prior has the stiffness `state_stiffness` a unit.
     """
 
     model: MachineModel
     problem: Problem
     moving: tuple[int, ...]
     starts: tuple[int, ...]
-    numbers: Float[Array, " P"]
+    numbers: Float[Array, "*E P"]
     begin: Float[Array, "E S"]
+    state_scale: Float[Array, "E s"]
+    state_slope: Float[Array, "E s"]
+    state_stiffness: Float[Array, "E s"]
     shares: Float[Array, "n L"]
-    u: Float[Array, "G T 1 U L"]
-    dt: Float[Array, "G T L"]
-    fixed: Float[Array, "G T D L"]
-    measured: Float[Array, "G T Y L"]
-    weight: Float[Array, "G T Y L"]
+    logs: Logs
 
 
 def _model(structure: Structure, problem: Problem) -> tuple[MachineModel | None, tuple[str, ...]]:
@@ -81,6 +92,8 @@ def direct(structure: Structure, problem: Problem) -> Direct | None:
     E, T = problem.dt.shape
     known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
     n = structure.integrator.substeps
+    scale = np.broadcast_to(problem.state_scale, problem.state_free.shape)
+    slope = np.where(problem.state_free, scale, 0.0)
     return Direct(
         model=model,
         problem=problem,
@@ -88,35 +101,41 @@ def direct(structure: Structure, problem: Problem) -> Direct | None:
         starts=tuple(robot.states.index(name) for name in structure.state_names),
         numbers=np.array([float(problem.numbers.get(name, 0.0)) for name in names]),
         begin=np.stack([np.broadcast_to(problem.start[name], E) for name in robot.states], axis=1),
+        state_scale=scale,
+        state_slope=slope,
+        state_stiffness=np.sqrt(problem.state_precision) * slope,
         shares=np.full((n, lanes()), 1.0 / n),
-        u=grouped(np.asarray(problem.inputs)[:, :, None, :]),
-        dt=grouped(np.asarray(problem.dt)),
-        fixed=grouped(known),
-        measured=grouped(np.where(problem.mask, problem.outputs, 0.0)),
-        weight=grouped(residual_weights(problem)),
+        logs=Logs(
+            u=grouped(np.asarray(problem.inputs)[:, :, None, :]),
+            dt=grouped(np.asarray(problem.dt)),
+            fixed=grouped(known),
+            measured=grouped(np.where(problem.mask, problem.outputs, 0.0)),
+            weight=grouped(residual_weights(problem)),
+        ),
     )
 
 
-def _starts(d: Direct, states: Float[Array, "E s"]) -> Float[Array, "E S"]:
-    x = np.array(d.begin, dtype=float)
-    x[:, d.starts] += d.problem.state_scale * states
+def _starts(d: Direct, states: Float[Array, "*c E s"]) -> Float[Array, "*c E S"]:
+    x = np.array(np.broadcast_to(d.begin, (*states.shape[:-2], *d.begin.shape)), dtype=float)
+    x[..., d.starts] += d.state_scale * states
     return x
 
 
 def _numbers(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
-    p = np.broadcast_to(d.numbers, (*theta.shape[:-1], len(d.numbers))).copy()
+    p = np.broadcast_to(d.numbers, (*theta.shape[:-1], d.numbers.shape[-1])).copy()
     p[..., d.moving] = theta
     return p
 
 
-def _seen(d: Direct, theta: Float[Array, " n"], states: Float[Array, "E s"]):
+def _seen(d: Direct, theta: Float[Array, "*E n"], states: Float[Array, "E s"]):
+    """What the machine code reads. The parameters are those of all logs or, without effects on records, of each."""
     numbers, records, n = _numbers(d, theta), d.model.records, len(d.shares)
-    own = numbers[list(d.model.places)]
-    p = np.broadcast_to(own[None, :, None], (len(d.u), len(own), lanes()))
-    u = d.u
+    own = numbers[..., list(d.model.places)]
+    u, E = d.logs.u, len(d.begin)
     if records.commands is not None:
         u = grouped(commanded(records, numbers, d.problem.inputs, d.problem.dt, n))
-    return d.shares, np.ascontiguousarray(p), grouped(_starts(d, states)), u, d.dt, d.fixed
+    p = grouped(np.broadcast_to(own, (E, own.shape[-1])))
+    return d.shares, p, grouped(_starts(d, states)), u, d.logs.dt, d.logs.fixed
 
 
 def _shown(d: Direct, theta: Float[Array, " n"], y: Float[Array, "G T Y L"]) -> Float[Array, "G T Y L"]:
@@ -133,17 +152,19 @@ def _residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Flo
     return residual if np.isfinite(residual).all() else np.where(weight > 0.0, residual, 0.0)
 
 
-def _tangents(d: Direct, theta: Float[Array, " n"], columns: Float[Array, " n"], seen, y) -> Float[Array, "G T Y k L"]:
+def _tangents(
+    d: Direct, theta: Float[Array, "*E n"], columns: Float[Array, "*E n"], seen, y
+) -> Float[Array, "G T Y k L"]:
     """Derivatives of what the sensors report by the initial states and by the parameters, times `columns`; `y`: the outputs
     before any effect on sensors."""
     (system, places, records), problem = d.model, d.problem
-    E, n, s = len(d.begin), len(theta), len(d.starts)
+    E, n, s = len(d.begin), theta.shape[-1], len(d.starts)
     at = {place: i for i, place in enumerate(places)}
     inside = [j for j, place in enumerate(d.moving) if place in at]
     m = len(inside)
     dp, dx = np.zeros((E, s + m, m)), np.zeros((E, s + m, d.begin.shape[1]))
-    dp[:, s + np.arange(m), np.arange(m)] = columns[inside]
-    dx[:, np.arange(s), list(d.starts)] = np.where(problem.state_free, problem.state_scale, 0.0)
+    dp[:, s + np.arange(m), np.arange(m)] = columns[..., inside]
+    dx[:, np.arange(s), list(d.starts)] = d.state_slope
     dy = tangents(system, tuple(at[d.moving[j]] for j in inside), seen, grouped(dp), grouped(dx))
     if m < n:
         whole = np.zeros((*dy.shape[:3], s + n, lanes()))
@@ -163,7 +184,7 @@ def _tangents(d: Direct, theta: Float[Array, " n"], columns: Float[Array, " n"],
     return grouped(measured_slopes(records, numbers, ungrouped(y, E), problem.dt, steps, ungrouped(dy, E)))
 
 
-def _whitened(d: Direct, theta: Float[Array, " n"], columns: Float[Array, " n"], states: Float[Array, "E s"]):
+def _whitened(d: Direct, theta: Float[Array, "*E n"], columns: Float[Array, "*E n"], states: Float[Array, "E s"]):
     """Derivatives of the weighted residuals by the initial states, by the parameters, times `columns`, and the residuals
     themselves, [G, T, Y, s + n + 1, L]."""
     seen = _seen(d, theta, states)
@@ -171,8 +192,8 @@ def _whitened(d: Direct, theta: Float[Array, " n"], columns: Float[Array, " n"],
         y = outputs(d.model.system, seen)
         dy = _tangents(d, theta, columns, seen, y)
         both = np.empty((*dy.shape[:3], dy.shape[3] + 1, lanes()))
-        np.multiply(dy, d.weight[:, :, :, None], out=both[:, :, :, :-1])
-        both[:, :, :, -1] = _residual(_shown(d, theta, y), d.measured, d.weight)
+        np.multiply(dy, d.logs.weight[:, :, :, None], out=both[:, :, :, :-1])
+        both[:, :, :, -1] = _residual(_shown(d, theta, y), d.logs.measured, d.logs.weight)
     return both
 
 
@@ -190,35 +211,44 @@ def sensitivities_directly(
     s = len(d.starts)
     both = ungrouped(_whitened(d, theta, np.ones_like(theta), states), len(d.begin))
     if not np.isfinite(both).all():
-        both = np.where(ungrouped(d.weight, len(both))[..., None] > 0.0, both, 0.0)
+        both = np.where(ungrouped(d.logs.weight, len(both))[..., None] > 0.0, both, 0.0)
     return both[..., -1], np.concatenate([both[..., s:-1], both[..., :s]], axis=-1)
 
 
-def linearised_directly(d: Direct, unknowns: Unknowns) -> Triangle:
-    """`problem.linearise`."""
-    problem, E = d.problem, len(d.begin)
-    z, own = np.asarray(unknowns.z), np.asarray(unknowns.states)
-    n, s = len(z), len(d.starts)
-    theta = parameters_at(problem, z)
-    slope = np.where(problem.free, problem.bounds.slope(z), 0.0)
-    block: Any = _whitened(d, theta, slope, own)
+def log_triangles(
+    d: Direct, theta: Float[Array, "*E n"], slope: Float[Array, "*E n"], states: Float[Array, "E s"]
+) -> tuple[Float[Array, "E k k"], Float[Array, "E ny"]]:
+    """Every log's part of the linearisation: the triangle of its initial states' columns, of the parameters', times
+    `slope`, and of its residual, and the residual's sums of squares."""
+    E, s = len(d.begin), len(d.starts)
+    block: Any = _whitened(d, theta, slope, states)
     G, T, Y, K, width = block.shape
     with np.errstate(over="ignore", invalid="ignore"):
         squares: Any = np.einsum("gtyl,gtyl->gyl", block[:, :, :, -1], block[:, :, :, -1])
     R = triangle(block.reshape(G, T * Y, K, width))
     if not np.isfinite(R).all():
-        block = np.where(d.weight[:, :, :, None] > 0.0, block, 0.0)
+        block = np.where(d.logs.weight[:, :, :, None] > 0.0, block, 0.0)
         sound: Any = np.isfinite(block).all(axis=(1, 2, 3))[:, None, None]
         block[:, :, :, :-1] = np.where(sound[:, :, :, None], block[:, :, :, :-1], 0.0)
         block[:, :, :, -1] = np.where(sound, block[:, :, :, -1], DIVERGED)
         R = triangle(block.reshape(G, T * Y, K, width))
     if s:
         prior = np.zeros((E, s, K))
-        stiff = np.where(problem.state_free, np.sqrt(problem.state_precision), 0.0) * problem.state_scale
-        prior[:, np.arange(s), np.arange(s)], prior[:, :, -1] = stiff, stiff * own
+        prior[:, np.arange(s), np.arange(s)], prior[:, :, -1] = d.state_stiffness, d.state_stiffness * states
         R = triangle(np.concatenate([R, grouped(prior)], axis=1))
-    triangles: Any = ungrouped(R, E)
-    each: Any = ungrouped(squares, E)
+    return ungrouped(R, E), ungrouped(squares, E)
+
+
+def reduced(
+    problem: Problem,
+    theta: Float[Array, " n"],
+    slope: Float[Array, " n"],
+    triangles: Float[Array, "E k k"],
+    squares: Float[Array, "E ny"],
+) -> Triangle:
+    """The linearisation from its logs' parts, and the parameters' prior."""
+    n = len(theta)
+    s = triangles.shape[-1] - n - 1
     pull = np.sqrt(problem.prior_precision)
     shared = np.concatenate([np.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
     shared = np.where(problem.free[:, None], shared, 0.0)
@@ -230,56 +260,79 @@ def linearised_directly(d: Direct, unknowns: Unknowns) -> Triangle:
         residual_shared=shared_triangle[:n, n],
         residual_local=triangles[:, :s, -1],
         rest=shared_triangle[n:, n],
-        squares=each,
+        squares=squares,
     )
+
+
+def slopes_at(problem: Problem, z: Float[Array, "*c n"]) -> Float[Array, "*c n"]:
+    """Derivatives of the physical parameters by the optimiser's coordinates, zero for those that are held."""
+    return np.where(problem.free, problem.bounds.slope(z), 0.0)
+
+
+def linearised_directly(d: Direct, unknowns: Unknowns) -> Triangle:
+    """`problem.linearise`."""
+    z = np.asarray(unknowns.z)
+    theta, slope = parameters_at(d.problem, z), slopes_at(d.problem, z)
+    return reduced(d.problem, theta, slope, *log_triangles(d, theta, slope, np.asarray(unknowns.states)))
 
 
 class SideBySide(NamedTuple):
     """The logs of a problem `together` times over, in lanes: for as many simulations of them at once."""
 
     together: int
-    u: Float[Array, "H T 1 U L"]
-    dt: Float[Array, "H T L"]
-    fixed: Float[Array, "H T D L"]
-    measured: Float[Array, "H T Y L"]
-    weight: Float[Array, "H T Y L"]
+    logs: Logs
 
 
 def side_by_side(d: Direct, times: int) -> SideBySide:
     """The logs `times` times over, or once, where they are many or long."""
-    E, of = len(d.begin), (d.u, d.dt, d.fixed, d.measured, d.weight)
+    E, of = len(d.begin), d.logs
     rows = 1 if d.model.records.commands is None else len(d.shares)
-    if times == 1 or max(d.measured.size, d.u.size * rows) * times > _TOGETHER:
-        return SideBySide(1, *of)
-    return SideBySide(times, *(grouped(np.tile(ungrouped(x, E), (times, *[1] * (x.ndim - 2)))) for x in of))
+    if times == 1 or max(of.measured.size, of.u.size * rows) * times > _TOGETHER:
+        return SideBySide(1, of)
+    return SideBySide(times, Logs(*(grouped(np.tile(ungrouped(x, E), (times, *[1] * (x.ndim - 2)))) for x in of)))
+
+
+def log_squares(
+    d: Direct, many: SideBySide, theta: Float[Array, "c *E n"], states: Float[Array, "c E s"]
+) -> Float[Array, "c E"]:
+    """Sums of squared residuals of every log at c parameters, of all logs or of each, and initial states."""
+    E, (system, places, records) = len(d.begin), d.model
+    squares = []
+    for first in range(0, len(theta), many.together):
+        some = slice(first, first + many.together)
+        numbers, of = _numbers(d, theta[some]), many.logs
+        each = numbers if numbers.ndim == 3 else np.repeat(numbers[:, None], E, axis=1)
+        p = grouped(each[..., list(places)].reshape(-1, len(places)))
+        x = grouped(_starts(d, states[some]).reshape(-1, d.begin.shape[1]))
+        u = of.u
+        if records.commands is not None:
+            after = commanded_each(records, numbers, d.problem.inputs, d.problem.dt, len(d.shares))
+            u = grouped(after.reshape(-1, *after.shape[2:]))
+        y = outputs(system, (d.shares, p, x, u, of.dt, of.fixed))
+        if records.measures is not None:
+            plain = ungrouped(y, many.together * E)
+            seen = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt)
+            y = grouped(seen.reshape(plain.shape))
+        residual = _residual(y, of.measured, of.weight)
+        summed = np.einsum("gtyl,gtyl->gl", residual, residual)
+        squares.append(ungrouped(summed, many.together * E).reshape(many.together, E))
+    return np.concatenate(squares)
+
+
+def costs_of(
+    problem: Problem, theta: Float[Array, "c n"], states: Float[Array, "c E s"], squares: Float[Array, "c E"]
+) -> Float[Array, " c"]:
+    """`problem.cost` at many unknowns from their logs' squares, and the priors."""
+    pull = np.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
+    stiff = np.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0)
+    return 0.5 * (squares.sum(axis=1) + pull.sum(axis=1) + (stiff * states**2).sum(axis=(1, 2)))
 
 
 def costs_directly(d: Direct, many: SideBySide, candidates: Unknowns) -> Float[Array, " c"]:
     """`problem.cost` at many unknowns."""
-    problem, E, (system, places, records) = d.problem, len(d.begin), d.model
-    theta, states = parameters_at(problem, np.asarray(candidates.z)), np.asarray(candidates.states)
-    squares = []
+    theta, states = parameters_at(d.problem, np.asarray(candidates.z)), np.asarray(candidates.states)
     with np.errstate(over="ignore", invalid="ignore"):
-        for first in range(0, len(theta), many.together):
-            some = slice(first, first + many.together)
-            numbers = _numbers(d, theta[some])
-            p = grouped(np.repeat(numbers[:, places], E, axis=0))
-            x = grouped(np.concatenate([_starts(d, own) for own in states[some]]))
-            u = many.u
-            if records.commands is not None:
-                each = commanded_each(records, numbers, problem.inputs, problem.dt, len(d.shares))
-                u = grouped(each.reshape(-1, *each.shape[2:]))
-            y = outputs(system, (d.shares, p, x, u, many.dt, many.fixed))
-            if records.measures is not None:
-                plain = ungrouped(y, many.together * E)
-                each = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), problem.dt)
-                y = grouped(each.reshape(plain.shape))
-            residual = _residual(y, many.measured, many.weight)
-            each = ungrouped(np.einsum("gtyl,gtyl->gl", residual, residual), many.together * E)
-            squares.append(each.reshape(many.together, E).sum(axis=1))
-        pull = np.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
-        stiff = np.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0)
-        return 0.5 * (np.concatenate(squares) + pull.sum(axis=1) + (stiff * states**2).sum(axis=(1, 2)))
+        return costs_of(d.problem, theta, states, log_squares(d, many, theta, states))
 
 
 _simulate_all = compiled(simulate_all, static_argnums=0)

@@ -1,6 +1,6 @@
 """Simulations and sensitivities at given unknowns, wherever a fit runs.
 
-Of a fit by itself in machine code or as a compiled program (`direct`); of a fleet's member as a lane of one program.
+In machine code (`direct`) or, where that takes XLA, as a compiled program, of a fleet's members as lanes of one.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from jaxtyping import Float
 from ..._arrays import AnyArray, array
 from ..._compile import compiled
 from .direct import runs_directly, sensitivities_now, simulated_now
-from .lanes import BY_LOG, Operation, ask, in_batch
+from .lanes import BY_LOG, Operation, ask
 from .problem import Problem, Structure, Unknowns, sensitivities, simulate_all
 
 
@@ -36,7 +36,7 @@ _LINEARISE = Operation(
 
 def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[AnyArray, "E T ny"]:
     """`problem.simulate_all`."""
-    together = ask(_SIMULATE, structure, None, problem, unknowns)
+    together = None if runs_directly(structure, problem) else ask(_SIMULATE, structure, None, problem, unknowns)
     return simulated_now(structure, problem, unknowns) if together is None else together
 
 
@@ -48,7 +48,7 @@ def simulated_with(
     Side by side where machine code answers at once; a program of XLA's, which has been compiled for so many logs, is run
     again instead.
     """
-    if in_batch() or not runs_directly(structure, problem):
+    if not runs_directly(structure, problem):
         each = (replace(problem, inputs=array(own)) for own in inputs)
         return np.stack([np.asarray(simulated(structure, one, unknowns)) for one in each])
 
@@ -63,5 +63,5 @@ def simulated_with(
 
 def sensitivities_at(structure: Structure, problem: Problem, unknowns: Unknowns):
     """`problem.sensitivities`."""
-    together = ask(_LINEARISE, structure, None, problem, unknowns)
+    together = None if runs_directly(structure, problem) else ask(_LINEARISE, structure, None, problem, unknowns)
     return sensitivities_now(structure, problem, unknowns) if together is None else together

@@ -1,8 +1,8 @@
-"""Many robots, each with its own logs, fitted as the lanes of one compiled program.
+"""Many robots, each with its own logs, fitted side by side.
 
 Each member has its own parameters, constants, initial states, noise, and its own decisions on the way. One that cannot be
-fitted is named and does not touch the others. The same program serves studies of one robot: noise realisations,
-bootstraps, all recordings but one.
+fitted is named and does not touch the others. The same batch serves studies of one robot: noise realisations, bootstraps,
+all recordings but one.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,8 +12,10 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..._arrays import array
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
@@ -22,21 +24,22 @@ from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..result import Fit, estimate_text
+from .direct import runs_directly
 from .far_members import FarMember, far_members
 from .from_optimum import channel_noise
-from .lanes import in_lanes
+from .lanes import all_in_lanes, in_lanes
 from .optimum import Optimum
 from .output_error import output_error
 from .problem import Problem, Structure, Unknowns
 from .setup import Starts, every_start
-from .solvers import minimise
+from .solvers import minimise, minimise_compiled
 
 _WEIGHT_ROUNDS = 3
 """Minimisations, each with the noise that the one before left."""
 _SHOWN = 20
 """Members that a representation holds."""
 _LANES = 64
-"""Members that are fitted at a time: more would not fit into the processor's cache."""
+"""Problems that a compiled program minimises at a time: more would not fit into the processor's cache."""
 
 
 class Fitted(NamedTuple):
@@ -46,7 +49,6 @@ class Fitted(NamedTuple):
     sigma: Float[Array, "N ny"]
 
 
-@partial(compiled, static_argnames=("structure", "lanes", "rounds"))
 def fit_lanes(
     structure: Structure,
     shared: Problem,
@@ -59,12 +61,45 @@ def fit_lanes(
 ) -> Fitted:
     """Minimise N problems that differ from `shared` in the fields `own` (leading axis N), from `starts` (leading axis N).
 
-    The channels' noise is estimated along the way, `rounds` minimisations in all; `lanes` problems run at a time.
+    The channels' noise is estimated along the way, `rounds` minimisations in all. Where simulations take XLA, `lanes`
+    problems run at a time, as one compiled program.
     """
+    own, starts = jax.tree.map(np.asarray, (dict(own), starts))
+    if not runs_directly(structure, shared):
+        N = len(starts.z)
+        filled = np.minimum(np.arange(-(-N // lanes) * lanes), N - 1)  # the program is compiled for so many
+        own, starts = jax.tree.map(lambda leaf: leaf[filled], (own, starts))
+        found = _compiled_lanes(structure, shared, own, starts, max_steps=max_steps, lanes=lanes, rounds=rounds)
+        return jax.tree.map(lambda leaf: leaf[:N], found)
 
-    N = starts.z.shape[0]
-    chunks = -(-N // lanes)
-    numbers = jnp.arange(chunks * lanes).reshape(chunks, lanes) % N
+    def one(number: int) -> Fitted:
+        fields, unknowns = jax.tree.map(lambda leaf: leaf[number], (own, starts))
+        problem = replace(shared, **fields)
+        optimum = minimise_compiled(structure, problem, unknowns, max_steps=int(max_steps))
+        for _ in range(rounds - 1):
+            noise = np.asarray(channel_noise(problem, optimum.triangle.squares))
+            least = 1e-3 * np.asarray(fields.get("sigma", shared.sigma))
+            sigma = np.where(np.isfinite(noise), np.maximum(noise, least), problem.sigma)
+            problem = replace(problem, sigma=array(sigma))
+            optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=int(max_steps))
+        return Fitted(optimum, problem.sigma)
+
+    found = all_in_lanes({str(number): partial(one, number) for number in range(len(starts.z))})
+    return jax.tree.map(lambda *leaves: array(np.stack(leaves)), *found)
+
+
+@partial(compiled, static_argnames=("structure", "lanes", "rounds"))
+def _compiled_lanes(
+    structure: Structure,
+    shared: Problem,
+    own: Mapping[str, Any],
+    starts: Unknowns,
+    *,
+    max_steps: int | Int[Array, ""],
+    lanes: int,
+    rounds: int,
+) -> Fitted:
+    numbers = jnp.arange(starts.z.shape[0]).reshape(-1, lanes)
 
     def one(number):
         fields, start = jax.tree.map(lambda leaf: leaf[number], (dict(own), starts))
@@ -82,7 +117,7 @@ def fit_lanes(
         return Fitted(jax.tree.map(lambda leaf: leaf[-1], optima), sigma)
 
     found = jax.lax.map(jax.vmap(one), numbers)
-    return jax.tree.map(lambda leaf: leaf.reshape(chunks * lanes, *leaf.shape[2:])[:N], found)
+    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), found)
 
 
 @dataclass(frozen=True, repr=False)
@@ -144,7 +179,7 @@ def fit_fleet(
     report: Callable[[str], None] = lambda message: None,
     **options: Any,
 ) -> Fleet:
-    """Output error for every member of `fleet` (its logs by name) on its own, all in one compiled batch.
+    """Output error for every member of `fleet` (its logs by name) on its own, all in one batch.
 
     Every member gets exactly the fit that `output_error` gives it alone. `robot` and `start` are the same for all, or
     given by member: robots of one structure may differ in their numbers. `options` are those of `output_error`; `report`
@@ -174,7 +209,7 @@ def fit_fleet(
             report=lambda message, name=name: report(f"{name}: {message}"),
             **options,
         )
-    report(f"{len(jobs)} members as lanes of one program")
+    report(f"{len(jobs)} members side by side")
     fits, failed = in_lanes(jobs)
     for failure in failed.values():
         if not isinstance(failure, ParameterError | LogError):

@@ -20,9 +20,11 @@ from jaxtyping import Array, Bool, Float, Int
 from ..._compile import compiled, forget_programs
 from .bounds import Bounds
 from .direct import costs_directly, direct, linearised_directly, runs_directly, side_by_side
+from .lanes import ask_together, in_batch
 from .levenberg_marquardt import CANDIDATES, UNDECIDED, BestDampingLevenbergMarquardt, Search, State, begin, tried
 from .optimum import Optimum
 from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
+from .together import costs_together, kind_of, linearised_together
 
 Task = tuple[Structure, Problem, Unknowns]
 Look = Callable[[Unknowns], Triangle]
@@ -100,9 +102,15 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
 
 
 def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tuple[Look, Costs]:
-    """Linearisation at given unknowns, and the costs at candidates, of a problem."""
+    """Linearisation at given unknowns, and the costs at candidates, of a problem; of many fits in a batch together."""
     d = direct(structure, problem)
     if d is not None:
+        kind = kind_of(d) if in_batch() else None
+        if kind is not None:
+            return (
+                lambda there: ask_together(linearised_together, kind, (d, there)),
+                lambda candidates: ask_together(costs_together, kind, (d, candidates)),
+            )
         many = side_by_side(d, CANDIDATES)
         return partial(linearised_directly, d), partial(costs_directly, d, many)
     compile_ahead([(structure, problem, start)])

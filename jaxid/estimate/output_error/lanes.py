@@ -1,15 +1,18 @@
 """Many fits in one batch, each written as if it were alone.
 
-Every fit runs as a coroutine. Where it asks for a minimisation, a simulation or another of the operations below, it waits;
-when all fits wait, what they ask for is computed as lanes of one compiled program, and they go on. So a member of a fleet
-takes exactly the decisions that it takes alone (other starts, outliers, logs left out), and the work is done in batch.
+Every fit runs as a coroutine. Where it asks for a linearisation, the costs of steps or, where simulations take XLA, for one
+of the operations below, it waits; when all fits wait, what they ask for is computed together, and they go on. So a member of
+a fleet takes exactly the decisions that it takes alone (other starts, outliers, logs left out), and the work is done in
+batch.
 
-Only one coroutine runs at a time. Members with fewer or shorter logs are padded with samples that do not count.
+Only one coroutine runs at a time, and so many are begun that another takes the place of each that ends. Members with fewer
+or shorter logs are padded with samples that do not count.
 """
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any, NamedTuple
 
 import jax
@@ -36,12 +39,22 @@ class Operation(NamedTuple):
 
 
 class _Question(NamedTuple):
+    """To a compiled program."""
+
     operation: Operation
     structure: Structure
     static: Any
     problem: Problem
     unknowns: Unknowns
     others: Any
+
+
+class _Request(NamedTuple):
+    """To a function that answers all requests of one kind."""
+
+    answered: Callable[[list[Any]], list[Any]]
+    kind: Hashable
+    value: Any
 
 
 @dataclass
@@ -51,7 +64,7 @@ class _Member:
     run: Callable[[], Any]
     go: threading.Event = field(default_factory=threading.Event)
     waits: threading.Event = field(default_factory=threading.Event)
-    question: _Question | None = None
+    question: _Question | _Request | None = None
     answer: Any = None
     result: Any = None
     failure: BaseException | None = None
@@ -70,10 +83,20 @@ def ask(
     operation: Operation, structure: Structure, static: Any, problem: Problem, unknowns: Unknowns, others: Any = ()
 ):
     """The operation's result for one fit, or None where no batch is being fitted: then compute it yourself."""
+    return _waited_for(_Question(operation, structure, static, problem, unknowns, others))
+
+
+def ask_together(answered: Callable[[list[Any]], list[Any]], kind: Hashable, value: Any) -> Any:
+    """This fit's part of `answered(values)`, called once with what all fits ask that ask for the same `kind`; None where no
+    batch is being fitted: then compute it yourself."""
+    return _waited_for(_Request(answered, kind, value))
+
+
+def _waited_for(question: _Question | _Request) -> Any:
     member: _Member | None = getattr(_here, "member", None)
     if member is None:
         return None
-    member.question = _Question(operation, structure, static, problem, unknowns, others)
+    member.question = question
     member.go.clear()
     member.waits.set()
     member.go.wait()
@@ -101,7 +124,9 @@ def _padded(problem: Problem, unknowns: Unknowns, logs: int, samples: int) -> tu
     return padded, unknowns._replace(states=np.pad(states, [(0, logs - E), (0, 0)]))
 
 
-def _key(question: _Question) -> Any:
+def _key(question: _Question | _Request) -> Any:
+    if isinstance(question, _Request):
+        return question.answered, question.kind
     tree = jax.tree.structure((question.problem, question.unknowns, question.others))
     widths = question.problem.inputs.shape[-1], question.problem.outputs.shape[-1]
     E, T = question.problem.dt.shape
@@ -109,8 +134,10 @@ def _key(question: _Question) -> Any:
     return question.operation.name, question.structure, question.static, tree, widths, size
 
 
-def _answered(questions: list[_Question], sizes: dict[Any, tuple[int, int, int]]) -> list[Any]:
+def _answered(questions: list[Any], sizes: dict[Any, tuple[int, int, int]]) -> list[Any]:
     """Answers to questions of one kind."""
+    if isinstance(questions[0], _Request):
+        return questions[0].answered([question.value for question in questions])
     key, first = _key(questions[0]), questions[0]
     known = sizes.get(key, (0, 0, min(len(questions), _LANES)))
     logs, samples = (max(known[i], *(q.problem.dt.shape[i] for q in questions)) for i in (0, 1))
@@ -154,33 +181,44 @@ def in_lanes(jobs: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], dic
         member.done = True
         member.waits.set()
 
-    threads = [threading.Thread(target=live, args=(member,), daemon=True) for member in members.values()]
-    for thread in threads:
-        thread.start()
     sizes: dict[Any, tuple[int, int, int]] = {}
-    ready = list(members.values())
-    while ready:
+    waiting: list[_Member] = []
+    later = iter(members.values())
+    while True:
+        ready = list(waiting)
+        for member in islice(later, _LANES - len(ready)):
+            threading.Thread(target=live, args=(member,), daemon=True).start()
+            ready.append(member)
+        if not ready:
+            break
         for member in ready:
             member.question = None
             member.waits.clear()
             member.go.set()
             member.waits.wait()
-        waiting = [member for member in members.values() if not member.done]
+        waiting = [member for member in ready if not member.done]
         kinds: dict[Any, list[_Member]] = {}
         for member in waiting:
             assert member.question is not None
             kinds.setdefault(_key(member.question), []).append(member)
         for group in kinds.values():
             try:
-                answers = _answered([m.question for m in group if m.question is not None], sizes)
+                answers = _answered([m.question for m in group], sizes)
             except Exception as failure:  # belongs to those that asked
                 answers = [failure] * len(group)
             for member, answer in zip(group, answers, strict=True):
                 member.answer = answer
-        ready = waiting
     for member in members.values():
         if member.failure is not None and not isinstance(member.failure, Exception):
             raise member.failure
     found = {name: member.result for name, member in members.items() if member.failure is None}
     failed = {name: member.failure for name, member in members.items() if isinstance(member.failure, Exception)}
     return found, failed
+
+
+def all_in_lanes(jobs: Mapping[str, Callable[[], Any]]) -> list[Any]:
+    """The results of all jobs, run by `in_lanes`, in their order. Raises the first failure."""
+    found, failed = in_lanes(jobs)
+    for failure in failed.values():
+        raise failure
+    return list(found.values())

@@ -1,7 +1,7 @@
 """Many starts in one batch, and the basins in which they end.
 
 Output error can have several minima. Starts that are each parameter's value times or divided by up to a factor are
-minimised as lanes of one compiled program; those that end at the same cost are one basin.
+minimised side by side; those that end at the same cost are one basin.
 """
 
 from collections.abc import Callable
@@ -112,7 +112,7 @@ def multi_start(
     theta = np.clip(theta, np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper))
     states = np.asarray(unknowns.states)
     lanes = Unknowns(problem.bounds.coordinates(array(theta)), array(np.broadcast_to(states, (starts, *states.shape))))
-    report(f"{starts} starts as lanes of one program")
+    report(f"{starts} starts side by side")
     own = {"held": array(np.broadcast_to(np.asarray(problem.held), theta.shape))}
     found = fit_lanes(structure, problem, own, lanes, max_steps=_STEPS, rounds=1, lanes=min(starts, 32)).optimum
     costs = np.asarray(found.cost)

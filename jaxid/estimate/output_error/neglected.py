@@ -51,20 +51,21 @@ def _sensitivities(structure: Structure, added: tuple[str, ...], problem: Proble
 _compiled = compiled(_sensitivities, static_argnums=(0, 1))
 
 
-def _look(structure: Structure, added: tuple[str, ...], problem: Problem, unknowns: Unknowns):
-    d = direct(structure._replace(names=(*structure.names, *added)), problem)
-    if d is None:
-        return _compiled(structure, added, problem, unknowns)
-    theta = np.concatenate([np.asarray(parameters_at(problem, unknowns.z)), np.zeros(len(added))])
-    return sensitivities_directly(d, theta, np.asarray(unknowns.states))
-
-
 @partial(compiled, static_argnums=(0, 1))
 def _look_many(structure: Structure, added: tuple[str, ...], problems: Problem, unknowns: Unknowns, others: tuple[()]):
     return jax.vmap(lambda problem, at: _sensitivities(structure, added, problem, at))(problems, unknowns)
 
 
 _LOOK = Operation("neglected", _look_many, lambda both, logs, samples: tuple(x[:logs, :samples] for x in both))
+
+
+def _look(structure: Structure, added: tuple[str, ...], problem: Problem, unknowns: Unknowns):
+    d = direct(structure._replace(names=(*structure.names, *added)), problem)
+    if d is None:
+        together = ask(_LOOK, structure, added, problem, unknowns)
+        return _compiled(structure, added, problem, unknowns) if together is None else together
+    theta = np.concatenate([np.asarray(parameters_at(problem, unknowns.z)), np.zeros(len(added))])
+    return sensitivities_directly(d, theta, np.asarray(unknowns.states))
 
 
 def _on_the_way(structure: Structure, problem: Problem, unknowns: Unknowns) -> Array:
@@ -154,9 +155,7 @@ def neglected(
     numbers = {n: array(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
     wider = replace(problem, numbers={**problem.numbers, **numbers})
     wide = structure._replace(robot=full.structure)
-    together = ask(_LOOK, wide, added, wider, unknowns)
-    found = _look(wide, added, wider, unknowns) if together is None else together
-    residual, jacobian = (np.asarray(x) for x in found)
+    residual, jacobian = (np.asarray(x) for x in _look(wide, added, wider, unknowns))
     own = len(structure.names) + len(added)
     ways = _on_the_way(structure, problem, unknowns)
     jacobian = np.concatenate([jacobian[..., :own], ways, jacobian[..., own:]], axis=-1)

@@ -15,10 +15,9 @@ from jaxtyping import Array, Int
 
 from ..._arrays import array
 from ..._compile import compiled
-from ...kernel.machine import lanes as machine_lanes
 from .direct import runs_directly
 from .in_turns import minimise_in_turns
-from .lanes import Operation, ask, in_batch
+from .lanes import Operation, all_in_lanes, ask, in_batch
 from .levenberg_marquardt import BestDampingLevenbergMarquardt
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
@@ -76,11 +75,13 @@ _MINIMISE = Operation("minimise", _minimise_many, _cut)
 def minimise_compiled(
     structure: Structure, problem: Problem, start: Unknowns, *, max_steps: int = 100, solver: Solver = DEFAULT
 ) -> Optimum:
-    """`minimise`, compiled once for all problems of the same structure and shapes; of a fleet's members as lanes."""
-    together = ask(_MINIMISE, structure, solver, problem, start, np.int64(max_steps))
-    if together is not None:
-        return together
-    if isinstance(solver, BestDampingLevenbergMarquardt):
+    """`minimise`, compiled once for all problems of the same structure and shapes; of many fits in a batch together."""
+    ours = isinstance(solver, BestDampingLevenbergMarquardt)
+    if not ours or not runs_directly(structure, problem):
+        together = ask(_MINIMISE, structure, solver, problem, start, np.int64(max_steps))
+        if together is not None:
+            return together
+    if ours:
         return minimise_in_turns(solver, structure, problem, start, max_steps)
     return _program(structure, problem, start, max_steps=np.int64(max_steps), solver=solver)
 
@@ -88,14 +89,18 @@ def minimise_compiled(
 def minimise_each(
     structure: Structure, problem: Problem, starts: Unknowns, *, max_steps: int = 100, solver: Solver = DEFAULT
 ) -> Optimum:
-    """`minimise` from many starts (leading axis of `starts`): in one compiled batch, or one after another in a fleet, whose
-    lanes are its members, and where the logs alone fill the machine code's lanes, so that nothing has to be compiled."""
-    ours = isinstance(solver, BestDampingLevenbergMarquardt)
-    filled = ours and 2 * problem.mask.shape[0] >= machine_lanes() and runs_directly(structure, problem)
-    if not in_batch() and not filled:
+    """`minimise` from many starts (leading axis of `starts`): in one batch, or one after another in a batch of fits."""
+    each = [jax.tree.map(lambda leaf, k=k: np.asarray(leaf)[k], starts) for k in range(starts.z.shape[0])]
+    jobs = {
+        str(k): partial(minimise_compiled, structure, problem, start, max_steps=max_steps, solver=solver)
+        for k, start in enumerate(each)
+    }
+    if in_batch():
+        found = [job() for job in jobs.values()]
+    elif isinstance(solver, BestDampingLevenbergMarquardt) and runs_directly(structure, problem):
+        found = all_in_lanes(jobs)
+    else:
         return minimise_lanes(structure, problem, starts, max_steps=max_steps, solver=solver)
-    each = [jax.tree.map(lambda leaf, k=k: leaf[k], starts) for k in range(starts.z.shape[0])]
-    found = [minimise_compiled(structure, problem, y, max_steps=max_steps, solver=solver) for y in each]
     return jax.tree.map(lambda *leaves: array(np.stack(leaves)), *found)
 
 

@@ -42,19 +42,23 @@ def test_every_member_gets_what_it_gets_alone(fleet):
         assert name in repr(found)
 
 
-def test_everything_is_computed_for_all_members_at_once(axis_log, monkeypatch):
-    """The check of the integration steps, too: no question of a member is answered alone."""
+@pytest.mark.parametrize("places, most", [(64, 3), (2, 2)])
+def test_members_are_simulated_together_and_another_takes_the_place_of_each_that_ends(
+    axis_log, monkeypatch, places, most
+):
     alike, asked = {f"axis {k}": member(axis_log, 1.0, 1, seed=k) for k in range(3)}, []
     answered = lanes._answered
 
     def counted(questions, sizes):
-        asked.append((questions[0].operation.name, len(questions)))
+        asked.append((questions[0].answered.__name__, len(questions)))
         return answered(questions, sizes)
 
     monkeypatch.setattr(lanes, "_answered", counted)
-    assert not fit_fleet(ROBOT, alike).failed
-    assert asked.count(("simulate", 3)) >= 2  # with the steps as they are, and with shorter ones
-    assert {count for _, count in asked} == {3}
+    monkeypatch.setattr(lanes, "_LANES", places)
+    found = fit_fleet(ROBOT, alike)
+    assert not found.failed and list(found.fits) == list(alike)
+    assert asked[0] == ("linearised_together", most) and ("costs_together", most) in asked
+    assert max(count for _, count in asked) == most
 
 
 def test_a_member_whose_simulation_diverges_is_named_and_the_rest_stands(fleet):
