@@ -11,7 +11,7 @@ import shutil
 from itertools import islice
 from pathlib import Path
 
-import matplotlib
+import matplotlib.pyplot as plt
 import pytest
 
 from jaxid import demo
@@ -75,9 +75,9 @@ def shell(monkeypatch):
     # A kernel of its own starts for every notebook in the slow test.
     shell = interactiveshell.InteractiveShell.instance()
     monkeypatch.chdir(ROOT / "notebooks")
-    with matplotlib.rc_context():
+    with plt.rc_context():
         yield shell
-    matplotlib.pyplot.close("all")
+    plt.close("all")
     interactiveshell.InteractiveShell.clear_instance()
 
 
