@@ -5,7 +5,8 @@ a rise of friction towards standstill can bias every parameter by many standard 
 So the directions in which the simulation would move if such a force were added, from nothing, are held against the
 residual, after what the fitted parameters and initial states could have taken up. With white noise a direction of length
 one finds a standard normal number there; with coloured noise its variance follows from the residual's autocovariance.
-Beside forces, two things that happen to commands on their way are looked for: a delay, and a dead zone.
+What shows in several directions by a little each is looked for in all of them at once. Beside forces, two things that
+happen to commands on their way are looked for: a delay, and a dead zone.
 """
 
 from dataclasses import replace
@@ -35,6 +36,8 @@ _OWN = 1e-6
 """Share of a direction that must be its own, beside what parameters and initial states do."""
 _INNER = 0.02
 """Dead zone, in shares of the largest input, by which a simulation is changed to see what one does."""
+_ALIKE = 1e-6
+"""Share of the largest eigenvalue below which directions are one and the same."""
 _FEWEST = 30
 """Samples, less what is fitted to them, below which nothing is asked."""
 Array = NDArray[np.float64]
@@ -120,14 +123,27 @@ def _directions(problem: Problem, n: int, m: int, residual: Array, jacobian: Arr
 
 
 def _by_chance(problem: Problem, d: _Directions) -> Array:
-    """Standard deviation [m] of coloured noise along each direction."""
+    """Covariance [m, m] of what coloured noise does along the directions."""
     k = d.columns.shape[1]
     every = np.concatenate([d.columns, d.found], axis=1)
     inverse = np.zeros((every.shape[1],) * 2)
     inverse[:k, :k] = np.linalg.pinv(d.columns.T @ d.columns, rcond=1e-12)
     shape = (*d.residual.shape, every.shape[1])
-    spread = np.diag(stationary(d.residual, every.reshape(shape), np.asarray(problem.mask), inverse))[k:]
-    return np.sqrt(np.maximum(spread, np.finfo(float).tiny))
+    return stationary(d.residual, every.reshape(shape), np.asarray(problem.mask), inverse)[k:, k:]
+
+
+def _together(scores: Array, covariance: Array, off: float, freedom: int) -> float:
+    """p value of all `scores` [m] at once: their squares in units of `covariance` [m, m], whose root `off` may be no chance.
+
+    What a delay or a dead zone does is seldom along one of the directions alone, and then stands out in several by a little.
+    """
+    size = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    kept = values > _ALIKE * values.max()
+    squares = float(np.sum((vectors[:, kept].T @ (scores / size)) ** 2 / values[kept]))
+    excess = max(np.sqrt(squares) - off / float(size.min()), 0.0) ** 2
+    rank = int(np.count_nonzero(kept))
+    return float(scipy.stats.f.sf(excess / rank, rank, freedom))
 
 
 def _white_without(problem: Problem, d: _Directions, scores: Array) -> bool:
@@ -169,10 +185,13 @@ def neglected(
         return None
     scores = d.found.T @ residual.ravel()
     white = white or _white_without(problem, d, scores)
-    deviation = np.ones(len(d.kept)) if white else _by_chance(problem, d)
-    z = np.maximum(np.abs(scores) - error * np.sqrt(samples), 0.0) / deviation
+    covariance = d.found.T @ d.found if white else _by_chance(problem, d)
+    deviation, off = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny)), error * float(np.sqrt(samples))
+    z = np.maximum(np.abs(scores) - off, 0.0) / deviation
     best = int(np.argmax(z))
-    p = min(2.0 * float(scipy.stats.t.sf(z[best], freedom)) * len(z), 1.0)
+    alone = 2.0 * float(scipy.stats.t.sf(z[best], freedom)) * len(z)
+    # Two looks: at the one that stands out most, and at all of them.
+    p = min(2.0 * min(alone, _together(scores, covariance, off, freedom)), 1.0)
     if p >= HINT:
         return None
     shift = np.zeros(len(structure.names))

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.stats import kstest
 
 from jaxid import Axis, Log, LogSet, output_error
+from jaxid.estimate.output_error.neglected import _together
 
 SAMPLES, DT, NOISE = 400, 0.05, 0.02
 ROBOT = Axis().with_values(M=1.0, Fv=1.0, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
@@ -64,3 +66,30 @@ def test_a_force_that_the_model_has_is_not_missed():
     fit = output_error(ROBOT.change("offset", free=True), driven(push=0.05))
     assert fit.judgement.verdict == "sound"
     assert fit["offset"].value == pytest.approx(-0.05, abs=5 * fit["offset"].std_error)  # a force that resists
+
+
+def correlated(count=5, samples=400, seed=0):
+    """Unit directions [samples, count] of which the last two are nearly one."""
+    random = np.random.default_rng(seed)
+    directions = random.normal(size=(samples, count))
+    directions[:, -1] = directions[:, -2] + 0.05 * directions[:, -1]
+    return directions / np.linalg.norm(directions, axis=0)
+
+
+def test_all_directions_together_are_as_likely_as_said_in_noise():
+    directions, random = correlated(), np.random.default_rng(1)
+    covariance = directions.T @ directions
+    p_values = [_together(directions.T @ random.normal(size=400), covariance, 0.0, 400) for _ in range(2000)]
+    assert kstest(p_values, "uniform").pvalue > 0.001 and np.mean(np.array(p_values) < 0.01) < 0.02
+
+
+def test_what_stands_out_in_none_of_two_like_directions_stands_out_in_both():
+    directions = correlated()
+    covariance = directions.T @ directions
+    apart = directions[:, -1] - directions[:, -2]
+    residual = 6.0 * apart / np.linalg.norm(apart)
+    scores = directions.T @ residual
+    assert np.abs(scores).max() < 1.0
+    assert _together(scores, covariance, 0.0, 400) < 1e-4
+    # What the simulation's own error may have done along it is no mark of anything.
+    assert _together(scores, covariance, 6.0, 400) == 1.0
