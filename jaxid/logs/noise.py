@@ -48,6 +48,19 @@ def sensor_step(y: NDArray[np.float64]) -> float:
     return step if np.max(np.abs(multiples - np.round(multiples))) < 0.1 else 0.0
 
 
+def counting_step(y: NDArray[np.float64]) -> float:
+    """The step [y's unit] of a counter, of which all of a channel's values are multiples, however seldom one repeats; zero
+    where there is none."""
+    values = np.unique(y[np.isfinite(y)])
+    steps = np.diff(values)
+    steps = steps[steps > 1e-9 * np.max(np.abs(values))] if len(values) else steps
+    if len(steps) < 2:
+        return 0.0
+    numbers = np.round((values - values[0]) / np.min(steps))
+    step = float(numbers @ (values - values[0]) / (numbers @ numbers))
+    return step if np.max(np.abs((values - values[0]) / step - numbers)) < 0.1 else 0.0
+
+
 def _updates(y: NDArray[np.float64]) -> NDArray[np.int64] | None:
     """The samples at which a slower sensor gave its values, None where every sample is its own."""
     finite = np.flatnonzero(np.isfinite(y))

@@ -2,8 +2,10 @@
 
 Pose columns (x, y, theta, beta) in a log give those states. A log whose first sample already moves (by more than a tenth
 of its largest speed), or shows another position than the origin, starts from what it measured, and that, with the states
-nobody measures, is then uncertain. What is measured need be no state: from outputs that the robot at rest would not show
-follow the nearest states that show them. Where the model knows of a sensor's bias or scale, it is taken off before.
+nobody measures, is then uncertain. So is, within its step, a position that a counter tells: whoever reads 0 may stand
+anywhere in a step, above it if the counter rounds down, on either side if it rounds to the nearest. What is measured need
+be no state: from outputs that the robot at rest would not show follow the nearest states that show them. Where the model
+knows of a sensor's bias or scale, it is taken off before.
 """
 
 from collections.abc import Mapping
@@ -20,7 +22,7 @@ from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import LogSet
-from ..logs.noise import noise_level
+from ..logs.noise import counting_step, noise_level
 from ..robots.effect import Numbers
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides, passed
@@ -30,6 +32,8 @@ _STILL = 0.1
 """Share of a speed's largest value below which a first sample may as well be a sensor's offset on a robot at rest."""
 
 
+_FINE = 0.2
+"""Step of a counter in units of the noise from which half of it is not lost among the noise."""
 _STEPS, _RANK = 8, 1e-8
 """Gauss-Newton steps from outputs to states, and the share of the largest slope below which one says nothing."""
 
@@ -37,10 +41,16 @@ _STEPS, _RANK = 8, 1e-8
 @dataclass(frozen=True)
 class InitialConditions:
     """Initial states of E logs: `states[name]` [E], and `uncertain` [E]: whether a log starts elsewhere, or was cut out of a
-    longer one."""
+    longer one. `counted` [E, estimated states]: positions that are known to the step of a counter only."""
 
     states: dict[str, NDArray[np.float64]]
     uncertain: NDArray[np.bool_]
+    counted: NDArray[np.bool_]
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which of the states that can be estimated are to be [E, estimated states]."""
+        return self.uncertain[:, None] | self.counted
 
 
 @partial(compiled, static_argnames=("sensors",))
@@ -100,6 +110,16 @@ def _showing(
     return {**state, **dict(zip(names, x.tolist(), strict=True))} if np.isfinite(x).all() else dict(state)
 
 
+def _counted(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Which measured positions are counted in steps that the noise does not hide [E, estimated states]."""
+    found = np.zeros((len(logs), len(robot.estimated_states)), dtype=bool)
+    for name in set(robot.positions.values()) & set(robot.estimated_states) & set(logs[0].channels.measured):
+        level = noise[name] if np.isfinite(noise[name]) else np.inf
+        for e, log in enumerate(logs):
+            found[e, robot.estimated_states.index(name)] = counting_step(log.output(name)) > _FINE * level
+    return found
+
+
 def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
     """The initial states that the logs' own columns and first samples suggest."""
     noise = noise_level(logs)
@@ -145,4 +165,4 @@ def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
                 robot, {n: float(v[e]) for n, v in states.items()}, log.inputs[0], first
             ).items():
                 states[name][e] = value
-    return InitialConditions(states, uncertain)
+    return InitialConditions(states, uncertain, _counted(robot, logs, noise))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, Pioneer
+from jaxid import Axis, Log, LogSet, Pioneer, output_error
 from jaxid.effects import effect_by_id
 from jaxid.simulation.start import initial_states
 
@@ -116,3 +116,31 @@ def test_optional_outputs_that_are_no_states_do_not_stand_in_a_starts_way():
         start = initial_states(robot, LogSet([log]))
         assert start.uncertain.tolist() == [True]
         assert start.states["right"][0] + start.states["left"][0] == pytest.approx(2.5, abs=1e-9)
+
+
+def counted(axis_law, step, rounding, start=0.0, noise=0.0):
+    """An axis whose position a counter shows, from `start` steps above the origin."""
+    inputs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+    q = axis_law(inputs, 0.02, M=1.3)[1] + start * step + noise * np.random.default_rng(0).normal(size=360)
+    outputs = np.stack([np.full(360, np.nan), rounding(q / step) * step], axis=1)
+    return Log.from_arrays("counted", 0.02 * np.arange(360), inputs[:, None], outputs, Axis().channels)
+
+
+@pytest.mark.parametrize("step", [0.002, 0.05])
+@pytest.mark.parametrize(
+    ("rounding", "start", "seen"), [(np.floor, 0.0, -0.5), (np.round, 0.4, 0.4), (np.floor, 0.9, 0.4)]
+)
+def test_a_counter_leaves_the_start_within_a_step_open(axis_law, step, rounding, start, seen):
+    """What reads 0 stands half a step higher on average, if the counter rounds down: of 300 to 7000 steps, that is all."""
+    fit = output_error(Axis(), LogSet([counted(axis_law, step, rounding, start)]))
+    assert fit.judgement.trustworthy
+    for name, true in {"M": 1.3, "Fv": 2.0, "Fc": 0.5, "offset": 0.0}.items():
+        assert abs(fit[name].value - true) < 4 * fit[name].std_error
+    assert fit.initial_states["counted"]["q"] / step == pytest.approx(seen, abs=0.25)
+    assert fit.initial_states["counted"]["v"] == 0.0  # it is known to rest
+
+
+def test_a_position_whose_steps_are_lost_in_noise_starts_at_the_origin(axis_law):
+    start = initial_states(Axis(), LogSet([counted(axis_law, 1e-4, np.round, noise=0.01)]))
+    assert not start.free.any()
+    assert initial_states(Axis(), LogSet([counted(axis_law, 0.01, np.round, noise=0.01)])).counted.any()

@@ -41,10 +41,11 @@ def estimated_start(
     noise: Mapping[str, float],
     prescribed: Mapping[str, Float[Array, "E T"]] = MappingProxyType({}),
 ) -> dict[str, NDArray[np.float64]]:
-    """Initial states [E] by name: of logs that start in motion the likeliest ones (Gauss-Newton), of the others as
+    """Initial states [E] by name: those that the log leaves open the likeliest ones (Gauss-Newton), the others as
     `initial_states` has them. `noise` is each channel's standard deviation."""
     begin = initial_states(robot, logs)
-    states, moving = begin.states, begin.uncertain
+    states, free = begin.states, begin.free
+    moving = free.any(axis=1)
     if not moving.any():
         return states
     measured = logs.channels.measured
@@ -77,7 +78,7 @@ def estimated_start(
     def tried(there: NDArray[np.float64]) -> None:
         """Go there with every log that fits better there."""
         nonlocal x, now, best
-        there = np.where(searched[:, None], there, x)
+        there = np.where(searched[:, None] & free, there, x)
         then = residuals(there)
         better = costs(then) < best
         x = np.where(better[:, None], there, x)
@@ -108,7 +109,7 @@ def estimated_start(
             moved = [residuals(x + length * unit) for length, unit in zip(lengths, np.eye(len(names)), strict=True)]
             step = np.zeros_like(x)
             for e in np.flatnonzero(searched):
-                jacobian = np.stack([m[e] - now[e] for m in moved], axis=1)
+                jacobian = np.stack([m[e] - now[e] for m in moved], axis=1) * free[e]
                 step[e] = -np.array(lengths) * np.linalg.lstsq(jacobian, now[e], rcond=1e-10)[0]
             start = x
             for shrunk in _SHRINK:

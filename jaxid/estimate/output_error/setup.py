@@ -94,15 +94,12 @@ def build(
     batch = logs.batch()
     measured = batch.channels.measured
     begin = initial_states(robot.with_values(**start), logs)
-    estimated = robot.estimated_states
-    if initial == "known":
-        free_logs = np.zeros(len(logs), dtype=bool)
-    elif initial == "estimate":
-        free_logs = np.ones(len(logs), dtype=bool)
+    if initial == "auto":
+        every = begin.free
     else:
-        free_logs = begin.uncertain
-    state_names = estimated if free_logs.any() else ()
-    state_free = np.repeat(free_logs[:, None], len(state_names), axis=1)
+        every = np.full(begin.free.shape, initial == "estimate")
+    state_names = tuple(n for n, free in zip(robot.estimated_states, every.any(axis=0), strict=True) if free)
+    state_free = every[:, every.any(axis=0)]
     shown = {c for i, c in enumerate(measured) if bool(np.any(np.asarray(batch.mask)[..., i]))}
     spreads = robot.prior_spreads
     precision = np.array([0.0 if name in shown else spreads.get(name, np.inf) ** -2 for name in state_names])
