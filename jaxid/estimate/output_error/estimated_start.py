@@ -45,7 +45,7 @@ def estimated_start(
     `initial_states` has them. `noise` is each channel's standard deviation."""
     begin = initial_states(robot, logs)
     states, free = begin.states, begin.free
-    moving = free.any(axis=1)
+    moving = np.any(free, axis=1, keepdims=True)[:, 0]
     if not moving.any():
         return states
     measured = logs.channels.measured

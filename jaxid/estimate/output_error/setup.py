@@ -98,8 +98,8 @@ def build(
         every = begin.free
     else:
         every = np.full(begin.free.shape, initial == "estimate")
-    state_names = tuple(n for n, free in zip(robot.estimated_states, every.any(axis=0), strict=True) if free)
-    state_free = every[:, every.any(axis=0)]
+    somewhere = np.flatnonzero(np.any(every, axis=0))
+    state_names, state_free = tuple(robot.estimated_states[i] for i in somewhere), every[:, somewhere]
     shown = {c for i, c in enumerate(measured) if bool(np.any(np.asarray(batch.mask)[..., i]))}
     spreads = robot.prior_spreads
     precision = np.array([0.0 if name in shown else spreads.get(name, np.inf) ** -2 for name in state_names])
