@@ -265,6 +265,12 @@ def _shrink_labels(figure: Figure) -> None:
 def as_png(figure: Figure, dpi: int = 110) -> bytes:
     """The figure as a PNG file's bytes."""
     _shrink_labels(figure)
+    figure.set_dpi(dpi)
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        # Laid out here, not by a whole drawing that is thrown away, which takes as long as the picture itself.
+        layout.execute(figure)
+        figure.set_layout_engine(None)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()

@@ -15,7 +15,7 @@ from ..._arrays import AnyArray, array
 from ..._compile import compiled
 from .direct import runs_directly, sensitivities_now, simulated_now
 from .lanes import BY_LOG, Operation, ask
-from .problem import Problem, Structure, Unknowns, sensitivities, simulate_all
+from .problem import Problem, Structure, Unknowns, parameters_at, residual_weights, sensitivities, simulate_all
 
 
 @partial(compiled, static_argnums=(0, 1))
@@ -38,6 +38,19 @@ def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Flo
     """`problem.simulate_all`."""
     together = None if runs_directly(structure, problem) else ask(_SIMULATE, structure, None, problem, unknowns)
     return simulated_now(structure, problem, unknowns) if together is None else together
+
+
+def cost_at(structure: Structure, problem: Problem, at: Unknowns) -> float:
+    """Half the sum of squares, as `problem.cost`, from the simulation that every fit has compiled."""
+    y, weights = np.asarray(simulated(structure, problem, at)), residual_weights(problem)
+    # A simulation that is not finite is no matter where nothing was measured.
+    r = np.where(weights > 0.0, y - np.asarray(problem.outputs), 0.0) * weights
+    off = np.asarray(parameters_at(problem, at.z) - problem.prior_mean)
+    pull = np.where(np.asarray(problem.free), np.asarray(problem.prior_precision), 0.0) * off**2
+    stiff = np.asarray(problem.state_precision) * np.asarray(problem.state_scale) ** 2
+    own = np.where(np.asarray(problem.state_free), stiff, 0.0) * np.asarray(at.states) ** 2
+    with np.errstate(over="ignore"):
+        return 0.5 * float(np.sum(r**2) + np.sum(pull) + np.sum(own))
 
 
 def simulated_with(

@@ -8,22 +8,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from ...logs import LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ..result import Fit
 from .conclude import conclude, no_priors
+from .evaluation import cost_at
 from .first_minimum import first_minimum, linear_unknowns
 from .from_optimum import AtBounds, on_bounds
 from .optimum import Optimum
 from .posed import Options, Posed, posed
-from .problem import Problem, Structure, Unknowns
+from .problem import DIVERGED, Problem, Structure, Unknowns
 from .rescue import diverging
 from .reweighted import reweighted
 from .rise import Flat, rise, with_flat_sides
 from .robust_loss import Robust, minimise_robustly
 from .setup import Starts
-from .solvers import minimise_compiled
 from .step_check import with_steps_checked
 from .windows import Unless, condensed
 
@@ -168,7 +170,7 @@ def _concluded(
     rivals: dict[str, Callable[[], Unknowns | None]] = {}
     if options.squares and no_priors(problem):
         rivals = {"its own start": lambda: fit.unknowns, "the linear estimate": lambda: linear_unknowns(fit, problem)}
-    begun = minimise_compiled(structure, problem, fit.unknowns, max_steps=0)
+    begun = cost_at(structure, problem, fit.unknowns)
     return conclude(
         stand.robot,
         fit.logs,
@@ -182,7 +184,7 @@ def _concluded(
         rivals=rivals,
         left_out=left_out,
         whole=None if fit.window is None else (fit.whole, fit.window),
-        start_cost=float(begun.cost),
+        start_cost=begun if np.isfinite(begun) else DIVERGED,
         integration=error,
         begun=fit.values,
         bread=1.0 if robust is None else robust.bread,

@@ -17,12 +17,13 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..._arrays import array
 from ..._compile import compiled, forget_programs
 from .bounds import Bounds
 from .direct import costs_directly, direct, linearised_directly, runs_directly, side_by_side
 from .lanes import ask_together, in_batch
 from .levenberg_marquardt import CANDIDATES, UNDECIDED, BestDampingLevenbergMarquardt, Search, State, begin, tried
-from .optimum import Optimum
+from .optimum import Optimum, Outcome
 from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
 from .together import costs_together, kind_of, linearised_together
 
@@ -119,9 +120,14 @@ def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tup
 
 
 def minimise_in_turns(
-    solver: BestDampingLevenbergMarquardt, structure: Structure, problem: Problem, start: Unknowns, max_steps: int
+    solver: BestDampingLevenbergMarquardt,
+    structure: Structure,
+    problem: Problem,
+    start: Unknowns,
+    max_steps: int,
+    until: float = 0.0,
 ) -> Optimum:
-    """`solver.minimise`, part by part."""
+    """`solver.minimise`, part by part; it ends as soon as a linearisation promises no drop of the cost above `until`."""
     look, costs = _simulations(structure, problem, start)
     limit = np.asarray(max_steps)
     seen: list[Triangle] = []
@@ -150,6 +156,7 @@ def minimise_in_turns(
         looked,
         lambda candidates: costs(whole(candidates)),
         limit,
+        until,
     )
     number = float(found.triangle.squares[0, 0])
     last = seen[int(number) if np.isfinite(number) else -1]
@@ -164,11 +171,14 @@ def _minimised(
     look: Look,
     costs: Costs,
     limit: Any,
+    until: float,
 ) -> Optimum:
     triangle = look(start)
     state = begin(start, triangle)
     while True:
         search = _decided(solver, bounds, free, state, triangle, limit)
+        if until and np.isfinite(triangle.squares).all() and search.state.promise <= until:
+            return search.state.optimum._replace(outcome=array(Outcome.OPTIMUM))
         while search.going:
             search = _tried(search, costs(search.candidates))
         state = search.state

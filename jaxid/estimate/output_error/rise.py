@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from ..._arrays import array
 from ..result import Estimate, Fit
-from .evaluation import simulated
+from .evaluation import cost_at
 from .from_optimum import AtBounds, known_spread
 from .optimum import Optimum
-from .problem import Problem, Structure, Unknowns, parameters_at, residual_weights
+from .problem import Problem, Structure, Unknowns, parameters_at
 from .solvers import minimise_compiled
 
 _OFF = 3.0
@@ -32,7 +32,8 @@ _DOUBTFUL = 0.7
 """The same along a principal direction, below which profiles are asked."""
 _PART = 0.1
 """Share of a parameter's standard error that a direction must make up for the parameter to take part in it."""
-_STEPS = 20
+_STEPS, _WITHIN = 20, 0.01
+"""Of the search for a profile: steps at most, and share of the promised rise to which it is asked for."""
 _TELLING = 1.0
 """Promised rise below which there is nothing to be asked: a bound is in the way."""
 _LOWER = 0.5
@@ -54,30 +55,18 @@ class Rise(NamedTuple):
     lower: Unknowns | None
 
 
-def _cost(structure: Structure, problem: Problem, at: Unknowns) -> float:
-    """Half the sum of squares, as `problem.cost`, from the simulation that every fit has compiled."""
-    y, weights = np.asarray(simulated(structure, problem, at)), residual_weights(problem)
-    # A simulation that is not finite is no matter where nothing was measured.
-    r = np.where(weights > 0.0, y - np.asarray(problem.outputs), 0.0) * weights
-    off = np.asarray(parameters_at(problem, at.z) - problem.prior_mean)
-    pull = np.where(np.asarray(problem.free), np.asarray(problem.prior_precision), 0.0) * off**2
-    stiff = np.asarray(problem.state_precision) * np.asarray(problem.state_scale) ** 2
-    own = np.where(np.asarray(problem.state_free), stiff, 0.0) * np.asarray(at.states) ** 2
-    with np.errstate(over="ignore"):
-        return 0.5 * float(np.sum(r**2) + np.sum(pull) + np.sum(own))
-
-
 def _following(inner: Optimum, step: NDArray[np.float64]) -> NDArray[np.float64]:
     """Change [E, s] of the initial states that follows a step [n] of the parameters."""
     local, crossed = np.asarray(inner.triangle.local), np.asarray(inner.triangle.crossed)
     return np.stack([-np.linalg.pinv(own) @ (across @ step) for own, across in zip(local, crossed, strict=True)])
 
 
-def _profile(structure: Structure, problem: Problem, at: Unknowns, k: int) -> tuple[float, Unknowns]:
-    """Cost and place of the minimum over all parameters but the k-th, which stays where it is."""
+def _profile(structure: Structure, problem: Problem, at: Unknowns, k: int, within: float) -> tuple[float, Unknowns]:
+    """Cost, `within` what a linearisation promises, and place of the minimum over all parameters but the k-th, which stays
+    where it is."""
     theta = parameters_at(problem, at.z)
     held = replace(problem, free=problem.free.at[k].set(False), held=problem.held.at[k].set(theta[k]))
-    found = minimise_compiled(structure, held, at, max_steps=_STEPS)
+    found = minimise_compiled(structure, held, at, max_steps=_STEPS, until=within)
     cost = float(found.cost)
     return (
         (cost, found.unknowns._replace(z=jnp.asarray(found.unknowns.z).at[k].set(at.z[k])))
@@ -96,7 +85,7 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
     covariance = found.covariance / np.outer(slope, slope)
     errors = np.sqrt(np.diag(covariance))
     asked = found.determined & ~bounded.at_bound & (errors > 0)
-    base = _cost(structure, problem, Unknowns(array(begin), array(states)))
+    base = cost_at(structure, problem, Unknowns(array(begin), array(states)))
     flat: dict[str, list[Flat]] = {}
     lowest, lower = base - _LOWER, None
 
@@ -113,7 +102,7 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
             at, promised = off(side * _OFF * direction)
             if not promised > _TELLING:
                 continue
-            cost = _cost(structure, problem, at)
+            cost = cost_at(structure, problem, at)
             if cost - base < _DOUBTFUL * promised:
                 part = side * direction / np.where(errors > 0, errors, np.inf)
                 doubtful |= {(int(k), int(np.sign(part[k]))) for k in np.flatnonzero(asked & (np.abs(part) > _PART))}
@@ -125,7 +114,7 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
             promised = 0.5 * float((at.z[k] - begin[k]) / errors[k]) ** 2
             if not promised > _TELLING:
                 break
-            cost, at = _profile(structure, problem, at, k)
+            cost, at = _profile(structure, problem, at, k, _WITHIN * promised)
             if cost < lowest:
                 lowest, lower = cost, at
             if cost - base < little * promised:

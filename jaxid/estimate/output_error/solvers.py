@@ -73,16 +73,26 @@ _MINIMISE = Operation("minimise", _minimise_many, _cut)
 
 
 def minimise_compiled(
-    structure: Structure, problem: Problem, start: Unknowns, *, max_steps: int = 100, solver: Solver = DEFAULT
+    structure: Structure,
+    problem: Problem,
+    start: Unknowns,
+    *,
+    max_steps: int = 100,
+    solver: Solver = DEFAULT,
+    until: float = 0.0,
 ) -> Optimum:
-    """`minimise`, compiled once for all problems of the same structure and shapes; of many fits in a batch together."""
+    """`minimise`, compiled once for all problems of the same structure and shapes; of many fits in a batch together.
+
+    jaxid's own solver may end where a linearisation promises no drop of the cost above `until`; a program that holds the
+    whole search goes on to the minimum.
+    """
     ours = isinstance(solver, BestDampingLevenbergMarquardt)
     if not ours or not runs_directly(structure, problem):
         together = ask(_MINIMISE, structure, solver, problem, start, np.int64(max_steps))
         if together is not None:
             return together
     if ours:
-        return minimise_in_turns(solver, structure, problem, start, max_steps)
+        return minimise_in_turns(solver, structure, problem, start, max_steps, until)
     return _program(structure, problem, start, max_steps=np.int64(max_steps), solver=solver)
 
 
