@@ -3,16 +3,15 @@
 One model holds all effects; each lane of one compiled program switches a single one on.
 """
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 pytest.importorskip("numba")
 from benchmarks.hidden.cases import LARGEST_INPUT, MODEL, NOISE, REFERENCE, effect  # noqa: E402
 from benchmarks.naming import true_parameters  # noqa: E402
-from jaxid import Integrator, float64
+from jaxid import Integrator, Log, LogSet
 from jaxid.effects import catalogue
-from jaxid.explanation.screen import _lanes
+from jaxid.simulation.simulate import simulate_models
 from reference import excitation  # noqa: E402
 from reference.effects import EFFECTS, NOT_FOR  # noqa: E402
 from reference.logs import simulate_log  # noqa: E402
@@ -105,26 +104,17 @@ def both(request):
     keys = sorted({k for change in changes for k in change})
     missing = [k for k in keys if k not in base]
     assert not missing, missing
-    count = len(changes) + (-len(changes) % 16)
-    padded = changes + [{}] * (count - len(changes))
-    start = {name: jnp.zeros(1) for name in full.states}
-    with float64():
-        outputs = _lanes(
-            full.structure,
-            Integrator(4),
-            {k: jnp.asarray(v, float) for k, v in base.items()},
-            {k: jnp.array([change.get(k, base[k]) for change in padded]) for k in keys},
-            {name: jnp.asarray(value, float) for name, value in start.items()},
-            jnp.asarray(inputs)[None],
-            jnp.full((1, SAMPLES), SAMPLING),
-            {},
-        )
+    models = [full.with_values(**change) for change in changes]
+    still = np.zeros((SAMPLES, len(model.channels.outputs)))
+    logs = LogSet([Log.from_arrays("multilevel", SAMPLING * np.arange(SAMPLES), inputs, still, model)])
+    at_rest = {name: np.zeros(1) for name in full.states}
+    (outputs,) = simulate_models(models, logs, start=at_rest, integrator=Integrator(4))
     columns = [model.channels.measured.index(c) for c in model.channels.outputs]
     seen = {}
     for lane, effects in enumerate(hidden):
         table = simulate_log(reference, inputs, SAMPLING, 0.0, 0, effects=effects)
         truth = table[list(model.channels.outputs)].to_numpy()
-        seen[next(iter(effects), "")] = (np.asarray(outputs[lane, 0])[:, columns], truth)
+        seen[next(iter(effects), "")] = (outputs[lane][:, columns], truth)
     return robot, seen
 
 

@@ -42,6 +42,9 @@ ROBOTS = {
     },
 }
 
+LONG = ("omni with inductance", "axis + cogging_torque", "axis + motor_lag")
+"""What XLA compiles for seconds and has a like above."""
+
 
 def experiments(robot, lanes=3, seed=0):
     rng = np.random.default_rng(seed)
@@ -80,7 +83,13 @@ def sensitivities(robot, run, friction):
 
 
 @pytest.mark.usefixtures("double_precision")
-@pytest.mark.parametrize(("name", "friction"), [*((name, Sticking()) for name in ROBOTS), ("pendulum", Smooth(0.05))])
+@pytest.mark.parametrize(
+    ("name", "friction"),
+    [
+        *(pytest.param(name, Sticking(), marks=[pytest.mark.slow] * (name in LONG)) for name in ROBOTS),
+        ("pendulum", Smooth(0.05)),
+    ],
+)
 def test_outputs_and_sensitivities_are_those_of_xla(name, friction):
     robot = ROBOTS[name]
     y, dy = sensitivities(robot, rollout, friction)

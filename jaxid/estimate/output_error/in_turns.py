@@ -32,7 +32,7 @@ Look = Callable[[Unknowns], Triangle]
 Costs = Callable[[Unknowns], Any]
 _MOST_MODELS = 32
 """Then all are forgotten, the traces they were made from too."""
-_MULTIPLE = 4
+_MULTIPLE = 8
 """Decisions are compiled for multiples of so many unknowns; those in excess move nothing."""
 _FEWEST = 8
 """And for powers of two of logs with unknowns of their own, from so many on."""

@@ -46,6 +46,9 @@ ROBOTS = {
     "user's own, without friction": frictionless(),
 }
 
+LONG = (("omni", "momentum"), ("pioneer", "speed"), ("axis", "momentum"), ("axis, friction by direction", "speed"))
+"""What XLA compiles for seconds and has a like in the other form, or on another robot."""
+
 
 def logs_of(robot):
     """Two logs of speeds that wander through zero, the second with a gap, on irregular time stamps."""
@@ -77,8 +80,14 @@ def same(found, expected, rows):
 
 
 @pytest.mark.usefixtures("double_precision")
-@pytest.mark.parametrize("form", ["momentum", "speed"])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        pytest.param(name, form, marks=[pytest.mark.slow] * ((name, form) in LONG))
+        for name in ROBOTS
+        for form in ("momentum", "speed")
+    ],
+)
 def test_machine_code_gives_what_xla_gives(name, form):
     robot = ROBOTS[name]
     asked, rows = asked_of(robot, form)
