@@ -25,6 +25,7 @@ from .passing_jumps import without_passing_jumps
 from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, differ, search
+from .table_constants import sentence_of
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _LEFT_OVER = 0.15
@@ -232,6 +233,10 @@ def explain(
     verdict = _verdict(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not _all_noise(found) else ""
     still = still_doubted(final) if verdict in ("named", "ambiguous") and named else ""
+    tables = ()
+    if verdict in ("named", "ambiguous"):
+        present = {effect.id for effect in final.robot.effects}
+        tables = tuple(sentence_of(step, held_out) for step in found.steps if step.chosen.id in present)
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
     open_ = found.colour is not None and not found.steps
@@ -250,6 +255,6 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (still, placeless, noted, untried) if note),
+        notes=tuple(note for note in (*tables, still, placeless, noted, untried) if note),
         colour=found.colour,
     )
