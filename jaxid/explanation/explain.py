@@ -236,7 +236,7 @@ def explain(
     tables = ()
     if verdict in ("named", "ambiguous"):
         present = {effect.id for effect in final.robot.effects}
-        tables = tuple(sentence_of(step, held_out) for step in found.steps if step.chosen.id in present)
+        tables = tuple(sentence_of(step, logs, held_out) for step in found.steps if step.chosen.id in present)
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
     open_ = found.colour is not None and not found.steps

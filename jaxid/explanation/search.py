@@ -98,6 +98,13 @@ def told_apart(one: Trial, other: Trial) -> float:
     return float(values.sum()) / spread if spread > 0 else 0.0
 
 
+def told_apart_from(best: Trial, trial: Trial) -> bool:
+    """Whether `trial` is less likely than `best` by more than chance, on the fitted logs or on the held-out ones."""
+    # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).
+    worse = max(trial.score - best.score, 0.0)
+    return not (worse < (2 * _SEPARATED) ** 2 and told_apart(best, trial) < _SEPARATED)
+
+
 def differ(one: Trial, other: Trial, skip: int = 0) -> float:
     """RMS difference of two predictions of the held-out logs, times the noise; the first samples of each log left out."""
     pairs = zip(one.held_out.residuals, other.held_out.residuals, strict=True)
@@ -112,9 +119,7 @@ def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
         if {best.id, trial.id} == _SAME_BUT_LATER and differ(best, trial, _UNKNOWN_PAST) < _INTERPOLATED:
             found.append(trial.id)
             continue
-        # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).
-        worse = max(trial.score - best.score, 0.0)
-        if worse < (2 * _SEPARATED) ** 2 and told_apart(best, trial) < _SEPARATED:
+        if not told_apart_from(best, trial):
             found.append(trial.id)
     return tuple(found)
 

@@ -2,7 +2,7 @@
 
 A gear ratio, a wheel radius or a supply voltage is taken as known, and no candidate; a wrong one is then named by what looks
 the same, such as a sensor's scale. Whether one does is asked of what the effect changed on the held-out logs: do a change of
-the constant, and of the fitted parameters with it, change the simulation alike?
+the constant, and of the fitted parameters with it, change the simulation alike? Those that may are fitted in its place.
 """
 
 from collections.abc import Mapping
@@ -16,14 +16,15 @@ from ..robots.effect import in_words
 from ..robots.robot import Robot
 from ..simulation.simulate import simulate_models
 from .heldout import scaled_residuals
-from .search import Step
+from .refit import refit
+from .search import Step, told_apart_from
 
 _STEP = 1e-3
 """Step of secants, in units of a parameter's magnitude."""
-_UNSEEN = 16.0
-"""Difference (chi-squared) of two models that are not told apart: two standard deviations of their likelihoods' difference."""
-_LARGEST = 0.3
-"""Share of its value by which a constant may be wrong: not more, or it is no mistake in a table."""
+_LIKE = 0.5
+"""Share of what the effect changed (chi-squared) that a constant may lack to first order to be fitted: large changes bend."""
+_MOST = 6
+"""Most constants that are fitted."""
 Array = NDArray[np.float64]
 
 
@@ -41,9 +42,9 @@ def _outputs(models: list[Robot], held_out: LogSet, noise: Mapping[str, float]) 
     return np.stack([np.nan_to_num(np.concatenate([r.ravel() for r in own])) for own in every])
 
 
-def constants_like(step: Step, held_out: LogSet) -> dict[str, float]:
-    """The constants of the table by which the effect added at `step` can be replaced, each with the share of its value by which
-    it would have to change, to first order; those that can be told from it by more than that are left out."""
+def constants_like(step: Step, logs: LogSet, held_out: LogSet) -> dict[str, float]:
+    """The constants of the table that explain what the effect added at `step` explains, each fitted in its place, with the
+    share of its value by which it then changes; those that do so worse by more than chance are left out."""
     before, after = step.before.robot, step.after.robot
     names, constants = list(before.parameters.free_names), _constants(before)
     if not constants or step.before.angles or step.after.angles:
@@ -61,23 +62,28 @@ def constants_like(step: Step, held_out: LogSet) -> dict[str, float]:
     ]
     outputs = _outputs([before, *moved], held_out, noise)
     secants, wanted = outputs[1:] - outputs[0], _outputs([after], held_out, noise)[0] - outputs[0]
-    found: dict[str, float] = {}
+    likely: list[tuple[float, str]] = []
     own = secants[: len(names)].T
     for k, name in enumerate(constants):
         columns = np.column_stack([own, secants[len(names) + k]])
         if not np.isfinite(columns).all() or not np.any(columns[:, -1]):
             continue
         answer = np.linalg.lstsq(columns, wanted, rcond=1e-9)[0]
-        share = float(answer[-1]) * sizes[len(names) + k] / table[name].value
         left = float(np.sum((wanted - columns @ answer) ** 2))
-        if abs(share) < _LARGEST and left < _UNSEEN + share**2 * float(wanted @ wanted):
-            found[name] = share
+        likely += [(left, name)] if left < _LIKE * float(wanted @ wanted) else []
+    found: dict[str, float] = {}
+    for _, name in sorted(likely)[:_MOST]:
+        robot = before.change(name, free=True)
+        begin = {own: robot.parameters[own].value for own in robot.parameters.free_names}
+        trial = refit(robot, [begin], logs, held_out, noise, step.before.initial_states)
+        if not told_apart_from(step.after, trial):
+            found[name] = trial.robot.parameters[name].value / table[name].value - 1.0
     return found
 
 
-def sentence_of(step: Step, held_out: LogSet) -> str:
+def sentence_of(step: Step, logs: LogSet, held_out: LogSet) -> str:
     """A sentence that names those constants; empty where there are none."""
-    found = constants_like(step, held_out)
+    found = constants_like(step, logs, held_out)
     if not found:
         return ""
     listed = " or ".join(f"{name} ({100 * share:+.2g} %)" for name, share in found.items())
