@@ -35,9 +35,7 @@ class Bounds(eqx.Module):
 
     def physical(self, z: Float[AnyArray, "*lanes n"]) -> Any:
         """Parameters from the optimiser's coordinates, never outside their bounds. NumPy's arrays stay such."""
-        if isinstance(z, np.ndarray) and isinstance(self.scale, np.ndarray):
-            return np.clip(self.scale * z, self.lower, self.upper)
-        return _physical(self, z)
+        return physical(self, z)
 
     def slope(self, z: Float[AnyArray, "*lanes n"]) -> Any:
         """d(parameter)/d(coordinate) inside the bounds, and on them to the inside."""
@@ -48,6 +46,14 @@ class Bounds(eqx.Module):
     def coordinates(self, theta: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
         """The optimiser's coordinates of given parameters; those outside their bounds are put on them."""
         return _coordinates(self, theta)
+
+
+def physical(bounds: Bounds, z: Float[AnyArray, "*lanes n"]) -> Any:
+    """`Bounds.physical` as a function: binding a method of a module takes longer than the few numbers do."""
+    scale = bounds.scale
+    if isinstance(z, np.ndarray) and isinstance(scale, np.ndarray):
+        return np.minimum(np.maximum(scale * z, bounds.lower), bounds.upper)
+    return _physical(bounds, z)
 
 
 @compiled

@@ -266,7 +266,7 @@ def reduced(
 
 def slopes_at(problem: Problem, z: Float[Array, "*c n"]) -> Float[Array, "*c n"]:
     """Derivatives of the physical parameters by the optimiser's coordinates, zero for those that are held."""
-    return np.where(problem.free, problem.bounds.slope(z), 0.0)
+    return np.where(problem.free, np.broadcast_to(problem.bounds.scale, z.shape), 0.0)
 
 
 def linearised_directly(d: Direct, unknowns: Unknowns) -> Triangle:

@@ -204,15 +204,23 @@ def _outline(triangle: Triangle, number: int) -> Triangle:
     for all. In place of the squares stands the linearisation's `number`, infinite if they are not finite."""
     own, local = np.asarray(triangle.shared), np.asarray(triangle.local)
     n, (E, s) = own.shape[-1], local.shape[:2]
-    more, logs = -n % _MULTIPLE, _more_logs(E, s)
-    crossed = np.asarray(triangle.crossed) if s else np.zeros((0, 0, n))
-    local, residual = (local, np.asarray(triangle.residual_local)) if s else (local[:0], np.zeros((0, 0)))
+    more, logs = n + -n % _MULTIPLE, E * bool(s) + _more_logs(E, s)
+    crossed, residual = np.asarray(triangle.crossed), np.asarray(triangle.residual_local)
+    if not s:
+        crossed, local, residual = np.zeros((0, 0, n)), local[:0], np.zeros((0, 0))
     sound = bool(np.isfinite(triangle.squares).all())
     return triangle._replace(
-        shared=np.pad(own, (0, more)),
-        residual_shared=_filled(triangle.residual_shared, 0.0),
-        crossed=np.pad(crossed, ((0, logs), (0, 0), (0, more))),
-        local=np.pad(local, ((0, logs), (0, 0), (0, 0))),
-        residual_local=np.pad(residual, ((0, logs), (0, 0))),
+        shared=_within((more, more), own),
+        residual_shared=_within((more,), np.asarray(triangle.residual_shared)),
+        crossed=_within((logs, s, more), crossed),
+        local=_within((logs, s, s), local),
+        residual_local=_within((logs, s), residual),
         squares=np.array([[float(number) if sound else np.inf]]),
     )
+
+
+def _within(shape: tuple[int, ...], values: Any) -> Any:
+    """`values` in the first places of zeros."""
+    whole = np.zeros(shape)
+    whole[tuple(map(slice, values.shape))] = values
+    return whole

@@ -24,7 +24,7 @@ from ..._compile import compiled
 from ...kernel.dense import triangle_of
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator, rollout
-from .bounds import Bounds
+from .bounds import Bounds, physical
 
 DIVERGED = 1e30
 """Stands in for residuals that are not finite: larger than any sound one, so that the step is rejected."""
@@ -126,7 +126,7 @@ def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, "
 def parameters_at(problem: Problem, z: Float[AnyArray, "*lanes n"]) -> Any:
     """Physical parameters at the optimiser's coordinates, those not free at their held values. NumPy's arrays stay such."""
     if isinstance(z, np.ndarray) and isinstance(problem.held, np.ndarray):
-        return np.where(problem.free, problem.bounds.physical(z), problem.held)
+        return np.where(problem.free, physical(problem.bounds, z), problem.held)
     return _parameters_at(problem.bounds, problem.free, problem.held, z)
 
 
