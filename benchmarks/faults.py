@@ -205,8 +205,8 @@ JUDGEMENT = (
     Fault(
         "the score test in coloured noise as if it were white",
         NEGLECTED,
-        "deviation = np.ones(len(d.kept)) if white else _by_chance(problem, d)",
-        "deviation = np.ones(len(d.kept))",
+        "covariance = d.found.T @ d.found if white else _by_chance(problem, d)",
+        "covariance = d.found.T @ d.found",
         "tests/estimate/output_error/test_neglected.py",
     ),
     Fault(
