@@ -8,6 +8,8 @@ import pytest
 
 import jaxid
 from jaxid import Axis, Integrator, LogSet, Outcome, output_error
+from jaxid.estimate.output_error.setup import build
+from jaxid.estimate.output_error.solvers import minimise_compiled
 
 STEP = Integrator(2)
 
@@ -30,6 +32,15 @@ def test_solvers_of_optimistix_reach_the_same_optimum(logs, fit, solver):
     for name in fit.free_names:
         assert abs(other[name].value - fit[name].value) < 0.05 * fit[name].std_error, name
         assert other[name].std_error == pytest.approx(fit[name].std_error, rel=0.02)
+
+
+def test_a_search_may_end_where_no_more_than_so_much_is_promised(logs):
+    with jaxid.float64():
+        structure, problem, start = build(Axis(), logs, start={}, integrator=STEP)
+        one, near, there = (minimise_compiled(structure, problem, start, until=u) for u in (np.inf, 0.05, 0.0))
+    assert int(one.iterations) == 1 and np.array_equal(one.unknowns.z, start.z)
+    assert 1 < int(near.iterations) < int(there.iterations)
+    assert float(there.cost) <= float(near.cost) < float(there.cost) + 0.1
 
 
 def test_whole_fits_run_under_jit_and_vmap_and_give_what_output_error_gives(logs, fit):
