@@ -21,6 +21,8 @@ from .likelihood import Problem, scores
 from .scoring import seen_at
 
 _MEMORIES, _SHORTEST, _FEWEST = 10.0, 10, 30
+_UNSETTLED = 1.5
+"""Standard deviation of an innovation, in units of the usual one, from which a log's start is not known yet."""
 _SINGULAR = 1e-13
 
 
@@ -72,11 +74,18 @@ def expected(logs: LogSet, found: Whitened) -> list[NDArray[np.float64]]:
 
 
 def stated(channels: tuple[str, ...], found: Whitened, problem: Problem) -> dict[str, float]:
-    """Root mean square of the innovations' stated standard deviations by channel."""
+    """Root mean square of the innovations' stated standard deviations by channel, but for the first samples of a log as long as
+    they say how little is known of its start."""
     there = np.asarray(problem.records.there)
-    count = np.maximum(there.sum(axis=(0, 1)), 1)
-    levels = np.sqrt(np.sum(np.where(there, found.deviations**2, 0.0), axis=(0, 1)) / count)
-    return {c: float(level) if level > 0 else 1.0 for c, level in zip(channels, levels, strict=True)}
+    levels = np.ones(len(channels))
+    for i in range(len(channels)):
+        measured, deviation = there[..., i], found.deviations[..., i]
+        if not measured.any():
+            continue
+        usual = float(np.median(deviation[measured]))
+        settled = np.logical_or.accumulate(measured & (deviation < _UNSETTLED * usual), axis=-1)
+        levels[i] = np.sqrt(np.mean(deviation[measured & settled] ** 2)) or 1.0
+    return {c: float(level) for c, level in zip(channels, levels, strict=True)}
 
 
 def pseudo_inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:

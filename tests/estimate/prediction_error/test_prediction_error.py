@@ -225,3 +225,12 @@ def test_chance_of_a_likelihood_ratio_at_the_edge_of_what_is_possible():
     random = np.random.default_rng(0).normal(size=(200_000, 2))
     ratio = np.sum(np.maximum(random, 0.0) ** 2, axis=1)
     assert chance(4.0, 2) == pytest.approx(np.mean(ratio > 4.0), abs=2e-3)
+
+
+def test_a_start_that_is_not_known_is_no_noise(axis_log):
+    """A log that starts in motion: how little is known of its first sample says nothing of what the others leave."""
+    inputs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 50)
+    log = axis_log("moving", inputs, 0.002, 1, M=1.3, v=1.2, q=0.7)
+    fit = prediction_error(Axis(), LogSet([log]))
+    assert fit.judgement.trustworthy and 0.9 < fit.judgement.normalised_rms < 1.1
+    assert "hold no noise" not in repr(fit)
