@@ -240,9 +240,9 @@ def test_prior_weighs_in(axis_logs):
 
 # -- noise -------------------------------------------------------------------------------------------------------------
 def test_standard_errors_against_monte_carlo(axis_logs):
-    """40 noisy repeats, whose scatter is known to a ninth: it is as the standard errors say, the bias small beside it."""
+    """24 noisy repeats, whose scatter is known to a seventh: it is as the standard errors say, the bias small beside it."""
     names = list(AXIS_TRUTH)
-    fits = [integral_least_squares(Axis(), noisy(axis_logs, 0.01, seed)) for seed in range(40)]
+    fits = [integral_least_squares(Axis(), noisy(axis_logs, 0.01, seed)) for seed in range(24)]
     values = np.array([[fit[name].value for name in names] for fit in fits])
     errors = np.array([[fit[name].std_error for name in names] for fit in fits])
     scatter = values.std(axis=0, ddof=1)

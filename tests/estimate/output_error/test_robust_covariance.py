@@ -8,7 +8,7 @@ from jaxid.estimate.output_error.robust_covariance import memory, stationary
 
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
 ROBOT = Axis().change("offset", free=False).with_values(**TRUE)
-RUNS = 40
+RUNS = 24
 
 
 def coloured(rng, shape, rho):
@@ -39,7 +39,7 @@ def test_errors_are_the_scatter_of_the_estimates(axis_log, rho):
     for name, true in TRUE.items():
         values = np.array([fit[name].value for fit in found])
         errors = np.array([fit[name].std_error for fit in found])
-        # The scatter of 40 fits is itself known to a ninth.
+        # The scatter of 24 fits is itself known to a seventh.
         assert np.sqrt(np.mean(errors**2)) == pytest.approx(np.std(values, ddof=1), rel=0.3)
         inside = np.mean(np.abs(values - true) < 1.96 * errors)
         assert inside >= 0.85
