@@ -44,8 +44,8 @@ at best), and logs with two things poor at a time.
 Of the first nine silent ones of the wide draw, whose residuals are 1.00 to 1.11 times the noise, seven speak since then: the
 score test asks for a delay and a dead zone of the inputs, too, in each direction and in all of them at once, and says what may
 be chance where it would move a parameter far. Of the other two the residual asks for nothing beyond what chance brings (p 0.08
-and more): 42 and 92 stay silent, as dry friction takes up all of a dead zone, and of a rise of friction towards standstill, that
-these logs show.
+and more): 42 and 92 stay silent, as dry friction takes up all of a dead zone, and of a rise of friction towards standstill,
+that these logs show.
 """
 
 

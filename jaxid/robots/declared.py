@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from inspect import Parameter as Argument
 from inspect import signature
 from typing import Any, ClassVar, Self
@@ -16,6 +16,7 @@ from .effect import Scalar
 from .robot import Robot
 from .user_functions import UserFunctions, check_user_functions
 
+_MOST_ROBOTS = 256
 _INSTEAD = "pass `output=` to say how they follow from the state"
 
 
@@ -27,16 +28,18 @@ def takes_friction(dynamics: Callable[..., Any]) -> bool:
     return some or sum(a.kind in kinds and a.default is Argument.empty for a in arguments) >= 4
 
 
-@cache
+@lru_cache(_MOST_ROBOTS)
 def _positions(robot: "Declared", numbers: tuple[tuple[str, float], ...]) -> tuple[tuple[str, str], ...]:
     """(velocity, the state whose derivative it is), as the dynamics show at three states without symmetry."""
-    names, inputs, p = robot.state_names, robot.own_channels.inputs, dict(numbers)
+    # NumPy's numbers: a fit may have ended at a mass of zero, and dividing Python's by that raises.
+    names, inputs, p = robot.state_names, robot.own_channels.inputs, {name: np.float64(x) for name, x in numbers}
     friction = ({axis: 0.0 for axis, _ in robot._axes},) if robot._axes and takes_friction(robot.dynamics) else ()
     found = {(v, s) for v in robot.velocities for s in names if s != v}
     for probe in np.random.default_rng(1).uniform(0.1, 1.0, (3, len(names) + len(inputs))):
-        state = dict(zip(names, probe.tolist(), strict=False))
-        given = dict(zip(inputs, probe[len(names) :].tolist(), strict=True))
-        rates = robot.dynamics(state, given, p, *friction)
+        state = dict(zip(names, probe, strict=False))
+        given = dict(zip(inputs, probe[len(names) :], strict=True))
+        with np.errstate(all="ignore"):
+            rates = robot.dynamics(state, given, p, *friction)
         found = {(v, s) for v, s in found if np.allclose(float(np.asarray(rates[s])), state[v], rtol=1e-6, atol=0.0)}
     return tuple(sorted(found))
 

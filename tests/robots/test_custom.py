@@ -134,3 +134,17 @@ def test_what_does_not_fit_together_is_refused_by_name():
         Custom(**base, dry_friction={"bearing": ("omega", "weight")})
     with pytest.raises(ParameterError, match="level 'coulomb'; the first must be a state and the second a parameter"):
         Custom(**base, dry_friction={"bearing": ("rate", "coulomb")})
+
+
+def test_a_mass_of_zero_in_a_denominator_raises_nothing():
+    """A fit may end at one. The equation of motion is plain Python here: only Python's own numbers refuse the division."""
+    cart = Custom(
+        dynamics=lambda s, u, p: {"x": s["v"], "v": u["force"] / p["m"]},
+        state_names=("x", "v"),
+        own_channels=Channels(inputs=("force",), outputs=("x",), units={"force": "N", "x": "m"}),
+        table={"m": Parameter(1.0, "kg", free=True, lower=0.0)},
+        velocities=("v",),
+    )
+    assert cart.positions == cart.with_values(m=0.0).positions == {"v": "x"}
+    log = Log.from_arrays("a", 0.02 * np.arange(50), np.ones(50), 0.01 * np.arange(50.0), cart)
+    assert not np.isfinite(simulate(cart.with_values(m=0.0), LogSet([log]), integrator=Integrator(2))[0][-1]).all()
