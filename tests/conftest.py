@@ -33,8 +33,7 @@ import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 import threadpoolctl  # noqa: E402
 
-from jaxid import Log, LogSet, float64, read_logs  # noqa: E402
-from jaxid.cli import main  # noqa: E402
+# jaxid itself is imported where it is used: the process that only hands out the tests starts sooner.
 
 # What the tests start in processes of their own (notebooks, command lines) reads modules that one of them has compiled.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -43,7 +42,6 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 threadpoolctl.threadpool_limits(1, user_api="blas")
 
 # Tracing makes millions of small objects; going through them again and again takes a fifth of the time.
-gc.freeze()
 gc.set_threshold(50_000, 20, 50)
 
 DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
@@ -56,6 +54,8 @@ LONGEST = ("test_notebooks", "tests/explanation", "tests/estimate", "test_cli", 
 
 
 def pytest_collection_modifyitems(items):
+    gc.freeze()  # what all test files have imported stays
+
     def turn(item):
         return next((k for k, part in enumerate(LONGEST) if part in item.nodeid), len(LONGEST))
 
@@ -113,6 +113,8 @@ def pytest_xdist_make_scheduler(config, log):
 @pytest.fixture
 def double_precision():
     """Double precision for one test, as inside jaxid's public functions."""
+    from jaxid import float64
+
     with float64():
         yield
 
@@ -120,6 +122,7 @@ def double_precision():
 @pytest.fixture
 def jaxid(capsys):
     """Run a command line: (exit status, stdout, stderr)."""
+    from jaxid.cli import main
 
     def run(*argv):
         with pytest.raises(SystemExit) as end:
@@ -133,8 +136,9 @@ def jaxid(capsys):
 @pytest.fixture(scope="session")
 def demo_logs():
     """`demo_logs("pioneer", "fit_*")`: logs of the independent simulator."""
+    from jaxid import read_logs
 
-    def read(robot: str, pattern: str = "fit_*") -> LogSet:
+    def read(robot, pattern="fit_*"):
         return read_logs(DEMO / robot / f"{pattern}.csv", robot=robot)
 
     return read
@@ -191,7 +195,7 @@ def axis_log(axis_law):
         outputs = {"v": v + noise * rng.normal(size=v.shape)}
         if position:
             outputs["q"] = q + noise * rng.normal(size=v.shape)
-        from jaxid import AXIS
+        from jaxid import AXIS, Log
 
         return Log.from_arrays(name, time, inputs[:, None], outputs, AXIS)
 
@@ -220,7 +224,7 @@ def hidden_drag(tmp_path_factory):
 @pytest.fixture(scope="session")
 def explained(hidden_drag):
     """The explanation of `hidden_drag`, its held-out logs with it."""
-    from jaxid import Axis, explain, integral_least_squares, output_error
+    from jaxid import Axis, explain, integral_least_squares, output_error, read_logs
 
     logs, held_out = (read_logs(hidden_drag / f"{role}_*.csv", "axis") for role in ("fit", "check"))
     start = integral_least_squares(Axis(), logs)

@@ -1,7 +1,7 @@
 """Every notebook runs from top to bottom, and the committed ones have been, and name no machine.
 
 In the default run in this process and on less data: the first ten seconds of the demonstration's logs, three of them fitted,
-and five effects to name. `pytest -m slow tests/test_notebooks.py` runs them as they are committed, each in a fresh kernel.
+and three effects to name. `pytest -m slow tests/test_notebooks.py` runs them as they are committed, each in a fresh kernel.
 """
 
 import importlib
@@ -29,7 +29,7 @@ CELL_SECONDS = 600
 SAMPLES = 501
 SHORTENED = ("omni", "pioneer", "unknown")
 LEFT_OUT = ("fit_crawl", "fit_prbs_forward", "fit_turning", "fit_2", "fit_3", "fit_6")
-EFFECTS = ("sensor_bias", "quadratic_drag", "stribeck_friction", "sublinear_viscous_friction", "asymmetric_friction")
+EFFECTS = ("sensor_bias", "quadratic_drag", "stribeck_friction")
 
 
 def by_name(path: Path) -> str:
