@@ -3,8 +3,8 @@
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 
+from reference.compiled import compiled
 from reference.effects import E, attached, beyond, friction_level, viscous
 from reference.robot import Robot
 from reference.stick_slip import DYNAMICS
@@ -14,7 +14,7 @@ PARAMETERS = {"J": 1.0, "k": 1.0, "Cv": 2.0, "Cs": 0.5, "offset": 0.0}
 STATES = ("q", "v", "u_lagged", "stretch", "sprung_speed", "bend", "v_filtered")
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def dynamics(t, x, u, p, e, xdot, G, B, bias, level):
     """Right-hand side; u = (input, push force)."""
     v = x[1]

@@ -13,6 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numba import njit
 
+from reference.compiled import compiled
 from reference.stick_slip import DYNAMICS, integrate
 
 E = IntEnum("E", "drag power stribeck stribeck_speed slope ripple period", start=0)
@@ -33,7 +34,7 @@ def dry_level(coulomb, s, position, e):
 Pendulum = IntEnum("Pendulum", "J k b mgl tau", start=0)
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def pendulum(t, x, u, p, e, xdot, G, B, bias, level):
     """J q'' = k u - b q' - mgl sin q - tau sgn q'; x = (q, q'), u = (input, torque)."""
     q, w = x[0], x[1]
@@ -47,7 +48,7 @@ def pendulum(t, x, u, p, e, xdot, G, B, bias, level):
 Crane = IntEnum("Crane", "M m l g b Fc c", start=0)
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def crane(t, x, u, p, e, xdot, G, B, bias, level):
     """A cart that carries a hanging load on a rod of length l; x = (q, phi, v, w), u = (force, force)."""
     phi, v, w = x[1], x[2], x[3]
@@ -67,7 +68,7 @@ def crane(t, x, u, p, e, xdot, G, B, bias, level):
 TwoMasses = IntEnum("TwoMasses", "m1 m2 s d b Fc k", start=0)
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def two_masses(t, x, u, p, e, xdot, G, B, bias, level):
     """Two masses with a spring and a damper between them; the first is driven and rubs; x = (x1, x2, v1, v2)."""
     v1, v2 = x[2], x[3]
@@ -83,7 +84,7 @@ def two_masses(t, x, u, p, e, xdot, G, B, bias, level):
 VelocityDrive = IntEnum("VelocityDrive", "Tv Kv Tw Kw", start=0)
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def velocity_drive(t, x, u, p, e, xdot, G, B, bias, level):
     """Commanded speeds, each with a gain and a lag: T v' = K u - v; x = (v, w), u = (v, w commanded, disturbances)."""
     v, w = x[0], x[1]
@@ -97,7 +98,7 @@ def velocity_drive(t, x, u, p, e, xdot, G, B, bias, level):
 DifferentialDrive = IntEnum("DifferentialDrive", "M J L kf ke B Fc", start=0)
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def differential_drive(t, x, u, p, e, xdot, G, B, bias, level):
     """Two driven wheels at +-L, no caster: per wheel kf (u - ke s) - B s - Fc sgn s at its rim speed s.
 

@@ -12,6 +12,7 @@ from enum import IntEnum
 import numpy as np
 from numba import njit
 
+from reference.compiled import compiled
 from reference.effects import E, attached, beyond, friction_level, supply, viscous
 from reference.robot import Robot
 from reference.stick_slip import DYNAMICS
@@ -47,7 +48,7 @@ def wheel_speeds(V, Vn, W, b, out):
     out[0], out[1], out[2], out[3] = Vn + b * W, -V + b * W, -Vn + b * W, V + b * W
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def dynamics(t, x, u, p, e, xdot, G, B, bias, level):
     """Right-hand side; u = (u1..u4, push force along V, push moment), axes: V, Vn, W."""
     theta, V, Vn, W = x[2], x[3], x[4], x[5]

@@ -6,15 +6,15 @@ from dataclasses import replace
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 
+from reference.compiled import compiled
 from reference.mechanisms import TWO_MASSES, E, Mechanism, drag, dry_level
 from reference.stick_slip import DYNAMICS
 
 Unicycle = IntEnum("Unicycle", "Tv Kv Tw Kw", start=0)
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def unicycle(t, x, u, p, e, xdot, G, B, bias, level):
     """Commanded speeds that lag, and the pose they lead to; x = (X, Y, heading, v, w), u = (v, w commanded, disturbances)."""
     v, w = x[3], x[4]
@@ -29,7 +29,7 @@ def unicycle(t, x, u, p, e, xdot, G, B, bias, level):
 Cart = IntEnum("Cart", "m k b c Fc a g", start=0)
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def cart(t, x, u, p, e, xdot, G, B, bias, level):
     """m v' = k u - b v - c v |v|^(1/2) - m g sin a - Fc sgn v; x = (q, v), u = (input, force)."""
     v = x[1]

@@ -19,6 +19,7 @@ from enum import IntEnum
 import numpy as np
 from numba import njit
 
+from reference.compiled import compiled
 from reference.effects import E, attached, beyond, friction_level, supply, viscous
 from reference.robot import Robot
 from reference.stick_slip import DYNAMICS
@@ -123,7 +124,7 @@ def mass_and_bias(beta, eta1, eta2, p, xm, J, g):
                 J[i, j] += inertia * c[i] * c[j]
 
 
-@njit(DYNAMICS, cache=True)
+@compiled(DYNAMICS)
 def dynamics(t, x, u, p, e, xdot, G, B, bias, level):
     """Right-hand side; u = (V2, V3, push force, push moment), axes: right wheel, left wheel, caster pivot."""
     theta, beta, eta1, eta2 = x[2], x[3], x[4], x[5]

@@ -15,6 +15,8 @@ family meets the box of the levels.
 import numpy as np
 from numba import float64, int64, njit, types, void
 
+from reference.compiled import compiled
+
 VECTOR, MATRIX = float64[::1], float64[:, ::1]
 # dynamics(t, x, u, p, e, xdot, G, B, bias, level): fills x' without dry friction, dx'/d(-f) (n x axes),
 # B (axes x speeds), B' v (axes) and the levels for forward and backward sliding (2 x axes)
@@ -290,7 +292,7 @@ def _dips(mode, s0, d0, s1, d1, h):
     return False
 
 
-@njit(
+@compiled(
     types.Tuple((MATRIX, int64[:, ::1], int64))(
         types.FunctionType(DYNAMICS),
         VECTOR,
@@ -304,8 +306,7 @@ def _dips(mode, s0, d0, s1, d1, h):
         float64,
         float64,
         float64,
-    ),
-    cache=True,
+    )
 )
 def integrate(dynamics, x0, breaks, inputs, p, e, first, n_v, n_axes, rtol, atol, longest):
     """States at the break points `breaks` (K + 1, seconds), the input being inputs[k] from breaks[k] to breaks[k + 1].

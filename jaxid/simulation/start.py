@@ -41,16 +41,10 @@ _STEPS, _RANK = 8, 1e-8
 @dataclass(frozen=True)
 class InitialConditions:
     """Initial states of E logs: `states[name]` [E], and `uncertain` [E]: whether a log starts elsewhere, or was cut out of a
-    longer one. `counted` [E, estimated states]: positions that are known to the step of a counter only."""
+    longer one."""
 
     states: dict[str, NDArray[np.float64]]
     uncertain: NDArray[np.bool_]
-    counted: NDArray[np.bool_]
-
-    @property
-    def free(self) -> NDArray[np.bool_]:
-        """Which of the states that can be estimated are to be [E, estimated states]."""
-        return self.uncertain[:, None] | self.counted
 
 
 @partial(compiled, static_argnames=("sensors",))
@@ -110,8 +104,10 @@ def _showing(
     return {**state, **dict(zip(names, x.tolist(), strict=True))} if np.isfinite(x).all() else dict(state)
 
 
-def _counted(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> NDArray[np.bool_]:
-    """Which measured positions are counted in steps that the noise does not hide [E, estimated states]."""
+def counted(robot: Robot, logs: LogSet) -> NDArray[np.bool_]:
+    """Which measured positions are counted in steps that the noise does not hide, so that their start is known to a step only
+    [E, estimated states]."""
+    noise = noise_level(logs)
     found = np.zeros((len(logs), len(robot.estimated_states)), dtype=bool)
     for name in set(robot.positions.values()) & set(robot.estimated_states) & set(logs[0].channels.measured):
         level = noise[name] if np.isfinite(noise[name]) else np.inf
@@ -165,4 +161,10 @@ def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
                 robot, {n: float(v[e]) for n, v in states.items()}, log.inputs[0], first
             ).items():
                 states[name][e] = value
-    return InitialConditions(states, uncertain, _counted(robot, logs, noise))
+    return InitialConditions(states, uncertain)
+
+
+def free_states(robot: Robot, logs: LogSet, begin: InitialConditions) -> NDArray[np.bool_]:
+    """Which of the states that can be estimated are to be [E, estimated states]: all of a log that starts elsewhere, and
+    positions that a counter tells."""
+    return begin.uncertain[:, None] | counted(robot, logs)

@@ -42,7 +42,7 @@ ROBOTS = {
     },
 }
 
-LONG = ("omni with inductance", "axis + cogging_torque", "axis + motor_lag")
+LONG = ("omni with inductance", "pioneer", "axis + cogging_torque", "axis + motor_lag")
 """What XLA compiles for seconds and has a like above."""
 
 

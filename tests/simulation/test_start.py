@@ -5,7 +5,7 @@ import pytest
 
 from jaxid import Axis, Log, LogSet, Pioneer, output_error
 from jaxid.effects import effect_by_id
-from jaxid.simulation.start import initial_states
+from jaxid.simulation.start import free_states, initial_states
 
 
 def pioneer(name, first=(0.0, 0.0), extra=None, noise=0.01, seed=0):
@@ -141,6 +141,6 @@ def test_a_counter_leaves_the_start_within_a_step_open(axis_law, step, rounding,
 
 
 def test_a_position_whose_steps_are_lost_in_noise_starts_at_the_origin(axis_law):
-    start = initial_states(Axis(), LogSet([counted(axis_law, 1e-4, np.round, noise=0.01)]))
-    assert not start.free.any()
-    assert initial_states(Axis(), LogSet([counted(axis_law, 0.01, np.round, noise=0.01)])).counted.any()
+    fine, coarse = (LogSet([counted(axis_law, step, np.round, noise=0.01)]) for step in (1e-4, 0.01))
+    assert not free_states(Axis(), fine, initial_states(Axis(), fine)).any()
+    assert free_states(Axis(), coarse, initial_states(Axis(), coarse)).any()

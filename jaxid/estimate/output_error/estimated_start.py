@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ...simulation.simulate import integrator_for, simulate
-from ...simulation.start import initial_states
+from ...simulation.start import free_states, initial_states
 
 _STEPS = 5
 _SECANT = 1e-3
@@ -44,7 +44,7 @@ def estimated_start(
     """Initial states [E] by name: those that the log leaves open the likeliest ones (Gauss-Newton), the others as
     `initial_states` has them. `noise` is each channel's standard deviation."""
     begin = initial_states(robot, logs)
-    states, free = begin.states, begin.free
+    states, free = begin.states, free_states(robot, logs, begin)
     moving = np.any(free, axis=1, keepdims=True)[:, 0]
     if not moving.any():
         return states

@@ -15,7 +15,7 @@ from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
-from ...simulation.start import initial_states
+from ...simulation.start import free_states, initial_states
 from ..result import Fit
 from .bounds import Bounds
 from .problem import CLOCK_OFFSET, Problem, Structure, Unknowns
@@ -94,10 +94,9 @@ def build(
     batch = logs.batch()
     measured = batch.channels.measured
     begin = initial_states(robot.with_values(**start), logs)
+    every = np.full((len(logs), len(robot.estimated_states)), initial == "estimate")
     if initial == "auto":
-        every = begin.free
-    else:
-        every = np.full(begin.free.shape, initial == "estimate")
+        every = free_states(robot, logs, begin)
     somewhere = np.flatnonzero(np.any(every, axis=0))
     state_names, state_free = tuple(robot.estimated_states[i] for i in somewhere), every[:, somewhere]
     shown = {c for i, c in enumerate(measured) if bool(np.any(np.asarray(batch.mask)[..., i]))}

@@ -46,7 +46,13 @@ ROBOTS = {
     "user's own, without friction": frictionless(),
 }
 
-LONG = (("omni", "momentum"), ("pioneer", "speed"), ("axis", "momentum"), ("axis, friction by direction", "speed"))
+LONG = (
+    ("omni", "momentum"),
+    ("pioneer", "momentum"),
+    ("pioneer", "speed"),
+    ("axis", "momentum"),
+    ("axis, friction by direction", "speed"),
+)
 """What XLA compiles for seconds and has a like in the other form, or on another robot."""
 
 
