@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...kernel.groups import grouped, ungrouped
+from ...kernel.machine import lanes
 from .direct import Direct, Logs, costs_of, log_squares, log_triangles, reduced, side_by_side, slopes_at
 from .problem import Triangle, Unknowns, parameters_at
 
@@ -20,6 +21,8 @@ _AT_A_TIME = 2_000_000
 """Numbers of sensitivities, or of simulations, up to which problems are taken together."""
 _AS_LONG = 2.0
 """Logs that differ in length by more than about this factor are not padded to one length."""
+_FILLED = 2
+"""So many groups of lanes waste little of the last one."""
 
 
 def kind_of(d: Direct) -> Hashable:
@@ -107,10 +110,12 @@ def costs_together(asked: Sequence[Asked]) -> list[Array]:
         theta = [parameters_at(d.problem, np.asarray(there.z)) for d, there in part]
         states = [np.asarray(there.states) for _, there in part]
         all_of_them = merged(ds)
+        # Where the logs fill the lanes as they are, candidates follow one another, and nothing is copied for them.
+        times = len(theta[0]) if len(all_of_them.begin) < _FILLED * lanes() else 1
         with np.errstate(over="ignore", invalid="ignore"):
             squares = log_squares(
                 all_of_them,
-                side_by_side(all_of_them, len(theta[0])),
+                side_by_side(all_of_them, times),
                 np.repeat(np.stack(theta, axis=1), [len(d.begin) for d in ds], axis=1),
                 np.concatenate(states, axis=1),
             )

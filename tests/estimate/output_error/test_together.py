@@ -42,10 +42,10 @@ def asked(request, axis_log, demo_logs, double_precision):
     return problems([Pioneer(), Pioneer().with_values(m=30.0)], sets, "estimate")
 
 
-@pytest.mark.parametrize("at_a_time", [None, 1])
-def test_every_problem_gets_what_it_gets_alone(asked, monkeypatch, at_a_time):
-    if at_a_time is not None:  # large ones are taken one after another
-        monkeypatch.setattr(together, "_AT_A_TIME", at_a_time)
+@pytest.mark.parametrize("limit", ["", "_AT_A_TIME", "_FILLED"])
+def test_every_problem_gets_what_it_gets_alone(asked, monkeypatch, limit):
+    if limit:  # large ones are taken one after another; where logs fill the lanes, so are the candidates
+        monkeypatch.setattr(together, limit, 0)
     assert len({kind_of(d) for d, _ in asked}) == 1 and kind_of(asked[0][0]) is not None
     for (d, there), found in zip(asked, linearised_together(asked), strict=True):
         agree(found, linearised_directly(d, there))
