@@ -1,4 +1,8 @@
-"""Forward derivatives of scalar expressions; what a tangent cannot reach costs nothing."""
+"""Derivatives of scalar expressions, forward and backward; what a tangent cannot reach costs nothing.
+
+Backward (Griewank and Walther, Evaluating Derivatives, 2nd edition, section 3.2) each result takes one sweep, whatever the
+number of inputs: of a step with few states and many parameters, a third of the products that forward takes.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -101,21 +105,66 @@ def _passed_on(graph: Graph, node: Node, tangents: Mapping[Node, Node]) -> Node 
     return total
 
 
-def forward(graph: Graph, outputs: Sequence[Node], seeds: Mapping[Node, Node]) -> list[Node]:
-    """Tangents of `outputs` for the tangents `seeds` of some inputs."""
+_UNBOUNDED = {"reciprocal", "sqrt", "exp", "expm1", "log", "log1p", "pow", "atan2"}
+"""Operations whose partial derivatives may be infinite where their results are not chosen by a `select`."""
+
+
+def _arguments(graph: Graph, node: Node) -> list[Node]:
+    """What an expression's derivative is made of."""
+    if node in graph.partials:
+        return [argument for argument, _ in graph.partials[node]]
+    operation, x = graph.nodes[node]
+    return [] if operation in ("const", "input") else list(x)
+
+
+def _below(graph: Graph, outputs: Sequence[Node]) -> set[Node]:
+    """`outputs` and all that their derivatives are made of."""
     needed, stack = set(), list(outputs)
     while stack:
         node = stack.pop()
-        if node in needed:
+        if node not in needed:
+            needed.add(node)
+            stack += _arguments(graph, node)
+    return needed
+
+
+def backward(graph: Graph, output: Node, seeds: Sequence[Node]) -> list[Node]:
+    """Derivatives of one result by some inputs.
+
+    A branch that a `select` does not choose has no part in them, even where its own derivatives are infinite, as forward.
+    """
+    needed, zero = _below(graph, [output]), graph.constant(0.0)
+    moved = set(seeds)
+    for node in sorted(needed):  # arguments have smaller numbers
+        if any(argument in moved for argument in _arguments(graph, node)):
+            moved.add(node)
+    chosen = [n for n in needed if graph.nodes[n][0] == "select" and n not in graph.partials]
+    maybe_not = _below(graph, [branch for node in chosen for branch in graph.nodes[node][1][1:]])
+    adjoints = {output: graph.constant(1.0)}
+    for node in sorted(needed & moved, reverse=True):
+        adjoint = adjoints.get(node, zero)
+        if adjoint == zero:
             continue
-        needed.add(node)
-        if node in graph.partials:
-            stack += [argument for argument, _ in graph.partials[node]]
-        elif graph.nodes[node][0] not in ("const", "input"):
-            stack += graph.nodes[node][1]
+        operation, x = graph.nodes[node]
+        if operation == "select" and node not in graph.partials:
+            terms = [(x[1], graph.select(x[0], adjoint, zero)), (x[2], graph.select(x[0], zero, adjoint))]
+        else:
+            terms = [(a, graph.mul(partial, adjoint)) for a, partial in _partials(graph, node) if a in moved]
+            if node in maybe_not and (operation in _UNBOUNDED or node in graph.partials):
+                unused = graph.apply("eq", adjoint, zero)
+                terms = [(a, graph.select(unused, term, zero)) for a, term in terms]
+        for argument, term in terms:
+            if argument in moved:
+                before = adjoints.get(argument)
+                adjoints[argument] = term if before is None else graph.add(before, term)
+    return [adjoints.get(seed, zero) for seed in seeds]
+
+
+def forward(graph: Graph, outputs: Sequence[Node], seeds: Mapping[Node, Node]) -> list[Node]:
+    """Tangents of `outputs` for the tangents `seeds` of some inputs."""
     tangents = dict(seeds)
     zero = graph.constant(0.0)
-    for node in sorted(needed):  # arguments have smaller numbers
+    for node in sorted(_below(graph, outputs)):  # arguments have smaller numbers
         if node not in tangents:
             tangent = _passed_on(graph, node, tangents)
             if tangent is not None and tangent != zero:

@@ -10,12 +10,16 @@ import jax.numpy as jnp
 from .expressions import Graph, Node
 from .rollout_kernel import Derivatives, Program
 from .symbolic import inputs, run, scalars
-from .tangents import forward
+from .tangents import backward, forward
 
 Step = Callable[..., Sequence[Any]]
 
 
 def _derivatives(graph: Graph, results: Sequence[Node], groups: Sequence[Sequence[Node]]) -> Derivatives:
+    if len(results) <= sum(map(len, groups)):
+        seeds = [seed for group in groups for seed in group]
+        rows = [iter(backward(graph, result, seeds)) for result in results]
+        return Derivatives(*([[next(row) for _ in group] for row in rows] for group in groups))
     one = graph.constant(1.0)
     columns = [[forward(graph, results, {seed: one}) for seed in seeds] for seeds in groups]
     by = [[[column[i] for column in group] for i in range(len(results))] for group in columns]
