@@ -54,7 +54,7 @@ def built(problem: FitProblem) -> tuple[Structure, Problem, Unknowns]:
     return structure, replace(arrays, sigma=jnp.asarray(SIGMA)), unknowns
 
 
-def _point(problem: FitProblem, structure: Structure, arrays: Problem, unknowns: Unknowns) -> np.ndarray:
+def point_of(problem: FitProblem, structure: Structure, arrays: Problem, unknowns: Unknowns) -> np.ndarray:
     theta = dict(zip(structure.names, np.asarray(parameters_at(arrays, unknowns.z)), strict=True))
     states = np.asarray(unknowns.states) * np.asarray(arrays.state_scale) / STATE_SCALE
     return np.concatenate([np.array([theta[name] for name in FREE]) / problem.scale, states.ravel()])
@@ -65,7 +65,7 @@ def core(problem: FitProblem, max_linearisations: int = 100) -> Reached:
     with float64():
         structure, arrays, unknowns = built(problem)
         optimum = jax.block_until_ready(minimise_compiled(structure, arrays, unknowns, max_steps=max_linearisations))
-        x = _point(problem, structure, arrays, optimum.unknowns)
+        x = point_of(problem, structure, arrays, optimum.unknowns)
         reason = "converged" if bool(optimum.converged) else f"not converged in {max_linearisations} steps"
         return Reached(x, int(optimum.iterations), reason)
 

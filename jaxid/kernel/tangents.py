@@ -105,10 +105,6 @@ def _passed_on(graph: Graph, node: Node, tangents: Mapping[Node, Node]) -> Node 
     return total
 
 
-_UNBOUNDED = {"reciprocal", "sqrt", "exp", "expm1", "log", "log1p", "pow", "atan2"}
-"""Operations whose partial derivatives may be infinite where their results are not chosen by a `select`."""
-
-
 def _arguments(graph: Graph, node: Node) -> list[Node]:
     """What an expression's derivative is made of."""
     if node in graph.partials:
@@ -131,7 +127,7 @@ def _below(graph: Graph, outputs: Sequence[Node]) -> set[Node]:
 def backward(graph: Graph, output: Node, seeds: Sequence[Node]) -> list[Node]:
     """Derivatives of one result by some inputs.
 
-    A branch that a `select` does not choose has no part in them, even where its own derivatives are infinite, as forward.
+    A branch that a `select` does not choose has no part in them, even where its own derivatives are not finite, as forward.
     """
     needed, zero = _below(graph, [output]), graph.constant(0.0)
     moved = set(seeds)
@@ -150,9 +146,9 @@ def backward(graph: Graph, output: Node, seeds: Sequence[Node]) -> list[Node]:
             terms = [(x[1], graph.select(x[0], adjoint, zero)), (x[2], graph.select(x[0], zero, adjoint))]
         else:
             terms = [(a, graph.mul(partial, adjoint)) for a, partial in _partials(graph, node) if a in moved]
-            if node in maybe_not and (operation in _UNBOUNDED or node in graph.partials):
+            if node in maybe_not and graph.value(adjoint) is None:
                 unused = graph.apply("eq", adjoint, zero)
-                terms = [(a, graph.select(unused, term, zero)) for a, term in terms]
+                terms = [(a, term if term == adjoint else graph.select(unused, term, zero)) for a, term in terms]
         for argument, term in terms:
             if argument in moved:
                 before = adjoints.get(argument)

@@ -9,7 +9,7 @@ import pytest
 
 from jaxid.kernel.expressions import Graph
 from jaxid.kernel.symbolic import Untranslated, inputs, run, scalars
-from jaxid.kernel.tangents import forward
+from jaxid.kernel.tangents import backward, forward
 
 EVALUATED = {
     "add": lambda a, b: a + b, "sub": lambda a, b: a - b, "mul": lambda a, b: a * b, "neg": lambda a: -a,
@@ -59,10 +59,44 @@ def test_values_and_derivatives_are_those_of_jax(name, at):
     given = inputs(graph, "x", 2)
     (result,) = scalars(run(graph, jax.make_jaxpr(function)(0.5, 0.5), given))
     assert evaluated(graph, result, at) == pytest.approx(float(function(*map(jnp.asarray, at))), rel=1e-12, abs=1e-14)
+    together = backward(graph, result, scalars(given))
     for i, x in enumerate(scalars(given)):
         (slope,) = forward(graph, [result], {x: graph.constant(1.0)})
         expected = jax.jacfwd(function, argnums=i)(*map(jnp.asarray, at))
         assert evaluated(graph, slope, at) == pytest.approx(float(expected), rel=1e-10, abs=1e-12)
+        assert evaluated(graph, together[i], at) == pytest.approx(float(expected), rel=1e-10, abs=1e-12)
+
+
+def eagerly(graph, node, given):
+    """As `evaluated`, with both branches of every choice, as machine code does."""
+    operation, arguments = graph.nodes[node]
+    if operation in ("const", "input"):
+        return np.float64(evaluated(graph, node, given))
+    found = [eagerly(graph, a, given) for a in arguments]
+    named = {"sqrt": np.sqrt, "log": np.log, "reciprocal": np.reciprocal, "pow": np.power}
+    return np.float64(named.get(operation, EVALUATED[operation])(*found))
+
+
+@pytest.mark.usefixtures("double_precision")
+@pytest.mark.parametrize("at", [(0.7, 0.4), (0.0, 0.4), (-0.7, 0.4)], ids=str)
+@pytest.mark.parametrize(
+    "law",
+    [lambda a, b: b * jnp.log(a), lambda a, b: b * b / a, lambda a, b: a**-0.5 + b, lambda a, b: jnp.log(a) * b * b],
+)
+def test_a_branch_that_is_not_taken_has_no_part_in_derivatives(law, at):
+    """Where it has no finite value, too, and choices feed one another."""
+
+    def chosen(a, b):
+        inner = jnp.where(a > 0.0, law(a, b), b)
+        return jnp.where(a > 0.1, law(inner * inner + a, inner), inner * a)
+
+    graph = Graph()
+    given = inputs(graph, "x", 2)
+    (result,) = scalars(run(graph, jax.make_jaxpr(chosen)(0.5, 0.5), given))
+    with np.errstate(all="ignore"):
+        found = [eagerly(graph, slope, at) for slope in backward(graph, result, scalars(given))]
+    expected = [jax.jacfwd(chosen, argnums=i)(*map(jnp.asarray, at)) for i in range(2)]
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.usefixtures("double_precision")
