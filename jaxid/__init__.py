@@ -24,6 +24,7 @@ from .estimate.linear.instrumental_variables import instrumental_variables
 from .estimate.linear.integral_least_squares import integral_least_squares
 from .estimate.linear.recursive_least_squares import RecursiveLeastSquares, recursive_least_squares
 from .estimate.output_error.fleet import Fleet, fit_fleet
+from .estimate.output_error.fleet_with_dask import fit_fleet_with_dask
 from .estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt
 from .estimate.output_error.losses import Cauchy, Huber, Loss, Squares, StudentT
 from .estimate.output_error.multi_start import MultiStart, multi_start
@@ -34,6 +35,7 @@ from .estimate.prediction_error.prediction_error import prediction_error
 from .estimate.result import Disturbance, Estimate, Fit, Outlier
 from .explanation.explain import explain
 from .explanation.explanation import Explanation
+from .explanation.fleet import ExplainedFleet, explain_fleet
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
@@ -73,6 +75,7 @@ __all__ = [
     "Effect",
     "EffectError",
     "Estimate",
+    "ExplainedFleet",
     "Explanation",
     "Fit",
     "Fleet",
@@ -107,7 +110,9 @@ __all__ = [
     "compare",
     "design_experiment",
     "explain",
+    "explain_fleet",
     "fit_fleet",
+    "fit_fleet_with_dask",
     "float64",
     "identifiability",
     "instrumental_variables",

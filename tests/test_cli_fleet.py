@@ -46,7 +46,7 @@ def robots(tmp_path):
 def test_every_member_has_its_own_fit_and_a_broken_one_is_named(
     jaxid, robots, without_dry_friction, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(command, "BATCH", 3)  # two batches
+    monkeypatch.setattr(command, "PART", 3)  # two batches
     out = tmp_path / "out"
     status, said, remarks = jaxid(
         "fleet",

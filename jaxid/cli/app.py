@@ -231,8 +231,28 @@ def fleet(
         Path, typer.Argument(metavar="FOLDER", help="A folder of logs for every robot, or one log for each.")
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for estimates.parquet, members.parquet, report.html.")
+        Path,
+        typer.Option("--out", metavar="DIR", help="Folder for the tables, report.html, and parts to go on from."),
     ],
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Find what every robot lacks, too, on the logs that are held out.")
+    ] = False,
+    held_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--held-out",
+            "--check",
+            metavar="PATTERN...",
+            help="With --explain: names of the logs in each robot's folder that are not fitted, such as 'check_*'.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Share the robots out to so many processes, by Dask.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Or to the workers of a Dask scheduler: tcp://host:8786."),
+    ] = None,
     model: Model = None,
     mapping: Mapping = None,
     loss: Loss = "squares",
@@ -240,11 +260,19 @@ def fleet(
     clock_offset: ClockOffset = False,
     windows: Windows = "auto",
 ) -> None:
-    """Fit many robots, each on its own logs, by output error in one batch."""
+    """Fit many robots, each on its own logs, by output error, and find what each lacks. A run that was stopped goes on."""
     from .fleet import run_fleet
 
+    if explain != bool(held_out):
+        raise typer.BadParameter(
+            "--explain needs --held-out, the names of logs that are not fitted, and --held-out it."
+        )
+    if workers and scheduler:
+        raise typer.BadParameter(
+            "--workers are processes of this machine, --scheduler has its own; give one of the two."
+        )
     options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset, "windows": window_option(windows)}
-    run_fleet(robot, folder, model, mapping, out, options)
+    run_fleet(robot, folder, model, mapping, out, options, held_out or (), workers, scheduler)
 
 
 @app.command()

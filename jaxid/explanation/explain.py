@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from .._compile import seldom_collected
+from .._memory import bounded_memory
 from .._renamed import renamed
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.output_error.conclude import Covariance
@@ -174,6 +175,7 @@ def without_windows(
 
 
 @renamed(check="held_out")
+@bounded_memory()
 @seldom_collected()
 def explain(
     fit: Fit,
@@ -193,7 +195,7 @@ def explain(
     `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, samples that jump away
     from their neighbours and come back are left out of the search, in the fitted and in the held-out logs
     (`passing_jumps`). `windows`: "auto" keeps those of an unstable plant only; seconds keep the fit's. `report` is called
-    with a sentence whenever something is done.
+    with a sentence whenever something is done. Of compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
 
     Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. The false-alarm rate
     of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong estimate of the noise adds.

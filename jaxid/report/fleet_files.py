@@ -1,14 +1,23 @@
-"""A fleet's results as two Parquet tables: estimates.parquet, a row for every member and parameter, and members.parquet."""
+"""A fleet's results: a Parquet file for each part of the members while it is worked on, and the tables of all of them.
 
-from collections.abc import Mapping, Sequence
+A part's file holds a row for every member of it, with its estimates as a list in a column of their own: it is there whole or
+not at all.
+"""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from .._atomic import replacing
 from ..estimate.output_error.far_members import FarMember
 from ..estimate.result import Fit
+from ..explanation.explanation import Explanation
+from ..explanation.fleet import EFFECTS, EXPLANATIONS, effect_rows, explanation_row
 from ..logs import LogSet
 
 ESTIMATES = ("member", "parameter", "value", "std_error", "low", "high", "unit", "status", "far")
@@ -16,37 +25,103 @@ MEMBERS = (
     "member", "logs", "samples", "method", "verdict", "trustworthy", "converged", "reason", "iterations",
     "standard_errors", "cost", "notes", "failure",
 )  # fmt: skip
+_ESTIMATE = pa.struct(
+    [
+        *((name, pa.string()) for name in ("parameter", "unit", "status")),
+        *((name, pa.float64()) for name in ("value", "std_error", "low", "high")),
+        ("free", pa.bool_()),
+    ]
+)
+_PART = pa.schema(
+    [
+        *((name, pa.string()) for name in ("member", "method", "verdict", "reason", "standard_errors", "notes", "failure")),
+        *((name, pa.int64()) for name in ("logs", "samples", "iterations")),
+        *((name, pa.bool_()) for name in ("trustworthy", "converged")),
+        ("cost", pa.float64()),
+        ("why", pa.string()),
+        ("estimates", pa.list_(_ESTIMATE)),
+        ("explanation", pa.string()),
+        ("unexplained", pa.string()),
+    ]
+)  # fmt: skip
+Row = dict[str, Any]
+"""What became of a member. Beside the columns of `MEMBERS`: `why` its fit is doubted, its `estimates`, its `explanation` (the
+text of explanation.json, empty without one) and why it has none (`unexplained`)."""
 
 
-def estimate_rows(member: str, fit: Fit) -> list[tuple[Any, ...]]:
-    """A row for each free parameter, and for what the logs determine when single parameters are not; columns `ESTIMATES`."""
-    rows = []
+def member_row(
+    member: str,
+    logs: LogSet | None,
+    fit: Fit | None,
+    failure: str = "",
+    why: str = "",
+    explanation: Explanation | None = None,
+    unexplained: str = "",
+) -> Row:
+    """What became of one member."""
+    told = json.dumps(explanation.to_dict()) if explanation is not None else ""
+    counted = {} if logs is None else {"logs": len(logs), "samples": sum(map(len, logs))}
+    nothing = {name: "" for name in ("method", "verdict", "reason", "standard_errors", "notes")}
+    row = {
+        "member": member, "logs": 0, "samples": 0, **counted, **nothing, "trustworthy": False, "converged": False,
+        "iterations": 0, "cost": float("nan"), "failure": failure, "why": why, "estimates": [], "explanation": told,
+        "unexplained": unexplained,
+    }  # fmt: skip
+    if fit is None:
+        return row
+    estimates = []
     for name in (*fit.free_names, *fit.combinations):
         e = fit[name]
-        rows.append((member, name, e.value, e.std_error, *e.ci95, e.unit, e.status, 0.0))
-    return rows
+        low, high = e.ci95
+        numbers = {"value": e.value, "std_error": e.std_error, "low": low, "high": high}
+        estimates.append(
+            {"parameter": name, "unit": e.unit, "status": e.status, **numbers, "free": name in fit.free_names}
+        )
+    return row | {
+        "method": fit.method, "verdict": fit.judgement.verdict if fit.judgement else "", "trustworthy": fit.trustworthy,
+        "converged": fit.converged, "reason": fit.reason, "iterations": fit.iterations,
+        "standard_errors": fit.standard_errors, "cost": fit.cost, "notes": "\n".join(fit.notes), "failure": "",
+        "estimates": estimates,
+    }  # fmt: skip
 
 
-def with_distances(rows: Sequence[tuple[Any, ...]], far: Sequence[FarMember]) -> list[tuple[Any, ...]]:
-    """The rows with the distances of those that are far from the fleet, in the last column."""
+def write_part(path: Path, rows: Sequence[Row]) -> None:
+    """Write a part's rows. Raises `OSError`."""
+    with replacing(path) as temporary:
+        pq.write_table(pa.Table.from_pylist(list(rows), _PART), temporary)
+
+
+def read_parts(paths: Iterable[Path]) -> dict[str, pd.DataFrame]:
+    """All parts as tables by name: "members" (with `why` its fit is doubted) and "estimates" (with whether the parameter is
+    `free`, and no `far`), and, where any member was to be explained, "explanations" and "effects"."""
+    found: dict[str, list[pd.DataFrame]] = {"members": [], "estimates": [], "explanations": [], "effects": []}
+    asked = False
+    for path in paths:
+        rows = pq.read_table(path).to_pylist()
+        found["members"].append(pd.DataFrame([{name: row[name] for name in (*MEMBERS, "why")} for row in rows]))
+        estimates = [{"member": row["member"], **one} for row in rows for one in row["estimates"]]
+        found["estimates"].append(pd.DataFrame(estimates, columns=[*ESTIMATES[:-1], "free"]))
+        told = [(row["member"], json.loads(row["explanation"] or "null"), row["unexplained"]) for row in rows]
+        asked = asked or any(document or why for _, document, why in told)
+        found["explanations"].append(pd.DataFrame([explanation_row(*one) for one in told], columns=list(EXPLANATIONS)))
+        effects = [row for member, document, _ in told if document for row in effect_rows(member, document)]
+        found["effects"].append(pd.DataFrame(effects, columns=list(EFFECTS)))
+    # A table without rows has columns of no kind, and would decide theirs.
+    tables = {
+        name: pd.concat([p for p in some if len(p)] or some[:1], ignore_index=True) for name, some in found.items()
+    }
+    return tables if asked else {name: tables[name] for name in ("members", "estimates")}
+
+
+def with_distances(estimates: pd.DataFrame, far: Sequence[FarMember]) -> pd.DataFrame:
+    """The estimates with the distances of those that are far from the fleet, in the last column."""
     distances = {(one.member, one.parameter): one.distance for one in far}
-    return [(*row[:-1], distances.get((row[0], row[1]), 0.0)) for row in rows]
+    keys = zip(estimates["member"], estimates["parameter"], strict=True)
+    return estimates.assign(far=[distances.get(key, 0.0) for key in keys])
 
 
-def member_row(member: str, logs: LogSet | None, fit: Fit | None, failure: str = "") -> tuple[Any, ...]:
-    """What became of one member; columns `MEMBERS`."""
-    counted = (0, 0) if logs is None else (len(logs), sum(map(len, logs)))
-    if fit is None:
-        return (member, *counted, "", "", False, False, "", 0, "", float("nan"), "", failure)
-    verdict = fit.judgement.verdict if fit.judgement else ""
-    return (
-        member, *counted, fit.method, verdict, fit.trustworthy, fit.converged, fit.reason, fit.iterations,
-        fit.standard_errors, fit.cost, "\n".join(fit.notes), "",
-    )  # fmt: skip
-
-
-def write_tables(out: Path, tables: Mapping[str, tuple[Sequence[str], Sequence[tuple[Any, ...]]]]) -> None:
-    """`tables`: columns and rows by file name; each file is replaced whole. Raises `OSError`."""
-    for name, (columns, rows) in tables.items():
+def write_tables(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
+    """`tables` by file name; each file is replaced whole. Raises `OSError`."""
+    for name, table in tables.items():
         with replacing(out / name) as temporary:
-            pd.DataFrame(list(rows), columns=list(columns)).to_parquet(temporary, index=False)
+            table.to_parquet(temporary, index=False)

@@ -5,9 +5,10 @@ move. A member is far where its distance, in units of spread and standard error 
 as many normally distributed members is in all but one of a hundred fleets, whatever the parameter: what that takes is drawn.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,15 @@ def _chance(distance: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     return beyond / _DRAWN * count / drawn
 
 
+class OneParameter(NamedTuple):
+    """A parameter's estimates by N sound members that have identified it."""
+
+    members: Sequence[str]
+    unit: str
+    values: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+
 def far_members(fits: Mapping[str, Fit]) -> tuple[FarMember, ...]:
     """Those that are farther from the fleet than chance makes them, the farthest first.
 
@@ -85,20 +95,24 @@ def far_members(fits: Mapping[str, Fit]) -> tuple[FarMember, ...]:
     """
     sound = {name: fit for name, fit in fits.items() if fit.trustworthy}
     names = dict.fromkeys(name for fit in sound.values() for name in (*fit.free_names, *fit.combinations))
-    candidates: list[tuple[FarMember, float]] = []
+    every: dict[str, OneParameter] = {}
     for name in names:
         own = {m: fit[name] for m, fit in sound.items() if name in (*fit.free_names, *fit.combinations)}
         own = {m: e for m, e in own.items() if e.status == "identified" and np.isfinite([e.value, e.std_error]).all()}
-        count = len(own)
-        if count < FEWEST:
-            continue
-        values = np.array([e.value for e in own.values()])
-        errors = np.array([e.std_error for e in own.values()])
+        if own:
+            numbers = (np.array([getattr(e, field) for e in own.values()]) for field in ("value", "std_error"))
+            every[name] = OneParameter(tuple(own), next(iter(own.values())).unit, *numbers)
+    return far_estimates(every)
+
+
+def far_estimates(every: Mapping[str, OneParameter]) -> tuple[FarMember, ...]:
+    """The same, of all parameters' estimates by name; those of fewer than `FEWEST` members do not count."""
+    judged = {name: own for name, own in every.items() if len(own.members) >= FEWEST}
+    found: list[FarMember] = []
+    for name, (members, unit, values, errors) in judged.items():
         median, spread, distance = _distances(values, errors)
-        p = _chance(distance, count)
-        for (member, e), d, chance in zip(own.items(), distance, p, strict=True):
-            far = FarMember(member, name, e.unit, e.value, e.std_error, median.item(), spread.item(), float(d))
-            candidates.append((far, float(chance)))
-    parameters = len({far.parameter for far, _ in candidates})
-    found = [far for far, chance in candidates if chance * parameters < _FALSE_ALARM]
+        chance = _chance(distance, len(members))
+        for k in np.flatnonzero(chance * len(judged) < _FALSE_ALARM):
+            numbers = (float(x) for x in (values[k], errors[k], median.item(), spread.item(), distance[k]))
+            found.append(FarMember(members[k], name, unit, *numbers))
     return tuple(sorted(found, key=lambda far: -abs(far.distance)))

@@ -165,9 +165,28 @@ class Fleet:
         return html_table(self._rows(), [self.sentence], self._after())
 
 
-def _of(name: str, every: Any, members: Mapping[str, LogSet]) -> Any:
+def of_member(name: str, every: Any, members: Mapping[str, LogSet]) -> Any:
     """A member's own among values given by member, or the one given for all."""
     return every[name] if isinstance(every, Mapping) and set(every) == set(members) else every
+
+
+def check_fleet(
+    robot: Robot | Mapping[str, Robot], fleet: Mapping[str, LogSet], start: Starts | Mapping[str, Starts]
+) -> None:
+    """Raise what is the caller's mistake and no member's failure: errors as of `fit_fleet`."""
+    if not isinstance(fleet, Mapping):
+        raise TypeError(
+            f"a {type(fleet).__name__} is no fleet; give every member's logs by its name, {{'name': logs, ...}}."
+        )
+    if not fleet:
+        raise LogError("There is no member to fit; give at least one set of logs.")
+    empty = [name for name, logs in fleet.items() if not len(logs)]
+    if empty:
+        raise LogError(f"{empty[0]} has no logs; give it some or leave it out.")
+    for name in fleet:
+        own = of_member(name, robot, fleet)
+        every_start(own, of_member(name, start, fleet))
+        check_free(own)
 
 
 @in_float64
@@ -187,25 +206,14 @@ def fit_fleet(
 
     Raises `LogError` for an empty fleet or a member without logs and `ParameterError` for unknown or no free parameters.
     """
-    if not isinstance(fleet, Mapping):
-        raise TypeError(
-            f"a {type(fleet).__name__} is no fleet; give every member's logs by its name, {{'name': logs, ...}}."
-        )
-    if not fleet:
-        raise LogError("There is no member to fit; give at least one set of logs.")
-    empty = [name for name, logs in fleet.items() if not len(logs)]
-    if empty:
-        raise LogError(f"{empty[0]} has no logs; give it some or leave it out.")
+    check_fleet(robot, fleet, start)
     jobs: dict[str, Callable[[], Fit]] = {}
     for name, logs in fleet.items():
-        own, begin = _of(name, robot, fleet), _of(name, start, fleet)
-        every_start(own, begin)  # a mistake in the start is the caller's, not a member's failure
-        check_free(own)
         jobs[name] = partial(
             output_error,
-            own,
+            of_member(name, robot, fleet),
             logs,
-            start=begin,
+            start=of_member(name, start, fleet),
             report=lambda message, name=name: report(f"{name}: {message}"),
             **options,
         )

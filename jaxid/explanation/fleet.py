@@ -1,0 +1,201 @@
+"""Many robots, each explained as if it were alone, and what their explanations have in common."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import pandas as pd
+
+from .._table import html_table, text_table
+from ..estimate.output_error.conclude import Covariance
+from ..estimate.output_error.fleet import Fleet, check_fleet, fit_fleet
+from ..estimate.output_error.losses import Loss
+from ..estimate.output_error.output_error import Windows
+from ..estimate.result import Fit
+from ..logs import LogError, LogSet
+from ..parameters import ParameterError
+from ..robots.effect import Effect, in_words
+from ..robots.robot import Robot
+from .explain import explain
+from .explanation import Explanation
+from .search import MOST_EFFECTS
+
+_SHOWN = 20
+"""Members that a representation holds."""
+EXPLANATIONS = (
+    "member", "verdict", "effects", "equivalent", "before", "after", "gap_closed", "sentence", "next_experiment", "failure",
+)  # fmt: skip
+EFFECTS = (
+    "member", "effect", "where", "equivalent", "before", "after", "parameter", "value", "std_error", "low", "high", "unit",
+    "status",
+)  # fmt: skip
+
+
+def explanation_row(member: str, found: Mapping[str, Any] | None, failure: str = "") -> tuple[Any, ...]:
+    """What became of one member, of an explanation's `to_dict()`; columns `EXPLANATIONS`. Several ids are joined by commas."""
+    if found is None:
+        nothing = float("nan")
+        return (member, "", "", "", nothing, nothing, nothing, "", "", failure)
+    named = [effect["id"] for effect in found["effects"]]
+    alike = dict.fromkeys(other for effect in found["effects"] for other in effect["equivalent_to"])
+    gap = found["gap"]
+    return (
+        member, found["verdict"], ",".join(named), ",".join(alike), _number(gap["before"]), _number(gap["after"]),
+        _number(gap["closed"]), found["sentence"], found["next_experiment"].get("sentence", ""), "",
+    )  # fmt: skip
+
+
+def effect_rows(member: str, found: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+    """A row for each parameter of each named effect, of an explanation's `to_dict()`; columns `EFFECTS`."""
+    rows = []
+    for effect in found["effects"]:
+        evidence, alike = effect["evidence"], ",".join(effect["equivalent_to"])
+        first = (member, effect["id"], effect["where"], alike, _number(evidence["before"]), _number(evidence["after"]))
+        for name, e in effect["parameters"].items():
+            numbers = map(_number, (e["value"], e["std_error"], *e["ci95"]))
+            rows.append((*first, name, *numbers, e["unit"], e["status"]))
+    return rows
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _listed(members: Sequence[str]) -> str:
+    more = f" and {len(members) - _SHOWN} more" if len(members) > _SHOWN else ""
+    return ", ".join(members[:_SHOWN]) + more
+
+
+def answers(explanations: pd.DataFrame) -> dict[str, list[str]]:
+    """Members by answer (the names, or the verdict where there are none), the commonest first; of a table `EXPLANATIONS`."""
+    by: dict[str, list[str]] = {}
+    for member, verdict, effects, failure in explanations[["member", "verdict", "effects", "failure"]].itertuples(
+        index=False
+    ):
+        if not failure:
+            named = sorted(filter(None, effects.split(","))) if verdict in ("named", "ambiguous") else []
+            by.setdefault(" and ".join(map(in_words, named)) or verdict, []).append(member)
+    return dict(sorted(by.items(), key=lambda entry: -len(entry[1])))
+
+
+def summary(explanations: pd.DataFrame) -> list[str]:
+    """How many members were explained, which effects are named how often, and who differs from most; of a table
+    `EXPLANATIONS`."""
+    sound = explanations[explanations["failure"] == ""]
+    verdicts = Counter(sound["verdict"])
+    counted = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
+    said = [f"{len(sound)} of {len(explanations)} members explained{': ' if counted else ''}{counted}."]
+    named = sound[sound["verdict"].isin(["named", "ambiguous"])]
+    effects = Counter(effect for ids in named["effects"] for effect in filter(None, ids.split(",")))
+    if effects:
+        said.append("Missing: " + ", ".join(f"{in_words(e)} in {count}" for e, count in effects.most_common()) + ".")
+    by = answers(explanations)
+    most = next(iter(by), "")
+    others = [(answer, members) for answer, members in by.items() if answer != most]
+    if others and 2 * len(by[most]) > len(sound):
+        said.append(f"Most ({len(by[most])}) are alike: {most}.")
+        said += [f"Other than most, {answer}: {_listed(members)}." for answer, members in others]
+    return said
+
+
+@dataclass(frozen=True, repr=False)
+class ExplainedFleet:
+    """Explanations by member, and why the others have none."""
+
+    explanations: dict[str, Explanation]
+    failed: dict[str, str]
+
+    @cached_property
+    def _documents(self) -> dict[str, dict[str, Any]]:
+        return {member: found.to_dict() for member, found in self.explanations.items()}
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every member, those that failed last: `verdict`, `effects` and names that the data cannot tell from them
+        (`equivalent`), held-out error in units of the noise `before` and `after`, and the rest of `EXPLANATIONS`."""
+        rows = [explanation_row(member, found) for member, found in self._documents.items()]
+        rows += [explanation_row(member, None, why) for member, why in self.failed.items()]
+        return pd.DataFrame(rows, columns=list(EXPLANATIONS))
+
+    def effects_to_pandas(self) -> pd.DataFrame:
+        """A row for every member, effect named and parameter of it; columns `EFFECTS`."""
+        rows = [row for member, found in self._documents.items() for row in effect_rows(member, found)]
+        return pd.DataFrame(rows, columns=list(EFFECTS))
+
+    @cached_property
+    def sentences(self) -> tuple[str, ...]:
+        """How many were explained, what is missing how often, and who differs from most."""
+        return tuple(summary(self.to_pandas()))
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        rows = [("", "verdict", "effects", "before", "after")] if self.explanations else []
+        for member, found in list(self.explanations.items())[:_SHOWN]:
+            named = ", ".join(effect.title for effect in found.effects)
+            errors = (f"{state.normalised_rms:.3g}" for state in (found.before, found.after))
+            rows.append((member, found.verdict, named, *errors))
+        return rows
+
+    def _after(self) -> list[str]:
+        left = len(self.explanations) - _SHOWN
+        more = [f"{left} more in explanations."] if left > 0 else []
+        return more + [f"{name}: {why}" for name, why in list(self.failed.items())[:_SHOWN]]
+
+    def __repr__(self) -> str:
+        return text_table(self._rows(), list(self.sentences), self._after())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), list(self.sentences), self._after())
+
+
+def explain_fleet(
+    fits: Fleet | Mapping[str, Fit] | Robot | Mapping[str, Robot],
+    logs: Mapping[str, LogSet],
+    held_out: Mapping[str, LogSet],
+    *,
+    effects: Sequence[Effect] = (),
+    most: int = MOST_EFFECTS,
+    loss: Loss | str = "squares",
+    covariance: Covariance = "auto",
+    windows: Windows = "auto",
+    report: Callable[[str], None] = lambda message: None,
+) -> ExplainedFleet:
+    """`explain` for every member of a fleet, with its own fit, fitted logs and held-out logs, all by the member's name.
+
+    `fits` are those that `fit_fleet` returns, fits by member, or a robot (or robots by member) that is fitted first. Every
+    member gets exactly the explanation that it gets alone; the other arguments are those of `explain`, and `report` is
+    told the member's name first. A member that has no fit, or that cannot be explained, is in `ExplainedFleet.failed`, and
+    does not touch the others.
+
+    Raises `LogError` for a fleet without members, or with a member that has a fit and no fitted or held-out logs.
+    """
+    failed: dict[str, str] = {}
+    options: dict[str, Any] = {"loss": loss, "covariance": covariance, "windows": windows}
+    if isinstance(fits, Robot) or not isinstance(fits, Fleet) and any(isinstance(f, Robot) for f in fits.values()):
+        check_fleet(fits, logs, None)  # type: ignore[arg-type]
+        fits = fit_fleet(fits, logs, report=report, **options)  # type: ignore[arg-type]
+    if isinstance(fits, Fleet):
+        fits, failed = fits.fits, dict(fits.failed)
+    if not (fits or failed):
+        raise LogError("There is no member to explain; give at least one fit.")
+    for given, what in ((logs, "fitted"), (held_out, "held-out")):
+        missing = [name for name in fits if not len(given.get(name, ()))]
+        if missing:
+            raise LogError(f"{missing[0]} has no {what} logs; give it some or leave it out.")
+    found: dict[str, Explanation] = {}
+    for name, fit in fits.items():
+        try:
+            found[name] = explain(
+                fit,
+                logs[name],
+                held_out[name],
+                effects=effects,
+                most=most,
+                report=lambda message, name=name: report(f"{name}: {message}"),
+                **options,
+            )
+        except (ParameterError, LogError) as failure:
+            failed[name] = str(failure)
+        else:
+            report(f"{name}: {found[name].sentence} ({len(found) + len(failed)} of {len(fits)})")
+    return ExplainedFleet(found, failed)
