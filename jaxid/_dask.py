@@ -42,9 +42,8 @@ def on_this_machine(workers: int | None = None) -> Iterator["Client"]:
     except ImportError:
         raise ImportError(_NEEDED) from None
     count = workers or len(os.sched_getaffinity(0))
-    cluster = LocalCluster(
-        n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None, env=_ONE_THREAD, silence_logs=50
-    )
+    settings: Any = {"dashboard_address": None, "env": _ONE_THREAD, "silence_logs": 50}
+    cluster = LocalCluster(n_workers=count, threads_per_worker=1, processes=True, **settings)
     with cluster, Client(cluster) as client:
         yield client
 
@@ -67,7 +66,7 @@ def worked_off(
 
     Of things on which workers die the result is `Lost`. What `work` raises is raised here. Parts must not be empty.
     """
-    import dask
+    from dask.config import set as setting
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
@@ -77,12 +76,13 @@ def worked_off(
 
     def sent(name: str, place: int | None = None) -> Any:
         things = parts[name] if place is None else parts[name][place : place + 1]
-        with dask.config.set(_SETTINGS):
-            future = client.submit(work, things, key=f"jaxid-{name}-{place}", pure=False)
-        where[future.key] = name, place
-        return future
+        key = f"jaxid-{name}-{place}"
+        where[key] = name, place
+        with setting(_SETTINGS):
+            return client.submit(work, things, key=key, pure=False)
 
-    threads = sum(client.nthreads().values())
+    counts: Any = client.nthreads()
+    threads = sum(counts.values())
     going = as_completed([sent(name) for name, _ in islice(waiting, max(_AHEAD * threads, 4))])
     for future in going:
         name, place = where.pop(future.key)

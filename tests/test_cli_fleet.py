@@ -1,5 +1,9 @@
 """jaxid fleet: many robots from one folder; tables that hold every member, and one bad member that touches no other."""
 
+import subprocess
+import sys
+import time
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -127,3 +131,102 @@ def test_a_member_far_from_the_others_is_pointed_out(jaxid, without_dry_friction
     assert "heavy is far from the others in M" in page and page.count(" far</td>") == 1
     far = pd.read_parquet(out / "estimates.parquet").set_index(["member", "parameter"])["far"]
     assert far[("heavy", "M")] > 5 and (far.drop(("heavy", "M")) == 0).all()
+
+
+def fleet_of(folder, count):
+    for k in range(count):
+        axis_log(folder / f"robot {k}" / "run.csv", 1.0 + 0.1 * k, k)
+    return folder
+
+
+def tables(out):
+    return [pd.read_parquet(out / f"{name}.parquet") for name in ("members", "estimates")]
+
+
+def same(one, other):
+    for a, b in zip(tables(one), tables(other), strict=True):
+        pd.testing.assert_frame_equal(a, b, check_exact=True)
+
+
+def test_what_is_done_is_not_done_again_until_its_logs_change(jaxid, without_dry_friction, tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "PART", 1)
+    folder, out = fleet_of(tmp_path / "robots", 2), tmp_path / "out"
+    argv = ("fleet", "axis", folder, "--model", without_dry_friction, "--windows", "none", "--out", out)
+    assert jaxid(*argv)[0] == 0
+    before, parts = tables(out), {path: path.stat().st_mtime_ns for path in (out / "parts").iterdir()}
+    (out / "members.parquet").unlink()  # as after a run that was killed
+    status, _, remarks = jaxid(*argv)
+    assert status == 0 and "2 members are done already" in remarks
+    assert {path: path.stat().st_mtime_ns for path in (out / "parts").iterdir()} == parts
+    for one, other in zip(before, tables(out), strict=True):
+        pd.testing.assert_frame_equal(one, other, check_exact=True)
+    axis_log(folder / "robot 1" / "run.csv", 5.0, 1)
+    status, _, remarks = jaxid(*argv)
+    assert status == 0 and "1 members are done already" in remarks
+    masses = tables(out)[1].set_index(["member", "parameter"])["value"]
+    assert masses[("robot 0", "M")] == before[1].set_index(["member", "parameter"])["value"][("robot 0", "M")]
+    assert masses[("robot 1", "M")] == pytest.approx(5.0, rel=0.05)
+    assert len(list((out / "parts").iterdir())) == 2
+    assert "done already" not in jaxid(*argv, "--loss", "huber")[2]
+
+
+def test_a_fleet_is_explained_on_the_logs_held_out(jaxid, hidden_drag, explained, tmp_path):
+    folder, out = tmp_path / "robots", tmp_path / "out"
+    folder.mkdir()
+    (folder / "one").symlink_to(hidden_drag)
+    axis_log(folder / "two" / "fit_only.csv", 1.0, 0)
+    status, said, remarks = jaxid("fleet", "axis", folder, "--explain", "--held-out", "check_*", "--out", out)
+    assert status == 0, remarks
+    found = pd.read_parquet(out / "explanations.parquet").set_index("member")
+    assert found.verdict["one"] == "named" and found.effects["one"] == "quadratic_drag"
+    assert found.after["one"] == pytest.approx(explained.after.normalised_rms, rel=1e-9)
+    assert "no log held out" in found.failure["two"]
+    drag = pd.read_parquet(out / "effects.parquet").set_index(["member", "parameter"]).loc[("one", "coefficient")]
+    assert abs(drag["value"] - 1.5) < 4 * drag["std_error"]
+    assert "Missing: quadratic drag in 1." in said and "named: quadratic drag" in (out / "report.html").read_text()
+    assert jaxid("fleet", "axis", folder, "--explain", "--out", out)[0] == 2
+
+
+def test_processes_and_a_scheduler_exclude_each_other_and_one_that_is_not_there_is_said(jaxid, tmp_path):
+    folder = fleet_of(tmp_path / "robots", 1)
+    argv = ("fleet", "axis", folder, "--out", tmp_path / "out", "--scheduler", "nonsense://here")
+    assert jaxid(*argv, "--workers", "2")[0] == 2
+    pytest.importorskip("distributed")
+    status, _, remarks = jaxid(*argv)
+    assert status == 1 and "no scheduler at nonsense://here" in remarks
+
+
+@pytest.mark.slow
+def test_a_run_of_workers_that_is_killed_goes_on(jaxid, without_dry_friction, tmp_path):
+    """First a worker dies, then the program itself: the tables are those of a run in one process."""
+    pytest.importorskip("distributed")
+    psutil = pytest.importorskip("psutil")
+    folder, alone, out = fleet_of(tmp_path / "robots", 8), tmp_path / "alone", tmp_path / "out"
+    argv = ["fleet", "axis", str(folder), "--model", str(without_dry_friction), "--windows", "none", "--out"]
+    assert jaxid(*argv, alone)[0] == 0
+    code = "import sys; from jaxid.cli import fleet, main; fleet.PART = 1; main(sys.argv[1:])"
+    run = [sys.executable, "-c", code, *argv, str(out), "--workers", "2"]
+
+    def parts():
+        return len(list((out / "parts").glob("[!.]*.parquet")))
+
+    def until(condition):
+        limit = time.monotonic() + 240
+        while not condition():
+            assert time.monotonic() < limit and process.poll() is None
+            time.sleep(0.02)
+
+    process = subprocess.Popen(run, stderr=subprocess.DEVNULL)
+    until(lambda: parts() >= 1)
+    children = psutil.Process(process.pid).children(recursive=True)
+    worker = next(child for child in children if "spawn_main" in " ".join(child.cmdline()))
+    worker.kill()
+    until(lambda: parts() >= 3)
+    process.kill()
+    process.wait()
+    done = parts()
+    psutil.wait_procs(children, timeout=60)
+    assert 3 <= done < 8 and not any(child.is_running() for child in children)
+    again = subprocess.run(run, capture_output=True, text=True, check=True)
+    assert f"{done} members are done already" in again.stderr
+    same(alone, out)

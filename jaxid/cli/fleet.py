@@ -12,7 +12,7 @@ from typing import Any
 
 from .._dask import Lost, of_scheduler, on_this_machine, worked_off
 from ..estimate.output_error.far_members import far_estimates
-from ..report.fleet_files import Row, member_row, read_parts, with_distances, write_part, write_tables
+from ..report.fleet_files import MEMBERS, Row, member_row, read_parts, with_distances, write_part, write_tables
 from ..report.tables import to_text
 from .arguments import UnusableInput
 from .cache import keep_compiled_programs
@@ -102,8 +102,8 @@ def run_fleet(
     prepare_folder(out)
     files = members_of(folder)
     first = tuple(str(path.resolve()) for path in next(iter(files.values())))
-    whole = (path.resolve() if path is not None else None for path in (model, mapping))
-    work = Work(spec, *whole, tuple(options.items()), str(Path.cwd()), first, tuple(held_out))
+    model, mapping = (path.resolve() if path is not None else None for path in (model, mapping))
+    work = Work(spec, model, mapping, tuple(options.items()), str(Path.cwd()), first, tuple(held_out))
     robot = robot_of(work)
     say(f"{len(files)} members")
     place = out / "parts"
@@ -125,8 +125,8 @@ def run_fleet(
     members, estimates = tables["members"], tables["estimates"]
     far = far_estimates(identified(members, estimates))
     written = {
-        "estimates.parquet": with_distances(estimates.drop(columns="free"), far),
-        "members.parquet": members.drop(columns="why"),
+        "estimates.parquet": with_distances(estimates, far),
+        "members.parquet": {name: members[name] for name in MEMBERS},
         **{f"{name}.parquet": tables[name] for name in ("explanations", "effects") if name in tables},
     }
     write_tables(out, written)
@@ -134,5 +134,5 @@ def run_fleet(
     show(to_text([spread], said))
     write_page(out, robot, said, [spread, members_table(members, estimates, far, tables.get("explanations"))])
     say(f"{out}: {', '.join([*written, 'report.html'])}")
-    if (members["failure"] != "").all():
-        raise UnusableInput(f"No member could be fitted; the first: {members['failure'].iloc[0]}")
+    if all(members["failure"]):
+        raise UnusableInput(f"No member could be fitted; the first: {members['failure'][0]}")

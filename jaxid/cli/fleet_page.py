@@ -3,79 +3,96 @@
 import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pandas as pd
+from numpy.typing import NDArray
 
 from .._atomic import write_text
 from ..estimate.output_error.far_members import FarMember, OneParameter
 from ..estimate.result import Estimate
 from ..explanation.fleet import summary
+from ..report.fleet_files import Columns
 from ..report.tables import DOUBT, Cell, Table, to_html, value_cell
 from ..robots import Robot
+from ..robots.effect import in_words
 
 _SHOWN = 10
 _FAR = "far: farther from the fleet's median than chance makes a sound member, by its spread and the standard error."
+_EXPLAINED = ("verdict", "effects", "failure")
 _ON_PAGE = 200
 """Members that the page lists."""
 
 
-def identified(members: pd.DataFrame, estimates: pd.DataFrame) -> dict[str, OneParameter]:
+def _sound(members: Columns) -> NDArray[Any]:
+    """The names of members whose fits are trustworthy."""
+    return members["member"][members["trustworthy"].astype(bool)]
+
+
+def _doubted(members: Columns) -> list[str]:
+    return list(members["member"][(members["failure"] == "") & ~members["trustworthy"].astype(bool)])
+
+
+def _counting(members: Columns, estimates: Columns) -> NDArray[Any]:
+    """Which estimates are identified ones of sound members."""
+    sound = set(_sound(members))
+    of_sound = np.fromiter((member in sound for member in estimates["member"]), bool, len(estimates["member"]))
+    return of_sound & (estimates["status"] == "identified")
+
+
+def identified(members: Columns, estimates: Columns) -> dict[str, OneParameter]:
     """What the sound members have identified, by parameter: what `far_estimates` judges."""
-    sound = set(members.loc[members["trustworthy"].astype(bool), "member"])
-    numbers = np.isfinite(estimates[["value", "std_error"]].to_numpy(float)).all(axis=1)
-    counts = estimates[estimates["member"].isin(sound) & (estimates["status"] == "identified") & numbers]
+    values, errors = (estimates[name].astype(float) for name in ("value", "std_error"))
+    counts = _counting(members, estimates) & np.isfinite(values) & np.isfinite(errors)
     found = {}
-    for name, own in counts.groupby("parameter", sort=False):
-        values, errors = (own[column].to_numpy(float) for column in ("value", "std_error"))
-        found[str(name)] = OneParameter(list(own["member"]), own["unit"].iloc[0], values, errors)
+    for name in dict.fromkeys(estimates["parameter"][counts]):
+        own = counts & (estimates["parameter"] == name)
+        unit = str(estimates["unit"][own][0])
+        found[name] = OneParameter(list(estimates["member"][own]), unit, values[own], errors[own])
     return found
 
 
-def _doubted(members: pd.DataFrame) -> list[str]:
-    fitted = members["failure"] == ""
-    return list(members.loc[fitted & ~members["trustworthy"].astype(bool), "member"])
-
-
-def sentences(tables: Mapping[str, pd.DataFrame], far: Sequence[FarMember]) -> list[str]:
+def sentences(tables: Mapping[str, Columns], far: Sequence[FarMember]) -> list[str]:
     """How the fleet fared, and what it lacks where that was looked for."""
-    members = tables["members"]
-    doubted = _doubted(members)
+    failure = tables["members"]["failure"]
+    doubted = _doubted(tables["members"])
     how = "is" if len(doubted) == 1 else "are"
-    fitted = int((members["failure"] == "").sum())
-    said = [f"{fitted} of {len(members)} members fitted; {len(doubted)} of these {how} to be doubted."]
+    fitted = np.count_nonzero(failure == "")
+    said = [f"{fitted} of {len(failure)} members fitted; {len(doubted)} of these {how} to be doubted."]
     if far:
         out = list(dict.fromkeys(one.member for one in far))
         more = f" and {len(out) - _SHOWN} more" if len(out) > _SHOWN else ""
         said.append(f"Far from the others: {', '.join(out[:_SHOWN])}{more}.")
-    return said + (summary(tables["explanations"]) if "explanations" in tables else [])
+    if "explanations" in tables:
+        every = (tables["explanations"][name] for name in ("member", "verdict", "effects", "failure"))
+        said += summary(list(zip(*every, strict=True)))
+    return said
 
 
-def _free(members: pd.DataFrame, estimates: pd.DataFrame) -> pd.DataFrame:
-    """The free parameters of the first member that has a fit."""
-    fitted = members.loc[members["failure"] == "", "member"]
-    own = estimates[estimates["member"] == (fitted.iloc[0] if len(fitted) else "")]
-    return own[own["free"].astype(bool)]
+def _free(members: Columns, estimates: Columns) -> list[tuple[str, str]]:
+    """The free parameters of the first member that has a fit, and their units."""
+    fitted = members["member"][members["failure"] == ""]
+    own = (estimates["member"] == fitted[0]) & estimates["free"].astype(bool) if len(fitted) else []
+    return [] if not len(fitted) else list(zip(estimates["parameter"][own], estimates["unit"][own], strict=True))
 
 
-def spread_table(members: pd.DataFrame, estimates: pd.DataFrame, far: Sequence[FarMember]) -> Table:
+def spread_table(members: Columns, estimates: Columns, far: Sequence[FarMember]) -> Table:
     """The spread of every parameter over the members whose fits are sound, and what is to be said of single members."""
-    sound = set(members.loc[members["trustworthy"].astype(bool), "member"])
-    counts = estimates[estimates["member"].isin(sound) & (estimates["status"] == "identified")]
+    counts = _counting(members, estimates)
     rows = []
-    for name, unit in _free(members, estimates)[["parameter", "unit"]].itertuples(index=False):
-        own = counts[counts["parameter"] == name]
-        cells = [Cell(name), Cell(unit, "dim"), Cell(str(len(own)))]
-        if len(own):
-            low, middle, high = np.quantile(own["value"], [0.05, 0.5, 0.95])
-            error = float(np.median(own["std_error"]))
+    for name, unit in _free(members, estimates):
+        own = counts & (estimates["parameter"] == name)
+        cells = [Cell(name), Cell(unit, "dim"), Cell(str(np.count_nonzero(own)))]
+        if own.any():
+            low, middle, high = np.quantile(estimates["value"][own].astype(float), [0.05, 0.5, 0.95])
+            error = float(np.median(estimates["std_error"][own].astype(float)))
             cells += [Cell(f"{x:.5g}") for x in (low, middle, high)] + [Cell(f"{error:.2g}")]
         rows.append(tuple(cells + [Cell("")] * (7 - len(cells))))
-    by_name = members.set_index("member")
-    doubted, failed = _doubted(members), members[members["failure"] != ""]
+    why = dict(zip(members["member"], members["why"], strict=True))
+    doubted, failed = _doubted(members), np.flatnonzero(members["failure"] != "")
     first = [one.sentence for one in far[:_SHOWN]]
-    notes = [f"{name}: {why}" for name, why in failed[["member", "failure"]].head(_SHOWN).itertuples(index=False)]
-    notes += [f"{name}: {by_name.loc[name, 'why']}" for name in doubted[:_SHOWN]]
+    notes = [f"{members['member'][k]}: {members['failure'][k]}" for k in failed[:_SHOWN]]
+    notes += [f"{name}: {why[name]}" for name in doubted[:_SHOWN]]
     left = len(failed) + len(doubted) - len(notes)
     notes += [f"{left} more in members.parquet."] if left > 0 else []
     header = ("parameter", "unit", "sound fits", "5 %", "median", "95 %", "median std. error")
@@ -83,42 +100,41 @@ def spread_table(members: pd.DataFrame, estimates: pd.DataFrame, far: Sequence[F
 
 
 def members_table(
-    members: pd.DataFrame, estimates: pd.DataFrame, far: Sequence[FarMember], explanations: pd.DataFrame | None
+    members: Columns, estimates: Columns, far: Sequence[FarMember], explanations: Columns | None
 ) -> Table:
     """Every member's estimates, what its residual says of them and what it lacks, the first `_ON_PAGE`."""
     free = _free(members, estimates)
-    names = list(free["parameter"])
     out = {(one.member, one.parameter) for one in far}
-    shown = members.head(_ON_PAGE)
+    shown = set(members["member"][:_ON_PAGE])
+    fields = ("member", "parameter", "value", "std_error", "low", "high", "unit", "status")
     own = {
-        (row.member, row.parameter): Estimate(row.value, row.std_error, (row.low, row.high), row.unit, row.status)
-        for row in estimates[estimates["member"].isin(set(shown["member"]))].itertuples(index=False)
+        (member, name): Estimate(float(value), float(error), (float(low), float(high)), unit, status)
+        for member, name, value, error, low, high, unit, status in zip(*(estimates[f] for f in fields), strict=True)
+        if member in shown
     }
     rows = []
-    for number, (name, verdict, sound, failure) in enumerate(
-        shown[["member", "verdict", "trustworthy", "failure"]].itertuples(index=False)
-    ):
-        missing = [] if explanations is None else [_missing(explanations.iloc[number])]
+    for k, name in enumerate(members["member"][:_ON_PAGE]):
+        failure, sound = members["failure"][k], bool(members["trustworthy"][k])
+        missing = [] if explanations is None else [_missing(*(explanations[f][k] for f in _EXPLAINED))]
         if failure:
-            rows.append((Cell(name), Cell(f"no fit: {failure}", "bad"), *[Cell("-")] * (len(missing) + len(names))))
+            rows.append((Cell(name), Cell(f"no fit: {failure}", "bad"), *[Cell("-")] * (len(missing) + len(free))))
             continue
-        cells = (_own_cell(own[name, symbol], bool(sound), (name, symbol) in out) for symbol in names)
-        rows.append((Cell(name), Cell(verdict or "-", "" if sound else "bad"), *missing, *cells))
-    units = (f"{n} [{u}]" if u else n for n, u in free[["parameter", "unit"]].itertuples(index=False))
-    asked = [] if explanations is None else ["missing"]
-    more = (f"{len(members) - _ON_PAGE} more in members.parquet and estimates.parquet.",)
-    notes = ("± is one standard error.", *([DOUBT] if _doubted(members) else []))
-    notes += (_FAR,) if far else ()
-    header = ("member", "judged", *asked, *units)
-    return Table("Members", header, tuple(rows), notes + more * (len(members) > _ON_PAGE))
+        cells = (_own_cell(own[name, symbol], sound, (name, symbol) in out) for symbol, _ in free)
+        rows.append((Cell(name), Cell(members["verdict"][k] or "-", "" if sound else "bad"), *missing, *cells))
+    units = (f"{n} [{u}]" if u else n for n, u in free)
+    header = ("member", "judged", *([] if explanations is None else ["missing"]), *units)
+    left = len(members["member"]) - _ON_PAGE
+    notes = ("± is one standard error.", *([DOUBT] if _doubted(members) else []), *([_FAR] if far else []))
+    more = (f"{left} more in members.parquet and estimates.parquet.",) * (left > 0)
+    return Table("Members", header, tuple(rows), notes + more)
 
 
-def _missing(explanation: pd.Series) -> Cell:
+def _missing(verdict: str, effects: str, failure: str) -> Cell:
     """A member's explanation in words."""
-    if explanation["failure"]:
-        return Cell(f"no explanation: {explanation['failure']}", "bad")
-    named = explanation["effects"].replace("_", " ").replace(",", ", ")
-    return Cell(f"{explanation['verdict']}{': ' if named else ''}{named}")
+    if failure:
+        return Cell(f"no explanation: {failure}", "bad")
+    named = ", ".join(map(in_words, filter(None, effects.split(","))))
+    return Cell(f"{verdict}{': ' if named else ''}{named}")
 
 
 def _own_cell(estimate: Estimate, sound: bool, far: bool) -> Cell:

@@ -1,7 +1,7 @@
 """Many robots, each explained as if it were alone, and what their explanations have in common."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,7 +10,7 @@ import pandas as pd
 
 from .._table import html_table, text_table
 from ..estimate.output_error.conclude import Covariance
-from ..estimate.output_error.fleet import Fleet, check_fleet, fit_fleet
+from ..estimate.output_error.fleet import Fleet, fit_fleet
 from ..estimate.output_error.losses import Loss
 from ..estimate.output_error.output_error import Windows
 from ..estimate.result import Fit
@@ -22,6 +22,7 @@ from .explain import explain
 from .explanation import Explanation
 from .search import MOST_EFFECTS
 
+_NAMED = ("named", "ambiguous")
 _SHOWN = 20
 """Members that a representation holds."""
 EXPLANATIONS = (
@@ -52,7 +53,14 @@ def effect_rows(member: str, found: Mapping[str, Any]) -> list[tuple[Any, ...]]:
     rows = []
     for effect in found["effects"]:
         evidence, alike = effect["evidence"], ",".join(effect["equivalent_to"])
-        first = (member, effect["id"], effect["where"], alike, _number(evidence["before"]), _number(evidence["after"]))
+        first = (
+            member,
+            effect["id"],
+            effect["where"],
+            alike,
+            _number(evidence["held_out_before"]),
+            _number(evidence["held_out_after"]),
+        )
         for name, e in effect["parameters"].items():
             numbers = map(_number, (e["value"], e["std_error"], *e["ci95"]))
             rows.append((*first, name, *numbers, e["unit"], e["status"]))
@@ -68,35 +76,33 @@ def _listed(members: Sequence[str]) -> str:
     return ", ".join(members[:_SHOWN]) + more
 
 
-def answers(explanations: pd.DataFrame) -> dict[str, list[str]]:
-    """Members by answer (the names, or the verdict where there are none), the commonest first; of a table `EXPLANATIONS`."""
+Answer = tuple[str, str, str, str]
+"""Of one member: its name, and `verdict`, `effects` and `failure` as in `EXPLANATIONS`."""
+
+
+def answers(members: Iterable[Answer]) -> dict[str, list[str]]:
+    """Members by what their explanations say (the names, or the verdict where there are none), the commonest first."""
     by: dict[str, list[str]] = {}
-    for member, verdict, effects, failure in explanations[["member", "verdict", "effects", "failure"]].itertuples(
-        index=False
-    ):
+    for member, verdict, effects, failure in members:
         if not failure:
-            named = sorted(filter(None, effects.split(","))) if verdict in ("named", "ambiguous") else []
+            named = sorted(filter(None, effects.split(","))) if verdict in _NAMED else []
             by.setdefault(" and ".join(map(in_words, named)) or verdict, []).append(member)
     return dict(sorted(by.items(), key=lambda entry: -len(entry[1])))
 
 
-def summary(explanations: pd.DataFrame) -> list[str]:
-    """How many members were explained, which effects are named how often, and who differs from most; of a table
-    `EXPLANATIONS`."""
-    sound = explanations[explanations["failure"] == ""]
-    verdicts = Counter(sound["verdict"])
-    counted = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
-    said = [f"{len(sound)} of {len(explanations)} members explained{': ' if counted else ''}{counted}."]
-    named = sound[sound["verdict"].isin(["named", "ambiguous"])]
-    effects = Counter(effect for ids in named["effects"] for effect in filter(None, ids.split(",")))
+def summary(members: Sequence[Answer]) -> list[str]:
+    """How many members were explained, which effects are named how often, and who differs from most."""
+    sound = [(verdict, effects) for _, verdict, effects, failure in members if not failure]
+    counted = ", ".join(f"{count} {verdict}" for verdict, count in Counter(v for v, _ in sound).most_common())
+    said = [f"{len(sound)} of {len(members)} members explained{': ' if counted else ''}{counted}."]
+    named = (effects.split(",") for verdict, effects in sound if verdict in _NAMED)
+    effects = Counter(effect for ids in named for effect in filter(None, ids))
     if effects:
         said.append("Missing: " + ", ".join(f"{in_words(e)} in {count}" for e, count in effects.most_common()) + ".")
-    by = answers(explanations)
-    most = next(iter(by), "")
-    others = [(answer, members) for answer, members in by.items() if answer != most]
-    if others and 2 * len(by[most]) > len(sound):
-        said.append(f"Most ({len(by[most])}) are alike: {most}.")
-        said += [f"Other than most, {answer}: {_listed(members)}." for answer, members in others]
+    by = list(answers(members).items())
+    if len(by) > 1 and 2 * len(by[0][1]) > len(sound):
+        said.append(f"Most ({len(by[0][1])}) are alike: {by[0][0]}.")
+        said += [f"Other than most, {answer}: {_listed(others)}." for answer, others in by[1:]]
     return said
 
 
@@ -126,14 +132,15 @@ class ExplainedFleet:
     @cached_property
     def sentences(self) -> tuple[str, ...]:
         """How many were explained, what is missing how often, and who differs from most."""
-        return tuple(summary(self.to_pandas()))
+        found = [(m, e.verdict, ",".join(effect.id for effect in e.effects), "") for m, e in self.explanations.items()]
+        return tuple(summary([*found, *((member, "", "", why) for member, why in self.failed.items())]))
 
     def _rows(self) -> list[tuple[str, ...]]:
-        rows = [("", "verdict", "effects", "before", "after")] if self.explanations else []
+        rows: list[tuple[str, ...]] = [("", "verdict", "effects", "before", "after")] if self.explanations else []
         for member, found in list(self.explanations.items())[:_SHOWN]:
             named = ", ".join(effect.title for effect in found.effects)
-            errors = (f"{state.normalised_rms:.3g}" for state in (found.before, found.after))
-            rows.append((member, found.verdict, named, *errors))
+            before, after = (f"{state.normalised_rms:.3g}" for state in (found.before, found.after))
+            rows.append((member, found.verdict, named, before, after))
         return rows
 
     def _after(self) -> list[str]:
@@ -146,6 +153,22 @@ class ExplainedFleet:
 
     def _repr_html_(self) -> str:
         return html_table(self._rows(), list(self.sentences), self._after())
+
+
+def _fitted(
+    fits: Fleet | Mapping[str, Fit] | Robot | Mapping[str, Robot],
+    logs: Mapping[str, LogSet],
+    report: Callable[[str], None],
+    options: Mapping[str, Any],
+) -> Fleet:
+    """The fits to be explained."""
+    if isinstance(fits, Fleet):
+        return fits
+    if isinstance(fits, Robot):
+        return fit_fleet(fits, logs, report=report, **options)
+    own = {name: fit for name, fit in fits.items() if isinstance(fit, Fit)}
+    robots = {name: robot for name, robot in fits.items() if isinstance(robot, Robot)}
+    return fit_fleet(robots, logs, report=report, **options) if robots else Fleet(own, {})
 
 
 def explain_fleet(
@@ -169,21 +192,17 @@ def explain_fleet(
 
     Raises `LogError` for a fleet without members, or with a member that has a fit and no fitted or held-out logs.
     """
-    failed: dict[str, str] = {}
     options: dict[str, Any] = {"loss": loss, "covariance": covariance, "windows": windows}
-    if isinstance(fits, Robot) or not isinstance(fits, Fleet) and any(isinstance(f, Robot) for f in fits.values()):
-        check_fleet(fits, logs, None)  # type: ignore[arg-type]
-        fits = fit_fleet(fits, logs, report=report, **options)  # type: ignore[arg-type]
-    if isinstance(fits, Fleet):
-        fits, failed = fits.fits, dict(fits.failed)
-    if not (fits or failed):
+    fitted = _fitted(fits, logs, report, options)
+    failed = dict(fitted.failed)
+    if not (fitted.fits or failed):
         raise LogError("There is no member to explain; give at least one fit.")
     for given, what in ((logs, "fitted"), (held_out, "held-out")):
-        missing = [name for name in fits if not len(given.get(name, ()))]
+        missing = [name for name in fitted.fits if not len(given.get(name, ()))]
         if missing:
             raise LogError(f"{missing[0]} has no {what} logs; give it some or leave it out.")
     found: dict[str, Explanation] = {}
-    for name, fit in fits.items():
+    for name, fit in fitted.fits.items():
         try:
             found[name] = explain(
                 fit,
@@ -197,5 +216,7 @@ def explain_fleet(
         except (ParameterError, LogError) as failure:
             failed[name] = str(failure)
         else:
-            report(f"{name}: {found[name].sentence} ({len(found) + len(failed)} of {len(fits)})")
+            report(
+                f"{name}: {found[name].sentence} ({len(found) + len(failed)} of {len(fitted.fits) + len(fitted.failed)})"
+            )
     return ExplainedFleet(found, failed)

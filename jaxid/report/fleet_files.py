@@ -5,13 +5,16 @@ not at all.
 """
 
 import json
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from .._atomic import replacing
 from ..estimate.output_error.far_members import FarMember
@@ -25,6 +28,7 @@ MEMBERS = (
     "member", "logs", "samples", "method", "verdict", "trustworthy", "converged", "reason", "iterations",
     "standard_errors", "cost", "notes", "failure",
 )  # fmt: skip
+_OF_ESTIMATE = (*ESTIMATES[:-1], "free")
 _ESTIMATE = pa.struct(
     [
         *((name, pa.string()) for name in ("parameter", "unit", "status")),
@@ -44,6 +48,8 @@ _PART = pa.schema(
         ("unexplained", pa.string()),
     ]
 )  # fmt: skip
+Columns = dict[str, NDArray[Any]]
+"""A table: columns of one length by name."""
 Row = dict[str, Any]
 """What became of a member. Beside the columns of `MEMBERS`: `why` its fit is doubted, its `estimates`, its `explanation` (the
 text of explanation.json, empty without one) and why it has none (`unexplained`)."""
@@ -91,37 +97,42 @@ def write_part(path: Path, rows: Sequence[Row]) -> None:
         pq.write_table(pa.Table.from_pylist(list(rows), _PART), temporary)
 
 
-def read_parts(paths: Iterable[Path]) -> dict[str, pd.DataFrame]:
+def read_parts(paths: Iterable[Path]) -> dict[str, Columns]:
     """All parts as tables by name: "members" (with `why` its fit is doubted) and "estimates" (with whether the parameter is
     `free`, and no `far`), and, where any member was to be explained, "explanations" and "effects"."""
-    found: dict[str, list[pd.DataFrame]] = {"members": [], "estimates": [], "explanations": [], "effects": []}
+    names = {"members": (*MEMBERS, "why"), "estimates": _OF_ESTIMATE, "explanations": EXPLANATIONS, "effects": EFFECTS}
+    found: dict[str, list[tuple[Any, ...]]] = {table: [] for table in names}
     asked = False
     for path in paths:
-        rows = pq.read_table(path).to_pylist()
-        found["members"].append(pd.DataFrame([{name: row[name] for name in (*MEMBERS, "why")} for row in rows]))
-        estimates = [{"member": row["member"], **one} for row in rows for one in row["estimates"]]
-        found["estimates"].append(pd.DataFrame(estimates, columns=[*ESTIMATES[:-1], "free"]))
-        told = [(row["member"], json.loads(row["explanation"] or "null"), row["unexplained"]) for row in rows]
-        asked = asked or any(document or why for _, document, why in told)
-        found["explanations"].append(pd.DataFrame([explanation_row(*one) for one in told], columns=list(EXPLANATIONS)))
-        effects = [row for member, document, _ in told if document for row in effect_rows(member, document)]
-        found["effects"].append(pd.DataFrame(effects, columns=list(EFFECTS)))
-    # A table without rows has columns of no kind, and would decide theirs.
-    tables = {
-        name: pd.concat([p for p in some if len(p)] or some[:1], ignore_index=True) for name, some in found.items()
-    }
+        for row in pq.read_table(path).to_pylist():
+            member, document, why = row["member"], json.loads(row["explanation"] or "null"), row["unexplained"]
+            found["members"].append(tuple(row[name] for name in names["members"]))
+            for one in row["estimates"]:
+                # Of millions of rows the same few words are kept once.
+                words = {name: sys.intern(one[name]) for name in ("parameter", "unit", "status")}
+                found["estimates"].append(tuple(({"member": member} | one | words)[name] for name in _OF_ESTIMATE))
+            found["explanations"].append(explanation_row(member, document, why))
+            found["effects"] += effect_rows(member, document) if document else []
+            asked = asked or bool(document or why)
+    tables = {name: columns(found[name], names[name]) for name in names}
     return tables if asked else {name: tables[name] for name in ("members", "estimates")}
 
 
-def with_distances(estimates: pd.DataFrame, far: Sequence[FarMember]) -> pd.DataFrame:
-    """The estimates with the distances of those that are far from the fleet, in the last column."""
+def columns(rows: Sequence[tuple[Any, ...]], names: Sequence[str]) -> Columns:
+    """Columns by name of rows; words are objects."""
+    by = zip(*rows, strict=True) if rows else [()] * len(names)
+    return {n: np.array(v, object if v and isinstance(v[0], str) else None) for n, v in zip(names, by, strict=True)}
+
+
+def with_distances(estimates: Columns, far: Sequence[FarMember]) -> Columns:
+    """The estimates with the distances of those that are far from the fleet, in the last column, `far`."""
     distances = {(one.member, one.parameter): one.distance for one in far}
     keys = zip(estimates["member"], estimates["parameter"], strict=True)
-    return estimates.assign(far=[distances.get(key, 0.0) for key in keys])
+    return {n: estimates[n] for n in ESTIMATES[:-1]} | {"far": np.array([distances.get(key, 0.0) for key in keys])}
 
 
-def write_tables(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
+def write_tables(out: Path, tables: Mapping[str, Columns]) -> None:
     """`tables` by file name; each file is replaced whole. Raises `OSError`."""
     for name, table in tables.items():
         with replacing(out / name) as temporary:
-            table.to_parquet(temporary, index=False)
+            pd.DataFrame(table).to_parquet(temporary, index=False)

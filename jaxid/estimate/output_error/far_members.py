@@ -112,7 +112,7 @@ def far_estimates(every: Mapping[str, OneParameter]) -> tuple[FarMember, ...]:
     for name, (members, unit, values, errors) in judged.items():
         median, spread, distance = _distances(values, errors)
         chance = _chance(distance, len(members))
-        for k in np.flatnonzero(chance * len(judged) < _FALSE_ALARM):
+        for k in np.flatnonzero(chance * len(judged) < _FALSE_ALARM).tolist():
             numbers = (float(x) for x in (values[k], errors[k], median.item(), spread.item(), distance[k]))
             found.append(FarMember(members[k], name, unit, *numbers))
     return tuple(sorted(found, key=lambda far: -abs(far.distance)))

@@ -1,0 +1,54 @@
+"""jaxid/explanation/fleet.py: every member gets what it gets alone; what a fleet's explanations have in common."""
+
+import pytest
+
+from jaxid import Axis, LogError, explain_fleet, read_logs
+from jaxid.explanation.fleet import summary
+
+
+@pytest.fixture(scope="module")
+def logs(hidden_drag):
+    return read_logs(hidden_drag / "fit_*.csv", "axis")
+
+
+def test_a_member_gets_what_it_gets_alone_and_one_that_fails_is_named(explained, logs):
+    said = []
+    others = {"a": explained.held_out, "twice": logs}  # no log may be fitted and held out
+    fits = {"a": explained.baseline, "twice": explained.baseline}
+    found = explain_fleet(fits, {"a": logs, "twice": logs}, others, report=said.append)
+    assert list(found.explanations) == ["a"]
+    assert found.explanations["a"].to_dict() == explained.to_dict()
+    assert set(found.failed) == {"twice"} and "both called" in found.failed["twice"]
+    assert any(line.startswith("a: first look") for line in said)
+    table = found.to_pandas().set_index("member")
+    assert table.loc["a", "effects"] == "quadratic_drag" and table.loc["a", "failure"] == ""
+    assert (
+        table.loc["a", "before"] == explained.before.normalised_rms and "both called" in table.loc["twice", "failure"]
+    )
+    drag = found.effects_to_pandas().set_index(["member", "parameter"]).loc[("a", "coefficient")]
+    assert drag["value"] == explained.effects[0].parameters["coefficient"].value and drag["status"] == "identified"
+    assert "quadratic drag in 1" in repr(found) and "twice: " in repr(found)
+
+
+def test_members_without_logs_are_the_callers_mistake(explained, logs):
+    with pytest.raises(LogError, match="a has no held-out logs"):
+        explain_fleet({"a": explained.baseline}, {"a": logs}, {})
+    with pytest.raises(LogError, match="no member"):
+        explain_fleet({}, {}, {})
+    with pytest.raises(LogError, match="a has no logs"):
+        explain_fleet(Axis(), {"a": ()}, {})  # type: ignore[dict-item]
+
+
+def test_who_differs_from_most_is_said():
+    rows = [(f"robot {k}", "named", "input_delay", "") for k in range(5)]
+    rows += [("robot 5", "named", "sensor_bias,input_delay", ""), ("robot 6", "adequate", "", "")]
+    rows += [("robot 7", "", "", "no fit")]
+    said = summary(rows)
+    assert said[0] == "7 of 8 members explained: 6 named, 1 adequate."
+    assert said[1] == "Missing: input delay in 6, sensor bias in 1."
+    assert said[2] == "Most (5) are alike: input delay."
+    assert said[3:] == [
+        "Other than most, input delay and sensor bias: robot 5.",
+        "Other than most, adequate: robot 6.",
+    ]
+    assert summary([("a", "", "", "no fit")]) == ["0 of 1 members explained."]
