@@ -106,7 +106,7 @@ def _waited_for(question: _Question | _Request) -> Any:
     return answer
 
 
-def _padded(problem: Problem, unknowns: Unknowns, logs: int, samples: int) -> tuple[Problem, Unknowns]:
+def padded(problem: Problem, unknowns: Unknowns, logs: int, samples: int) -> tuple[Problem, Unknowns]:
     """The same problem, as NumPy's arrays, with more logs and samples, none of which counts."""
     E, T = problem.dt.shape
 
@@ -143,7 +143,7 @@ def _answered(questions: list[Any], sizes: dict[Any, tuple[int, int, int]]) -> l
     logs, samples = (max(known[i], *(q.problem.dt.shape[i] for q in questions)) for i in (0, 1))
     lanes = known[2]
     sizes[key] = logs, samples, lanes
-    rows = [(*_padded(q.problem, q.unknowns, logs, samples), q.others) for q in questions]
+    rows = [(*padded(q.problem, q.unknowns, logs, samples), q.others) for q in questions]
     rows = [
         (*row[:2], jax.tree.map(lambda leaf, E=q.problem.dt.shape[0]: _widened(leaf, E, logs), row[2]))
         for row, q in zip(rows, questions, strict=True)

@@ -25,6 +25,7 @@ from ...kernel.dense import triangle_of
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator, rollout
 from .bounds import Bounds, physical
+from .over_experiments import over_experiments
 
 DIVERGED = 1e30
 """Stands in for residuals that are not finite: larger than any sound one, so that the step is rejected."""
@@ -137,7 +138,7 @@ def simulate_all(structure: Structure, problem: Problem, unknowns: Unknowns) -> 
     def one(own, e):
         return _experiment(structure, problem, theta, own, e)
 
-    return jax.vmap(one)(unknowns.states, (problem.dt, problem.inputs, problem.start, problem.prescribed))
+    return over_experiments(one, unknowns.states, (problem.dt, problem.inputs, problem.start, problem.prescribed))
 
 
 def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, ""]:
@@ -199,7 +200,7 @@ def linearise(structure: Structure, problem: Problem, unknowns: Unknowns) -> Tri
         prior = jnp.concatenate([jnp.diag(state_prior), jnp.zeros((s, n)), (state_prior * own)[:, None]], axis=1)
         return triangle_of(jnp.concatenate([block, prior])), squares
 
-    triangles, squares = jax.vmap(experiment)(*experiments(problem, unknowns))
+    triangles, squares = over_experiments(experiment, *experiments(problem, unknowns))
     pull = jnp.sqrt(problem.prior_precision)
     prior = jnp.concatenate([jnp.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
     prior = jnp.where(problem.free[:, None], prior, 0.0)

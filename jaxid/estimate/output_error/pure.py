@@ -9,12 +9,15 @@ takes decisions in Python; where none of it is needed, both give the same number
 """
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec, use_abstract_mesh
 from jaxtyping import Array, Float, Int
 
 from ..._float64 import in_float64
@@ -25,6 +28,8 @@ from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
 from .from_optimum import channel_noise
+from .lanes import BY_LOG, padded
+from .over_experiments import AXIS
 from .problem import Problem, Structure, Unknowns, parameters_at, simulate_all
 from .setup import InitialStates, build, start_values
 from .solvers import DEFAULT, Solver
@@ -42,11 +47,13 @@ _RANK = 1e-9
 class OutputErrorProblem(eqx.Module):
     """An output-error problem of E experiments, T samples, ny measured channels and n free parameters (`names`).
 
-    `arrays` are its numbers; all may be changed, or be a lane's own.
+    `arrays` are its numbers; all may be changed, or be a lane's own. `mesh`: the devices that share the experiments
+    (`shared_out`), None for one.
     """
 
     structure: Structure = eqx.field(static=True)
     arrays: Problem
+    mesh: Mesh | None = eqx.field(static=True, default=None)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -55,7 +62,29 @@ class OutputErrorProblem(eqx.Module):
 
     def with_outputs(self, outputs: Float[Array, "E T ny"]) -> "OutputErrorProblem":
         """The same problem with other measurements."""
-        return OutputErrorProblem(self.structure, replace(self.arrays, outputs=outputs))
+        return OutputErrorProblem(self.structure, replace(self.arrays, outputs=outputs), self.mesh)
+
+    def shared_out(self, start: Unknowns, mesh: Mesh) -> "tuple[OutputErrorProblem, Unknowns]":
+        """The same problem and `start` on the devices of `mesh`, whose axis "experiments" the experiments lie along.
+
+        Every device simulates, differentiates and reduces its own experiments; what goes between devices is of the size of
+        the unknowns. Experiments that do not count fill up the last device's. In a program of several processes
+        (`jax.distributed`) each makes the whole problem and keeps its devices' part. Call under `jaxid.float64()`. Raises
+        `ValueError` for a mesh without that axis.
+        """
+        if AXIS not in mesh.axis_names:
+            raise ValueError(f"the mesh has the axes {mesh.axis_names}; name one of them {AXIS!r}.")
+        E, T = self.arrays.dt.shape
+        arrays, unknowns = padded(self.arrays, start, -(-E // mesh.shape[AXIS]) * mesh.shape[AXIS], T)
+
+        def placed(leaf: Any, along: bool) -> Array:
+            value = np.asarray(leaf)
+            sharding = NamedSharding(mesh, PartitionSpec(AXIS) if along else PartitionSpec())
+            return jax.make_array_from_callback(value.shape, sharding, lambda part: value[part])
+
+        arrays = jax.tree.map_with_path(lambda path, leaf: placed(leaf, path[0].name in BY_LOG), arrays)
+        unknowns = Unknowns(placed(unknowns.z, False), placed(unknowns.states, True))
+        return OutputErrorProblem(self.structure, arrays, mesh), unknowns
 
     def at(self, parameters: Float[Array, " n"], start: Unknowns) -> Unknowns:
         """`start` with other parameters [SI or the logs' units]."""
@@ -63,7 +92,8 @@ class OutputErrorProblem(eqx.Module):
 
     def simulate(self, unknowns: Unknowns) -> Float[Array, "E T ny"]:
         """Simulated outputs; differentiable in forward mode."""
-        return simulate_all(self.structure, self.arrays, unknowns)
+        with _on(self.mesh):
+            return simulate_all(self.structure, self.arrays, unknowns)
 
 
 class Minimum(NamedTuple):
@@ -118,7 +148,24 @@ def minimise(
     problem: OutputErrorProblem, start: Unknowns, *, max_steps: Int[Array, ""] | int = 100, solver: Solver = DEFAULT
 ) -> Minimum:
     """Minimise from `start`, every channel's noise being estimated along the way. Call under `jaxid.float64()`."""
-    structure, arrays = problem.structure, problem.arrays
+    with _on(problem.mesh):
+        found = _minimise(problem.structure, problem.arrays, start, max_steps, solver)
+        if problem.mesh is None:
+            return found
+        everywhere, states = (PartitionSpec(), PartitionSpec(AXIS))
+        shares = jax.tree.map(lambda _: everywhere, found)
+        shares = shares._replace(unknowns=Unknowns(everywhere, states))
+        return jax.lax.with_sharding_constraint(found, shares)
+
+
+def _on(mesh: Mesh | None) -> Any:
+    """The devices that simulations inside are shared out to."""
+    return nullcontext() if mesh is None else use_abstract_mesh(mesh.abstract_mesh)
+
+
+def _minimise(
+    structure: Structure, arrays: Problem, start: Unknowns, max_steps: Int[Array, ""] | int, solver: Solver
+) -> Minimum:
 
     def unsettled(carry: Any):
         _, _, _, rounds, change, _ = carry
