@@ -94,7 +94,16 @@ def simulated_directly(
     fixed = np.stack([np.asarray(v) for v in prescribed.values()], axis=-1) if prescribed else np.zeros((E, T, 0))
     shares = np.full((n, lanes()), 1.0 / n)
     rows = 1 if records.commands is None else n
-    several = max(1, min(len(p), _TOGETHER // max(1, E * T * (U * rows + system.outputs))))
+    most = max(1, _TOGETHER // max(1, T * (U * rows + system.outputs)))
+    if E > most:  # experiments know nothing of one another
+        parts = []
+        for first in range(0, E, most):
+            some = slice(first, first + most)
+            own = {name: np.asarray(v)[..., some] for name, v in start.items()}
+            there = inputs[some], dt[some], {name: v[some] for name, v in prescribed.items()}
+            parts.append(simulated_directly(robot, integrator, numbers, own, *there))
+        return np.concatenate(parts, axis=1)
+    several = max(1, min(len(p), most // max(1, E)))
     found = []
     for first in range(0, len(p), several):
         own_p = p[first : first + several]

@@ -60,3 +60,21 @@ def test_a_given_start_replaces_the_logs_own(axis_log):
 def test_the_default_step_suits_the_coarsest_log(axis_log):
     logs = LogSet([axis_log("fine", np.ones(20), dt=0.004), axis_log("coarse", np.ones(20), dt=0.04)])
     assert integrator_for(Pioneer(), logs).substeps == 4  # 40 ms in steps of max_step = 10 ms
+
+
+def test_more_logs_than_fit_side_by_side_are_simulated_one_after_another(monkeypatch):
+    from jaxid import Axis, Log, LogSet
+    from jaxid.effects import effect_by_id
+    from jaxid.simulation import direct
+
+    robot = Axis() + effect_by_id("input_delay")
+    robot = robot.with_values(**{"input_delay.delay": 0.013})
+    rng = np.random.default_rng(5)
+    inputs = rng.uniform(-4, 4, (7, 60, 1))
+    logs = LogSet(
+        [Log.from_arrays(f"{k}", 0.02 * np.arange(60), u, np.zeros((60, 1)), "axis") for k, u in enumerate(inputs)]
+    )
+    together = simulate(robot, logs)
+    monkeypatch.setattr(direct, "_TOGETHER", 2000)
+    for one, other in zip(together, simulate(robot, logs), strict=True):
+        np.testing.assert_array_equal(one, other)
