@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Integrator, Log, LogSet, Pioneer, simulate
+from jaxid.effects import effect_by_id
+from jaxid.simulation import direct
 from jaxid.simulation.simulate import integrator_for
 from reference.logs import simulate as exact_run
 from reference.pioneer import PIONEER
@@ -63,12 +65,7 @@ def test_the_default_step_suits_the_coarsest_log(axis_log):
 
 
 def test_more_logs_than_fit_side_by_side_are_simulated_one_after_another(monkeypatch):
-    from jaxid import Axis, Log, LogSet
-    from jaxid.effects import effect_by_id
-    from jaxid.simulation import direct
-
-    robot = Axis() + effect_by_id("input_delay")
-    robot = robot.with_values(**{"input_delay.delay": 0.013})
+    robot = (Axis() + effect_by_id(Axis(), "input_delay")).with_values(**{"input_delay.delay": 0.013})
     rng = np.random.default_rng(5)
     inputs = rng.uniform(-4, 4, (7, 60, 1))
     logs = LogSet(
