@@ -152,9 +152,8 @@ def minimise(
         found = _minimise(problem.structure, problem.arrays, start, max_steps, solver)
         if problem.mesh is None:
             return found
-        everywhere, states = (PartitionSpec(), PartitionSpec(AXIS))
-        shares = jax.tree.map(lambda _: everywhere, found)
-        shares = shares._replace(unknowns=Unknowns(everywhere, states))
+        shares: Any = jax.tree.map(lambda _: PartitionSpec(), found)
+        shares = shares._replace(unknowns=shares.unknowns._replace(states=PartitionSpec(AXIS)))
         return jax.lax.with_sharding_constraint(found, shares)
 
 
