@@ -4,6 +4,7 @@ every shape, which takes a few hundredths of a second: what is prepared for a pr
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -14,3 +15,21 @@ AnyArray = Array | np.ndarray | np.generic
 def array(values: Any) -> Array:
     """NumPy's array (or a number, or a list of numbers) as JAX's, nothing compiled."""
     return jax.device_put(np.asarray(values))
+
+
+def namespace(values: Any) -> Any:
+    """`jax.numpy` for JAX's array, a traced one included, else `numpy`: what is written once for both compiles nothing where
+    it is given numbers."""
+    return jnp if isinstance(values, jax.Array) else np
+
+
+def chosen(condition: Any, new: Any, old: Any) -> Any:
+    """The tree `new` where the condition holds, else `old`."""
+    if isinstance(condition, jax.Array):
+        return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
+    return new if condition else old
+
+
+def surely_not(condition: Any) -> bool:
+    """Whether a condition is known not to hold, as it never is while JAX traces."""
+    return not isinstance(condition, jax.Array) and not condition

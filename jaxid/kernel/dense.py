@@ -2,7 +2,7 @@
 
 jaxlib's own (LAPACK's) hand the matrices of a batch to the threads on which programs run, and wait for them there: several
 at a time can wait for one another for ever. These run on one thread, a matrix a lane. On other devices, and in single
-precision, JAX's own are called.
+precision, JAX's own are called. NumPy's arrays are decomposed by the same machine code without a program around it.
 """
 
 from collections.abc import Callable
@@ -10,9 +10,12 @@ from functools import cache
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.custom_batching import custom_vmap
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from .._arrays import AnyArray as Array
+from . import direct
 from .call import grouped, ungrouped
 from .dense_kernel import write_rotation, write_solution, write_triangle
 from .machine import lanes, loaded, register, write_handler
@@ -64,6 +67,8 @@ def triangle_of(A: Float[Array, "*E m n"]) -> Float[Array, "*E n n"]:
 
     With a non-negative diagonal it varies continuously with A.
     """
+    if isinstance(A, np.ndarray):
+        return direct.triangles(A)
     m, n = A.shape[-2:]
     if not _here(A):
         missing = jnp.zeros((*A.shape[:-2], max(n - m, 0), n), A.dtype)
@@ -87,6 +92,8 @@ def _rotation(A: Array) -> tuple[Array, Array]:
 def orthogonal_columns(A: Float[Array, "*E m n"]) -> tuple[Float[Array, "*E n m"], Float[Array, "*E n n"]]:
     """`(U S)ᵀ` and `Vᵀ` of the singular-value decomposition A = U S Vᵀ: rows in no particular order, the lengths of the
     first one's are the singular values."""
+    if isinstance(A, np.ndarray):
+        return direct.rotation(A)
     if not _here(A):
         U, S, right = jnp.linalg.svd(A, full_matrices=False)
         return jnp.swapaxes(U * S[..., None, :], -1, -2), right

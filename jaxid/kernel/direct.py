@@ -5,12 +5,13 @@ Arrays are laid out in lanes as `rollout_kernel` says; `groups.grouped` makes th
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from .call import MOST_DIRECTIONS, System, machine_code
-from .dense_kernel import write_triangle
+from .dense_kernel import write_rotation, write_triangle
 from .groups import grouped, ungrouped
 from .machine import function, lanes, loaded
 from .rollout_kernel import ARGUMENTS, TANGENTS
@@ -27,8 +28,9 @@ def _rollout(system: System, moving: tuple[int, ...] | None, inputs_move: bool =
 
 
 @cache
-def _triangle() -> Callable[..., None]:
-    return function(loaded(write_triangle(lanes())), "triangle", 3, 2)
+def _dense(write: Callable[[int], Any], results: int) -> Callable[..., None]:
+    module = write(lanes())
+    return function(loaded(module), module.name, 3, 1 + results)
 
 
 def outputs(system: System, seen: Seen) -> Float[Array, "G T Y L"]:
@@ -78,8 +80,24 @@ def triangle(A: Float[Array, "G m n L"]) -> Float[Array, "G n n L"]:
     """The triangle R of A = Q R in every lane, its diagonal not negative (`dense.triangle_of`)."""
     G, m, n, width = A.shape
     R = np.empty((G, n, n, width))
-    _triangle()(G, m, n, A, R)
+    _dense(write_triangle, 1)(G, m, n, A, R)
     return R
+
+
+def triangles(A: Float[Array, "*E m n"]) -> Float[Array, "*E n n"]:
+    """The triangles of many matrices; of a single one, however tall."""
+    if A.ndim == 2:
+        return one_triangle(A)
+    flat = A.reshape(-1, *A.shape[-2:])
+    return ungrouped(triangle(grouped(flat)), len(flat)).reshape(*A.shape[:-2], A.shape[-1], A.shape[-1])
+
+
+def rotation(A: Float[Array, "m n"]) -> tuple[Float[Array, "n m"], Float[Array, "n n"]]:
+    """`(U S)ᵀ` and `Vᵀ` of A = U S Vᵀ (`dense.orthogonal_columns`)."""
+    m, n = A.shape
+    B, V = np.empty((1, n, m, lanes())), np.empty((1, n, n, lanes()))
+    _dense(write_rotation, 2)(1, m, n, grouped(A[None]), B, V)
+    return B[0, :, :, 0], V[0, :, :, 0]
 
 
 def one_triangle(A: Float[Array, "m n"]) -> Float[Array, "n n"]:

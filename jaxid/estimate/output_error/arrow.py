@@ -4,14 +4,16 @@ Every experiment (or window of a log) has unknowns of its own beside the shared 
 is an arrow. Eliminating each experiment's own unknowns by a small QR first costs E small decompositions, where one of
 the whole matrix costs the cube of E: with thousands of windows, milliseconds instead of hours (Bjorck, Numerical
 Methods for Least Squares Problems, 1996, section 6.3).
+
+Arrays are NumPy's, or JAX's inside a program.
 """
 
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from ..._arrays import AnyArray as Array
+from ..._arrays import namespace
 from ...kernel.dense import orthogonal_columns, triangle_of
 from .problem import Triangle, Unknowns
 
@@ -19,14 +21,16 @@ from .problem import Triangle, Unknowns
 def gradient(triangle: Triangle) -> Unknowns:
     """Jᵀ r."""
     by_z = triangle.shared.T @ triangle.residual_shared
-    by_z = by_z + jnp.einsum("eij,ei->j", triangle.crossed, triangle.residual_local)
-    return Unknowns(by_z, jnp.einsum("eij,ei->ej", triangle.local, triangle.residual_local))
+    own = triangle.residual_local[..., None]
+    by_z = by_z + (triangle.crossed * own).sum(axis=(0, 1))
+    return Unknowns(by_z, (triangle.local * own).sum(axis=1))
 
 
 def norms(triangle: Triangle) -> Unknowns:
     """Lengths of the Jacobian's columns."""
-    by_z = jnp.sum(triangle.shared**2, axis=0) + jnp.sum(triangle.crossed**2, axis=(0, 1))
-    return Unknowns(jnp.sqrt(by_z), jnp.linalg.norm(triangle.local, axis=1))
+    xp = namespace(triangle.shared)
+    by_z = (triangle.shared**2).sum(axis=0) + (triangle.crossed**2).sum(axis=(0, 1))
+    return Unknowns(xp.sqrt(by_z), xp.sqrt((triangle.local**2).sum(axis=1)))
 
 
 def in_units(triangle: Triangle, units: Unknowns) -> Triangle:
@@ -38,13 +42,13 @@ def in_units(triangle: Triangle, units: Unknowns) -> Triangle:
     )
 
 
-def solved_upwards(R: Float[Array, "s s"], b: Float[Array, " s"]) -> Float[Array, " s"]:
-    """x of R x = b for a small upper triangle, written out."""
+def solved_upwards(R: Float[Array, "... s s"], b: Float[Array, "... s"]) -> Float[Array, "... s"]:
+    """x of R x = b for small upper triangles, written out."""
     x: list[Array] = []
-    for i in reversed(range(R.shape[0])):
-        known = sum((R[i, i + 1 + k] * value for k, value in enumerate(x)), jnp.zeros(()))
-        x.insert(0, (b[i] - known) / R[i, i])
-    return jnp.stack(x)
+    for i in reversed(range(R.shape[-1])):
+        known = sum(R[..., i, i + 1 + k] * value for k, value in enumerate(x))
+        x.insert(0, (b[..., i] - known) / R[..., i, i])
+    return namespace(b).stack(x, axis=-1)
 
 
 class Eliminated(NamedTuple):
@@ -59,36 +63,33 @@ class Eliminated(NamedTuple):
     right: Float[Array, "n n"]
     own: Float[Array, "E s m"]
 
-    def shared_step(self, damping: Float[Array, ""]) -> Float[Array, " n"]:
-        """Damped step of the shared unknowns."""
+    def shared_step(self, damping: Float[Array, "*lanes"] | float) -> Float[Array, "*lanes n"]:
+        """Damped steps of the shared unknowns."""
+        damping = namespace(self.pull).asarray(damping)[..., None]
         return -(self.pull / (self.values**2 + damping)) @ self.right
 
-    def own_step(self, shared: Float[Array, " n"], share: Float[Array, ""] | float = 1.0) -> Float[Array, "E s"]:
-        """What goes with a step of the shared unknowns: a `share` of the way that the own ones would go alone, and all that
+    def own_step(
+        self, shared: Float[Array, "*lanes n"], share: Float[Array, ""] | float = 1.0
+    ) -> Float[Array, "*lanes E s"]:
+        """What goes with steps of the shared unknowns: a `share` of the way that the own ones would go alone, and all that
         the shared ones cause."""
-        s = self.own.shape[1]
+        E, s, n = *self.own.shape[:2], shared.shape[-1]
         if not s:
-            return jnp.zeros(self.own.shape[:2])
-
-        def solved(rows):
-            return -solved_upwards(rows[:, :s], rows[:, s:-1] @ shared + share * rows[:, -1])
-
-        return jax.vmap(solved)(self.own)
+            return namespace(shared).zeros((*shared.shape[:-1], E, 0))
+        caused = shared @ self.own[:, :, s:-1].reshape(E * s, n).T
+        return -solved_upwards(self.own[:, :, :s], caused.reshape(*shared.shape[:-1], E, s) + share * self.own[:, :, -1])
 
 
 def eliminate(triangle: Triangle, damping: float) -> Eliminated:
     """Eliminate the experiments' own unknowns, damped by `damping`."""
+    xp = namespace(triangle.shared)
     E, s, n = triangle.crossed.shape
-    shared = jnp.concatenate([triangle.shared, triangle.residual_shared[:, None]], axis=1)
-    rows = jnp.zeros((E, 0, n + 1))
+    shared = xp.concatenate([triangle.shared, triangle.residual_shared[:, None]], axis=1)
+    rows = xp.zeros((E, 0, n + 1))
     if s:
-
-        def eliminated(local, crossed, residual):
-            measured = jnp.concatenate([local, crossed, residual[:, None]], axis=1)
-            damped = jnp.concatenate([jnp.sqrt(damping) * jnp.eye(s), jnp.zeros((s, n + 1))], axis=1)
-            return triangle_of(jnp.concatenate([measured, damped]))
-
-        rows = jax.vmap(eliminated)(triangle.local, triangle.crossed, triangle.residual_local)
-        shared = triangle_of(jnp.concatenate([rows[:, s:, s:].reshape(-1, n + 1), shared]))
+        measured = xp.concatenate([triangle.local, triangle.crossed, triangle.residual_local[:, :, None]], axis=2)
+        damped = xp.concatenate([damping**0.5 * xp.eye(s), xp.zeros((s, n + 1))], axis=1)
+        rows = triangle_of(xp.concatenate([measured, xp.broadcast_to(damped, (E, *damped.shape))], axis=1))
+        shared = triangle_of(xp.concatenate([rows[:, s:, s:].reshape(-1, n + 1), shared]))
     columns, right = orthogonal_columns(shared[:, :n])
-    return Eliminated(columns @ shared[:, n], jnp.linalg.norm(columns, axis=1), right, rows[:, :s])
+    return Eliminated(columns @ shared[:, n], xp.sqrt((columns**2).sum(axis=1)), right, rows[:, :s])

@@ -18,9 +18,9 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from ..._arrays import AnyArray
+from ..._arrays import AnyArray as Array
 from ..._compile import compiled
 
 _CORNER = 0.01
@@ -33,11 +33,11 @@ class Bounds(eqx.Module):
     upper: Float[Array, " n"]
     scale: Float[Array, " n"]
 
-    def physical(self, z: Float[AnyArray, "*lanes n"]) -> Any:
+    def physical(self, z: Float[Array, "*lanes n"]) -> Any:
         """Parameters from the optimiser's coordinates, never outside their bounds. NumPy's arrays stay such."""
         return physical(self, z)
 
-    def slope(self, z: Float[AnyArray, "*lanes n"]) -> Any:
+    def slope(self, z: Float[Array, "*lanes n"]) -> Any:
         """d(parameter)/d(coordinate) inside the bounds, and on them to the inside."""
         if isinstance(z, np.ndarray) and isinstance(self.scale, np.ndarray):
             return np.broadcast_to(self.scale, z.shape)
@@ -48,7 +48,7 @@ class Bounds(eqx.Module):
         return _coordinates(self, theta)
 
 
-def physical(bounds: Bounds, z: Float[AnyArray, "*lanes n"]) -> Any:
+def physical(bounds: Bounds, z: Float[Array, "*lanes n"]) -> Any:
     """`Bounds.physical` as a function: binding a method of a module takes longer than the few numbers do."""
     scale = bounds.scale
     if isinstance(z, np.ndarray) and isinstance(scale, np.ndarray):

@@ -138,7 +138,7 @@ def _seen(d: Direct, theta: Float[Array, "*E n"], states: Float[Array, "E s"]):
     return d.shares, p, grouped(_starts(d, states)), u, d.logs.dt, d.logs.fixed
 
 
-def _shown(d: Direct, theta: Float[Array, " n"], y: Float[Array, "G T Y L"]) -> Float[Array, "G T Y L"]:
+def _shown(d: Direct, theta: Float[Array, "*E n"], y: Float[Array, "G T Y L"]) -> Float[Array, "G T Y L"]:
     """What the sensors report of the outputs."""
     if d.model.records.measures is None:
         return y

@@ -17,9 +17,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ..._arrays import array
+from ..._arrays import AnyArray as Array
+from ..._arrays import chosen, namespace, surely_not
 from .arrow import Eliminated, eliminate, gradient, norms
 from .bounds import Bounds
 from .chart import Chart, chart_at
@@ -28,7 +29,7 @@ from .problem import Problem, Structure, Triangle, Unknowns, cost, traced_once
 
 _LEAST = 1e-3
 """Damping that even the longest step has: directions whose standard error is above thirty units are hardly moved."""
-_STRAIGHT = (jnp.inf, 1.0, 0.1)
+_STRAIGHT = (np.inf, 1.0, 0.1)
 _CURVED = (3.0, 1.0, 0.3, 0.03)
 """Lengths of the steps that are tried, in units of the chart. A simulation alone is cheap beside a linearisation, and the
 steps run as its lanes."""
@@ -36,7 +37,9 @@ CANDIDATES = len(_STRAIGHT) + len(_CURVED)
 _SHORTER = 0.01
 _ROUNDS = 4
 """How often all of them shrink, and by what factor, while none lowers the cost."""
-_BISECTIONS = 40
+_BISECTIONS, _NEWTON = 40, 60
+_SOLVED = 1e-12
+"""Relative change of a damping that is none."""
 _PROMISE = 5e-7
 """Promised drop of the cost below which the optimum is reached: a thousandth of a standard error."""
 _EXACT = 1e-14
@@ -59,26 +62,44 @@ _UNSOUND = 1e50
 """Cost that only a simulation or a sensitivity has that is not finite."""
 
 
-def _step_of(system: Eliminated, length: Float[Array, ""]) -> Float[Array, " n"]:
-    """The damped step of the shared unknowns that is no longer than `length`."""
-    pull = jnp.linalg.norm(system.pull)
-    ends = jnp.log(_LEAST), jnp.log(jnp.maximum(pull / length, _LEAST))
+def _dampings(system: Eliminated, lengths: Float[Array, " c"]) -> Float[Array, " c"]:
+    """The least dampings, from `_LEAST` on, with which the steps of the shared unknowns are no longer than `lengths`."""
+    pull, values = system.pull, system.values**2
+    if isinstance(pull, np.ndarray):
+        return _newton(pull**2, values, np.asarray(lengths))
+    highest = jnp.linalg.norm(pull) / lengths
+    ends = jnp.full(lengths.shape, jnp.log(_LEAST)), jnp.log(jnp.maximum(highest, _LEAST))
 
     def halve(_, ends):
         low, high = ends
         middle = 0.5 * (low + high)
-        long = jnp.linalg.norm(system.pull / (system.values**2 + jnp.exp(middle))) > length
+        long = jnp.linalg.norm(pull / (values + jnp.exp(middle)[:, None]), axis=1) > lengths
         return jnp.where(long, middle, low), jnp.where(long, high, middle)
 
     _, high = jax.lax.fori_loop(0, _BISECTIONS, halve, ends)
-    return system.shared_step(jnp.exp(high))
+    return jnp.exp(high)
+
+
+def _newton(squares: np.ndarray, values: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """The same numbers in fewer steps where it is known when to stop: Newton's method for one over the step's length, which
+    comes from below and never overshoots (Reinsch, Numerische Mathematik 16, 1971)."""
+    damping = np.full(lengths.shape, _LEAST)
+    for _ in range(_NEWTON):
+        stiff = 1.0 / (values + damping[:, None])
+        square = (stiff * stiff) @ squares
+        length = np.sqrt(square)
+        more = np.where(length > lengths, (length / lengths - 1.0) * square / ((stiff * stiff * stiff) @ squares), 0.0)
+        damping = damping + more
+        if not (more > _SOLVED * damping).any():
+            break
+    return damping
 
 
 def _promise(scaled: Triangle, system: Eliminated) -> Float[Array, ""]:
     """Drop of the cost (half chi-squared) that the longest step promises: -½ (Jᵀ r) · step, what the step itself may cost by
     its damping left out."""
-    slope, step = gradient(scaled), system.shared_step(jnp.array(_LEAST))
-    return -0.5 * (jnp.sum(slope.z * step) + jnp.sum(slope.states * system.own_step(step)))
+    slope, step = gradient(scaled), system.shared_step(_LEAST)
+    return -0.5 * ((slope.z * step).sum() + (slope.states * system.own_step(step)).sum())
 
 
 def promise_of(problem: Problem, unknowns: Unknowns, triangle: Triangle) -> Float[Array, ""]:
@@ -122,43 +143,42 @@ class Search(NamedTuple):
     going: Bool[Array, ""]
 
 
-def _candidates(chart: Chart, system: Eliminated, round: Int[Array, ""]) -> Unknowns:
+def _candidates(chart: Chart, system: Eliminated, round: Int[Array, ""] | int) -> Unknowns:
     """Where the steps of one round lead (leading axis: their lengths)."""
+    xp, k = namespace(system.pull), len(_STRAIGHT)
     shrunk = _SHORTER**round
-
-    def both(length):
-        step = _step_of(system, shrunk * length)
-        return step, system.own_step(step, shrunk)
-
-    first, second = jax.vmap(both)(jnp.array(_STRAIGHT)), jax.vmap(both)(jnp.array(_CURVED))
-    straight, curved = jax.vmap(chart.straight)(*first), jax.vmap(chart.curved)(*second)
-    return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), straight, curved)
+    steps = system.shared_step(_dampings(system, shrunk * xp.array(_STRAIGHT + _CURVED)))
+    own = system.own_step(steps, shrunk)
+    straight, curved = chart.straight(steps[:k], own[:k]), chart.curved(steps[k:], own[k:])
+    return Unknowns(*(xp.concatenate(both) for both in zip(straight, curved, strict=True)))
 
 
 def begin(start: Unknowns, shapes: Triangle) -> State:
     """Before the first linearisation, whose result has the shapes of `shapes`."""
-    empty = jax.tree.map(lambda leaf: np.full(leaf.shape, np.inf, leaf.dtype), shapes)
-    none, infinite = array(0), array(np.inf)
-    return State(start, start, empty, infinite, infinite, none, none, infinite, array(UNDECIDED), none)
+    empty = Triangle(*(np.full(leaf.shape, np.inf, leaf.dtype) for leaf in shapes))
+    none, infinite = np.asarray(0), np.asarray(np.inf)
+    return State(start, start, empty, infinite, infinite, none, none, infinite, np.asarray(UNDECIDED), none)
 
 
 def tried(search: Search, costs: Float[Array, " c"]) -> Search:
     """The search once the costs at its candidates are known: it has found a lower one, or all steps shrink, or it is over."""
-    now, state = search.now, search.state
-    costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
-    best = jnp.argmin(costs)
+    xp, now, state = namespace(search.now), search.now, search.state
+    costs = xp.where(xp.isfinite(costs), costs, xp.inf)
+    best = xp.argmin(costs)
     below = costs[best] < now
-    there = jax.tree.map(lambda new, old: jnp.where(below, new[best], old), search.candidates, state.there)
-    same = jnp.all(~jnp.isfinite(costs) | (jnp.abs(costs - now) <= _ROUNDING * now))
-    flat = jnp.where(search.round == 0, same & jnp.any(jnp.isfinite(costs)), search.flat)
+    there = chosen(below, Unknowns(*(leaf[best] for leaf in search.candidates)), state.there)
+    same = (~xp.isfinite(costs) | (xp.abs(costs - now) <= _ROUNDING * now)).all()
+    flat = xp.where(search.round == 0, same & xp.isfinite(costs).any(), search.flat)
     lower = below & ~flat
     going = ~lower & (search.round + 1 < _ROUNDS)
-    lost = jnp.where(search.near, Outcome.OPTIMUM, jnp.where(flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS))
+    lost = xp.where(search.near, Outcome.OPTIMUM, xp.where(flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS))
     return search._replace(
-        state=state._replace(there=there, outcome=jnp.where(lower | going, UNDECIDED, lost)),
+        state=state._replace(there=there, outcome=xp.where(lower | going, UNDECIDED, lost)),
         round=search.round + 1,
         flat=flat,
-        candidates=_candidates(search.chart, search.system, search.round + 1),
+        candidates=search.candidates
+        if surely_not(going)
+        else _candidates(search.chart, search.system, search.round + 1),
         going=going,
     )
 
@@ -171,9 +191,8 @@ class BestDampingLevenbergMarquardt(eqx.Module):
     not lower it by `noticeable` (both in half chi-squared). Any `optimistix` least-squares solver can take its place.
     `report` is called with the cost after every linearisation.
 
-    What is decided between two simulations knows nothing of the robot (`decided`, `tried`), so that it is compiled once
-    for all models with as many unknowns, and runs as one program with the simulations (`minimise`) or by turns with them
-    (`in_turns`).
+    What is decided between two simulations knows nothing of the robot (`decided`, `tried`): it runs as one program with the
+    simulations (`minimise`), or by turns with them, in NumPy, where nothing is compiled for it (`in_turns`).
     """
 
     promise: float = _PROMISE
@@ -189,27 +208,27 @@ class BestDampingLevenbergMarquardt(eqx.Module):
         max_steps: Int[Array, ""] | int,
     ) -> Search:
         """What follows from the linearisation `triangle` at `state.there`: the end, an undamped step, or a search."""
-        here, now = state.there, triangle.cost
+        xp, here, now = namespace(triangle.shared), state.there, triangle.cost
         if self.report is not None:
-            jax.debug.callback(self.report, now)
+            self.report(now) if xp is np else jax.debug.callback(self.report, now)
         chart = chart_at(bounds, here, triangle)
         scaled = chart.scaled(triangle)
         system = eliminate(scaled, _LEAST)
         promise = _promise(scaled, system)
-        sound = jnp.all(jnp.isfinite(triangle.squares)) & (now < _UNSOUND)
+        sound = xp.isfinite(triangle.squares).all() & (now < _UNSOUND)
         first = state.steps == 0
         drop = state.cost - now
-        stalled = jnp.where(first | (drop > self.noticeable), 0, state.stalled + 1)
-        small = promise < jnp.where(stalled >= _STALLED_STEPS, KINK, self.promise)
-        blind = jnp.all(norms(triangle).z == 0.0) & jnp.any(free)
+        stalled = xp.where(first | (drop > self.noticeable), 0, state.stalled + 1)
+        small = promise < xp.where(stalled >= _STALLED_STEPS, KINK, self.promise)
+        blind = (norms(triangle).z == 0.0).all() & xp.any(free)
         # Within a standard error of a minimum the search ends and undamped steps begin; the best place counts.
         polishing = (state.polished > 0) | (small & sound & ~blind)
-        equal = jnp.abs(now - state.cost) <= _EQUAL
+        equal = xp.abs(now - state.cost) <= _EQUAL
         better = sound & ((now < state.cost - _EQUAL) | (equal & (promise < state.promise)))
         worse = (state.polished > 0) & ~better
-        spent = state.polished + jnp.where(worse, _MISS, 1)
+        spent = state.polished + xp.where(worse, _MISS, 1)
         polish = polishing & sound & (promise > _EXACT) & (promise < KINK) & (spent <= _POLISHED)
-        outcome = jnp.select(
+        outcome = xp.select(
             [polish, polishing, ~sound, blind, stalled >= _STALLED_STEPS, state.steps >= max_steps],
             [
                 UNDECIDED,
@@ -221,34 +240,33 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             ],
             UNDECIDED,
         )
-        full = system.shared_step(jnp.array(_LEAST))
+        full = system.shared_step(_LEAST)
         straight = chart.straight(full, system.own_step(full))
-
-        def kept(new, old):
-            return jax.tree.map(lambda a, b: jnp.where(worse, b, a), new, old)
-
+        reached = chosen(
+            worse, (state.reached, state.triangle, state.cost, state.promise), (here, triangle, now, promise)
+        )
         following = State(
-            there=jax.tree.map(lambda new, old: jnp.where(polish, new, old), straight, here),
-            reached=kept(here, state.reached),
-            triangle=kept(triangle, state.triangle),
-            cost=kept(now, state.cost),
-            start_cost=jnp.where(first, now, state.start_cost),
+            chosen(polish, straight, here),
+            *reached[:3],
+            start_cost=xp.where(first, now, state.start_cost),
             steps=state.steps + 1,
             stalled=stalled,
-            promise=kept(promise, state.promise),
+            promise=reached[3],
             outcome=outcome,
-            polished=jnp.where(polish, spent, state.polished),
+            polished=xp.where(polish, spent, state.polished),
         )
+        going = (outcome == UNDECIDED) & ~polish
+        unknown = Unknowns(here.z[None], here.states[None])
         return Search(
             state=following,
             chart=chart,
             system=system,
             now=now,
             near=promise < KINK,
-            round=jnp.array(0),
-            flat=jnp.array(False),
-            candidates=_candidates(chart, system, jnp.array(0)),
-            going=(outcome == UNDECIDED) & ~polish,
+            round=xp.array(0),
+            flat=xp.array(False),
+            candidates=unknown if surely_not(going) else _candidates(chart, system, 0),
+            going=going,
         )
 
     def minimise(

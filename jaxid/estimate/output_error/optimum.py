@@ -4,9 +4,9 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
-from ..._arrays import AnyArray
+from ..._arrays import AnyArray as Array
 from .problem import Triangle, Unknowns
 
 
@@ -56,11 +56,11 @@ class Optimum(NamedTuple):
     promise: Float[Array, "*lanes"]
 
     @property
-    def converged(self) -> Bool[AnyArray, "*lanes"]:
+    def converged(self) -> Bool[Array, "*lanes"]:
         """Whether this is a minimum."""
         return self.outcome == Outcome.OPTIMUM
 
     @property
-    def diverged(self) -> Bool[AnyArray, "*lanes"]:
+    def diverged(self) -> Bool[Array, "*lanes"]:
         """Whether the simulation is not finite even at the best point (of every lane)."""
         return ~jnp.all(jnp.isfinite(self.triangle.squares), axis=(-2, -1))

@@ -17,9 +17,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import jaxpr_as_fun
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
-from ..._arrays import AnyArray
+from ..._arrays import AnyArray as Array
 from ..._compile import compiled
 from ...kernel.dense import triangle_of
 from ...robots.robot import Robot
@@ -100,8 +100,7 @@ class Triangle(NamedTuple):
     @property
     def cost(self) -> Float[Array, ""]:
         """Half the sum of squares."""
-        parts = (self.residual_shared, self.residual_local, self.rest)
-        return 0.5 * sum((jnp.sum(part**2) for part in parts), jnp.zeros(()))
+        return 0.5 * sum((part**2).sum() for part in (self.residual_shared, self.residual_local, self.rest))
 
 
 def shifted(y: Float[Array, "T ny"], dt: Float[Array, " T"], offset: Float[Array, ""]) -> Float[Array, "T ny"]:
@@ -124,7 +123,7 @@ def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, "
     return jnp.where(free, bounds.physical(z), held)
 
 
-def parameters_at(problem: Problem, z: Float[AnyArray, "*lanes n"]) -> Any:
+def parameters_at(problem: Problem, z: Float[Array, "*lanes n"]) -> Any:
     """Physical parameters at the optimiser's coordinates, those not free at their held values. NumPy's arrays stay such."""
     if isinstance(z, np.ndarray) and isinstance(problem.held, np.ndarray):
         return np.where(problem.free, physical(problem.bounds, z), problem.held)

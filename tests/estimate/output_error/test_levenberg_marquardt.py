@@ -9,8 +9,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
-from jaxid.estimate.output_error import in_turns
-from jaxid.estimate.output_error.problem import Unknowns, linearise, parameters_at, simulate_all
+from jaxid.estimate.output_error.bounds import Bounds
+from jaxid.estimate.output_error.levenberg_marquardt import CANDIDATES, BestDampingLevenbergMarquardt, begin, tried
+from jaxid.estimate.output_error.problem import Triangle, Unknowns, linearise, parameters_at, simulate_all
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.solvers import minimise, minimise_compiled, minimise_lanes
 
@@ -54,27 +55,59 @@ def test_the_returned_triangle_is_the_linearisation_at_the_optimum(axis):
     assert float(optimum.cost) == pytest.approx(float(there.cost), rel=1e-12)
 
 
-def test_decisions_are_compiled_once_for_any_few_logs_that_start_in_motion(axis_log):
-    """Their own initial states are filled up with logs that say nothing; the optimum is that of the pure form."""
+def test_by_turns_nothing_is_compiled_and_the_optimum_is_that_of_the_pure_form(axis_log):
+    """Any number of logs with initial states of their own."""
     rng = np.random.default_rng(2)
     logs = []
     for k in range(5):
         log = axis_log(f"{k}", np.repeat(rng.uniform(-2, 2, 12), 10), noise=0.02, seed=k, v=0.2 * k, q=1.0)
         logs.append(log)
+    start = dict(M=1.4, Fv=1.3, Fc=0.3, offset=0.0)
+    tasks = [build(Axis(), LogSet(logs[:E]), start=start, initial="estimate", integrator=Integrator(2)) for E in (2, 5)]
     compiled = []
-    for E in (2, 3, 5):
-        start = dict(M=1.4, Fv=1.3, Fc=0.3, offset=0.0)
-        task = build(Axis(), LogSet(logs[:E]), start=start, initial="estimate", integrator=Integrator(2))
-        found = minimise_compiled(*task)
-        compiled.append(in_turns._decided._outer._cache_size())
-        assert bool(found.converged) and found.unknowns.states.shape == task[2].states.shape
-        assert found.triangle.local.shape[0] == E
-    assert compiled[0] == compiled[1] == compiled[2]
-    pure = jax.jit(minimise, static_argnums=0)(*task)
-    error = np.sqrt(np.diag(np.linalg.inv(np.asarray(found.triangle.shared).T @ np.asarray(found.triangle.shared))))
+    jax.monitoring.register_event_duration_secs_listener(lambda event, *_, **__: compiled.append(event))
+    found = [minimise_compiled(*task) for task in tasks][-1]
+    jax.monitoring.clear_event_listeners()
+    assert not [event for event in compiled if "backend_compile" in event]
+    assert bool(found.converged) and found.unknowns.states.shape == tasks[-1][2].states.shape
+    pure = jax.jit(minimise, static_argnums=0)(*tasks[-1])
+    error = np.sqrt(np.diag(np.linalg.inv(found.triangle.shared.T @ found.triangle.shared)))
     assert np.all(np.abs(np.asarray(pure.unknowns.z) - found.unknowns.z) < 1e-4 * error)
     np.testing.assert_allclose(found.unknowns.states, pure.unknowns.states, atol=1e-6)
     assert float(found.cost) == pytest.approx(float(pure.cost), rel=1e-10)
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered")  # steps as far as the curve goes
+def test_one_decision_is_the_same_in_numpy_and_in_a_program():
+    """Random linearisations, with and without initial states of their own, bounds, and columns that show nothing."""
+    rng = np.random.default_rng(5)
+    solver = BestDampingLevenbergMarquardt()
+    for E, s, n in ((3, 2, 4), (1, 0, 5), (4, 1, 1)):
+        shared = np.triu(rng.normal(size=(n, n))) * 10.0 ** rng.uniform(-3, 3, n)
+        shared[:, -1] *= float(n != 5)
+        triangle = Triangle(
+            shared,
+            rng.normal(size=(E, s, n)),
+            np.triu(rng.normal(size=(E, s, s))) + 3.0 * np.eye(s),
+            100.0 * rng.normal(size=n),
+            100.0 * rng.normal(size=(E, s)),
+            rng.normal(size=1),
+            np.abs(rng.normal(size=(E, 1))),
+        )
+        bounds = Bounds(np.where(np.arange(n) % 2, -np.inf, 0.0), np.full(n, np.inf), np.full(n, 2.0))
+        here = Unknowns(rng.uniform(0.0, 1.0, n), rng.normal(size=(E, s)))
+        asked = bounds, np.ones(n, dtype=bool), begin(here, triangle), triangle
+        plain = solver.decided(*asked, 100)
+        program = jax.jit(lambda *asked: solver.decided(*asked, 100))(*asked)
+        assert bool(plain.going) and bool(program.going)
+        np.testing.assert_allclose(plain.state.promise, program.state.promise, rtol=1e-9)
+        for ours, theirs in zip(plain.candidates, program.candidates, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-9)
+        costs = np.full(CANDIDATES, 1e9)
+        shrunk, theirs = tried(plain, costs), jax.jit(tried)(program, costs)
+        np.testing.assert_allclose(shrunk.candidates.z, theirs.candidates.z, rtol=1e-8, atol=1e-9)
+        costs[3] = 0.0
+        np.testing.assert_allclose(tried(plain, costs).state.there.z, plain.candidates.z[3])
 
 
 @pytest.fixture(scope="module")
