@@ -29,11 +29,8 @@ def _compiler_options() -> dict[str, Any]:
     return known_options(_FASTER_TO_COMPILE)
 
 
-@cache
-def _outside() -> Any:
-    """JAX's state where it traces nothing."""
-    with jax.ensure_compile_time_eval():
-        return get_opaque_trace_state()
+_OUTSIDE = get_opaque_trace_state()
+"""JAX's state where it traces nothing: asked on import, since the first program may be called while something is traced."""
 
 
 class Program:
@@ -54,7 +51,7 @@ class Program:
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         # What is called while JAX traces is a part of that, whatever the arguments are.
-        traced = get_opaque_trace_state() != _outside()
+        traced = get_opaque_trace_state() != _OUTSIDE
         return (self._inner if traced else self._outer)(*arguments, **named)
 
     def lower(self, *arguments: Any, **named: Any) -> Any:

@@ -77,7 +77,9 @@ class Eliminated(NamedTuple):
         if not s:
             return namespace(shared).zeros((*shared.shape[:-1], E, 0))
         caused = shared @ self.own[:, :, s:-1].reshape(E * s, n).T
-        return -solved_upwards(self.own[:, :, :s], caused.reshape(*shared.shape[:-1], E, s) + share * self.own[:, :, -1])
+        return -solved_upwards(
+            self.own[:, :, :s], caused.reshape(*shared.shape[:-1], E, s) + share * self.own[:, :, -1]
+        )
 
 
 def eliminate(triangle: Triangle, damping: float) -> Eliminated:

@@ -17,11 +17,10 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Float
 
 from ..._arrays import AnyArray as Array
-from ..._compile import compiled
+from ..._arrays import namespace
 
 _CORNER = 0.01
 
@@ -39,31 +38,20 @@ class Bounds(eqx.Module):
 
     def slope(self, z: Float[Array, "*lanes n"]) -> Any:
         """d(parameter)/d(coordinate) inside the bounds, and on them to the inside."""
-        if isinstance(z, np.ndarray) and isinstance(self.scale, np.ndarray):
-            return np.broadcast_to(self.scale, z.shape)
-        return jnp.broadcast_to(self.scale, z.shape)
+        return namespace(self.scale).broadcast_to(self.scale, z.shape)
 
     def coordinates(self, theta: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
-        """The optimiser's coordinates of given parameters; those outside their bounds are put on them."""
-        return _coordinates(self, theta)
+        """The optimiser's coordinates of given parameters; those outside their bounds are put on them. NumPy's arrays stay
+        such."""
+        xp = namespace(self.scale * theta)
+        return xp.clip(theta, self.lower, self.upper) / self.scale
 
 
 def physical(bounds: Bounds, z: Float[Array, "*lanes n"]) -> Any:
     """`Bounds.physical` as a function: binding a method of a module takes longer than the few numbers do."""
-    scale = bounds.scale
-    if isinstance(z, np.ndarray) and isinstance(scale, np.ndarray):
-        return np.minimum(np.maximum(scale * z, bounds.lower), bounds.upper)
-    return _physical(bounds, z)
-
-
-@compiled
-def _physical(bounds: Bounds, z: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
-    return jnp.clip(bounds.scale * z, bounds.lower, bounds.upper)
-
-
-@compiled
-def _coordinates(bounds: Bounds, theta: Float[Array, "*lanes n"]) -> Float[Array, "*lanes n"]:
-    return jnp.clip(theta, bounds.lower, bounds.upper) / bounds.scale
+    theta = bounds.scale * z
+    xp = namespace(theta)
+    return xp.minimum(xp.maximum(theta, bounds.lower), bounds.upper)
 
 
 class Unconstrained(eqx.Module):

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from ..._arrays import AnyArray, array
+from ..._arrays import AnyArray
 from ..._compile import compiled
 from .direct import runs_directly, sensitivities_now, simulated_now
 from .lanes import BY_LOG, Operation, ask
@@ -62,14 +62,14 @@ def simulated_with(
     again instead.
     """
     if not runs_directly(structure, problem):
-        each = (replace(problem, inputs=array(own)) for own in inputs)
+        each = (replace(problem, inputs=np.asarray(own)) for own in inputs)
         return np.stack([np.asarray(simulated(structure, one, unknowns)) for one in each])
 
     def again(leaf: AnyArray) -> AnyArray:
-        return array(np.concatenate([np.asarray(leaf)] * len(inputs)))
+        return np.concatenate([np.asarray(leaf)] * len(inputs))
 
     fields = {name: jax.tree.map(again, getattr(problem, name)) for name in BY_LOG if name != "inputs"}
-    many = replace(problem, inputs=array(np.concatenate(inputs)), **fields)
+    many = replace(problem, inputs=np.concatenate(inputs), **fields)
     outputs = np.asarray(simulated_now(structure, many, unknowns._replace(states=again(unknowns.states))))
     return outputs.reshape(len(inputs), -1, *outputs.shape[1:])
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..._arrays import array
 from .globalise import ambiguous_index, globalise
 from .optimum import Optimum
 from .posed import Options, Posed
@@ -25,7 +24,7 @@ def _without(problem: Problem, logs: Sequence[int]) -> Problem:
     """The problem in which the logs of these numbers have no weight."""
     kept = np.ones(problem.mask.shape[0], dtype=bool)
     kept[list(logs)] = False
-    return replace(problem, mask=array(np.asarray(problem.mask) & kept[:, None, None]))
+    return replace(problem, mask=np.asarray(np.asarray(problem.mask) & kept[:, None, None]))
 
 
 def _where_it_converges(fit: Posed, options: Options) -> tuple[Problem, Optimum, list[int]]:

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..._arrays import array
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
@@ -80,12 +79,12 @@ def fit_lanes(
             noise = np.asarray(channel_noise(problem, optimum.triangle.squares))
             least = 1e-3 * np.asarray(fields.get("sigma", shared.sigma))
             sigma = np.where(np.isfinite(noise), np.maximum(noise, least), problem.sigma)
-            problem = replace(problem, sigma=array(sigma))
+            problem = replace(problem, sigma=np.asarray(sigma))
             optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=int(max_steps))
         return Fitted(optimum, problem.sigma)
 
     found = all_in_lanes({str(number): partial(one, number) for number in range(len(starts.z))})
-    return jax.tree.map(lambda *leaves: array(np.stack(leaves)), *found)
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
 
 @partial(compiled, static_argnames=("structure", "lanes", "rounds"))

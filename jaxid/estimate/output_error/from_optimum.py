@@ -1,23 +1,21 @@
 """From where an output-error optimisation stopped to a `Fit`: noise, bounds, uncertainty, initial states."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
-from jaxtyping import Array
+from jaxtyping import Float
 from numpy.typing import NDArray
 
-from ..._compile import compiled
+from ..._arrays import AnyArray as Array
+from ..._arrays import namespace
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..result import Estimate, Fit, Outlier
 from ..uncertainty import Spread, combinations, estimates, spread
 from .magnitudes import matter_at
 from .optimum import Optimum, Outcome
-from .problem import CLOCK_OFFSET, Problem, Structure, Triangle, Unknowns, parameters_at
+from .problem import CLOCK_OFFSET, Problem, Structure, Triangle, Unknowns, holding, parameters_at
 from .solvers import DEFAULT, Solver, minimise_compiled
 
 _BOUND_COST = 0.5
@@ -28,19 +26,15 @@ _STANDS_OUT = 10.0
 """Ratio of a log's residual to the other logs' (root mean square, in units of the noise) that is worth a word."""
 
 
-@compiled
-def _noise(mask: Array, sigma: Array, free: Array, state_free: Array, squares: Array) -> Array:
-    counts = jnp.sum(mask, axis=(0, 1))
-    unknown_count = free.shape[0] + jnp.sum(state_free)
-    # The unknowns are shared among channels by their share of the samples.
-    freedom = jnp.maximum(counts * (1.0 - unknown_count / jnp.maximum(jnp.sum(counts), 1)), 1.0)
-    return jnp.where(counts > 0, sigma * jnp.sqrt(jnp.sum(squares, axis=0) / freedom), sigma)
-
-
-def channel_noise(problem: Problem, squares: ArrayLike) -> Array:
+def channel_noise(problem: Problem, squares: Float[Array, "E ny"]) -> Float[Array, " ny"]:
     """Standard deviation of each channel's residual at the optimum, degrees of freedom accounted for [ny], from the sums of
     squares [E, ny]. Traceable."""
-    return _noise(problem.mask, problem.sigma, problem.free, problem.state_free, squares)
+    xp, sigma = namespace(squares), problem.sigma
+    counts = problem.mask.sum(axis=(0, 1))
+    unknown_count = problem.free.shape[0] + problem.state_free.sum()
+    # The unknowns are shared among channels by their share of the samples.
+    freedom = xp.maximum(counts * (1.0 - unknown_count / xp.maximum(counts.sum(), 1)), 1.0)
+    return xp.where(counts > 0, sigma * xp.sqrt(squares.sum(axis=0) / freedom), sigma)
 
 
 class AtBounds(NamedTuple):
@@ -88,11 +82,7 @@ def on_bounds(
     at_bound, near, bound = near_bounds(problem, optimum)
     current = AtBounds(problem, optimum, at_bound)
     for i in np.flatnonzero(near):
-        trial = replace(
-            current.problem,
-            free=current.problem.free.at[i].set(False),
-            held=current.problem.held.at[i].set(bound[i]),
-        )
+        trial = holding(current.problem, int(i), bound[i])
         held = minimise_compiled(structure, trial, current.optimum.unknowns, max_steps=max_steps, solver=solver)
         if held.cost < current.optimum.cost + 0.5 + _BOUND_COST:
             marked = current.at_bound.copy()

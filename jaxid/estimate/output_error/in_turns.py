@@ -26,6 +26,7 @@ from .together import costs_together, kind_of, linearised_together
 Task = tuple[Structure, Problem, Unknowns]
 Look = Callable[[Unknowns], Triangle]
 Costs = Callable[[Unknowns], Any]
+Until = float | Callable[[float, float], bool]
 _MOST_MODELS = 32
 """Then all are forgotten, the traces they were made from too."""
 
@@ -109,9 +110,11 @@ def minimise_in_turns(
     problem: Problem,
     start: Unknowns,
     max_steps: int,
-    until: float = 0.0,
+    until: Until = 0.0,
 ) -> Optimum:
-    """`solver.minimise`, part by part; it ends as soon as a linearisation promises no drop of the cost above `until`."""
+    """`solver.minimise`, part by part; it ends as soon as a linearisation promises no drop of the cost above `until`, or
+    `until(cost, promised drop)` is true of the best one."""
+    enough = until if callable(until) else lambda _, promise: promise <= until
     look, costs = _simulations(structure, problem, start)
     bounds, free, there = jax.tree.map(np.asarray, (problem.bounds, problem.free, start))
     triangle = look(there)
@@ -119,7 +122,7 @@ def minimise_in_turns(
     while True:
         with _QUIETLY():
             search = solver.decided(bounds, free, state, triangle, max_steps)
-        if until and np.isfinite(triangle.squares).all() and search.state.promise <= until:
+        if until and np.isfinite(triangle.squares).all() and enough(search.state.cost, search.state.promise):
             return search.state.optimum._replace(outcome=np.asarray(Outcome.OPTIMUM))
         while search.going:
             found = costs(search.candidates)

@@ -40,12 +40,12 @@ _ROUNDS = 4
 _BISECTIONS, _NEWTON = 40, 60
 _SOLVED = 1e-12
 """Relative change of a damping that is none."""
-_PROMISE = 5e-7
-"""Promised drop of the cost below which the optimum is reached: a thousandth of a standard error."""
+_PROMISE = 5e-5
+"""Promised drop of the cost, that of a hundredth of a standard error, below which undamped steps begin."""
 _EXACT = 1e-14
 """Promised drop of the cost below which undamped steps end: a ten-millionth of a standard error."""
-_POLISHED, _MISS = 8, 3
-"""How many of them there are at most; one that leads to nothing better counts for three."""
+_POLISHED, _MISS = 8, 4
+"""How many of them there are at most; one that leads to nothing better counts for four."""
 _EQUAL = 1e-9
 """Difference of costs that rounding may make."""
 _NOTICEABLE = 0.01

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._arrays import array
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
@@ -111,9 +110,9 @@ def multi_start(
         pass
     theta = np.clip(theta, np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper))
     states = np.asarray(unknowns.states)
-    lanes = Unknowns(problem.bounds.coordinates(array(theta)), array(np.broadcast_to(states, (starts, *states.shape))))
+    lanes = Unknowns(problem.bounds.coordinates(np.asarray(theta)), np.broadcast_to(states, (starts, *states.shape)))
     report(f"{starts} starts side by side")
-    own = {"held": array(np.broadcast_to(np.asarray(problem.held), theta.shape))}
+    own = {"held": np.broadcast_to(np.asarray(problem.held), theta.shape)}
     found = fit_lanes(structure, problem, own, lanes, max_steps=_STEPS, rounds=1, lanes=min(starts, 32)).optimum
     costs = np.asarray(found.cost)
     sound = np.isfinite(np.asarray(found.triangle.squares)).all(axis=(1, 2)) & np.isfinite(costs)

@@ -19,7 +19,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..._arrays import array
 from ..._compile import compiled
 from ...logs import LogSet
 from ...robots.robot import Robot
@@ -168,7 +167,7 @@ def neglected(
     if robot.controlled:
         return None
     full, added = probed(robot, logs)
-    numbers = {n: array(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
+    numbers = {n: np.asarray(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
     wider = replace(problem, numbers={**problem.numbers, **numbers})
     wide = structure._replace(robot=full.structure)
     residual, jacobian = (np.asarray(x) for x in _look(wide, added, wider, unknowns))

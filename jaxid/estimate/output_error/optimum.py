@@ -3,10 +3,10 @@
 from enum import IntEnum
 from typing import NamedTuple
 
-import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
 from ..._arrays import AnyArray as Array
+from ..._arrays import namespace
 from .problem import Triangle, Unknowns
 
 
@@ -63,4 +63,5 @@ class Optimum(NamedTuple):
     @property
     def diverged(self) -> Bool[Array, "*lanes"]:
         """Whether the simulation is not finite even at the best point (of every lane)."""
-        return ~jnp.all(jnp.isfinite(self.triangle.squares), axis=(-2, -1))
+        xp = namespace(self.triangle.squares)
+        return ~xp.isfinite(self.triangle.squares).all(axis=(-2, -1))

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ..._arrays import array
 from ...logs import LogSet
 from ...logs.windows import in_windows
 from ...robots.robot import Robot
@@ -88,7 +87,7 @@ def posed(robot: Robot, whole: LogSet, options: Options, start: Starts, window: 
         if not many:
             unknowns = approached(structure, problem, unknowns)
     if not options.squares:
-        problem = replace(problem, weight=array(np.ones(problem.mask.shape)))
+        problem = replace(problem, weight=np.ones(problem.mask.shape))
     if many:
         unknowns = _best_of(starts, structure, problem, unknowns, options.solver)
         options.report(f"best of {len(starts)} starts chosen")
@@ -100,10 +99,10 @@ def _best_of(
     starts: list[dict[str, float]], structure: Structure, problem: Problem, unknowns: Unknowns, solver: Solver
 ) -> Unknowns:
     """The best of many starts, all minimised in one compiled batch."""
-    coordinates = [problem.bounds.coordinates(array([own[n] for n in structure.names])) for own in starts]
+    coordinates = [problem.bounds.coordinates(np.asarray([own[n] for n in structure.names])) for own in starts]
     states = np.broadcast_to(np.asarray(unknowns.states), (len(starts), *unknowns.states.shape))
-    everywhere = Unknowns(array(np.stack(coordinates)), array(states))
+    everywhere = Unknowns(np.stack(coordinates), np.asarray(states))
     optima = minimise_each(structure, problem, everywhere, max_steps=_STEPS_OF_MANY, solver=solver)
     costs = np.nan_to_num(np.asarray(optima.cost), nan=np.inf)
     best = int(np.argmin(costs))
-    return jax.tree.map(lambda x: array(np.asarray(x)[best]), optima.unknowns)
+    return jax.tree.map(lambda x: np.asarray(np.asarray(x)[best]), optima.unknowns)

@@ -10,6 +10,7 @@ reduced by QR to a triangle before it meets the others. What the optimiser sees 
 Jacobian, of the size of the unknowns, with the same cost, gradient and Gauss-Newton matrix as the tall problem.
 """
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -20,7 +21,7 @@ from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Bool, Float
 
 from ..._arrays import AnyArray as Array
-from ..._compile import compiled
+from ..._arrays import namespace
 from ...kernel.dense import triangle_of
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator, rollout
@@ -78,6 +79,13 @@ def residual_weights(problem: Problem) -> Float[np.ndarray, "E T ny"]:
     return weights if problem.weight is None else weights * np.asarray(problem.weight)
 
 
+def holding(problem: Problem, k: int, value: float) -> Problem:
+    """The problem with its k-th parameter held at a value."""
+    free, held = np.array(problem.free), np.array(problem.held)
+    free[k], held[k] = False, value
+    return replace(problem, free=free, held=held)
+
+
 class Unknowns(NamedTuple):
     """The optimiser's coordinates: `z` of the parameters, `states` in units of their scale, relative to `start`."""
 
@@ -118,16 +126,10 @@ def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
     return shifted(y, dt, moved[CLOCK_OFFSET]) if CLOCK_OFFSET in moved else y
 
 
-@compiled
-def _parameters_at(bounds: Bounds, free: Bool[Array, " n"], held: Float[Array, " n"], z: Float[Array, " n"]):
-    return jnp.where(free, bounds.physical(z), held)
-
-
 def parameters_at(problem: Problem, z: Float[Array, "*lanes n"]) -> Any:
     """Physical parameters at the optimiser's coordinates, those not free at their held values. NumPy's arrays stay such."""
-    if isinstance(z, np.ndarray) and isinstance(problem.held, np.ndarray):
-        return np.where(problem.free, physical(problem.bounds, z), problem.held)
-    return _parameters_at(problem.bounds, problem.free, problem.held, z)
+    theta = physical(problem.bounds, z)
+    return namespace(theta).where(problem.free, theta, problem.held)
 
 
 def simulate_all(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, "E T ny"]:

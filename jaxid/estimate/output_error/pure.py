@@ -20,6 +20,7 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec, use_abstract_mesh
 from jaxtyping import Array, Float, Int
 
+from ..._arrays import array
 from ..._float64 import in_float64
 from ...kernel.dense import orthogonal_columns
 from ...logs import LogSet
@@ -129,6 +130,7 @@ def output_error_problem(
     structure, problem, unknowns = build(
         robot, logs, start=start_values(robot, start), initial=initial_states, integrator=integrator
     )
+    problem, unknowns = jax.tree.map(array, (problem, unknowns))  # whatever precision they are used in
     return OutputErrorProblem(structure, problem), unknowns
 
 

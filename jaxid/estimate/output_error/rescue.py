@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..._arrays import AnyArray, array
+from ..._arrays import AnyArray
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.robot import Robot
@@ -60,7 +60,7 @@ def linear_start(robot: Robot, logs: LogSet, structure: Structure, problem: Prob
         linear = linear_estimate(robot, logs)[0].robot.parameters.numbers
     except (ParameterError, LogError):
         return None
-    return problem.bounds.coordinates(array([linear[name] for name in structure.names]))
+    return problem.bounds.coordinates(np.asarray([linear[name] for name in structure.names]))
 
 
 def _others(
@@ -70,7 +70,7 @@ def _others(
 
     def own() -> Float[Array, " n"]:
         values = start_values(robot, None)
-        return problem.bounds.coordinates(array([values[name] for name in structure.names]))
+        return problem.bounds.coordinates(np.asarray([values[name] for name in structure.names]))
 
     linear = ("the linear estimate", lambda: linear_start(robot, logs, structure, problem))
     if start is None:
@@ -84,8 +84,8 @@ def _scattered(problem: Problem, centres: list[Float[AnyArray, " n"]], states: F
     rng = np.random.default_rng(_SEED)
     theta = np.stack([np.asarray(parameters_at(problem, z)) for z in centres])
     factors = np.exp(rng.uniform(-1.0, 1.0, (_LANES, theta.shape[1])) * np.log(_FACTOR))
-    z = problem.bounds.coordinates(array(np.resize(theta, factors.shape) * factors))
-    return Unknowns(z, array(np.broadcast_to(np.asarray(states), (_LANES, *states.shape))))
+    z = problem.bounds.coordinates(np.resize(theta, factors.shape) * factors)
+    return Unknowns(z, np.broadcast_to(np.asarray(states), (_LANES, *states.shape)))
 
 
 def recovered(

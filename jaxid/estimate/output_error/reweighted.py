@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..._arrays import array
 from .from_optimum import channel_noise
 from .optimum import Optimum
 from .problem import Problem, Structure
@@ -33,7 +32,7 @@ def reweighted(
         change = float(np.max(np.abs(sigma / np.asarray(problem.sigma) - 1.0)))
         if change < WEIGHT_SETTLED:
             break
-        problem = replace(problem, sigma=array(sigma))
+        problem = replace(problem, sigma=np.asarray(sigma))
         optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps, solver=solver)
         total += int(optimum.iterations)
         report("channel noise re-estimated")

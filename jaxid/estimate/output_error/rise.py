@@ -12,16 +12,14 @@ errors off, is proof. Where the cost falls, the optimum was none.
 from dataclasses import replace
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._arrays import array
 from ..result import Estimate, Fit
 from .evaluation import cost_at
 from .from_optimum import AtBounds, known_spread
 from .optimum import Optimum
-from .problem import Problem, Structure, Unknowns, parameters_at
+from .problem import Problem, Structure, Unknowns, holding, parameters_at
 from .solvers import minimise_compiled
 
 _OFF = 3.0
@@ -34,6 +32,8 @@ _PART = 0.1
 """Share of a parameter's standard error that a direction must make up for the parameter to take part in it."""
 _STEPS, _WITHIN = 20, 0.01
 """Of the search for a profile: steps at most, and share of the promised rise to which it is asked for."""
+_TWICE = 2.0
+"""How often a promised drop may come before the search for a profile ends: a kink may give more than is promised."""
 _TELLING = 1.0
 """Promised rise below which there is nothing to be asked: a bound is in the way."""
 _LOWER = 0.5
@@ -61,18 +61,21 @@ def _following(inner: Optimum, step: NDArray[np.float64]) -> NDArray[np.float64]
     return np.stack([-np.linalg.pinv(own) @ (across @ step) for own, across in zip(local, crossed, strict=True)])
 
 
-def _profile(structure: Structure, problem: Problem, at: Unknowns, k: int, within: float) -> tuple[float, Unknowns]:
+def _profile(
+    structure: Structure, problem: Problem, at: Unknowns, k: int, within: float, clearly: float
+) -> tuple[float, Unknowns]:
     """Cost, `within` what a linearisation promises, and place of the minimum over all parameters but the k-th, which stays
-    where it is."""
-    theta = parameters_at(problem, at.z)
-    held = replace(problem, free=problem.free.at[k].set(False), held=problem.held.at[k].set(theta[k]))
-    found = minimise_compiled(structure, held, at, max_steps=_STEPS, until=within)
+    where it is; or of where the search was when it was clear that the minimum lies above the cost `clearly`."""
+    held = holding(problem, k, np.asarray(parameters_at(problem, at.z))[k])
+
+    def enough(cost: float, promise: float) -> bool:
+        return promise <= within or cost - _TWICE * promise >= clearly
+
+    found = minimise_compiled(structure, held, at, max_steps=_STEPS, until=enough)
     cost = float(found.cost)
-    return (
-        (cost, found.unknowns._replace(z=jnp.asarray(found.unknowns.z).at[k].set(at.z[k])))
-        if np.isfinite(cost)
-        else (np.inf, at)
-    )
+    z = np.array(found.unknowns.z)
+    z[k] = at.z[k]
+    return (cost, found.unknowns._replace(z=z)) if np.isfinite(cost) else (np.inf, at)
 
 
 def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBounds) -> Rise:
@@ -85,15 +88,15 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
     covariance = found.covariance / np.outer(slope, slope)
     errors = np.sqrt(np.diag(covariance))
     asked = found.determined & ~bounded.at_bound & (errors > 0)
-    base = cost_at(structure, problem, Unknowns(array(begin), array(states)))
+    base = cost_at(structure, problem, Unknowns(np.asarray(begin), np.asarray(states)))
     flat: dict[str, list[Flat]] = {}
     lowest, lower = base - _LOWER, None
 
     def off(step: NDArray[np.float64]) -> tuple[Unknowns, float]:
         """Where a step leads that does not leave the bounds, and by how much the cost should rise."""
-        z = problem.bounds.coordinates(problem.bounds.physical(array(begin + step)))
+        z = problem.bounds.coordinates(problem.bounds.physical(np.asarray(begin + step)))
         inside = np.asarray(z) - begin
-        at = Unknowns(z, array(states + _following(inner, inside) if states.size else states))
+        at = Unknowns(z, np.asarray(states + _following(inner, inside) if states.size else states))
         return at, 0.5 * float(np.sum((triangle @ inside) ** 2))
 
     doubtful: set[tuple[int, int]] = set()
@@ -114,7 +117,7 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
             promised = 0.5 * float((at.z[k] - begin[k]) / errors[k]) ** 2
             if not promised > _TELLING:
                 break
-            cost, at = _profile(structure, problem, at, k, _WITHIN * promised)
+            cost, at = _profile(structure, problem, at, k, _WITHIN * promised, base + _DOUBTFUL * promised)
             if cost < lowest:
                 lowest, lower = cost, at
             if cost - base < little * promised:

@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 
-from ..._arrays import array
 from ...logs import LogSet
 from ..result import Outlier
 from .evaluation import simulated
@@ -102,14 +101,14 @@ def minimise_robustly(
         sigma = scale * np.sqrt(mean_square / mean_slope)
         efficient = scale * np.sqrt(mean_square) / mean_slope
         weight = np.where(mask, np.sqrt(loss.weight(u)), 1.0)
-        problem = replace(problem, sigma=array(sigma), weight=array(weight))
+        problem = replace(problem, sigma=np.asarray(sigma), weight=np.asarray(weight))
         before = optimum
         optimum = minimise_compiled(structure, problem, before.unknowns, max_steps=max_steps, solver=solver)
         total += int(optimum.iterations)
         step = np.asarray(optimum.triangle.shared) @ np.asarray(optimum.unknowns.z - before.unknowns.z)
         if number and float(np.max(np.abs(step))) < _SETTLED:
             break
-    plain = replace(problem, sigma=array(efficient), weight=array(np.ones(mask.shape)))
+    plain = replace(problem, sigma=np.asarray(efficient), weight=np.ones(mask.shape))
     inner = minimise_compiled(structure, plain, optimum.unknowns, max_steps=0)
     w = np.where(mask, np.asarray(problem.weight) ** 2, 0.0).sum() / max(mask.sum(), 1)
     bread = float(w / max(np.where(mask, loss.slope(u), 0.0).sum() / max(mask.sum(), 1), 1e-3))

@@ -7,7 +7,6 @@ from typing import Literal
 import jax.numpy as jnp
 import numpy as np
 
-from ..._arrays import array
 from ...logs import LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import in_windows
@@ -113,28 +112,30 @@ def build(
     values = np.array([start.get(name, robot.parameters[name].value) for name in names])
     table = [robot.parameters[name] for name in names]
     scale = typical_values(robot, start, names)
-    bounds = Bounds(lower=array([p.lower for p in table]), upper=array([p.upper for p in table]), scale=array(scale))
+    bounds = Bounds(
+        lower=np.asarray([p.lower for p in table]), upper=np.asarray([p.upper for p in table]), scale=np.asarray(scale)
+    )
     priors = [p.prior or (0.0, np.inf) for p in table]
-    mask = array(np.asarray(batch.mask) & _modelled(robot, measured))
+    mask = np.asarray(batch.mask) & _modelled(robot, measured)
     problem = Problem(
-        dt=batch.dt,
-        inputs=batch.inputs,
-        outputs=batch.outputs,
+        dt=np.asarray(batch.dt),
+        inputs=np.asarray(batch.inputs),
+        outputs=np.asarray(batch.outputs),
         mask=mask,
-        sigma=array(list(noise_scale(logs).values())),
-        numbers={name: array(float(p.value)) for name, p in robot.parameters.items()},
+        sigma=np.asarray(list(noise_scale(logs).values())),
+        numbers={name: np.asarray(float(p.value)) for name, p in robot.parameters.items()},
         bounds=bounds,
-        free=array(np.ones(len(names), dtype=bool)),
-        held=array(values),
-        prior_mean=array([p[0] for p in priors]),
-        prior_precision=array([p[1] ** -2.0 for p in priors]),
-        start={name: array(value) for name, value in begin.states.items()},
-        state_free=array(state_free),
-        state_scale=array(scales),
-        state_precision=array(precision),
+        free=np.ones(len(names), dtype=bool),
+        held=values,
+        prior_mean=np.asarray([p[0] for p in priors]),
+        prior_precision=np.asarray([p[1] ** -2.0 for p in priors]),
+        start={name: np.asarray(value) for name, value in begin.states.items()},
+        state_free=state_free,
+        state_scale=np.asarray(scales),
+        state_precision=np.asarray(precision),
     )
     structure = Structure(robot.structure, names, tuple(state_names), integrator or Integrator.suited(robot, interval))
-    unknowns = Unknowns(bounds.coordinates(array(values)), array(np.zeros((len(logs), len(state_names)))))
+    unknowns = Unknowns(bounds.coordinates(values), np.zeros((len(logs), len(state_names))))
     return structure, problem, unknowns
 
 
@@ -160,8 +161,8 @@ def at_fit(
             else:
                 value = fit.initial_states[log.name][name]
             states[e, i] = (value - float(problem.start[name][e])) / float(problem.state_scale[i])
-    problem = replace(problem, sigma=array(sigma))
-    return structure, problem, Unknowns(unknowns.z, array(np.where(np.asarray(problem.state_free), states, 0.0)))
+    problem = replace(problem, sigma=np.asarray(sigma))
+    return structure, problem, Unknowns(unknowns.z, np.asarray(np.where(np.asarray(problem.state_free), states, 0.0)))
 
 
 def _modelled(robot: Robot, measured: tuple[str, ...]):

@@ -13,10 +13,9 @@ import jax
 import numpy as np
 from jaxtyping import Array, Int
 
-from ..._arrays import array
 from ..._compile import compiled
 from .direct import runs_directly
-from .in_turns import minimise_in_turns
+from .in_turns import Until, minimise_in_turns
 from .lanes import Operation, all_in_lanes, ask, in_batch
 from .levenberg_marquardt import BestDampingLevenbergMarquardt
 from .optimum import Optimum
@@ -79,12 +78,12 @@ def minimise_compiled(
     *,
     max_steps: int = 100,
     solver: Solver = DEFAULT,
-    until: float = 0.0,
+    until: Until = 0.0,
 ) -> Optimum:
     """`minimise`, compiled once for all problems of the same structure and shapes; of many fits in a batch together.
 
-    jaxid's own solver may end where a linearisation promises no drop of the cost above `until`; a program that holds the
-    whole search goes on to the minimum.
+    jaxid's own solver may end where a linearisation promises no drop of the cost above `until`, or where that is true of the
+    cost and the promised drop; a program that holds the whole search goes on to the minimum.
     """
     ours = isinstance(solver, BestDampingLevenbergMarquardt)
     if not ours or not runs_directly(structure, problem):
@@ -111,7 +110,7 @@ def minimise_each(
         found = all_in_lanes(jobs)
     else:
         return minimise_lanes(structure, problem, starts, max_steps=max_steps, solver=solver)
-    return jax.tree.map(lambda *leaves: array(np.stack(leaves)), *found)
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
 
 @partial(compiled, static_argnames=("structure", "solver"))

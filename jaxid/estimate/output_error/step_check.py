@@ -4,8 +4,8 @@ A step that suits one robot is too long for a smaller, faster one, and no residu
 time constants of its own, which can fit the data perfectly with wrong parameters. So the optimum is simulated again with
 shorter steps. The difference, taken off the measurements, moves the estimates to where shorter steps would lead (deferred
 correction; Stetter 1978, Numerische Mathematik 29), and this costs no program of its own. Where they would move noticeably,
-the fit goes on with shorter steps, and is asked again with the noise that it has then: long steps can misfit so much that,
-in units of what they leave, the next steps' own errors would not show.
+the fit goes on with shorter steps, from where the correction leads, and is asked again with the noise that it has then: long
+steps can misfit so much that, in units of what they leave, the next steps' own errors would not show.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..._arrays import array
 from ...simulation.rollout import Integrator
 from .evaluation import simulated
 from .optimum import Optimum
@@ -35,7 +34,13 @@ _MOST = 64
 """Steps are shortened at most by this factor."""
 _GAINED = 0.5
 """A difference that shorter steps do not shrink to this share is none of the integration: the simulation is chaotic."""
+_NEARBY = 10.0
+"""The same, beyond which a correction says nothing of where shorter steps lead."""
+_SETTLED = 1e-3
+"""Change of the correction, RMS in units of the noise, that is none."""
 _STEPS = 20
+_CORRECTIONS = 3
+"""How often measurements are corrected anew for where the estimates have moved, before shorter steps are gone to."""
 _NEGLIGIBLE = 1e-6
 """Difference between the simulations, in units of a channel's own RMS, below which no noise is small enough to ask for more:
 logs of a simulation without noise."""
@@ -63,9 +68,9 @@ def _finer(structure: Structure, factor: int = _FINER) -> Structure:
     return structure._replace(integrator=Integrator(integrator.substeps * factor, integrator.friction))
 
 
-def _difference(structure: Structure, problem: Problem, optimum: Optimum) -> Float[np.ndarray, "E T ny"]:
+def _difference(structure: Structure, problem: Problem, at: Unknowns) -> Float[np.ndarray, "E T ny"]:
     """Simulation with shorter steps minus that with these."""
-    fine, plain = (np.asarray(simulated(one, problem, optimum.unknowns)) for one in (_finer(structure), structure))
+    fine, plain = (np.asarray(simulated(one, problem, at)) for one in (_finer(structure), structure))
     with np.errstate(invalid="ignore"):  # both may be infinite
         return np.where(np.asarray(problem.mask), fine - plain, 0.0)
 
@@ -83,19 +88,53 @@ def _in_signal(problem: Problem, change: Float[np.ndarray, "E T ny"]) -> float:
     return float(np.sqrt(np.max(power[0][power[1] > 0] / power[1][power[1] > 0], initial=0.0)))
 
 
-def _would_move(structure: Structure, problem: Problem, optimum: Optimum, change, solver: Solver) -> float:
-    """How far the estimates move, in standard errors, if measurements are corrected by the `change`.
+def _corrected(problem: Problem, change: Float[np.ndarray, "E T ny"]) -> Problem:
+    """The problem for these steps whose minimum is that of shorter ones, by which the simulation changes by `change`."""
+    return replace(problem, outputs=np.asarray(problem.outputs) - change)
+
+
+def _moved(structure: Structure, problem: Problem, at: Unknowns, change, solver: Solver) -> Optimum:
+    """The optimum if measurements are corrected by the `change`."""
+    corrected = _corrected(problem, change)
+    return minimise_compiled(structure, corrected, at, max_steps=_STEPS, solver=solver, until=_NEAR)
+
+
+def _led_to(
+    structure: Structure, problem: Problem, optimum: Optimum, change, found: Optimum, solver: Solver
+) -> Unknowns:
+    """Where shorter steps lead, as far as these can tell: the fixed point of the correction, of which `found` is the first
+    step, or the optimum where it has none.
+
+    It costs a simulation with the shorter steps where their own search would cost linearisations.
+    """
+    at = optimum.unknowns
+    for number in range(_CORRECTIONS):
+        found = _moved(structure, problem, at, change, solver) if number else found
+        following = _difference(structure, problem, found.unknowns)
+        error = _in_noise(problem, following - change)
+        if not (np.isfinite(found.cost) and np.isfinite(error)):
+            return optimum.unknowns
+        at, change = found.unknowns, following
+        if error <= _SETTLED:
+            break
+    return at
+
+
+def _would_move(
+    structure: Structure, problem: Problem, optimum: Optimum, change, solver: Solver
+) -> tuple[float, Optimum]:
+    """How far the estimates move, in standard errors, if measurements are corrected by the `change`, and where to.
 
     One linearisation promises half the square of that, and where that is little, nothing more is asked.
     """
-    corrected, at = replace(problem, outputs=array(np.asarray(problem.outputs) - change)), optimum.unknowns
+    corrected, at = _corrected(problem, change), optimum.unknowns
     moved = minimise_compiled(structure, corrected, at, max_steps=0, solver=solver, until=np.inf)
     promised = float(np.sqrt(2.0 * np.maximum(moved.promise, 0.0)))
     if promised <= _LITTLE:
-        return promised
-    moved = minimise_compiled(structure, corrected, at, max_steps=_STEPS, solver=solver, until=_NEAR)
+        return promised, moved
+    moved = _moved(structure, problem, at, change, solver)
     step = np.asarray(moved.unknowns.z) - np.asarray(at.z)
-    return float(np.linalg.norm(np.asarray(optimum.triangle.shared) @ step))
+    return float(np.linalg.norm(np.asarray(optimum.triangle.shared) @ step)), moved
 
 
 def with_steps_checked(
@@ -116,7 +155,7 @@ def with_steps_checked(
     """
     shortened, iterations, before = 1, 0, None
     while True:
-        change = _difference(structure, problem, optimum)
+        change = _difference(structure, problem, optimum.unknowns)
         error = _in_noise(problem, change)
         if not np.isfinite(error):
             note = "The simulation diverges with shorter integration steps; what fits is an artefact of long ones."
@@ -128,8 +167,11 @@ def with_steps_checked(
                 "of the motion). The estimates are exact to about that, and standard errors mean nothing."
             )
             return Checked(structure, problem, optimum, error, note, iterations)
-        if error <= _VISIBLE and _would_move(structure, problem, optimum, change, solver) <= _MOVED:
-            return Checked(structure, problem, optimum, error, "", iterations)
+        at, moved = optimum.unknowns, None
+        if error <= _VISIBLE:
+            distance, moved = _would_move(structure, problem, optimum, change, solver)
+            if distance <= _MOVED:
+                return Checked(structure, problem, optimum, error, "", iterations)
         if shortened >= _MOST or (before is not None and error > _GAINED * _in_noise(problem, before)):
             note = (
                 f"The simulation depends on its integration steps ({error:.2g} times the noise between steps and a quarter "
@@ -137,11 +179,14 @@ def with_steps_checked(
                 "sampling."
             )
             return Checked(structure, problem, optimum, error, note, iterations)
+        if error <= _NEARBY:
+            first = moved or _moved(structure, problem, at, change, solver)
+            at = _led_to(structure, problem, optimum, change, first, solver)
         shortened, before = shortened * _FINER, change
         structure = _finer(structure)
         report("integration steps were too long; went on with shorter ones")
         longer, asked = np.asarray(problem.sigma), problem
-        optimum = minimise_compiled(structure, asked, optimum.unknowns, max_steps=max_steps, solver=solver)
+        optimum = minimise_compiled(structure, asked, at, max_steps=max_steps, solver=solver)
         problem, optimum, more = settle(structure, asked, optimum)
         iterations += more
         if start is not None and np.any(np.asarray(problem.sigma) > _LOST * longer):

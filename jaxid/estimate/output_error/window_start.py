@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from ..._arrays import array
 from ..._float64 import in_float64
 from ...logs import Log, LogSet
 from ...logs.noise import noise_scale
@@ -91,8 +90,8 @@ def started(robot: Robot, logs: LogSet, seconds: float, structure: Structure, pr
     noise = noise_scale(logs)
     return replace(
         problem,
-        sigma=array([noise[name] for name in logs.channels.measured]),
-        start={**problem.start, **{name: array(value) for name, value in states.items()}},
-        state_scale=array(scales),
-        state_precision=array(precision),
+        sigma=np.asarray([noise[name] for name in logs.channels.measured]),
+        start={**problem.start, **{name: np.asarray(value) for name, value in states.items()}},
+        state_scale=np.asarray(scales),
+        state_precision=np.asarray(precision),
     )

@@ -14,11 +14,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._arrays import array
 from ...logs import LogError, LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import bridged, in_windows, stitched
@@ -99,7 +97,7 @@ def approached(structure: Structure, problem: Problem, unknowns: Unknowns, max_s
     does not, and what that tells of the initial state holds for a quarter.
     """
     samples = int(np.asarray(problem.mask).any(axis=-1).sum(axis=1).max())
-    early = jnp.arange(problem.mask.shape[1])
+    early = np.arange(problem.mask.shape[1])
     for share in _HORIZONS:
         if share * samples >= _FEWEST:
             shorter = replace(problem, mask=problem.mask & (early < share * samples)[None, :, None])
@@ -118,8 +116,8 @@ def followed(robot: Robot, logs: LogSet, seconds: float, noise: Mapping[str, flo
     start = start_values(robot, None)
     structure, problem, unknowns = build(robot, windows, start=start, initial="estimate")
     problem = started(robot, logs, seconds, structure, problem)
-    sigma = array([noise[name] for name in logs.channels.measured])
-    problem = replace(problem, sigma=sigma, free=array(np.zeros(problem.free.shape, dtype=bool)))
+    sigma = np.asarray([noise[name] for name in logs.channels.measured])
+    problem = replace(problem, sigma=sigma, free=np.zeros(problem.free.shape, dtype=bool))
     there = minimise_compiled(structure, problem, approached(structure, problem, unknowns)).unknowns
     simulated = simulated_now(structure, problem, there)
     return [bridged(whole) for whole in stitched(logs, seconds, list(simulated))]
