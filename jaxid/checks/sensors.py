@@ -5,9 +5,9 @@ it at rest when the log began?
 from collections.abc import Iterator
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from .._distributions import lagged
 from ..logs.finding import Finding
 from ..logs.log import Log
 from ..logs.noise import white_level
@@ -31,7 +31,7 @@ def _lagged(log: Log, signals: Array) -> Array:
     columns = [signals]
     for samples in (response(log) / 3, 1.0 * response(log)):
         decay = np.exp(-1 / samples)
-        columns.append(np.asarray(scipy.signal.lfilter([1 - decay], [1, -decay], signals, axis=0)))
+        columns.append(lagged(signals, float(decay)))
     return np.concatenate(columns, axis=1)
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from itertools import combinations, combinations_with_replacement
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from .._distributions import lagged
 from ..logs.finding import Finding
 from ..logs.log import Log
 from .motion import Even, even, is_position, response, speed
@@ -54,7 +54,7 @@ class Answer:
 def _lagged(inputs: Array, lag: float) -> Array:
     """First-order lag of `lag` samples."""
     decay = np.exp(-1 / lag) if lag > 0 else 0.0
-    return np.asarray(scipy.signal.lfilter([1 - decay], [1, -decay], inputs, axis=0))
+    return lagged(inputs, float(decay))
 
 
 def _late(signals: Array, delay: int) -> Array:

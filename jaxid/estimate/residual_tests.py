@@ -7,10 +7,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from scipy import linalg
 
+from .._distributions import (
+    beta_tail,
+    chi_squared_tail,
+    f_tail,
+    filtered,
+    lagged,
+    moments,
+    normal_beyond,
+    normal_test,
+    student_tail,
+)
 from ..logs.noise import usual_size
 
 Array = NDArray[np.float64]
@@ -129,7 +139,7 @@ def whiteness(parts: Sequence[Array], channel: str = "the channel", lags: int = 
     lags = min(lags, samples // 4, max(map(len, parts)) - 1)
     rho, _ = autocorrelation(parts, lags)
     statistic, freedom = ljung_box(parts, lags)
-    p = float(scipy.stats.chi2.sf(statistic, freedom))
+    p = float(chi_squared_tail(statistic, freedom))
     worst = int(np.argmax(np.abs(rho[1:]))) + 1
     if p >= FALSE_ALARM:
         return ResidualTest(
@@ -176,7 +186,7 @@ def cross_correlation(
     for e, part, u in zip(centred, parts, inputs, strict=True):
         if len(u) <= lags + len(taps):
             continue
-        e, u = scipy.signal.lfilter(taps, 1.0, e), scipy.signal.lfilter(taps, 1.0, u)
+        e, u = filtered(taps, e), filtered(taps, u)
         first = lags + len(taps) - 1
         delayed = np.stack([u[first - k : len(u) - k] for k in range(lags + 1)], axis=1)
         measured = np.isfinite(part[first:])
@@ -196,7 +206,7 @@ def cross_correlation(
     total = float(target @ target)
     freedom = len(target) - 1 - int(rank)
     statistic = (total - left) / rank / max(left / freedom, np.finfo(float).tiny)
-    p = float(scipy.stats.f.sf(statistic, rank, freedom))
+    p = float(f_tail(statistic, rank, freedom))
     if p >= FALSE_ALARM:
         return ResidualTest(
             title, statistic, p, False, f"{channel}: the residual is unrelated to {name} ({_chance(p)})."
@@ -252,7 +262,7 @@ def relation(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> 
     mean, variance = float(shares[1:].mean()), max(float(shares[1:].var()), 1e-12)
     mean = min(max(mean, 1e-9), 1.0 - 1e-9)
     weight = max(mean * (1.0 - mean) / variance - 1.0, 1e-3)
-    p = float(scipy.stats.beta.sf(min(shares[0], 1.0), mean * weight, (1.0 - mean) * weight))
+    p = float(beta_tail(min(shares[0], 1.0), mean * weight, (1.0 - mean) * weight))
     return p, np.array(names)[used][int(np.argmax(np.abs(products[0])))].item()
 
 
@@ -269,7 +279,7 @@ def bursts(parts: Sequence[Array]) -> float:
     taps = _whitening(autocorrelation(parts, _ORDER)[0])
     white = []
     for centred, part in zip(_centred(parts), parts, strict=True):
-        own = np.asarray(scipy.signal.lfilter(taps, 1.0, centred))[len(taps) - 1 :]
+        own = filtered(taps, centred)[len(taps) - 1 :]
         white.append(own[np.isfinite(part[len(taps) - 1 :])])
     return min(2.0 * related_squares(white), 2.0 * _standing_out(parts), 1.0)
 
@@ -288,7 +298,7 @@ def related_squares(innovations: Sequence[Array]) -> float:
     if sum(map(len, squares)) < FEWEST:
         return 1.0
     statistic, freedom = ljung_box(squares, min(LAGS, max(map(len, squares)) - 1), mean=0.0)
-    return float(scipy.stats.chi2.sf(statistic, freedom))
+    return float(chi_squared_tail(statistic, freedom))
 
 
 def _standing_out(parts: Sequence[Array]) -> float:
@@ -301,7 +311,7 @@ def _standing_out(parts: Sequence[Array]) -> float:
         if level > 0.0:
             largest, count = max(largest, float(np.max(np.abs(medians))) / level), count + len(medians)
     # The level is known from these medians alone.
-    return float(-np.expm1(count * np.log1p(-2.0 * scipy.stats.t.sf(largest, count / 3.0)))) if count else 1.0
+    return float(-np.expm1(count * np.log1p(-2.0 * student_tail(largest, count / 3.0)))) if count else 1.0
 
 
 def independent(parts: Sequence[Array]) -> float:
@@ -329,7 +339,7 @@ def uneven(parts: Sequence[Array]) -> float:
     sizes = np.array([np.log(usual_size(p) / max(usual_size(np.diff(p)), 1e-300)) for p in parts])
     weight = np.array([2.0 * len(p) / (inflated + _DIFFERENCES) for p in parts])
     apart = np.maximum(np.abs(sizes - np.average(sizes, weights=weight)) - _SLACK, 0.0)
-    return float(scipy.stats.chi2.sf(np.sum(weight * apart**2), len(parts) - 1))
+    return float(chi_squared_tail(np.sum(weight * apart**2), len(parts) - 1))
 
 
 def _smoothed(values: Array, memory: float) -> Array:
@@ -337,7 +347,7 @@ def _smoothed(values: Array, memory: float) -> Array:
     if memory == 0:
         return values
     a = float(np.exp(-1.0 / memory))
-    return scipy.signal.lfilter([1.0 - a], [1.0, -a], values - values[0]) + values[0]
+    return lagged(values - values[0], a) + values[0]
 
 
 def normality(values: Array, channel: str = "the channel") -> ResidualTest:
@@ -345,10 +355,10 @@ def normality(values: Array, channel: str = "the channel") -> ResidualTest:
     values = values[np.isfinite(values)]
     if len(values) < FEWEST or _constant(values):
         return _untested("normality", f"{channel}: normality not tested, {len(values)} samples or a constant residual.")
-    statistic, p = (float(x) for x in scipy.stats.normaltest(values))
+    statistic, p = normal_test(values)
     if p >= FALSE_ALARM:
         return ResidualTest("normality", statistic, p, False, f"{channel}: the residual is Gaussian ({_chance(p)}).")
-    skewness, kurtosis = float(scipy.stats.skew(values)), float(scipy.stats.kurtosis(values))
+    skewness, kurtosis = moments(values)
     return ResidualTest(
         "normality",
         statistic,
@@ -369,6 +379,6 @@ def residual_tests(parts: Sequence[Array], inputs: Mapping[str, Sequence[Array]]
         normality=normality(np.concatenate(parts), channel),
         autocorrelation=autocorrelation(parts)[0],
         input_correlation={name: rho for name, (_, rho) in crossed.items()},
-        band95=float(scipy.stats.norm.ppf(0.975) / np.sqrt(max(samples, 1))),
-        band99=float(scipy.stats.norm.ppf(0.995) / np.sqrt(max(samples, 1))),
+        band95=float(normal_beyond(0.025) / np.sqrt(max(samples, 1))),
+        band99=float(normal_beyond(0.005) / np.sqrt(max(samples, 1))),
     )

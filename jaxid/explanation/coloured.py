@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from .._distributions import chi_squared_tail, normal_beyond
 from ..estimate.judge import FAR, drivers
 from ..estimate.noise_colour import Colour, colour_of
 from ..estimate.residual_tests import cross_correlation, ljung_box, related_squares, relation
@@ -105,7 +105,7 @@ def unrelated(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str], false
 def _portmanteau(parts: Sequence[Array], fitted: int) -> float:
     """p value of `parts` being white, `fitted` coefficients of an autoregression taken off."""
     statistic, freedom = ljung_box(parts, _LAGS, mean=0.0)
-    return float(scipy.stats.chi2.sf(statistic, max(freedom - fitted, 1)))
+    return float(chi_squared_tail(statistic, max(freedom - fitted, 1)))
 
 
 def _brief(parts: Sequence[Array], samples: int) -> bool:
@@ -119,7 +119,7 @@ def _brief(parts: Sequence[Array], samples: int) -> bool:
     if samples < _SHORTEST or sum(map(len, means)) < 4 * _BLOCK_LAGS:
         return False
     statistic, freedom = ljung_box(means, _BLOCK_LAGS, mean=0.0)
-    return float(scipy.stats.chi2.sf(statistic, freedom)) > _BRIEF
+    return float(chi_squared_tail(statistic, freedom)) > _BRIEF
 
 
 def _even(colour: Colour, parts: Sequence[Array], white: Sequence[Array]) -> bool:
@@ -135,7 +135,7 @@ def _even(colour: Colour, parts: Sequence[Array], white: Sequence[Array]) -> boo
     # The residuals' third differences, as the noise of the data is estimated; usual sizes, so that outliers do not count.
     sizes = [usual_size(own) / max(white_level(own), 1e-300) * third for own in parts]
     errors = [np.sqrt((inflated + 2.31) / (2.0 * len(own))) for own in parts]
-    limit = float(scipy.stats.norm.isf(0.5 * _FOLLOWS / len(parts)))
+    limit = float(normal_beyond(0.5 * _FOLLOWS / len(parts)))
     if any(abs(np.log(size)) > limit * error + _SLACK for size, error in zip(sizes, errors, strict=True)):
         return False
     return related_squares(white) > _FOLLOWS

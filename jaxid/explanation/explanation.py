@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
-import scipy
 
+from .._distributions import chi_squared_tail, normal_tail
 from .._json import plain, write_json
 from ..estimate.judge import ABOVE, TAILS
 from ..estimate.judgement import LOOK_FURTHER
@@ -369,8 +369,8 @@ def differs_from_nothing(effect: Effect, baseline: Fit, final: Fit) -> bool:
     if len(together) < 2 or not np.isfinite(covariance).all() or np.linalg.matrix_rank(covariance) < len(together):
         return False
     step = np.array([off[n] for n in together])
-    p_value = scipy.stats.chi2.sf(float(step @ np.linalg.solve(covariance, step)), len(together))
-    return bool(p_value < 2.0 * scipy.stats.norm.sf(_SIGNIFICANT))
+    p_value = chi_squared_tail(float(step @ np.linalg.solve(covariance, step)), len(together))
+    return bool(p_value < 2.0 * normal_tail(_SIGNIFICANT))
 
 
 def effect_parameters(identifier: str, frees: tuple[str, ...], found: Mapping[str, Estimate]) -> dict[str, Estimate]:

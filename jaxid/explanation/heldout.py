@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from .._distributions import chi_squared_tail
 from ..estimate.confidence.agreement import counted_channels, diverging, errors_of, rms
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.residual_tests import ljung_box
@@ -92,7 +92,7 @@ def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
             continue
         own, degrees = ljung_box(parts, _LAGS, mean=0.0)
         statistic, freedom = statistic + own, freedom + degrees
-    return float(scipy.stats.chi2.sf(statistic, freedom)) if freedom else 1.0
+    return float(chi_squared_tail(statistic, freedom)) if freedom else 1.0
 
 
 def held_out_state(

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import scipy
 
+from .._distributions import normal_beyond
 from ..effects import catalogue
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
@@ -188,7 +188,7 @@ def _worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
     deviation of 2 sqrt(D). So a gain of g has at most the probability of sqrt(g) standard deviations, whatever D.
     """
     gained = before.held_out.squares - after.held_out.squares
-    return _likelier(before, after, tried) and gained > float(scipy.stats.norm.isf(FALSE_ALARM)) ** 2
+    return _likelier(before, after, tried) and gained > float(normal_beyond(FALSE_ALARM)) ** 2
 
 
 def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> list[tuple[HeldOut, LogSet]]:

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
+from .._distributions import chi_squared_beyond
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
 from ..logs import LogSet
@@ -47,7 +47,7 @@ def within_errors(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     columns = np.concatenate([np.nan_to_num(own).reshape(-1, len(steps)) for own in changes])
     residual = np.concatenate([np.nan_to_num(r).ravel() for r in state.residuals])
     moved = -np.linalg.solve(np.eye(len(steps)) + columns.T @ columns, columns.T @ residual)
-    if moved @ moved > scipy.stats.chi2.isf(FALSE_ALARM, len(steps)):
+    if moved @ moved > chi_squared_beyond(FALSE_ALARM, len(steps)):
         return state
     left = tuple(r + own @ moved for r, own in zip(state.residuals, changes, strict=True))
     size = float(np.sqrt(np.nanmean(np.concatenate([r.ravel() for r in left]) ** 2)))

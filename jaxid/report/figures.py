@@ -9,11 +9,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from .._distributions import normal_density
 from ..estimate.residual_tests import ChannelTests
 from ..logs import Log
 from .tables import number, title_of
@@ -164,9 +164,9 @@ def residuals(
         over.set_ylabel(f"residual{suffix}")
         over.set_title(title_of(label), loc="left", fontsize="small", color=colour[label], fontweight="bold")
         spread.hist(own, bins=list(bins), density=True, color=colour[label], alpha=0.45)
-        spread.plot(grid_x, scipy.stats.norm.pdf(grid_x, own.mean(), max(own.std(), 1e-300)), color=colour[label], lw=1.5,
+        spread.plot(grid_x, normal_density(grid_x, own.mean(), max(own.std(), 1e-300)), color=colour[label], lw=1.5,
                     label="Gaussian fit")  # fmt: skip
-        spread.plot(grid_x, scipy.stats.norm.pdf(grid_x, 0.0, noise), "k:", lw=1.2, label="noise alone")
+        spread.plot(grid_x, normal_density(grid_x, 0.0, noise), "k:", lw=1.2, label="noise alone")
         spread.set_title(f"mean {number(own.mean(), 2)}, std {number(own.std(), 3)}{suffix}", fontsize="small")
         spread.set_yticks([])
         rho, band = tests[label].autocorrelation, tests[label].band95

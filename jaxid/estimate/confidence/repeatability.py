@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
+from ..._distributions import chi_squared_tail
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...robots.robot import Robot
@@ -97,7 +97,7 @@ def _difference(one: Fit, other: Fit) -> tuple[float, tuple[str, float]]:
     errors = difference / np.sqrt(np.diag(covariance))
     worst = int(np.argmax(np.abs(errors)))
     statistic = float(difference @ np.linalg.pinv(covariance, rcond=1e-12, hermitian=True) @ difference)
-    return float(scipy.stats.chi2.sf(statistic, len(shared))), (shared[worst], float(errors[worst]))
+    return float(chi_squared_tail(statistic, len(shared))), (shared[worst], float(errors[worst]))
 
 
 def _not_followed(fits: Mapping[str, Fit]) -> dict[str, str]:

@@ -11,10 +11,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from scipy.linalg import qr as pivoted_qr
 
+from ..._distributions import chi_squared_beyond
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
 from ...robots.given import check_free, check_given
@@ -128,7 +128,7 @@ def _covariance(
         return spread
     other = inverse @ (scatter + np.diag(prior)) @ inverse.T
     # The scatter is roughly known, so it counts where it is larger by more than chance.
-    chance = degrees / float(scipy.stats.chi2.ppf(_CHANCE, degrees))
+    chance = degrees / float(chi_squared_beyond(1.0 - _CHANCE, degrees))
     return _grown(spread, other / chance)
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from ..._distributions import student_tail
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ...simulation.simulate import integrator_for, simulate, simulate_models
@@ -168,7 +168,7 @@ def neglected(
     wrong = rms(here - coarse) / (_FINER - 1) * np.sqrt(len(here)) / asked.left
     z = np.maximum(np.abs(asked.scores) - wrong, 0.0) / asked.deviations
     best = int(np.argmax(z))
-    p = min(2.0 * float(scipy.stats.t.sf(z[best], asked.freedom)) * len(kept), 1.0)
+    p = min(2.0 * float(student_tail(z[best], asked.freedom)) * len(kept), 1.0)
     by = asked.onto[: len(names), best] * asked.scores[best] / max(asked.lengths[best], 1e-300)
     shift = {name: float(own * errors[name]) for name, own in zip(names, by, strict=True)}
     every = np.array([shift.get(name, 0.0) for name in robot.parameters.free_names])

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from ..._distributions import chi_squared_tail
 from ...logs import Log, LogSet
 from ...robots.robot import Robot
 from ..noise_colour import Colour
@@ -122,4 +122,4 @@ def whiteness_of(residual: list[Array], by_noise: list[list[Array]]) -> float:
     expected = np.mean(others, axis=0)
     used = np.flatnonzero(pairs[1:] > 2 * _LAGS) + 1
     variance = (1.0 + 1.0 / len(others)) / pairs[used]
-    return float(scipy.stats.chi2.sf(np.sum((rho[used] - expected[used]) ** 2 / variance), len(used)))
+    return float(chi_squared_tail(np.sum((rho[used] - expected[used]) ** 2 / variance), len(used)))

@@ -9,10 +9,10 @@ first cosine transforms over each log: positive semidefinite, no model of the co
 """
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from scipy.fft import dct
 
+from ..._distributions import student_quantile
 from ..result import NORMAL_95
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def score_covariance(scores: Array, log: NDArray[np.int64], memory: int) -> tupl
 
 def widened(covariance: Array, freedom: float) -> Array:
     """The covariance whose normal 95 % interval is as wide as Student's with that many degrees of freedom."""
-    return covariance * (float(scipy.stats.t.ppf(0.975, max(freedom, 1.0))) / NORMAL_95) ** 2
+    return covariance * (float(student_quantile(0.975, max(freedom, 1.0))) / NORMAL_95) ** 2
 
 
 def _autocovariance(residual: Array, seen: NDArray[np.bool_], log: NDArray[np.int64]) -> Array:

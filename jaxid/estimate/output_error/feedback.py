@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
+
+from ..._distributions import f_tail
 
 Array = NDArray[np.float64]
 _OWN, _OTHER = 30, 6
@@ -75,4 +76,4 @@ def feedback(inputs: Sequence[Array], residuals: Sequence[Array], name: str = "u
     after = min(after, before)
     share = 1.0 - after / before
     statistic = (before - after) / extra / max(after / freedom, np.finfo(float).tiny)
-    return Feedback(name, share, float(scipy.stats.f.sf(statistic, extra, freedom)))
+    return Feedback(name, share, float(f_tail(statistic, extra, freedom)))

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from ..._compile import compiled
+from ..._distributions import f_tail, student_tail
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..lacking import HINT, WAYS, Neglected, probed, words_of
@@ -142,7 +142,7 @@ def _together(scores: Array, covariance: Array, off: float, freedom: int) -> flo
     squares = float(np.sum((vectors[:, kept].T @ (scores / size)) ** 2 / values[kept]))
     excess = max(np.sqrt(squares) - off / float(size.min()), 0.0) ** 2
     rank = int(np.count_nonzero(kept))
-    return float(scipy.stats.f.sf(excess / rank, rank, freedom))
+    return float(f_tail(excess / rank, rank, freedom))
 
 
 def _white_without(problem: Problem, d: _Directions, scores: Array) -> bool:
@@ -188,7 +188,7 @@ def neglected(
     deviation, off = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny)), error * float(np.sqrt(samples))
     z = np.maximum(np.abs(scores) - off, 0.0) / deviation
     best = int(np.argmax(z))
-    alone = 2.0 * float(scipy.stats.t.sf(z[best], freedom)) * len(z)
+    alone = 2.0 * float(student_tail(z[best], freedom)) * len(z)
     # Two looks: at the one that stands out most, and at all of them.
     p = min(2.0 * min(alone, _together(scores, covariance, off, freedom)), 1.0)
     if p >= HINT:

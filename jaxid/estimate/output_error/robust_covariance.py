@@ -16,10 +16,10 @@ than the standard errors and by more than chance, these are widened to the scatt
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 
+from ..._distributions import chi_squared_tail
 from .evaluation import sensitivities_at
 from .problem import Problem, Structure, Unknowns
 
@@ -143,7 +143,7 @@ def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
         counts = total**2 / np.sum(share**2, axis=0)
         freedom = np.maximum(counts - 1.0, 0.0)
         ratio = np.sum(steps**2, axis=0) / np.diag(covariance) * counts / freedom
-        chance = scipy.stats.chi2.sf(ratio * freedom, freedom)
+        chance = chi_squared_tail(ratio * freedom, freedom)
     sure = np.isfinite(ratio) & (freedom > _FEW_LOGS) & (chance < _DISAGREE / len(ratio))
     return np.where(sure, np.sqrt(np.maximum(ratio, 1.0)), 1.0)
 

@@ -7,11 +7,11 @@ from math import comb
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
 
 from ..._compile import compiled
+from ..._distributions import chi_squared_tail
 from ..result import NORMAL_95, Disturbance, Estimate
 from .cubature import Moments
 from .filter import Model, Record, filtered, observe
@@ -60,7 +60,7 @@ def chance(ratio: float, levels: int) -> float:
     """
     if ratio <= 0:
         return 1.0
-    return float(sum(comb(levels, k) * 0.5**levels * scipy.stats.chi2.sf(ratio, k) for k in range(1, levels + 1)))
+    return float(sum(comb(levels, k) * 0.5**levels * chi_squared_tail(ratio, k) for k in range(1, levels + 1)))
 
 
 def _noise(value: float, error: float, unit: str, at_zero: bool) -> Estimate:
