@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from numpy.typing import NDArray
 
 from .._arrays import array
@@ -30,6 +30,8 @@ from ..simulation.simulate import integrator_for
 from ..simulation.start import initial_states
 from .force_filter import PREFIX, Setting, filtered, likelihoods, smoothed
 
+_MULTIPLE = 8
+"""Logs are filled up to a multiple of so many."""
 _INTENSITIES = tuple(
     float(np.sqrt(0.1)) * level for level in (0.002, 0.006, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 )
@@ -214,6 +216,14 @@ def _arrays(
     }
 
 
+def _filled_up(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with logs of which nothing was measured, up to a multiple: other numbers of logs share a compiled program."""
+    more = -len(arrays["dt"]) % _MULTIPLE
+    filled = {name: np.concatenate([x, np.repeat(np.asarray(x)[-1:], more, axis=0)]) for name, x in arrays.items()}
+    filled["there"][len(filled["there"]) - more :] = False
+    return {name: array(values) for name, values in filled.items()}
+
+
 def _chosen(setting: Setting, numbers, arrays, scale):
     """Random-walk intensities of highest likelihood among `_INTENSITIES` times `scale` [n], and the filter's moments there.
 
@@ -267,7 +277,8 @@ def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
     usual = float(np.median([noise[c] / size for c, size in amplitude.items() if size > 0] or [1e-2]))
     of_speeds = {name: noise.get(name, usual * sizes[name]) for name in names}
     arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator, sizes)
-    start = {name: arrays["start"][0, i] for i, name in enumerate(pushed.states)}
+    start = {name: np.asarray(arrays["start"])[0, i] for i, name in enumerate(pushed.states)}
+    arrays = _filled_up(arrays)
     setting = Setting(pushed.structure, integrator, names)
     response = _RESPONSE * scales.interval
     return _Task(setting, units, numbers, arrays, _force_scale(setting, numbers, start, of_speeds, response), response)
@@ -306,8 +317,8 @@ def missing_force(
 class Smoothed(NamedTuple):
     """A state's mean and standard deviation [E, T], padded as in `logs.batch()`."""
 
-    mean: Float[Array, "E T"]
-    std: Float[Array, "E T"]
+    mean: Float[np.ndarray, "E T"]
+    std: Float[np.ndarray, "E T"]
 
 
 @in_float64
@@ -325,5 +336,6 @@ def smoothed_states(
     trusts the model, much the measurements. Other arguments, and errors, as in `missing_force`.
     """
     task = _task(robot, logs, noise, known_states)
-    mean, std = smoothed(filtered(task.setting, task.numbers, task.arrays, array(task.intensity(wander))))
+    kept = filtered(task.setting, task.numbers, task.arrays, array(task.intensity(wander)))
+    mean, std = (np.asarray(x)[: len(logs)] for x in smoothed(kept))
     return {name: Smoothed(mean[..., i], std[..., i]) for i, name in enumerate(task.setting.robot.states)}

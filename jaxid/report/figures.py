@@ -272,7 +272,7 @@ def as_png(figure: Figure, dpi: int = 110) -> bytes:
         layout.execute(figure)
         figure.set_layout_engine(None)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi)
+    figure.savefig(buffer, format="png", dpi=dpi, pil_kwargs={"compress_level": 3})
     return buffer.getvalue()
 
 
