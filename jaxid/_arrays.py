@@ -1,15 +1,18 @@
 """Numbers for compiled programs. An operation of `jax.numpy` outside of a program is compiled as a program of its own, for
 every shape, which takes a few hundredths of a second: what is prepared for a program is prepared with NumPy."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-AnyArray = Array | np.ndarray | np.generic
-"""JAX's array, or NumPy's: what programs give to the many fits of a batch is NumPy's."""
+if TYPE_CHECKING:
+    AnyArray = Any
+else:
+    AnyArray = Array | np.ndarray | np.generic
+"""JAX's array, or NumPy's; what is written for both has no one static type."""
 
 
 def array(values: Any) -> Array:

