@@ -99,4 +99,6 @@ def integral_least_squares(
     check_given(robot, logs)
     logs = list(logs)
     fit, solution, equations = linear_estimate(robot, logs, window)
-    return judged_least_squares(fit, LogSet(logs), solution, equations)
+    cut = equations.window
+    del equations  # large for long logs
+    return judged_least_squares(fit, LogSet(logs), solution, cut)

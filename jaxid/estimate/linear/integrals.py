@@ -1,7 +1,7 @@
 """Integrals of a robot's balance over every interval of the logs, with their slopes: machine code over blocks of rows."""
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
@@ -13,11 +13,10 @@ from ...robots.robot import Robot
 from .balance import Balance, balance, rubbing_slopes
 from .integrals_in_xla import integrals_in_xla, rubbing_slopes_in_xla
 from .log_rows import Rows, positions_of
+from .walks import NODES, SUBSTEPS, Walk, at, walks
 
 Array = NDArray[np.float64]
 Form = Literal["momentum", "speed"]
-SUBSTEPS = 4
-"""Of one sample; the caster turns with time constants down to d / eta1, about one sample."""
 _BLOCK = 16_384
 """Rows at a time, which bounds the memory that their nodes take."""
 _PAD = 512
@@ -45,28 +44,46 @@ def integrals(
     rows: Rows,
     sliding: Array | None = None,
     places: Array | None = None,
+    walk: Walk | None = None,
 ) -> tuple[Array, ...]:
     """Per sample: P [N, nv], dP/dtheta [N, nv, free]; per interval: impulse [N, nv], d(impulse)/dtheta [N, nv, free]; rubbing
     speeds [N, axes]; the friction axes' shares [N, nv, axes].
 
     With `sliding`, directions of sliding to take (NaN: the rows' own), also d(impulse)/d(speeds at the interval's start) and
     at its end [N, nv, nv], these directions [N, substeps, axes] and the positions at the nodes [N, nodes, nk]; with `places`
-    those positions are taken. `robot` is the structure that `numbers` belong to.
+    those positions are taken. `robot` is the structure that `numbers` belong to; `walk`: one of `walked`, where the rows' is
+    known.
     """
     try:
-        # P and dP of the speed form are the speeds themselves: no mass matrix enters there.
-        mass = asked.mass and asked.form == "momentum"
-        code = balance(robot, asked.names, asked.positions, tuple(numbers), asked.free, mass, SUBSTEPS)
+        code = _code(robot, asked, numbers)
     except Untranslated as missing:
         said = f"the linear equations of {robot.name!r} have no machine code ({missing}); XLA works them out, slower"
         warnings.warn(said, SlowEquations, stacklevel=2)
         return _in_xla(robot, asked, numbers, rows, sliding, places)
     # Numbers far from the truth may run away; what is not finite is left out by who asked.
     with np.errstate(all="ignore"):
-        found = _Integrals(code, asked, np.array([*numbers.values()], dtype=float), rows).all(sliding, places)
+        p = np.array([*numbers.values()], dtype=float)
+        (walk,) = walks(code, p, [rows], asked.form == "speed") if walk is None else (walk,)
+        found = _Integrals(code, asked, p, rows, walk).all(sliding, places)
     for x in found:
         x[~np.isfinite(x)] = np.nan
     return found
+
+
+def _code(robot: Robot, asked: Asked, numbers: Mapping[str, float]) -> Balance:
+    # P and dP of the speed form are the speeds themselves: no mass matrix enters there.
+    mass = asked.mass and asked.form == "momentum"
+    return balance(robot, asked.names, asked.positions, tuple(numbers), asked.free, mass, SUBSTEPS)
+
+
+def walked(robot: Robot, asked: Asked, numbers: Mapping[str, float], each: Sequence[Rows]) -> list[Walk] | None:
+    """The walk of each set of rows, all side by side; None where there is no machine code."""
+    try:
+        code = _code(robot, asked, numbers)
+    except Untranslated:
+        return None
+    with np.errstate(all="ignore"):
+        return walks(code, np.array([*numbers.values()], dtype=float), each, asked.form == "speed")
 
 
 def has_mass_matrix(robot: Robot, names: tuple[str, ...]) -> bool:
@@ -89,56 +106,27 @@ def has_mass_matrix(robot: Robot, names: tuple[str, ...]) -> bool:
 class _Integrals:
     """The integrals of `rows` at the parameters' values `p`."""
 
-    def __init__(self, code: Balance, asked: Asked, p: Array, rows: Rows):
-        self.code, self.asked, self.p, self.rows = code, asked, p, rows
+    def __init__(self, code: Balance, asked: Asked, p: Array, rows: Rows, walk: Walk):
+        self.code, self.asked, self.p, self.rows, self.walk = code, asked, p, rows, walk
 
     def _at(self, function, *columns: Array) -> Array:
-        """A function at points [..., n]."""
-        shape = np.broadcast_shapes(*(c.shape[:-1] for c in columns))
-        wide = np.concatenate([np.broadcast_to(c, (*shape, c.shape[-1])) for c in columns], axis=-1)
-        found = function(self.p, wide.reshape(-1, 1, wide.shape[-1]), np.zeros((int(np.prod(shape)), 0)))
-        return found.reshape(*shape, found.shape[-1])
-
-    def _places(self, bends: Array) -> Array:
-        """Positions at the nodes [N, 2 substeps + 1, nk], log by log."""
-        rows, nodes, nk = self.rows, 2 * SUBSTEPS + 1, len(self.asked.positions)
-        if not nk:
-            return np.zeros((len(rows.dt), nodes, 0))
-        begins = np.flatnonzero(rows.first)
-        lengths = np.diff(np.append(begins, len(rows.dt)))
-        columns = [rows.dt[:, None], rows.inputs, rows.speeds, rows.ahead, bends, rows.first[:, None], rows.start]
-        table = np.concatenate(columns, axis=1)
-        padded = np.zeros((len(begins), lengths.max(), table.shape[1]))
-        inside = np.arange(lengths.max()) < lengths[:, None]
-        padded[inside] = table
-        found = self.code.walk(self.p, padded, np.zeros((len(begins), nk)))
-        return found[inside].reshape(-1, nodes, nk)
-
-    def _bends(self, places: Array) -> Array:
-        """The input is held, so the speeds bend by what the model's acceleration changes over the interval."""
-        rows, still = self.rows, np.zeros(self.code.axes)
-        if self.asked.form == "momentum":
-            return np.zeros_like(rows.speeds)
-        begin = self._at(self.code.accelerations, places[:, 0], rows.speeds, rows.inputs, still)
-        end = self._at(self.code.accelerations, places[:, -1], rows.ahead, rows.inputs, still)
-        return np.where(rows.moved, 0.5 * rows.dt[:, None] * (end - begin), 0.0)
+        return at(function, self.p, *columns)
 
     def all(self, sliding: Array | None, prescribed: Array | None) -> tuple[Array, ...]:
         N, nk = len(self.rows.dt), len(self.asked.positions)
-        places = self._places(np.zeros_like(self.rows.speeds))
-        bends = self._bends(places)
-        if self.asked.form == "speed":
-            places = self._places(bends)
+        places, bends = self.walk
         if prescribed is not None:
-            own = np.broadcast_to(prescribed, (N, 2 * SUBSTEPS + 1, nk))
+            own = np.broadcast_to(prescribed, (N, NODES, nk))
             places = np.where(np.isnan(own), places, own)
         if sliding is not None:
             sliding = np.broadcast_to(sliding, (N, SUBSTEPS, self.code.axes))
-        parts = [self._block(part, places, bends, sliding) for part in _blocks(N)]
-        results = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        if sliding is None:
-            return tuple(results[:6])
-        return (*results, places)
+        results: list[Array] = []
+        for part in _blocks(N):
+            found = self._block(part, places, bends, sliding)
+            results = results or [np.empty((N, *x.shape[1:])) for x in found]
+            for whole, x in zip(results, found, strict=True):
+                whole[part] = x
+        return tuple(results) if sliding is None else (*results, places)
 
     def _block(self, part: slice, places: Array, bends: Array, sliding: Array | None) -> tuple[Array, ...]:
         rows, code, nv, n = self.rows, self.code, len(self.asked.names), len(self.asked.free)
@@ -159,28 +147,28 @@ class _Integrals:
         shares = (2 * np.arange(SUBSTEPS) + 1) / (2 * SUBSTEPS)
         found = self._at(code.force, place[:, 1::2], between(shares), u[:, None], still, signs)
         force, by_theta, by_speed = np.split(found, [nv, nv * (1 + n)], axis=-1)
-        by_speed = by_speed.reshape(*by_speed.shape[:2], nv, nv)
         sample = self._at(code.sample, place[:, 0], v[:, 0], u, still)
         P, dP, friction = np.split(sample, [nv, nv * (1 + n)], axis=-1)
-        # What an error of the speeds at either end does to the impulse; needed where that error is to be filtered out.
-        at_start, at_end = (
-            h[:, :, None] * np.einsum("j,rjab->rab", share, by_speed) for share in (1.0 - shares, shares)
-        )
-        return (
+        own = (
             P,
             dP.reshape(len(P), nv, n),
             h * force.sum(axis=1),
             h[:, :, None] * by_theta.sum(axis=1).reshape(len(P), nv, n),
             edges[:, 0],
             friction.reshape(len(P), nv, self.code.axes),
-            at_start,
-            at_end,
-            signs,
         )
+        if sliding is None:
+            return own
+        by_speed = by_speed.reshape(*by_speed.shape[:2], nv, nv)
+        # What an error of the speeds at either end does to the impulse; needed where that error is to be filtered out.
+        at_start, at_end = (
+            h[:, :, None] * np.einsum("j,rjab->rab", share, by_speed) for share in (1.0 - shares, shares)
+        )
+        return (*own, at_start, at_end, signs)
 
 
 def _blocks(N: int) -> Iterator[slice]:
-    return (slice(first, first + _BLOCK) for first in range(0, N, _BLOCK))
+    return (slice(first, first + _BLOCK) for first in range(0, max(N, 1), _BLOCK))
 
 
 def _in_xla(
@@ -198,7 +186,7 @@ def _in_xla(
         places = np.array(np.nan) if places is None else places
         arrays += (
             np.broadcast_to(sliding, (N, SUBSTEPS, axes)),
-            np.broadcast_to(places, (N, 2 * SUBSTEPS + 1, len(asked.positions))),
+            np.broadcast_to(places, (N, NODES, len(asked.positions))),
         )
     arrays = tuple(np.concatenate([x, np.repeat(x[-1:], -N % _PAD, axis=0)]) for x in arrays)
     theta = jnp.array([numbers[name] for name in asked.free], dtype=float)

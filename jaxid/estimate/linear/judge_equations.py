@@ -31,7 +31,7 @@ from .neglected import neglected
 from .regressor_noise import NoiseResponse, noise_response, series, whiteness_of
 from .simulated_motion import followed_simulation, twins_of
 from .weighted_least_squares import Solution
-from .window_equations import WindowEquations, window_equations
+from .window_equations import window_equations
 
 Array = NDArray[np.float64]
 BIASED = 0.5
@@ -144,21 +144,24 @@ def _left(
     return coloured, sentences, bool(follows or slow)
 
 
-def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, equations: WindowEquations) -> Fit:
-    """An integral least-squares fit with its judgement: residual, and the bias that noise in the regressors (and
+def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, window: int) -> Fit:
+    """An integral least-squares fit, over stretches of `window` samples, with its judgement: residual, and the bias that noise in the regressors (and
     what interpolation between the samples gets wrong) brings.
 
     Noise is added to the estimate's own motion, or to the measured one where the simulation does not follow it. White noise
     of the size that the sensors show; where the equations leave more than that, or something that is not
     white, first-order noise that would leave as much.
     """
-    here = window_equations(fit.robot, logs, "speed", equations.window)
-    names, speeds = np.array(equations.names), equations.speeds
+    here = window_equations(fit.robot, logs, "speed", window)
+    names, speeds, remembered = np.array(here.names), here.speeds, here.memory
     free = ~solution.held & np.array([status != "at_bound" for status in solution.status])
     usable = len(here) and np.isfinite(here.regressors).all() and np.isfinite(here.targets).all()
     unpredicted = replace(fit, notes=(_NOT_PREDICTED, *fit.notes))
     if not usable or not free.any() or not fit.noise:
         return judged_equations(unpredicted, logs)
+    about = replace(here, targets=here.targets - here.regressors @ solution.theta)
+    parts = {name: series(about, i) for i, name in enumerate(speeds) if name in fit.noise}
+    del here, about  # large for long logs
     noise = {name: Colour.first_order(level, 0.0) for name, level in with_integration(logs, noise_scale(logs)).items()}
     simulated = followed_simulation(fit.robot, logs)
     motion = logs if simulated is None else twins_of(logs, simulated)
@@ -166,17 +169,15 @@ def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, equations: 
     weights = np.array([solution.noise[i] if name in fit.noise else np.inf for i, name in enumerate(speeds)])
 
     def response(noise: Mapping[str, Colour]) -> NoiseResponse | None:
-        return noise_response(fit.robot, motion, equations.window, free, noise, weights)
+        return noise_response(fit.robot, motion, window, free, noise, weights)
 
     by_noise = response(noise)
     if by_noise is None:
         return judged_equations(unpredicted, logs)
-    about = replace(here, targets=here.targets - here.regressors @ solution.theta)
-    parts = {name: series(about, i) for i, name in enumerate(speeds) if name in fit.noise}
     white = {name: whiteness_of(parts[name], [own[speeds.index(name)] for own in by_noise.residuals]) for name in parts}
     levels = equation_noise(logs)
     more = {
-        name: colour_in_stretches(parts[name], equations.window)
+        name: colour_in_stretches(parts[name], window)
         for name in parts
         if np.isfinite(np.concatenate([log.output(name) for log in logs])).any()
         and (fit.noise[name] > ABOVE * levels[name] or white[name] < FALSE_ALARM / len(parts))
@@ -195,7 +196,7 @@ def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, equations: 
     if simulated is None or found.judgement is None or not found.judgement.trustworthy:
         return found
     moved = {name: fit[name].std_error for name in names if np.isfinite(fit[name].std_error)}
-    lacking = neglected(fit.robot, logs, moved, with_integration(logs, noise_scale(logs)), equations.memory)
+    lacking = neglected(fit.robot, logs, moved, with_integration(logs, noise_scale(logs)), remembered)
     if lacking is None or not lacking.p_value < LACKING:
         return found
     return judged(replace(fit, standard_errors="scatter"), found.judgement.doubted(lacking.sentence(fit)))

@@ -7,7 +7,7 @@ in the noise (the scatter) having gone: the parametric bootstrap with antithetic
 Introduction to the Bootstrap, 1993, chapters 10 and 23). Half their difference is what noise alone leaves in the residual.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,10 +18,12 @@ from ...logs import Log, LogSet
 from ...robots.robot import Robot
 from ..noise_colour import Colour
 from ..residual_tests import autocorrelation
-from .window_equations import WindowEquations, window_equations
+from .window_equations import WindowEquations, equations_of_each
 
 Array = NDArray[np.float64]
 _PAIRS = 6
+_ROWS = 750_000
+"""Samples of noisy logs up to which they are worked on together."""
 _LAGS = 8
 
 
@@ -85,22 +87,27 @@ def noise_response(
     theta = np.array([p.value for p in table])
     prior = np.array([1.0 / p.prior[1] if p.prior else 0.0 for p in table])
 
-    def equations(logs: Iterable[Log]) -> WindowEquations:
-        found = window_equations(robot, logs, "speed", window)
-        return replace(found, targets=found.targets - found.regressors @ theta)
-
-    def usable(found: WindowEquations) -> bool:
+    def answer(found: WindowEquations) -> tuple[Array, list[list[Array]]] | None:
+        """Change of the estimate, and what is left of each speed."""
+        found = replace(found, targets=found.targets - found.regressors @ theta)
         fine = bool(np.isfinite(found.regressors).all() and np.isfinite(found.targets).all())
-        return fine and len(found) > len(theta) and bool(found.regressors[:, free].any(axis=0).all())
+        if not (fine and len(found) > len(theta) and found.regressors[:, free].any(axis=0).all()):
+            return None
+        return _solution(found, weights, free, prior), [series(found, i) for i in range(len(weights))]
 
     moved, left = [], []
-    for seed in range(_PAIRS):
-        pair = [equations(own) for own in _noisy(motion, noise, seed)]
-        if not all(map(usable, pair)):
-            continue
-        moved.append(sum(_solution(own, weights, free, prior) for own in pair) / 2.0)
-        by_speed = [zip(*(series(own, i) for own in pair), strict=True) for i in range(len(weights))]
-        left.append([[(a - b) / 2.0 for a, b in logs] for logs in by_speed])
+    together = max(1, min(_PAIRS, _ROWS // max(2 * sum(map(len, motion)), 1)))
+    for first in range(0, _PAIRS, together):
+        twins = (own for seed in range(first, min(first + together, _PAIRS)) for own in _noisy(motion, noise, seed))
+        # No equations are kept.
+        answers = [*map(answer, equations_of_each(robot, twins, "speed", window))]
+        for one, other in zip(answers[::2], answers[1::2], strict=True):
+            if one is None or other is None:
+                continue
+            moved.append((one[0] + other[0]) / 2.0)
+            left.append(
+                [[(a - b) / 2.0 for a, b in zip(*both, strict=True)] for both in zip(one[1], other[1], strict=True)]
+            )
     if len(moved) < 2:
         return None
     return NoiseResponse(np.mean(moved, axis=0), np.std(moved, axis=0, ddof=1) / np.sqrt(len(moved)), left)

@@ -12,7 +12,7 @@ linearly, so it needs no start values, but measured speeds multiply the inertias
 errors in variables there), but the inertias enter inverted and the equations are linearised about given numbers.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
 
 import numpy as np
@@ -22,8 +22,9 @@ from ..._float64 import in_float64
 from ...logs import Log
 from ...parameters import ParameterError
 from ...robots.robot import Robot
-from .integrals import Asked, Form, has_mass_matrix, integrals
+from .integrals import Asked, Form, has_mass_matrix, integrals, walked
 from .log_rows import Rows, gather, measured_speeds, positions_of
+from .walks import Walk
 
 Array = NDArray[np.float64]
 _SMOOTH = np.ones(5) / 5  # moving average through which standstill is judged
@@ -60,6 +61,12 @@ def axes_that_matter(shares: Array) -> NDArray[np.bool_]:
     return np.asarray(share >= 0.1 * np.maximum(most, 1e-300)[:, None])
 
 
+def _question(robot: Robot, names: tuple[str, ...], form: Form, theta: Array) -> tuple[Asked, dict[str, float]]:
+    free, numbers = robot.parameters.free_names, robot.parameters.numbers
+    asked = Asked(names, positions_of(robot, names), free, form, has_mass_matrix(robot, names))
+    return asked, numbers | dict(zip(free, theta, strict=True))
+
+
 def evaluate(
     robot: Robot,
     rows: Rows,
@@ -68,15 +75,23 @@ def evaluate(
     theta: Array,
     sliding: Array | None = None,
     places: Array | None = None,
+    walk: Walk | None = None,
 ) -> list[Array]:
     """`integrals` of the rows for the free parameters' values `theta`.
 
     With `sliding`, directions of sliding to take (NaN: the rows' own), there are slopes, these directions and the positions
-    at the nodes as well; with `places` those positions are taken.
+    at the nodes as well; with `places` those positions are taken. `walk`: that of these rows, where it is known.
     """
-    free, numbers = robot.parameters.free_names, robot.parameters.numbers
-    asked = Asked(names, positions_of(robot, names), free, form, has_mass_matrix(robot, names))
-    return list(integrals(robot.structure, asked, numbers | dict(zip(free, theta, strict=True)), rows, sliding, places))
+    return list(integrals(robot.structure, *_question(robot, names, form, theta), rows, sliding, places, walk))
+
+
+def walks_of(
+    robot: Robot, each: Sequence[Rows], names: tuple[str, ...], form: Form, theta: Array
+) -> Sequence[Walk | None]:
+    """What `evaluate` may be given for each of several sets of rows: worked out side by side, which is several times faster
+    than one after the other."""
+    found = walked(robot.structure, *_question(robot, names, form, theta), each)
+    return [None] * len(each) if found is None else found
 
 
 @cache

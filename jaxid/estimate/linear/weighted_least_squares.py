@@ -28,6 +28,7 @@ _PART = 1e-3  # share of an unseen direction (columns of length one) from which 
 _NOTHING = 1e-10  # share of the largest effect: rounding
 USELESS = 1.0
 """A standard error above this multiple of the parameter: the data says nothing about it."""
+_MANY = 100_000  # equations from which their triangles stand for them
 _FEW = 3  # degrees of freedom for each parameter, below which scores are no measure of the uncertainty
 
 
@@ -67,24 +68,41 @@ class Solution:
         return np.where(none, np.nan, np.sqrt(np.diag(self.covariance)))
 
 
-def _covariance(F: Array, residuals: Array, equations: WindowEquations, prior: Array) -> Array:
-    """Covariance [n, n] from weighted rows: the sandwich around the scores' scatter, or white residuals for few samples.
+def _rows(equations: WindowEquations) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Regressors, targets and equation of rows that weigh as all `equations` do: these themselves or, of very many, the
+    triangle of each speed's, which knows all that weights, scales and bounds ask of them."""
+    F, y, kind = equations.regressors, equations.targets, equations.equation
+    if len(y) <= _MANY:
+        return F, y, kind
+    kinds = range(len(equations.speeds))
+    parts = [np.linalg.qr(np.column_stack([F[kind == i], y[kind == i]]), mode="r") for i in kinds]
+    every = np.concatenate(parts)
+    return every[:, :-1], every[:, -1], np.repeat(kinds, [len(part) for part in parts])
+
+
+def _covariance(
+    F: Array, theta: Array, noise: Array, index: NDArray[np.int64], equations: WindowEquations, prior: Array
+) -> Array:
+    """Covariance [m, m] of the parameters `index` [m]: the sandwich around the scores' scatter, or white residuals for few
+    samples. `F`: their columns of weighted rows.
 
     Within a stretch the noise of the integrals accumulates, and neighbouring stretches share a sample, so residuals are
     correlated.
     """
-    n = F.shape[1]
-    if n == 0:
+    m = len(index)
+    if m == 0:
         return np.zeros((0, 0))
     scale = np.sqrt(np.sum(F * F, axis=0) + prior)
     R = np.linalg.qr(np.concatenate([F, np.diag(np.sqrt(prior))]) / scale, mode="r")
     inverse = np.linalg.inv(R)
     bread = inverse @ inverse.T
-    samples = len(equations.logs)
-    scores = np.zeros((samples, n))
-    np.add.at(scores, equations.sample, (F / scale) * residuals[:, None])
+    weight, samples = noise[equations.equation], len(equations.logs)
+    residual = (equations.targets - equations.regressors @ theta) / weight
+    scores = np.empty((samples, m))
+    for own, j, size in zip(scores.T, index, scale, strict=True):
+        own[:] = np.bincount(equations.sample, equations.regressors[:, j] / weight / size * residual, samples)
     middle, freedom = score_covariance(scores, equations.logs, equations.memory)
-    if freedom < _FEW * n:
+    if freedom < _FEW * m:
         return bread / np.outer(scale, scale)
     middle += np.diag(prior / scale**2)
     return widened(bread @ middle @ bread, freedom) / np.outer(scale, scale)
@@ -145,11 +163,14 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_]) -> 
     prior = np.array([p.prior[1] ** -2.0 if p.prior else 0.0 for p in table])
     magnitude = np.array([abs(p.value) or p.typical or 0.0 for p in table])
     n, kinds = len(table), len(equations.speeds)
-    F, y, kind = equations.regressors, equations.targets, equations.equation
-    counts = np.array([np.sum(kind == i) for i in range(kinds)], dtype=float)
-    stretches = np.array([len(np.unique(equations.stretch[kind == i])) for i in range(kinds)])
+    which = [equations.equation == i for i in range(kinds)]
+    counts = np.array([np.sum(own) for own in which], dtype=float)
+    stretches = np.array([len(np.unique(equations.stretch[own])) for own in which])
     # Start with weights that put the equations on a common scale, whatever their units.
-    size = [np.std([*y[kind == i], *(F[kind == i] @ default), 0.0]) for i in range(kinds)]
+    size = [
+        np.std(np.concatenate([equations.targets[own], equations.regressors[own] @ default, [0.0]])) for own in which
+    ]
+    F, y, kind = _rows(equations)
     noise = np.array([s if s > 0 else 1.0 for s in size])
     held, theta = held.copy(), default.copy()
     bound = np.zeros(n, bool)
@@ -167,7 +188,7 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_]) -> 
         if not len(index):
             break
         stacked = np.concatenate([weighted, np.diag(np.sqrt(prior))])[:, index]
-        order = np.asarray(pivoted_qr(stacked * typical[index], mode="economic", pivoting=True)[-1], dtype=int)
+        order = np.asarray(pivoted_qr(stacked * typical[index], mode="r", pivoting=True)[-1], dtype=int)
         unit = stacked[:, order] / lengths[index[order]]
         diagonal = np.abs(np.diag(np.linalg.qr(unit, mode="r")))
         follows = index[order[: len(diagonal)][diagonal < _RANK]]
@@ -192,7 +213,7 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_]) -> 
         if np.max(np.abs(noise / before - 1.0)) > 0.02 and np.max(noise / np.maximum(size, 1e-300)) > 1e-9:
             continue
         weighted, target = F / noise[kind, None], y / noise[kind]
-        own = _covariance(weighted[:, index], residuals / noise[kind], equations, prior[index])
+        own = _covariance(weighted[:, index], theta, noise, index, equations, prior[index])
         covariance[np.ix_(index, index)] = own
         full = _full_covariance(weighted, prior)
         break

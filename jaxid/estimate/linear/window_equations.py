@@ -1,6 +1,6 @@
 """Linear equations for the free parameters from stretches of logs, each with an unknown initial speed (eqs. 30 and 31)."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +10,10 @@ from ..._float64 import in_float64
 from ...logs import Log
 from ...robots.robot import Robot
 from .integrals import Form
-from .log_rows import gather, measured_speeds
+from .log_rows import Rows, gather, measured_speeds
 from .memory import memory
-from .regressors import Array, axes_that_matter, evaluate, still_at
+from .regressors import Array, axes_that_matter, evaluate, still_at, walks_of
+from .walks import Walk
 
 
 @dataclass(frozen=True)
@@ -85,19 +86,44 @@ def window_equations(
     The equations are exact where they are linear in the parameters and else linearised about the robot's numbers.
     Raises `LogError` for logs without the robot's speeds.
     """
+    (found,) = equations_of_each(robot, [logs], form, window)
+    return found
+
+
+def equations_of_each(
+    robot: Robot, several: Iterable[Iterable[Log]], form: Form = "momentum", window: int | None = None
+) -> Iterator[WindowEquations]:
+    """`window_equations` of several sets of logs, whose walks from sample to sample are done side by side. Call under
+    float64."""
     if window is not None and window < 2:
         raise ValueError(f"A window of {window} sample(s) has no interval; use two or more.")
     names = measured_speeds(robot)
-    free, numbers = robot.parameters.free_names, robot.parameters.numbers
-    rows = gather(robot, logs, names)
+    each = [gather(robot, logs, names) for logs in several]
+    theta = np.array([robot.parameters[name].value for name in robot.parameters.free_names], dtype=float)
+    found = [*walks_of(robot, each, names, form, theta)]
+    while each:
+        yield _equations(robot, each.pop(0), found.pop(0), theta, names, form, window)
+
+
+def _equations(
+    robot: Robot,
+    rows: Rows,
+    walk: Walk | None,
+    theta: Array,
+    names: tuple[str, ...],
+    form: Form,
+    window: int | None,
+) -> WindowEquations:
+    """The equations of these rows about the free parameters' values `theta`."""
     remembered = memory(rows)
     window = remembered if window is None else window
-    theta = np.array([numbers[name] for name in free], dtype=float)
-    P, dP, impulse, dimpulse, rubbing, shares = evaluate(robot, rows, names, form, theta)
+    P, dP, impulse, dimpulse, rubbing, shares = evaluate(robot, rows, names, form, theta, walk=walk)
 
-    balance = P - np.concatenate([np.zeros_like(impulse[:1]), np.cumsum(impulse, axis=0)[:-1]])
-    slope = dP - np.concatenate([np.zeros_like(dimpulse[:1]), np.cumsum(dimpulse, axis=0)[:-1]])
+    # What acted since the log's first sample; in place, for these are the largest arrays of a fit.
+    for state, change in ((P, impulse), (dP, dimpulse)):
+        state[1:] -= np.cumsum(change, axis=0, out=change)[:-1]
     still, matters = still_at(rubbing, rows.log), axes_that_matter(shares)
+    del impulse, dimpulse, shares
     complete = np.asarray(np.all(rows.seen, axis=1))
     crossing = np.append(rubbing[:-1] * rubbing[1:] < 0, np.zeros((1, rubbing.shape[1]), bool), axis=0)
     # A speed bends sharply where its own friction turns, which no interpolation between samples follows; it enters the
@@ -117,12 +143,14 @@ def window_equations(
         used = complete[sample] & rows.moved[sample, i] & (sizes[stretch] >= 2)
         sample, stretch = sample[used], np.unique(stretch[used], return_inverse=True)[1]
         sizes = np.maximum(np.bincount(stretch), 1)
-        both = np.concatenate([slope[sample, i], balance[sample, i, None]], axis=1)
+        both = np.empty((len(sample), len(theta) + 1))
+        both[:, :-1], both[:, -1] = dP[sample, i], P[sample, i]
         for column in both.T:
             column -= (np.bincount(stretch, weights=column) / sizes)[stretch]
         own = np.full(len(stretch), i)
         parts.append((both[:, :-1], both[:, :-1] @ theta - both[:, -1], own, stretch + count, sample))
         count += len(sizes)
+    del P, dP
     F, y, equation, stretch, sample = (np.concatenate(column) for column in zip(*parts, strict=True))
     return WindowEquations(
         regressors=F,
@@ -133,7 +161,7 @@ def window_equations(
         log=rows.log[sample],
         time=rows.time[sample],
         logs=rows.log,
-        names=free,
+        names=robot.parameters.free_names,
         speeds=names,
         form=form,
         window=window,
