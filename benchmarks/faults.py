@@ -191,8 +191,8 @@ JUDGEMENT = (
     Fault(
         "the score test without what the fitted parameters take up",
         NEGLECTED,
-        "forces = forces - columns @ onto",
-        "forces = forces - 0.0 * (columns @ onto)",
+        "forces -= columns @ onto",
+        "forces -= 0.0 * (columns @ onto)",
         "tests/estimate/output_error/test_neglected.py",
     ),
     Fault(

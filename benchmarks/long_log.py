@@ -2,9 +2,9 @@
 
     PJRT_NPROC=1 python -m benchmarks.long_log
 
-A Pioneer at 100 Hz from the independent simulator in `reference/`, noise 0.01 m/s and 0.02 rad/s. Every row is a process of
-its own, and each fit is done twice in it: the first has everything to compile. Results go to
-`benchmarks/results/long_log.json`.
+A Pioneer at 100 Hz from the independent simulator in `reference/`, noise 0.01 m/s and 0.02 rad/s. The logs are
+written to files first; every row is a process of its own, which reads one, and each fit is done twice in it: the first has
+everything to compile. Results go to `benchmarks/results/long_log.json`.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import platform
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from importlib.metadata import version
 from pathlib import Path
@@ -24,22 +25,30 @@ SECONDS = (20, 3600)
 RATE, NOISE = 100, (0.01, 0.02)
 
 
-def one(method: str, seconds: int) -> dict[str, float]:
-    """One row: fit a log of that length twice."""
-    import jaxid
+def write(seconds: int, file: Path) -> None:
+    """A log of that length."""
     from reference.excitation import experiment
     from reference.logs import simulate_log
     from reference.pioneer import PIONEER
 
-    robot, samples = jaxid.Pioneer(), seconds * RATE
-    piece = 20 * RATE
+    samples, piece = seconds * RATE, 20 * RATE
     # One kind of excitation after the other.
     kinds = ("multilevel", "prbs_reversing", "turning", "steps")
     parts = [experiment("pioneer", kinds[k % len(kinds)], piece, k) for k in range(-(-samples // piece))]
-    frame = simulate_log(PIONEER, np.concatenate(parts)[:samples], 1.0 / RATE, NOISE)
-    outputs = frame[list(robot.channels.outputs)].to_numpy()
-    log = jaxid.Log.from_arrays("run", frame["t"], frame[list(robot.channels.inputs)].to_numpy(), outputs, robot)
-    logs = jaxid.LogSet([log])
+    simulate_log(PIONEER, np.concatenate(parts)[:samples], 1.0 / RATE, NOISE).to_parquet(file)
+
+
+def one(method: str, seconds: int, file: Path) -> dict[str, float]:
+    """One row: fit a log of that length twice."""
+    import pandas as pd
+
+    import jaxid
+    from reference.pioneer import PIONEER
+
+    robot, frame = jaxid.Pioneer(), pd.read_parquet(file)
+    inputs, outputs = (frame[list(own)].to_numpy() for own in (robot.channels.inputs, robot.channels.outputs))
+    logs = jaxid.LogSet([jaxid.Log.from_arrays("run", frame["t"], inputs, outputs, robot)])
+    samples = len(frame)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     times = []
     for _ in range(2):
@@ -73,18 +82,25 @@ def truth(fit, simulated) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--one", nargs=2, metavar=("METHOD", "SECONDS"), help=argparse.SUPPRESS)
+    parser.add_argument("--write", nargs=2, metavar=("SECONDS", "FILE"), help=argparse.SUPPRESS)
+    parser.add_argument("--one", nargs=3, metavar=("METHOD", "SECONDS", "FILE"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    if arguments.write:
+        return write(int(arguments.write[0]), Path(arguments.write[1]))
     if arguments.one:
-        print(json.dumps(one(arguments.one[0], int(arguments.one[1]))))
-        return
-    rows = []
-    for method in ("integral_least_squares", "output_error"):
-        for seconds in SECONDS:
-            command = [sys.executable, "-m", "benchmarks.long_log", "--one", method, str(seconds)]
-            said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-            rows.append(json.loads(said.splitlines()[-1]))
-            print(rows[-1], flush=True)
+        method, seconds, file = arguments.one
+        return print(json.dumps(one(method, int(seconds), Path(file))))
+    rows, again = [], [sys.executable, "-m", "benchmarks.long_log"]
+    with tempfile.TemporaryDirectory() as folder:
+        files = {seconds: str(Path(folder) / f"{seconds}.parquet") for seconds in SECONDS}
+        for seconds, file in files.items():
+            subprocess.run([*again, "--write", str(seconds), file], check=True)
+        for method in ("integral_least_squares", "output_error"):
+            for seconds, file in files.items():
+                command = [*again, "--one", method, str(seconds), file]
+                said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+                rows.append(json.loads(said.splitlines()[-1]))
+                print(rows[-1], flush=True)
     versions = {name: version(name) for name in ("jax", "jaxlib", "numpy", "llvmlite")}
     document = {"command": "python -m benchmarks.long_log", "machine": platform.processor() or platform.machine()}
     RESULTS.write_text(json.dumps(document | {"versions": versions, "rows": rows}, indent=1) + "\n")

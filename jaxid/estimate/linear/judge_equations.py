@@ -145,8 +145,8 @@ def _left(
 
 
 def judged_least_squares(fit: Fit, logs: LogSet, solution: Solution, window: int) -> Fit:
-    """An integral least-squares fit, over stretches of `window` samples, with its judgement: residual, and the bias that noise in the regressors (and
-    what interpolation between the samples gets wrong) brings.
+    """An integral least-squares fit, over stretches of `window` samples, with its judgement: residual, and the bias that
+    noise in the regressors (and what interpolation between the samples gets wrong) brings.
 
     Noise is added to the estimate's own motion, or to the measured one where the simulation does not follow it. White noise
     of the size that the sensors show; where the equations leave more than that, or something that is not

@@ -87,4 +87,4 @@ def _ends(rows: Rows) -> Iterator[tuple[int, int]]:
 def _table(rows: Rows, bends: Array, part: slice) -> Array:
     """What a walk reads."""
     columns = (rows.dt[part, None], rows.inputs[part], rows.speeds[part], rows.ahead[part], bends[part])
-    return np.concatenate([*columns, rows.first[part, None], rows.start[part]], axis=1)
+    return np.concatenate([*columns, rows.first[part, None].astype(float), rows.start[part]], axis=1)

@@ -5,6 +5,7 @@ samples and every number of steps. Here only the robot's own machine code is mad
 comes seconds sooner; the Jacobian stays in the lanes in which it was simulated until it is a triangle.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -17,6 +18,7 @@ from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.direct import MachineModel, machine_model
 from ...simulation.records import command_slopes, commanded, commanded_each, measured, measured_each, measured_slopes
+from ...simulation.segments import Rollouts, in_segments
 from .problem import (
     CLOCK_OFFSET,
     DIVERGED,
@@ -33,6 +35,8 @@ from .problem import (
 
 Array = Any
 """NumPy's, or what can be read as such."""
+_LONG = 16_000_000
+"""Numbers of the sensitivities, lanes filled up, from which they are worked out a stretch of time after the other."""
 _TOGETHER = 2_000_000
 """Numbers of the outputs up to which several simulations of the logs run side by side."""
 
@@ -197,6 +201,55 @@ def _whitened(d: Direct, theta: Float[Array, "*E n"], columns: Float[Array, "*E 
     return both
 
 
+def _long(d: Direct, n: int) -> bool:
+    """Whether sensitivities by n parameters would take too much memory at once."""
+    records = d.model.records
+    numbers = d.logs.measured.size * (n + len(d.starts) + 1)
+    return numbers > _LONG and records.commands is None and records.measures is None
+
+
+def _stretches(
+    d: Direct, theta: Float[Array, "*E n"], columns: Float[Array, "*E n"], states: Float[Array, "E s"]
+) -> Iterator[tuple[slice, Float[Array, "E m Y k"]]]:
+    """What `_whitened` has of the samples of one stretch of time after the other: [E, m, Y, s + n + 1]."""
+    system, places, _ = d.model
+    problem, (E, S), s, n = d.problem, d.begin.shape, len(d.starts), theta.shape[-1]
+    at = {place: i for i, place in enumerate(places)}
+    inside = [j for j, place in enumerate(d.moving) if place in at]
+    dp, dx = np.zeros((E, s + n, len(inside))), np.zeros((E, s + n, S))
+    dp[:, [s + j for j in inside], np.arange(len(inside))] = columns[..., inside]
+    dx[:, np.arange(s), list(d.starts)] = d.state_slope
+    T = problem.dt.shape[1]
+    fixed = np.stack([*problem.prescribed.values()], axis=-1) if problem.prescribed else np.zeros((E, T, 0))
+    p = np.broadcast_to(_numbers(d, theta)[..., list(places)], (E, len(places)))
+    run = Rollouts(d.shares, p, _starts(d, states), problem.inputs, problem.dt, fixed)
+    weight, seen = residual_weights(problem), np.where(problem.mask, problem.outputs, 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for part, y, dy in in_segments(system, tuple(at[d.moving[j]] for j in inside), run, dp, dx):
+            own = weight[:, part, :, None]
+            both = np.concatenate([dy, (y - seen[:, part])[..., None]], axis=-1) * own
+            # What is not finite is no matter where nothing was measured.
+            yield part, both if np.isfinite(both).all() else np.where(own > 0.0, both, 0.0)
+
+
+def _long_triangles(
+    d: Direct, theta: Float[Array, "*E n"], slope: Float[Array, "*E n"], states: Float[Array, "E s"]
+) -> tuple[Float[Array, "E k k"], Float[Array, "E ny"]]:
+    """Triangles of every log without the initial states' priors, and the squares, for `log_triangles`."""
+    E, T, Y = d.problem.outputs.shape
+    K = len(d.starts) + theta.shape[-1] + 1
+    R, squares = np.zeros((E, K, K)), np.zeros((E, Y))
+    for _, both in _stretches(d, theta, slope, states):
+        squares += np.einsum("ety,ety->ey", both[..., -1], both[..., -1])
+        for e in range(E):
+            sound = np.isfinite(both[e]).all() and np.isfinite(R[e]).all()
+            R[e] = one_triangle(np.concatenate([R[e], both[e].reshape(-1, K)])) if sound else np.nan
+    lost = ~np.isfinite(R).all(axis=(1, 2))
+    R[lost] = 0.0
+    R[lost, -1, -1] = DIVERGED * np.sqrt(T * Y)
+    return R, squares
+
+
 def _simulated_in_lanes(d: Direct, unknowns: Unknowns) -> Float[Array, "E T Y"]:
     """`problem.simulate_all`."""
     theta = parameters_at(d.problem, np.asarray(unknowns.z))
@@ -209,18 +262,21 @@ def sensitivities_directly(
 ) -> tuple[Float[Array, "E T Y"], Float[Array, "E T Y k"]]:
     """`problem.sensitivities` at the parameters `theta`."""
     s = len(d.starts)
+    if _long(d, len(theta)):
+        residual = np.empty(d.problem.outputs.shape)
+        slopes = np.empty((*residual.shape, len(theta) + s))
+        for part, both in _stretches(d, theta, np.ones_like(theta), states):
+            residual[:, part] = both[..., -1]
+            slopes[:, part, :, : len(theta)], slopes[:, part, :, len(theta) :] = both[..., s:-1], both[..., :s]
+        return residual, slopes
     both = ungrouped(_whitened(d, theta, np.ones_like(theta), states), len(d.begin))
     if not np.isfinite(both).all():
         both = np.where(ungrouped(d.logs.weight, len(both))[..., None] > 0.0, both, 0.0)
     return both[..., -1], np.concatenate([both[..., s:-1], both[..., :s]], axis=-1)
 
 
-def log_triangles(
-    d: Direct, theta: Float[Array, "*E n"], slope: Float[Array, "*E n"], states: Float[Array, "E s"]
-) -> tuple[Float[Array, "E k k"], Float[Array, "E ny"]]:
-    """Every log's part of the linearisation: the triangle of its initial states' columns, of the parameters', times
-    `slope`, and of its residual, and the residual's sums of squares."""
-    E, s = len(d.begin), len(d.starts)
+def _triangles_at_once(d: Direct, theta, slope, states):
+    """The same from all samples at once, in lanes."""
     block: Any = _whitened(d, theta, slope, states)
     G, T, Y, K, width = block.shape
     with np.errstate(over="ignore", invalid="ignore"):
@@ -232,8 +288,21 @@ def log_triangles(
         block[:, :, :, :-1] = np.where(sound[:, :, :, None], block[:, :, :, :-1], 0.0)
         block[:, :, :, -1] = np.where(sound, block[:, :, :, -1], DIVERGED)
         R = triangle(block.reshape(G, T * Y, K, width))
+    return R, squares
+
+
+def log_triangles(
+    d: Direct, theta: Float[Array, "*E n"], slope: Float[Array, "*E n"], states: Float[Array, "E s"]
+) -> tuple[Float[Array, "E k k"], Float[Array, "E ny"]]:
+    """Every log's part of the linearisation: the triangle of its initial states' columns, of the parameters', times
+    `slope`, and of its residual, and the residual's sums of squares."""
+    E, s = len(d.begin), len(d.starts)
+    if _long(d, theta.shape[-1]):
+        R, squares = map(grouped, _long_triangles(d, theta, slope, states))
+    else:
+        R, squares = _triangles_at_once(d, theta, slope, states)
     if s:
-        prior = np.zeros((E, s, K))
+        prior = np.zeros((E, s, s + theta.shape[-1] + 1))
         prior[:, np.arange(s), np.arange(s)], prior[:, :, -1] = d.state_stiffness, d.state_stiffness * states
         R = triangle(np.concatenate([R, grouped(prior)], axis=1))
     return ungrouped(R, E), ungrouped(squares, E)
@@ -287,7 +356,9 @@ def side_by_side(d: Direct, times: int) -> SideBySide:
     """The logs `times` times over, or once, where they are many or long."""
     E, of = len(d.begin), d.logs
     rows = 1 if d.model.records.commands is None else len(d.shares)
-    if times == 1 or max(of.measured.size, of.u.size * rows) * times > _TOGETHER:
+    # Few logs leave lanes empty, which the others' simulations fill.
+    more = -(-E * times // lanes()) / len(of.dt)
+    if times == 1 or (more > 1 and max(of.measured.size, of.u.size * rows) * more > _TOGETHER):
         return SideBySide(1, of)
     return SideBySide(times, Logs(*(grouped(np.tile(ungrouped(x, E), (times, *[1] * (x.ndim - 2)))) for x in of)))
 

@@ -107,14 +107,15 @@ def without_starts(problem: Problem, columns: Array, local: Array) -> Array:
 
 
 def _directions(problem: Problem, n: int, m: int, residual: Array, jacobian: Array) -> _Directions:
-    """Directions from sensitivities [E, T, ny, n + m + s] by own parameters, forces and initial states."""
+    """Directions from sensitivities [E, T, ny, n + m + s] by own parameters, forces and initial states, which are used up."""
     size = np.linalg.norm(jacobian[..., n : n + m].reshape(-1, m), axis=0)
     both = without_starts(problem, jacobian[..., : n + m], jacobian[..., n + m :]).reshape(-1, n + m)
     own, forces = both[:, :n][:, np.asarray(problem.free)], both[:, n:]
     norms = np.linalg.norm(own, axis=0)
-    columns = own / np.where(norms > 0, norms, 1.0)
+    # In place, for these are the largest arrays of a fit to long logs.
+    columns = np.divide(own, np.where(norms > 0, norms, 1.0), out=own)
     onto = np.linalg.lstsq(columns, forces, rcond=1e-10)[0]
-    forces = forces - columns @ onto
+    forces -= columns @ onto
     lengths = np.linalg.norm(forces, axis=0)
     kept = np.flatnonzero(lengths > _OWN * np.maximum(size, 1e-300))
     onto = onto / np.where(norms > 0, norms, np.inf)[:, None]
@@ -170,9 +171,9 @@ def neglected(
     numbers = {n: np.asarray(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
     wider = replace(problem, numbers={**problem.numbers, **numbers})
     wide = structure._replace(robot=full.structure)
+    ways = _on_the_way(structure, problem, unknowns)
     residual, jacobian = (np.asarray(x) for x in _look(wide, added, wider, unknowns))
     own = len(structure.names) + len(added)
-    ways = _on_the_way(structure, problem, unknowns)
     jacobian = np.concatenate([jacobian[..., :own], ways, jacobian[..., own:]], axis=-1)
     added = (*added, *WAYS)
     samples = int(np.count_nonzero(np.asarray(problem.mask)))
