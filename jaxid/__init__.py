@@ -27,6 +27,7 @@ from .estimate.output_error.fleet import Fleet, fit_fleet
 from .estimate.output_error.fleet_with_dask import fit_fleet_with_dask
 from .estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt
 from .estimate.output_error.losses import Cauchy, Huber, Loss, Squares, StudentT
+from .estimate.output_error.moving_window import MovingWindow, WindowFit
 from .estimate.output_error.multi_start import MultiStart, multi_start
 from .estimate.output_error.optimum import Outcome
 from .estimate.output_error.output_error import output_error
@@ -87,6 +88,7 @@ __all__ = [
     "LogSet",
     "Loss",
     "Minimum",
+    "MovingWindow",
     "MultiStart",
     "Omni",
     "Outcome",
@@ -105,6 +107,7 @@ __all__ = [
     "Squares",
     "Sticking",
     "StudentT",
+    "WindowFit",
     "catalogue",
     "closed_loop",
     "compare",

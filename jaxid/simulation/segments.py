@@ -45,7 +45,7 @@ class Segment(NamedTuple):
 
 
 @lru_cache(_MOST_SYSTEMS)
-def _with_states(system: System) -> System:
+def with_states(system: System) -> System:
     """The system whose outputs are its states and then its outputs."""
 
     def seen(p: Any, x: Any, u: Any):
@@ -59,7 +59,7 @@ def in_segments(
 ) -> Iterator[Segment]:
     """The rollouts from beginning to end, with derivatives in K directions `dp` of the parameters `moving` and `dx` of the
     initial states. Raises `Untranslated`."""
-    whole, (E, T), S = _with_states(system), run.dt.shape, run.x.shape[1]
+    whole, (E, T), S = with_states(system), run.dt.shape, run.x.shape[1]
     beside = max(1, lanes() // E)
     K = dp.shape[1] + S
     size = E * beside + -E * beside % lanes()

@@ -16,12 +16,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
+from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Float
 
-from ..._arrays import AnyArray
 from ..._float64 import in_float64
 
+Array = Any
+"""NumPy's, or JAX's where JAX traced."""
 _DETERMINED = 1e-10
 """Share of its column that a diagonal element of the triangle must be."""
 
@@ -34,10 +36,10 @@ class RecursiveLeastSquares(eqx.Module):
     deviation: weight rows of different units first. Arrays are NumPy's, or JAX's where JAX traced.
     """
 
-    R: Float[AnyArray, "n n"]
-    z: Float[AnyArray, " n"]
-    rest: Float[AnyArray, ""]
-    count: Float[AnyArray, ""]
+    R: Float[Array, "n n"]
+    z: Float[Array, " n"]
+    rest: Float[Array, ""]
+    count: Float[Array, ""]
 
     @staticmethod
     def start(n: int, mean: ArrayLike | None = None, std: ArrayLike | None = None) -> "RecursiveLeastSquares":
@@ -61,14 +63,14 @@ class RecursiveLeastSquares(eqx.Module):
         return RecursiveLeastSquares(*_updated(*_numbers(self), F, y, float(np.asarray(forgetting))))
 
     @property
-    def theta(self) -> Float[AnyArray, " n"]:
+    def theta(self) -> Float[Array, " n"]:
         """The estimate [n]; NaN while the equations do not determine it."""
         if _traced(self.R, self.z):
             return _theta_in_jax(self)
         return _theta(np.asarray(self.R, float), np.asarray(self.z, float))
 
     @property
-    def covariance(self) -> Float[AnyArray, "n n"]:
+    def covariance(self) -> Float[Array, "n n"]:
         """Covariance [n, n] of `theta` for white noise, its variance estimated from the residuals so far."""
         if _traced(self.R, self.z, self.rest, self.count):
             return _covariance_in_jax(self)
@@ -78,19 +80,17 @@ class RecursiveLeastSquares(eqx.Module):
 
 def _traced(*values: Any) -> bool:
     """Whether JAX is tracing any of the values, or what is in a list of them."""
-    return any(
-        isinstance(value, jax.core.Tracer) or (isinstance(value, list | tuple) and _traced(*value)) for value in values
-    )
+    return any(isinstance(value, Tracer) or (isinstance(value, list | tuple) and _traced(*value)) for value in values)
 
 
 # -- numbers ------------------------------------------------------------------------------------------------------------
-def _numbers(state: RecursiveLeastSquares) -> tuple[np.ndarray, np.ndarray, float, float]:
-    return np.asarray(state.R, float), np.asarray(state.z, float), float(state.rest), float(state.count)
+def _numbers(state: RecursiveLeastSquares) -> tuple[np.ndarray, np.ndarray, np.float64, np.float64]:
+    return np.asarray(state.R, float), np.asarray(state.z, float), np.float64(state.rest), np.float64(state.count)
 
 
 def _updated(
-    R: np.ndarray, z: np.ndarray, rest: float, count: float, F: np.ndarray, y: np.ndarray, forgetting: float
-) -> tuple[np.ndarray, np.ndarray, float, float]:
+    R: np.ndarray, z: np.ndarray, rest: float, count: float, F: Array, y: Array, forgetting: float
+) -> tuple[np.ndarray, np.ndarray, np.float64, np.float64]:
     (m, n), kept = F.shape, forgetting**0.5
     stacked = np.empty((n + 1 + m, n + 1), order="F")
     stacked[:n, :n], stacked[:n, n] = R, z
@@ -101,7 +101,7 @@ def _updated(
     new = int(np.count_nonzero(stacked[n + 1 :].any(axis=1)))
     below = scipy.linalg.lapack.dgeqrf(stacked, overwrite_a=True)[0]
     triangle = np.where(_upper(n + 1), below[: n + 1], 0.0)
-    return triangle[:n, :n], triangle[:n, n], np.abs(triangle[n, n]), np.float64(count * forgetting + new)
+    return triangle[:n, :n], triangle[:n, n], np.float64(abs(triangle[n, n])), np.float64(count * forgetting + new)
 
 
 @cache
@@ -168,7 +168,7 @@ def _covariance_in_jax(state: RecursiveLeastSquares) -> Any:
 @in_float64
 def _scan(start: RecursiveLeastSquares, regressors: Any, targets: Any, forgetting: float) -> Any:
     def step(state: RecursiveLeastSquares, block: Any):
-        state = _updated_in_jax(state, *block, forgetting)
+        state = _updated_in_jax(state, block[0], block[1], forgetting)
         return state, (_theta_in_jax(state), jnp.sqrt(jnp.diagonal(_covariance_in_jax(state))))
 
     begin = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), start)
@@ -179,7 +179,7 @@ def _scan(start: RecursiveLeastSquares, regressors: Any, targets: Any, forgettin
 # -- records ------------------------------------------------------------------------------------------------------------
 def recursive_least_squares(
     regressors: ArrayLike, targets: ArrayLike, forgetting: float = 1.0, start: RecursiveLeastSquares | None = None
-) -> tuple[RecursiveLeastSquares, Float[AnyArray, "B n"], Float[AnyArray, "B n"]]:
+) -> tuple[RecursiveLeastSquares, Float[Array, "B n"], Float[Array, "B n"]]:
     """Run through B blocks of equations: `regressors` [B, m, n] (or [B, n], one equation a block), `targets` [B, m].
 
     Blocks of unequal length are padded with rows of zeros, which say nothing. Returns the last state and the history

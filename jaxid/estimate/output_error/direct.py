@@ -18,7 +18,7 @@ from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.direct import MachineModel, machine_model
 from ...simulation.records import command_slopes, commanded, commanded_each, measured, measured_each, measured_slopes
-from ...simulation.segments import Rollouts, in_segments
+from ...simulation.segments import Rollouts, in_segments, with_states
 from .problem import (
     CLOCK_OFFSET,
     DIVERGED,
@@ -86,8 +86,9 @@ def runs_directly(structure: Structure, problem: Problem) -> bool:
     return _model(structure, problem)[0] is not None
 
 
-def direct(structure: Structure, problem: Problem) -> Direct | None:
-    """`problem` in lanes; None where a simulation takes XLA. Call under float64."""
+def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Direct | None:
+    """`problem` in lanes, without what `residuals` need where only outputs are asked for; None where a simulation takes XLA.
+    Call under float64."""
     model, names = _model(structure, problem)
     if model is None:
         return None
@@ -113,8 +114,10 @@ def direct(structure: Structure, problem: Problem) -> Direct | None:
             u=grouped(np.asarray(problem.inputs)[:, :, None, :]),
             dt=grouped(np.asarray(problem.dt)),
             fixed=grouped(known),
-            measured=grouped(np.where(problem.mask, problem.outputs, 0.0)),
-            weight=grouped(residual_weights(problem)),
+            measured=grouped(np.where(problem.mask, problem.outputs, 0.0))
+            if residuals
+            else np.zeros((0, 0, 0, lanes())),
+            weight=grouped(residual_weights(problem)) if residuals else np.zeros((0, 0, 0, lanes())),
         ),
     )
 
@@ -255,6 +258,12 @@ def _simulated_in_lanes(d: Direct, unknowns: Unknowns) -> Float[Array, "E T Y"]:
     theta = parameters_at(d.problem, np.asarray(unknowns.z))
     y = outputs(d.model.system, _seen(d, theta, np.asarray(unknowns.states)))
     return ungrouped(_shown(d, theta, y), len(d.begin))
+
+
+def states_after(d: Direct, theta: Float[Array, " n"], states: Float[Array, "1 s"], samples: int) -> Float[Array, " S"]:
+    """States of the first log so many `samples` after its begin, or at its last one."""
+    y = outputs(with_states(d.model.system), _seen(d, theta, states))
+    return ungrouped(y, 1)[0, min(samples, y.shape[1] - 1), : d.begin.shape[1]]
 
 
 def sensitivities_directly(
@@ -413,7 +422,7 @@ _linearise = compiled(linearise, static_argnums=0)
 
 def simulated_now(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, "E T Y"]:
     """`problem.simulate_all`, directly or, where that takes XLA, as a compiled program."""
-    d = direct(structure, problem)
+    d = direct(structure, problem, residuals=False)
     return np.asarray(_simulate_all(structure, problem, unknowns)) if d is None else _simulated_in_lanes(d, unknowns)
 
 

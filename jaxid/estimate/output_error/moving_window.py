@@ -1,0 +1,360 @@
+r"""Output error on-line: fitted again and again to the last seconds, each time from where the last fit ended.
+
+A window has initial states of its own, and its parameters start at the last estimate, so that a linearisation or two,
+machine code on a few hundred samples, are all that a fit takes. What the samples before the window said of the parameters
+may stand beside it, forgotten exponentially: then what a window does not excite stays where it was seen last, and does not
+wander. `change` asks whether the window contradicts it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from ..._float64 import in_float64
+from ...kernel.direct import one_triangle
+from ...logs import Log, LogSet
+from ...parameters import ParameterError
+from ...robots.given import check_free
+from ...robots.robot import Robot
+from .change import Change, Knowledge, change
+from .direct import Direct, direct, log_triangles, states_after
+from .problem import Problem, Structure
+from .setup import build
+
+Array = NDArray[np.float64]
+_STEPS = 40
+_SETTLED = 1e-3
+"""Drop of half the sum of squares, promised by a linearisation, below which a fit stands: 0.05 standard errors."""
+_FIRMER, _LOOSER = 10.0, 0.1
+"""Factors of the damping after a step that failed, and after one that did not."""
+_FARTHEST = 3.0
+"""Multiple of a parameter, or of its magnitude at the start, by which a step may change it."""
+_SEEN = 1e-7
+"""Share of the best seen direction below which one is not seen (columns in units of the parameters)."""
+_INFORMED = 0.3
+"""Of what is forgotten of a parameter in the time of a window, the share that the window must bring back to inform of it."""
+
+
+@dataclass(frozen=True)
+class WindowFit:
+    """What the window that ends at `time` [s] says.
+
+    - `values`, `std_errors`: of the free parameters by symbol, for white noise of the levels given; NaN errors for what
+      neither the window nor the memory determines.
+    - `informed`: parameters that the window itself tells; the others stand where they were seen last.
+    - `normalised_rms`: of the residual, in units of the noise: 1 where the model fits. Where it is more, the errors are as much
+      larger.
+    - `sound`: whether the fit stood still and leaves no more than noise. A window across a change does not, and nothing is
+      remembered of it.
+    - `p_value`: how often the window would differ so much from what was known before, by chance; NaN while nothing was.
+    - `alarm`: whether that is rarer than the window's `alarm`. The estimates are then of the window alone.
+    - `changed`: the parameters that have changed, once a sound window shows the new ones: as few as explain the difference,
+      the best one first.
+    """
+
+    time: float
+    values: dict[str, float]
+    std_errors: dict[str, float]
+    informed: tuple[str, ...]
+    normalised_rms: float
+    sound: bool
+    p_value: float
+    alarm: bool
+    changed: tuple[str, ...]
+
+
+class MovingWindow:
+    """Estimates of `robot`'s free parameters from the last `seconds`, by output error.
+
+    **Arguments:**
+
+    - `robot`: with the values to begin with, such as `Fit.robot`.
+    - `seconds`: length of the window.
+    - `noise`: standard deviation of every measured channel, such as `Fit.noise`.
+    - `memory`: time constant [s] with which what was seen before the window is forgotten; None takes the window alone.
+    - `alarm`: how often, of windows in which nothing changes, a change may be told.
+
+    Raises `ParameterError` if no parameter is free, `ValueError` for a window, a memory, noise or a false-alarm rate that is
+    none, and for a robot without machine code.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        seconds: float,
+        *,
+        noise: Mapping[str, float],
+        memory: float | None = None,
+        alarm: float = 0.001,
+    ):
+        check_free(robot)
+        missing = [name for name in robot.channels.outputs if not noise.get(name, 0.0) > 0.0]
+        if missing:
+            raise ValueError(f"no noise is given for {', '.join(missing)}; give each channel's standard deviation, > 0")
+        for what, value in (("window", seconds), ("memory", np.inf if memory is None else memory)):
+            if not value > 0:
+                raise ValueError(f"a {what} of {value} s is none; give a positive time")
+        if not 0 < alarm < 1:
+            raise ValueError(f"a false-alarm rate of {alarm} is not between 0 and 1")
+        self.robot, self.seconds, self.noise, self.memory, self.alarm = robot, seconds, dict(noise), memory, alarm
+        self.names = robot.parameters.free_names
+        self._theta = np.array([robot.parameters[name].value for name in self.names])
+        channels = robot.channels
+        self._rows = np.zeros((0, 1 + len(channels.inputs) + len(channels.measured)))
+        self._past: list[Knowledge] = []
+        self._since = -np.inf
+        self._posed: tuple[Structure, Problem] | None = None
+        self._last: tuple[Direct, Array, Array, float] | None = None
+
+    def add(self, time: ArrayLike, inputs: ArrayLike, outputs: ArrayLike) -> None:
+        """One sample, `time` [s], `inputs` [nu] and `outputs` [ny], or m of them, [m], [m, nu] and [m, ny]; NaN where nothing
+        was measured. Optional channels may be left out. Raises `ValueError` for shapes that do not fit and for times that do
+        not rise."""
+        t, u, y = np.atleast_1d(np.asarray(time, float)), np.asarray(inputs, float), np.asarray(outputs, float)
+        channels = self.robot.channels
+        u, y = u.reshape(len(t), -1), y.reshape(len(t), -1)
+        most = len(channels.measured)
+        if u.shape[1] != len(channels.inputs) or not len(channels.outputs) <= y.shape[1] <= most:
+            raise ValueError(
+                f"{u.shape[1]} inputs and {y.shape[1]} outputs a sample do not fit {self.robot.name!r}, which has "
+                f"{', '.join(channels.inputs)} and {', '.join(channels.measured)}"
+            )
+        y = np.concatenate([y, np.full((len(t), most - y.shape[1]), np.nan)], axis=1)
+        rows = np.concatenate([self._rows, np.concatenate([t[:, None], u, y], axis=1)])
+        if not (np.diff(rows[len(self._rows) - 1 if len(self._rows) else 0 :, 0]) > 0).all():
+            raise ValueError("times must rise from sample to sample")
+        # The sample with which a window begins is in it.
+        self._rows = rows[np.searchsorted(rows[:, 0], rows[-1, 0] - self.seconds * (1.0 + 1e-9)) :]
+
+    @property
+    def full(self) -> bool:
+        """Whether a whole window of samples has come."""
+        return bool(
+            len(self._rows) > 1 and self._rows[-1, 0] - self._rows[0, 0] > self.seconds * (1.0 - 1e-6) - self._step
+        )
+
+    @property
+    def _step(self) -> float:
+        return float(np.median(np.diff(self._rows[:, 0])))
+
+    @in_float64
+    def refit(self) -> WindowFit:
+        """The fit to the window as it is. Raises `ValueError` while it is not full."""
+        if not self.full:
+            raise ValueError(f"the window of {self.seconds} s is not full yet; add more samples")
+        known = self._known(float(self._rows[0, 0]))
+        d, states = self._problem()
+        found = _minimum(d, self._theta, states, *self._prior(known))
+        contrast = self._contrast(known, found)
+        alarm = bool(contrast.p_value < self.alarm)
+        beside = None if alarm else known
+        if alarm:
+            # What was seen before holds no longer: the window alone.
+            found = _minimum(d, found.theta, found.states, *self._prior(None))
+            contrast = self._contrast(known, found)
+        self._last = (d, found.theta, found.states, float(self._rows[0, 0]))
+        samples = max(int(np.count_nonzero(d.logs.weight[0, :, :, 0])), 1)
+        sound = found.converged and float(scipy.stats.chi2.sf(found.squares, samples)) > self.alarm
+        if found.converged:
+            self._theta = found.theta
+        if sound and self._rows[0, 0] >= self._since and not alarm:
+            seen = self._seen(found)
+            self._past.append(seen if known is None else seen.with_(known, self._decay))
+        root, _ = self._prior(beside)
+        own = _information(found.triangle, len(self.names))
+        errors, before = _errors(own + root.T @ root, found.theta), _errors(root.T @ root, found.theta)
+        told = np.flatnonzero(self._told(found.theta, errors, before))
+        left = float(np.sqrt(found.squares / samples))
+        return WindowFit(
+            time=float(self._rows[-1, 0]),
+            values=dict(zip(self.names, found.theta.tolist(), strict=True)),
+            std_errors=dict(zip(self.names, (errors * max(left, 1.0)).tolist(), strict=True)),
+            informed=tuple(self.names[i] for i in told),
+            normalised_rms=left,
+            sound=sound,
+            p_value=contrast.p_value,
+            alarm=alarm,
+            changed=tuple(self.names[i] for i in contrast.changed) if alarm and sound else (),
+        )
+
+    def _seen(self, found: "_Minimum") -> Knowledge:
+        """What the window alone says."""
+        n = len(self.names)
+        own = _information(found.triangle, n)
+        pull = own @ found.theta - found.triangle[:, :n].T @ found.triangle[:, -1]
+        return Knowledge(float(self._rows[-1, 0]), found.theta, own, pull, own)
+
+    def _contrast(self, known: Knowledge | None, found: "_Minimum") -> Change:
+        size = np.abs(found.theta) + (found.theta == 0)
+        return change(known if found.converged else None, self._seen(found), size, self.alarm)
+
+    def forget(self, names: Iterable[str] | None = None) -> None:
+        """Forget what was seen of the parameters `names`, or of all, before now: after a change their old values are no news,
+        and the alarm ends. Windows that began before are not remembered. Raises `ValueError` for names that are none."""
+        wanted = set(self.names if names is None else names)
+        if wanted - set(self.names):
+            raise ValueError(f"{', '.join(sorted(wanted - set(self.names)))}: not among {', '.join(self.names)}")
+        known = self._known(float(self._rows[0, 0])) if len(self._rows) else None
+        gone = np.array([name in wanted for name in self.names])
+        self._past = [] if known is None or gone.all() else [known.without(gone)]
+        self._since = float(self._rows[-1, 0]) if len(self._rows) else -np.inf
+
+    def _known(self, begins: float) -> Knowledge | None:
+        """What is known of the samples before the window, which later fits have no part in."""
+        while len(self._past) > 1 and self._past[1].time <= begins + 1e-9:
+            self._past.pop(0)
+        return self._past[0] if self._past and self._past[0].time <= begins + 1e-9 else None
+
+    def _prior(self, known: Knowledge | None) -> tuple[Array, Array]:
+        """Root [m, n] of the information that stands beside the window, and its mean [n]."""
+        n = len(self.names)
+        if known is None or self.memory is None:
+            return np.zeros((0, n)), self._theta
+        values, vectors = np.linalg.eigh(known.information)
+        root = (np.sqrt(np.maximum(values, 0.0)) * vectors).T
+        return np.sqrt(self._decay) * root, known.mean
+
+    @property
+    def _decay(self) -> float:
+        """What is left after a window of information from before it."""
+        return 1.0 if self.memory is None else float(np.exp(-self.seconds / self.memory))
+
+    def _told(self, values: Array, errors: Array, before: Array) -> NDArray[np.bool_]:
+        """Which parameters the window informs of [n], `errors` being those with it and `before` without."""
+        alone = np.isnan(before)
+        with np.errstate(divide="ignore"):
+            gained = errors**-2 - np.where(alone, 0.0, before**-2)
+            lost = np.where(alone, values**-2.0, before**-2 * (1.0 / self._decay - 1.0))
+        return np.isfinite(errors) & (gained > _INFORMED * lost)
+
+    def _problem(self) -> tuple[Direct, Array]:
+        """The window in lanes, and initial states near those that it had in the last one."""
+        channels, rows = self.robot.channels, self._rows
+        nu = len(channels.inputs)
+        time, u, y = rows[:, 0] - rows[0, 0], rows[:, 1 : 1 + nu], rows[:, 1 + nu :]
+        if self._posed is None:
+            log = Log.from_arrays("window", time, u, y, channels)
+            start = dict(zip(self.names, self._theta.tolist(), strict=True))
+            structure, problem, _ = build(self.robot, LogSet([log]), start=start, initial="estimate")
+            levels = np.array(
+                [self.noise.get(c, s) for c, s in zip(channels.measured, np.asarray(problem.sigma), strict=True)]
+            )
+            self._posed = structure, replace(problem, sigma=levels)
+        structure, problem = self._posed
+        there = np.isfinite(y) & np.asarray(problem.mask)[0].any(axis=0)
+        start = {name: np.asarray(value) for name, value in problem.start.items()}
+        begun = {c: y[0, i] for i, c in enumerate(channels.measured) if c in start and there[0, i]}
+        if self._last is not None:
+            last, theta, states, began = self._last
+            after = states_after(last, theta, states, int(round((rows[0, 0] - began) / self._step)))
+            begun = {**dict(zip(self.robot.states, after, strict=True)), **begun}
+        start |= {name: np.array([value]) for name, value in begun.items() if np.isfinite(value)}
+        problem = replace(
+            problem,
+            dt=np.append(np.diff(time), self._step)[None],
+            inputs=u[None],
+            outputs=np.where(there, y, 0.0)[None],
+            mask=there[None],
+            start=start,
+        )
+        d = direct(structure, problem)
+        if d is None:
+            raise ValueError(f"{self.robot.name!r} has no machine code; fit its windows one by one with output_error")
+        return d, np.zeros((1, len(structure.state_names)))
+
+
+@dataclass(frozen=True)
+class _Minimum:
+    theta: Array
+    states: Array
+    triangle: Array
+    """Of the window's samples alone, its initial states eliminated, [., n + 1]: by the parameters, and what is left."""
+    squares: float
+    converged: bool
+
+
+def _minimum(d: Direct, theta: Array, states: Array, root: Array, mean: Array) -> _Minimum:
+    """The minimum near `theta`, `states` of the window's squares and `|root (theta - mean)|²`, by Levenberg-Marquardt."""
+    problem, s, n = d.problem, states.shape[1], len(theta)
+    size = np.asarray(problem.bounds.scale)
+    lower, upper = (np.asarray(x) for x in (problem.bounds.lower, problem.bounds.upper))
+
+    def look(theta: Array, states: Array) -> tuple[Array, float, float]:
+        R, squares = log_triangles(d, theta, size, states)
+        off = root @ (theta - mean)
+        total = float(np.sum(R[0, :, -1] ** 2) + off @ off)
+        return R[0], float(squares.sum()), total if np.isfinite(squares).all() else np.inf
+
+    theta = np.clip(theta, lower, upper)
+    R, squares, cost = look(theta, states)
+    if not np.isfinite(cost):
+        raise ParameterError("the simulation of the window diverges at the values to begin with; give others")
+    damping, converged = 0.0, False
+    for _ in range(_STEPS):
+        beside = np.concatenate([np.zeros((len(root), s)), root * size, (root @ (theta - mean))[:, None]], axis=1)
+        A = one_triangle(np.concatenate([R, beside]))
+        step, promise = _step(A, damping, (lower - theta) / size, (upper - theta) / size, s)
+        if promise <= _SETTLED:
+            converged = True
+            break
+        # Where a window says little, a full step may go anywhere.
+        far = np.max(np.abs(step[s:]) / np.maximum(np.abs(theta / size), 1.0))
+        step *= min(1.0, _FARTHEST / max(far, 1e-300))
+        trial = np.clip(theta + size * step[s:], lower, upper), states + step[:s]
+        found = look(*trial)
+        if found[2] < cost:
+            theta, states, (R, squares, cost) = *trial, found
+            damping *= _LOOSER
+        else:
+            damping = max(damping, 1e-4) * _FIRMER
+    own = R[s:, s:].copy()
+    own[:, :n] /= size
+    return _Minimum(theta, states, own, squares, converged)
+
+
+def _step(A: Array, damping: float, low: Array, high: Array, s: int) -> tuple[Array, float]:
+    """Damped Gauss-Newton step [s + n] of the triangle A [., s + n + 1], its last n within bounds, and the drop of half the
+    squares that it promises. Directions that nothing shows are left alone."""
+    J, r = A[:, :-1], A[:, -1]
+    norms = np.sqrt((J * J).sum(axis=0))
+    units = np.where(norms > 0, norms, 1.0)
+    free, step = norms > 0, np.zeros(J.shape[1])
+    for _ in range(len(low) + 1):
+        U, singular, Vt = np.linalg.svd(J[:, free] / units[free], full_matrices=False)
+        kept = singular > _SEEN * singular.max(initial=0.0)
+        gain = np.where(kept, singular / np.where(kept, singular**2 + damping, 1.0), 0.0)
+        step[:] = 0.0
+        step[free] = -(Vt.T @ (gain * (U.T @ r))) / units[free]
+        out = free.copy()
+        out[s:] &= (step[s:] < low) | (step[s:] > high)
+        out[:s] = False
+        # A parameter that would leave its bounds from on them is held there.
+        out[s:] &= ((step[s:] < low) & (low >= 0)) | ((step[s:] > high) & (high <= 0))
+        if not out.any():
+            break
+        free &= ~out
+    left = r + J @ step
+    return step, 0.5 * float(r @ r - left @ left)
+
+
+def _information(triangle: Array, n: int) -> Array:
+    return triangle[:, :n].T @ triangle[:, :n]
+
+
+def _errors(information: Array, values: Array) -> Array:
+    """Standard errors [n]; NaN for parameters with a part in directions that nothing shows."""
+    size = np.sqrt(np.diag(information))
+    known = size > 0
+    errors = np.full(len(values), np.nan)
+    if known.any():
+        unit = information[np.ix_(known, known)] / np.outer(size[known], size[known])
+        eigen, vectors = np.linalg.eigh(unit)
+        kept = eigen > _SEEN**2 * eigen.max()
+        blind = np.any(np.abs(vectors[:, ~kept]) > 1e-3, axis=1)
+        spread = np.sqrt(np.sum(vectors[:, kept] ** 2 / eigen[kept], axis=1)) / size[known]
+        errors[known] = np.where(blind, np.nan, spread)
+    return errors

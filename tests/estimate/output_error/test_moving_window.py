@@ -1,0 +1,121 @@
+"""The moving window against fits of whole logs, changes that were made, and chance."""
+
+import time
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Log, LogSet, MovingWindow, ParameterError, output_error
+from jaxid.estimate.output_error.change import Knowledge, change
+
+NOISE, INTERVAL = 0.01, 0.02
+TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5, "offset": 0.0}
+
+
+def recorded(seconds, seed=0, changed=None, after=np.inf, still=np.inf):
+    """Time, force and speed of a cart with dry friction, in steps of a fiftieth of a sample; `changed` parameters from `after`
+    on, no force from `still` on."""
+    random, T, fine = np.random.default_rng(seed), int(seconds / INTERVAL), 50
+    force, h, v, speeds = np.repeat(random.uniform(-6, 6, T // 25 + 1), 25)[:T], INTERVAL / 50, 0.0, []
+    force[INTERVAL * np.arange(T) >= still] = 0.0
+    for k in range(T):
+        speeds.append(v)
+        p = TRUE | (changed or {} if k * INTERVAL >= after else {})
+        for _ in range(fine):
+            ahead = v + h / p["M"] * (force[k] - p["Fv"] * v)
+            most = h / p["M"] * p["Fc"]
+            v = ahead - np.clip(ahead, -most, most)
+    return INTERVAL * np.arange(T), force[:, None], np.array(speeds)[:, None] + NOISE * random.normal(size=(T, 1))
+
+
+def followed(run, window, every=25):
+    fits = []
+    for k in range(0, len(run[0]), every):
+        window.add(*(values[k : k + every] for values in run))
+        if window.full:
+            fits.append(window.refit())
+    return fits
+
+
+def test_one_window_is_output_error_of_its_samples():
+    run = recorded(4.0)
+    window = MovingWindow(Axis(), 3.98, noise={"v": NOISE})
+    window.add(*run)
+    found = window.refit()
+    robot = Axis().with_values(**found.values)
+    fit = output_error(robot, LogSet([Log.from_arrays("run", *run, robot)]), initial_states="estimate", windows=None)
+    assert found.sound and np.isnan(found.p_value) and found.changed == ()
+    assert found.normalised_rms == pytest.approx(1.0, abs=0.1)
+    for name, value in found.values.items():
+        # The noise is given here and estimated there.
+        assert abs(value - fit[name].value) < 0.1 * fit[name].std_error
+        assert found.std_errors[name] == pytest.approx(fit[name].std_error, rel=0.2)
+
+
+def test_a_payload_is_told_named_and_followed():
+    run = recorded(24.0, changed={"M": 1.4}, after=12.0)
+    window = MovingWindow(Axis(), 3.0, noise={"v": NOISE}, memory=20.0)
+    begun, fits = time.process_time(), []
+    for k in range(0, len(run[0]), 25):
+        window.add(*(values[k : k + 25] for values in run))
+        if window.full:
+            fits.append(window.refit())
+            if fits[-1].changed:
+                window.forget(fits[-1].changed)
+    assert (time.process_time() - begun) / len(fits) < 0.1  # measured: 4 ms
+    alarms, named = [fit for fit in fits if fit.alarm], [fit for fit in fits if fit.changed]
+    assert 12.0 < alarms[0].time < 13.0 and not alarms[0].sound
+    assert 14.9 <= named[0].time < 16.0 and [fit.changed for fit in named] == [("M",)]
+    assert alarms[-1] is named[0]
+    for fit, mass in ((fits[15], 1.0), (fits[-1], 1.4)):
+        assert abs(fit.values["M"] - mass) < 4 * fit.std_errors["M"] < 0.02
+
+
+def test_what_a_window_does_not_excite_stays_where_it_was_seen():
+    run = recorded(16.0, still=8.0)
+    remembering = followed(run, MovingWindow(Axis(), 3.0, noise={"v": NOISE}, memory=30.0))[-1]
+    alone = followed(run, MovingWindow(Axis(), 3.0, noise={"v": NOISE}))[-1]
+    assert {"M", "Fv"}.isdisjoint(remembering.informed + alone.informed)
+    for name in ("M", "Fv"):
+        assert abs(remembering.values[name] - TRUE[name]) < 4 * remembering.std_errors[name] < 0.1
+        assert not alone.std_errors[name] < 10 * remembering.std_errors[name]
+
+
+def test_changes_by_chance_are_as_rare_as_said():
+    random, n, draws = np.random.default_rng(2), 3, 2000
+    size = np.array([1.0, 1e-3, 50.0])
+    A, B = (random.normal(size=(30, n)) / size for _ in range(2))
+    A[:, 2] = 0.0  # shows nothing of the last one
+    old, new = A.T @ A, B.T @ B
+    truth, p = size * [1.0, 2.0, -1.0], []
+    for _ in range(draws):
+        pulls = [M @ truth + np.linalg.cholesky(M + 1e-30 * np.eye(n)) @ random.normal(size=n) for M in (old, new)]
+        before, now = (
+            Knowledge(0.0, np.linalg.lstsq(M, b, rcond=1e-12)[0], M, b, M)
+            for M, b in zip((old, new), pulls, strict=True)
+        )
+        p.append(change(before, now, size, 0.01).p_value)
+    assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.015)
+    assert np.mean(p) == pytest.approx(0.5, abs=0.03)
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="no noise is given for v"):
+        MovingWindow(Axis(), 1.0, noise={})
+    with pytest.raises(ValueError, match="a window of -1.0 s"):
+        MovingWindow(Axis(), -1.0, noise={"v": 1.0})
+    held = Axis()
+    for name in held.parameters.free_names:
+        held = held.change(name, free=False)
+    with pytest.raises(ParameterError):
+        MovingWindow(held, 1.0, noise={"v": 1.0})
+    window = MovingWindow(Axis(), 1.0, noise={"v": 1.0})
+    with pytest.raises(ValueError, match="not full"):
+        window.refit()
+    with pytest.raises(ValueError, match="do not fit"):
+        window.add(0.0, [1.0, 2.0], [0.0])
+    window.add(0.0, [1.0], [0.0])
+    with pytest.raises(ValueError, match="must rise"):
+        window.add(0.0, [1.0], [0.0])
+    with pytest.raises(ValueError, match="not among"):
+        window.forget(["m"])
