@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 
 import jax
 
-MOST_PROGRAMS = 200
+MOST_PROGRAMS = 150
 """Compiled programs that are kept. Robots of one kind with logs of one length make fewer, and compile nothing twice."""
 
 

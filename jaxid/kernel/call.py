@@ -4,7 +4,7 @@ Lanes are experiments: whatever `vmap` adds joins them, or, where only tangents 
 """
 
 from collections.abc import Sequence
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import jax
@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from .machine import lanes, loaded, register, write_handler
 from .rollout_kernel import ARGUMENTS, TANGENTS, write_rollout
-from .traced import Step, program
+from .traced import MOST_MODELS, Step, program
 
 MOST_DIRECTIONS = 128
 """Directions at a time: their tangents live on the stack."""
@@ -56,7 +56,7 @@ class Directions(NamedTuple):
     du: Array
 
 
-@cache
+@lru_cache(MOST_MODELS)
 def machine_code(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> str:
     """Name of the loaded machine code: of outputs, or, with the parameters that are `moving`, of their tangents. Raises
     `Untranslated`."""
@@ -108,7 +108,7 @@ def _apart(y: Array, size: int) -> Array:
     return y.reshape(size, y.shape[0] // size, *y.shape[1:])
 
 
-@cache
+@lru_cache(MOST_MODELS)
 def _outputs(system: System):
     """`(shares, p, x, u, dt, fixed) -> y [E, T, Y]`."""
     name = register(machine_code(system, None))
@@ -126,7 +126,7 @@ def _outputs(system: System):
     return outputs
 
 
-@cache
+@lru_cache(MOST_MODELS)
 def _tangents(system: System, moving: tuple[int, ...], inputs_move: bool):
     """`(shares, p, x, u, dt, fixed, dp, dx, du) -> dy [E, T, Y, K]`."""
     name = register(machine_code(system, moving, inputs_move))
@@ -162,7 +162,7 @@ def _tangent(t: Array | SymbolicZero) -> Array:
     return jnp.zeros(t.shape) if isinstance(t, SymbolicZero) else t
 
 
-@cache
+@lru_cache(MOST_MODELS)
 def _differentiable(system: System):
     """`(shares, u, dt, fixed, *p, *x) -> y`, parameters [E] and states [E] one by one: what is constant costs no tangent."""
     P = system.sizes[0]

@@ -4,7 +4,7 @@ Arrays are laid out in lanes as `rollout_kernel` says; `groups.grouped` makes th
 """
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,14 @@ from .dense_kernel import write_rotation, write_triangle
 from .groups import grouped, ungrouped
 from .machine import function, lanes, loaded
 from .rollout_kernel import ARGUMENTS, TANGENTS
+from .traced import MOST_MODELS
 
 Array = np.ndarray
 Seen = tuple[Array, Array, Array, Array, Array, Array]
 """`shares` [n, L], `p` [G, P, L], `x` [G, S, L], `u` [G, T, R, U, L], `dt` [G, T, L] s, `fixed` [G, T, D, L]."""
 
 
-@cache
+@lru_cache(MOST_MODELS)
 def _rollout(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> Callable[..., None]:
     arrays = len(ARGUMENTS) + (len(TANGENTS) if moving is not None else 0) + 1
     return function(machine_code(system, moving, inputs_move), "rollout", 5, arrays)

@@ -1,7 +1,7 @@
 """A robot's functions as expressions: one integration step and what the sensors show, traced once."""
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import jax
@@ -26,7 +26,11 @@ def _derivatives(graph: Graph, results: Sequence[Node], groups: Sequence[Sequenc
     return Derivatives(*by)
 
 
-@cache
+MOST_MODELS = 256
+"""Models whose expressions and machine code are known; explaining one robot after another makes some ten for each."""
+
+
+@lru_cache(MOST_MODELS)
 def traced(
     step: Step, output: Step, parameters: int, states: int, inputs_: int, fixed: tuple[int, ...]
 ) -> tuple[Graph, list[list[Node]], list[Node], list[Node]]:
