@@ -1,4 +1,8 @@
-"""Many robots, each explained as if it were alone, and what their explanations have in common."""
+"""Many robots, each explained as if it were alone, and what their explanations have in common.
+
+One after another: six axes explained as lanes of one batch took 4.6 processor seconds, in a loop 4.8, and a batch holds all of
+them in memory.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
