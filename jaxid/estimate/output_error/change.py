@@ -95,10 +95,10 @@ def change(before: Knowledge | None, now: Knowledge, size: Array, alarm: float) 
     if not kept.any():
         return Change(np.nan, ())
     statistic = float(np.sum((axes[:, kept].T @ score) ** 2 / eigen[kept]))
-    p = float(scipy.stats.chi2.sf(statistic, int(kept.sum())))
+    p = float(scipy.special.chdtrc(int(kept.sum()), statistic))
     if not p < alarm:
         return Change(p, ())
-    limit = float(scipy.stats.norm.isf(0.5 * alarm / len(size)))
+    limit = -float(scipy.special.ndtri(0.5 * alarm / len(size)))
     return Change(p, _named(inside @ precision @ inside.T, inside @ score, limit))
 
 

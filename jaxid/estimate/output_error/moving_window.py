@@ -158,7 +158,7 @@ class MovingWindow:
             contrast = self._contrast(known, found)
         self._last = (d, found.theta, found.states, float(self._rows[0, 0]))
         samples = max(int(np.count_nonzero(d.logs.weight[0, :, :, 0])), 1)
-        sound = found.converged and float(scipy.stats.chi2.sf(found.squares, samples)) > self.alarm
+        sound = found.converged and float(scipy.special.chdtrc(samples, found.squares)) > self.alarm
         if found.converged:
             self._theta = found.theta
         if sound and self._rows[0, 0] >= self._since and not alarm:
