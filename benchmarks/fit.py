@@ -1,6 +1,8 @@
-"""Seconds for one output-error fit: jaxid beside SciPy on numba and plain optimistix, and a cold process.
+"""Speed beside other tools: one output-error fit, its linearisation, many small fits, scaling, and a cold process.
 
     python -m benchmarks.fit    # about fifteen minutes on two idle cores; --quick for a trial that writes nothing
+
+needs the extras `test` and `rivals`, gcc and g++; what is missing is left out and said.
 
 The problem is `benchmarks/rivals/pioneer_problem.py`: eight experiments, 16,000 residuals, 31 unknowns. Every rival
 runs in a process of its own on one core; between fits it waits, so that the fits of all rivals alternate and share
@@ -15,11 +17,13 @@ import argparse
 import json
 import os
 import platform
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +33,17 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.rivals import pioneer_numba  # noqa: E402
 from benchmarks.rivals.page import page  # noqa: E402
 from benchmarks.rivals.pioneer_problem import make_problem  # noqa: E402
-from benchmarks.rivals.worker import ENVIRONMENT, RIVALS  # noqa: E402
+from benchmarks.rivals.worker import ENVIRONMENT, RIVALS, absent  # noqa: E402
 
 RESULTS = ROOT / "benchmarks/results/fit.json"
 FITS = 10
 ALL_FITS = ("jaxid",)
-ONCE = ("optimistix as it comes", "jaxid.output_error, initial states estimated")
+ONCE = (
+    "optimistix as it comes",
+    "diffrax + optimistix as documented",
+    "CasADi, IPOPT multiple shooting",
+    "jaxid.output_error, initial states estimated",
+)
 REPEATS = 3
 """Alternating fits of the tenth data, of which the median counts."""
 SAME = 0.5
@@ -74,6 +83,12 @@ class Rival:
         self.process.wait()
 
 
+def _compiler() -> str | None:
+    if shutil.which("g++") is None:
+        return None
+    return subprocess.run(["g++", "-dumpfullversion"], capture_output=True, text=True, check=True).stdout.strip()
+
+
 def machine() -> dict[str, Any]:
     """Processor, cores, load and versions."""
     processor = platform.processor() or platform.machine()
@@ -81,13 +96,16 @@ def machine() -> dict[str, Any]:
     if info.exists():
         names = [line.split(":")[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
         processor = names[0] if names else processor
-    packages = ("jax", "optimistix", "lineax", "equinox", "scipy", "numba", "numpy")
+    packages = ("jax", "optimistix", "lineax", "equinox", "llvmlite", "scipy", "numba", "numpy")
+    others = ("casadi", "diffrax", "mujoco")
     return {
         "processor": processor,
         "cores": os.cpu_count(),
         "load_at_start": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
         "python": platform.python_version(),
         **{name: version(name) for name in packages},
+        **{name: version(name) for name in others if find_spec(name)},
+        "g++": _compiler(),
     }
 
 
@@ -187,6 +205,15 @@ def cold(runs: int) -> list[dict[str, Any]]:
     return results
 
 
+def sections(quick: bool) -> dict[str, Any]:
+    """The other tables, from a process of their own on one core."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "sections.json"
+        command = [sys.executable, "-m", "benchmarks.rivals.sections", str(file), *(["--quick"] if quick else [])]
+        subprocess.run(command, cwd=ROOT, env={**os.environ, **ENVIRONMENT}, check=True)
+        return json.loads(file.read_text())
+
+
 def _write(results: dict[str, Any]) -> None:
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=1) + "\n")
@@ -199,18 +226,26 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="a trial of short logs that writes nothing")
     parser.add_argument("--only", nargs="*", choices=[*RIVALS, "cold"], help="these rivals only; writes nothing")
     parser.add_argument("--cold", action="store_true", help="measure the cold process anew; the fits stay as they are")
+    parser.add_argument("--sections", action="store_true", help="measure all but whole fits and the cold process anew")
     options = parser.parse_args()
     if options.cold:
         known = json.loads(RESULTS.read_text())
         _write({**known, "cold": cold(COLD_RUNS)})
         return
+    if options.sections:
+        known = json.loads(RESULTS.read_text())
+        _write({**known, **sections(False)})
+        return
     names = [name for name in RIVALS if not options.only or name in options.only or name == "jaxid"]
+    left_out = {name: why for name in names if (why := absent(name))}
+    names = [name for name in names if name not in left_out]
     facts = machine()
     fits, samples, experiments, repeats = (2, 200, 3, 1) if options.quick else (FITS, 1000, 8, REPEATS)
     measured = compare(fits, samples, experiments, repeats, names)
     rows = summary(measured, fits)
+    others = sections(options.quick) if not options.only else {}
     runs = cold(1 if options.quick else COLD_RUNS)
-    results = {"machine": facts, "rows": rows, "cold": runs, **measured}
+    results = {"machine": facts, "rows": rows, "left_out": left_out, "cold": runs, **measured, **others}
     if options.quick or options.only:
         print(page(results, SAME, CLOSE))
         return

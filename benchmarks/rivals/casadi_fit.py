@@ -6,8 +6,6 @@ Jacobian is assembled in NumPy. IPOPT sees what CasADi's own example of system i
 at every sample, defects as equality constraints, the Gauss-Newton Hessian.
 """
 
-import hashlib
-import os
 import subprocess
 import tempfile
 from functools import cache
@@ -21,6 +19,10 @@ from .reached import Clock, Reached
 
 FIXED = tuple("m1 R1 Ip1 d M m R xm ym Ip L l1 tr mu KT Ra KE tau_fr".split())
 _TINY = 1e-30
+_LEAST = 0.01
+"""Least value of a parameter over its published one."""
+MOST_SECONDS = 60.0
+"""Processor time after which IPOPT gives up."""
 
 
 def _substep():
@@ -121,19 +123,14 @@ def generated():
     import casadi as ca
 
     _, simulate, both = _functions()
-    text = Path(__file__).read_bytes() + ca.__version__.encode()
-    folder = Path(tempfile.gettempdir()) / f"jaxid_casadi_{hashlib.sha256(text).hexdigest()[:16]}"
+    folder = Path(tempfile.mkdtemp(prefix="jaxid_casadi_"))
+    code = ca.CodeGenerator("sample.c")
+    code.add(simulate)
+    code.add(both)
+    code.generate(f"{folder}/")
     target = folder / "sample.so"
-    if not target.exists():
-        folder.mkdir(exist_ok=True)
-        code = ca.CodeGenerator("sample.c")
-        code.add(simulate)
-        code.add(both)
-        code.generate(f"{folder}/")
-        own = folder / f"{os.getpid()}.so"
-        command = ["gcc", "-O3", "-march=native", "-fPIC", "-shared", "-o", str(own), str(folder / "sample.c"), "-lm"]
-        subprocess.run(command, check=True)
-        own.replace(target)
+    command = ["gcc", "-O3", "-march=native", "-fPIC", "-shared", "-o", str(target), str(folder / "sample.c"), "-lm"]
+    subprocess.run(command, check=True)
     return tuple(ca.external(name, str(target)) for name in ("simulate", "both"))
 
 
@@ -236,12 +233,18 @@ def multiple_shooting(problem: FitProblem, most: int = 60) -> Reached:
         ["hess_gamma_x_x"],
     )
     nlp = {"x": unknown, "f": 0.5 * ca.dot(r, r), "g": ca.vertcat(*defects)}
-    options = {"hess_lag": hessian, "ipopt": {"max_iter": most, "print_level": 0, "tol": 1e-8}, "print_time": False}
+    options = {
+        "hess_lag": hessian,
+        "ipopt": {"max_iter": most, "print_level": 0, "tol": 1e-8, "max_cpu_time": MOST_SECONDS},
+        "print_time": False,
+    }
     solver = ca.nlpsol("solver", "ipopt", nlp, options)
     first = np.zeros((E, 3, T))
     first[:, 1:] = problem.outputs.transpose(0, 2, 1) / STATE_SCALE  # speeds as measured, casters trailing
     guess = np.concatenate([problem.start / problem.scale, *(x.ravel(order="F") for x in first)])
-    found = solver(x0=guess, lbg=0, ubg=0)
+    lower = np.full(len(guess), -np.inf)
+    lower[:7] = _LEAST
+    found = solver(x0=guess, lbx=lower, lbg=0, ubg=0)
     x = np.array(found["x"]).ravel()
     starts = x[7:].reshape(E, T, 3)[:, 0]
     stats = solver.stats()

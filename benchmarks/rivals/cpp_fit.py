@@ -5,8 +5,6 @@ rule, all in C++. "scalar" takes one experiment after another, "simd" eight side
 """
 
 import ctypes
-import hashlib
-import os
 import shutil
 import subprocess
 import tempfile
@@ -35,13 +33,9 @@ def absent() -> str | None:
 @cache
 def library(kind: str) -> ctypes.CDLL:
     """The compiled rivals of `kind`, "scalar" or "simd". Raises `CalledProcessError` if they do not compile."""
-    text = b"".join(path.read_bytes() for path in sorted(SOURCE.iterdir())) + repr((kind, FLAGS)).encode()
-    target = Path(tempfile.gettempdir()) / f"jaxid_rivals_{hashlib.sha256(text).hexdigest()[:16]}.so"
-    if not target.exists():
-        own = target.with_suffix(f".{os.getpid()}")
-        command = ["g++", *FLAGS, f"-D{kind.upper()}", "-o", str(own), str(SOURCE / "rivals.cpp")]
-        subprocess.run(command, check=True)
-        own.replace(target)
+    target = Path(tempfile.mkdtemp(prefix="jaxid_rivals_")) / f"{kind}.so"
+    command = ["g++", *FLAGS, f"-D{kind.upper()}", "-o", str(target), str(SOURCE / "rivals.cpp")]
+    subprocess.run(command, check=True)
     return ctypes.CDLL(str(target))
 
 

@@ -22,6 +22,8 @@ from jaxid.estimate.output_error.solvers import minimise, minimise_compiled
 from .pioneer_problem import FREE, SAMPLING, SIGMA, STATE_SCALE, SUBSTEPS, FitProblem
 from .reached import Clock, Reached
 
+INTEGRATOR = Integrator(SUBSTEPS)
+
 
 def robot_of(problem: FitProblem) -> Pioneer:
     """The Pioneer with the seven parameters free."""
@@ -49,7 +51,7 @@ def built(problem: FitProblem) -> tuple[Structure, Problem, Unknowns]:
     """jaxid's problem with all initial states free, in the benchmark's weights."""
     start = dict(zip(FREE, problem.start, strict=True))
     structure, arrays, unknowns = build(
-        robot_of(problem), logs_of(problem), start=start, initial="estimate", integrator=Integrator(SUBSTEPS)
+        robot_of(problem), logs_of(problem), start=start, initial="estimate", integrator=INTEGRATOR
     )
     return structure, replace(arrays, sigma=jnp.asarray(SIGMA)), unknowns
 
