@@ -21,7 +21,7 @@ FIXED = tuple("m1 R1 Ip1 d M m R xm ym Ip L l1 tr mu KT Ra KE tau_fr".split())
 _TINY = 1e-30
 _LEAST = 0.01
 """Least value of a parameter over its published one."""
-MOST_SECONDS = 60.0
+MOST_SECONDS = 20.0
 """Processor time after which IPOPT gives up."""
 
 

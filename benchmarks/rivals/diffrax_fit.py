@@ -67,7 +67,7 @@ def _solve(start, data, max_steps):
     return solution.value, solution.stats["num_steps"], solution.result == optx.RESULTS.successful
 
 
-def documented(problem: FitProblem, max_linearisations: int = 20) -> Reached:
+def documented(problem: FitProblem, max_linearisations: int = 10) -> Reached:
     """`optimistix.least_squares` on the diffrax simulation, at most `max_linearisations` steps."""
     with float64():
         found = _solve(jnp.asarray(problem.start_point), data_of(problem), max_linearisations)

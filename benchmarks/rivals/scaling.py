@@ -14,7 +14,7 @@ from .small_fits import members, side_by_side
 EXPERIMENTS = (1, 2, 4, 8, 16, 64, 256)
 SAMPLES = (100, 1_000, 10_000, 100_000)
 PARAMETERS = (1, 2, 4, 7)
-BATCHES = (1, 8, 64, 256)
+BATCHES = (1, 8, 64)
 _CALLS = 3
 
 

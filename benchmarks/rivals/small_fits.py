@@ -43,8 +43,9 @@ class Small:
     points: list[np.ndarray]
 
     def costs(self, problems: list[FitProblem]) -> np.ndarray:
-        """Costs there, by the one simulator."""
-        residuals = [pioneer_numba.residual(problem, x) for problem, x in zip(problems, self.points, strict=True)]
+        """Costs of the first of them, `problems`, by the one simulator."""
+        pairs = zip(problems, self.points, strict=False)
+        residuals = [pioneer_numba.residual(problem, x) for problem, x in pairs]
         return np.array([0.5 * float(r @ r) for r in residuals])
 
 
