@@ -20,6 +20,7 @@ RIVALS = {
     "SciPy trf, dense differences, numba": ("scipy_fit", "dense"),
     "SciPy trf, structured differences, numba": ("scipy_fit", "structured"),
     "optimistix as it comes": ("optimistix_fit", "plain"),
+    "optimistix on jaxid's rollouts": ("optimistix_fit", "on_machine_code"),
     "diffrax + optimistix as documented": ("diffrax_fit", "documented"),
     "CasADi generated C, SciPy lm": ("casadi_fit", "lm"),
     "CasADi generated C, SciPy trf": ("casadi_fit", "trf"),
