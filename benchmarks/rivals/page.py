@@ -8,7 +8,8 @@ Row = dict[str, Any]
 _PAGE = """# Speed
 
 Written by `python -m benchmarks.fit`; the numbers are those of one run on {processor} ({cores} cores, load {load:.1f}
-at the start, one core and one thread a rival; {versions}).
+at the start, one core and one thread a rival;
+{versions}).
 Seconds are processor seconds, which other work on the machine disturbs least; elapsed ones are in brackets. What was asked
 for, and what was found in this run:
 
@@ -44,6 +45,7 @@ diffrax, whose vector field cannot stick: there dry friction is a tanh.
   globally and estimates the noise too. With a known start it fits 7 unknowns instead of 31: another problem, and on
   these logs (caster up to 0.1 rad off) not a matching one.
 - IPOPT has a state at every sample, as in CasADi's own example, and twenty seconds of processor time.
+{apart}
 
 Left out: {left_out}.
 
@@ -67,8 +69,8 @@ jaxid's linearisation of the Pioneer, microseconds of processor time an experime
 
 {scaling}
 
-With the first 1, 2, 4 and 7 of the parameters free (eight experiments): {parameters} ms. Small fits a processor second by how
-many are done together: {batches}.
+With the first 1, 2, 4 and 7 of the parameters free (eight experiments): {parameters} ms. Small fits a processor second by
+how many are done together: {batches}.
 
 ## Six logs, both ways, from a cold process
 
@@ -198,6 +200,7 @@ def page(results: dict[str, Any], same: float, close: float) -> str:
         same=same,
         close=close,
         left_out="; ".join([*(f"{name} ({why})" for name, why in missing.items()), JAXTERITY]),
+        apart="\n".join(f"- {name}: {how}." for name, how in results.get("apart", {}).items()),
         others=_others(results.get("other_fits", [])),
         small=_small(results.get("small_fits", [])),
         scaling=_scaling(results.get("scaling", [])),
