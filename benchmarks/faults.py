@@ -160,7 +160,7 @@ ESTIMATORS = (
     Fault(
         "degrees of freedom not accounted for",
         "jaxid/estimate/output_error/from_optimum.py",
-        "counts * (1.0 - unknown_count / jnp.maximum(jnp.sum(counts), 1))",
+        "counts * (1.0 - unknown_count / xp.maximum(counts.sum(), 1))",
         "counts * 1.0",
         "tests/estimate/output_error/test_channel_noise.py",
     ),
