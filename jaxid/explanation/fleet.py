@@ -1,7 +1,6 @@
 """Many robots, each explained as if it were alone, and what their explanations have in common.
 
-One after another: six axes explained as lanes of one batch took 4.6 processor seconds, in a loop 4.8, and a batch holds all of
-them in memory.
+One after another: as lanes of one batch, as fits are, they took as much processor time, and all of them memory at once.
 """
 
 from collections import Counter
