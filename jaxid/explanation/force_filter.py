@@ -1,4 +1,6 @@
-"""Filter and smoother of the state and the missing forces of logs, compiled once for all of them.
+"""Filter of the state and the missing forces of logs, compiled once for all of them.
+
+`force_filter_directly` has the same filter for robots whose step is machine code, and the smoother.
 
 The moments are carried through the rollout's own steps at cubature points (Arasaratnam & Haykin, Cubature Kalman
 filters, IEEE Trans. Automatic Control 54, 2009; smoother: Särkkä, Unscented Rauch-Tung-Striebel smoother, ibid. 53,
@@ -23,7 +25,7 @@ from ..simulation.rollout import Integrator, commanded, step
 
 PREFIX = "missing_force."
 """Names of the forces' states begin with this, and end with the velocity they accelerate."""
-_LEAST = 1e-3
+LEAST = 1e-3
 """Least variance of a state beside its jitter."""
 
 
@@ -65,7 +67,7 @@ def _filter(setting: Setting, p: Numbers, log, intensity):
     def propagate(moments: Moments, row):
         volts, interval = row
         wider = Moments(moments.mean, moments.covariance + jnp.diag(log["jitter"]))
-        ahead, cross = carried(wider, lambda x: onward(x, volts, interval), _LEAST * log["jitter"])
+        ahead, cross = carried(wider, lambda x: onward(x, volts, interval), LEAST * log["jitter"])
         ahead = Moments(ahead.mean, ahead.covariance + _walked(setting, intensity, interval, log))
         return ahead, (ahead, cross)
 
@@ -113,24 +115,6 @@ def _likelihood(setting: Setting, log, kept, used, intensity):
     return total
 
 
-def _smooth(kept):
-    """Smoothed mean and standard deviation [T, n states] of one log, from its filter's moments."""
-    mean, covariance, ahead, ahead_covariance, cross = kept[:5]
-
-    def back(later, row):
-        later_mean, later_covariance = later
-        mean, covariance, ahead, ahead_covariance, cross = row
-        gain = solved(ahead_covariance, cross.T).T
-        mean = mean + gain @ (later_mean - ahead)
-        covariance = _symmetric(covariance + gain @ (later_covariance - ahead_covariance) @ gain.T)
-        return (mean, covariance), (mean, jnp.sqrt(jnp.maximum(jnp.diag(covariance), 0.0)))
-
-    # The last sample has no later one: start from its own prediction, which says nothing new.
-    end = (ahead[-1], ahead_covariance[-1])
-    _, found = jax.lax.scan(back, end, (mean, covariance, ahead, ahead_covariance, cross), reverse=True)
-    return found
-
-
 @partial(compiled, static_argnames="setting")
 def filtered(setting: Setting, numbers, logs, intensity):
     """The filter's moments of every log at one random-walk `intensity` [n forces]: the leaves are [E, T, ...]."""
@@ -145,7 +129,3 @@ def likelihoods(setting: Setting, logs, kept, used, intensities):
         return jnp.sum(jax.vmap(lambda log, own: _likelihood(setting, log, own, used, intensity))(logs, kept))
 
     return jax.vmap(lane)(intensities)
-
-
-smoothed = compiled(jax.vmap(_smooth))
-"""Smoothed mean and standard deviation [E, T, n states] from the moments of `filtered`."""

@@ -20,6 +20,7 @@ from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
 from ..estimate.output_error.window_start import states_at
+from ..kernel.machine import lanes
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect, Numbers, Scalars, State
 from ..robots.robot import Robot
@@ -28,7 +29,8 @@ from ..simulation.rollout import Integrator, rollout
 from ..simulation.scaled import scales_of
 from ..simulation.simulate import integrator_for
 from ..simulation.start import initial_states
-from .force_filter import PREFIX, Setting, filtered, likelihoods, smoothed
+from .force_filter import PREFIX, Setting, filtered, likelihoods
+from .force_filter_directly import filtered_directly, smoothed
 
 _MULTIPLE = 8
 """Logs are filled up to a multiple of so many."""
@@ -218,10 +220,16 @@ def _arrays(
 
 def _filled_up(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """The same with logs of which nothing was measured, up to a multiple: other numbers of logs share a compiled program."""
-    more = -len(arrays["dt"]) % _MULTIPLE
+    more = -len(arrays["dt"]) % max(_MULTIPLE, lanes())
     filled = {name: np.concatenate([x, np.repeat(np.asarray(x)[-1:], more, axis=0)]) for name, x in arrays.items()}
     filled["there"][len(filled["there"]) - more :] = False
     return {name: array(values) for name, values in filled.items()}
+
+
+def _moments(setting: Setting, numbers, arrays, intensity):
+    """The filter's moments of every log, by machine code or as a compiled program."""
+    found = filtered_directly(setting, numbers, arrays, intensity)
+    return filtered(setting, numbers, arrays, intensity) if found is None else found
 
 
 def _chosen(setting: Setting, numbers, arrays, scale):
@@ -234,7 +242,7 @@ def _chosen(setting: Setting, numbers, arrays, scale):
     choice = np.full(n, _FIRST)
     for _ in range(_ROUNDS):
         used = array(levels[choice] * scale)
-        kept, linearised = filtered(setting, numbers, arrays, used), choice
+        kept, linearised = _moments(setting, numbers, arrays, used), choice
         for _ in range(2 if n > 1 else 1):
             lanes = np.array([np.where(np.arange(n) == j, level, levels[choice]) for j in range(n) for level in levels])
             found = np.asarray(likelihoods(setting, arrays, kept, used, array(lanes * scale)))
@@ -243,7 +251,7 @@ def _chosen(setting: Setting, numbers, arrays, scale):
         if np.array_equal(choice, linearised):
             return np.asarray(used), kept
     used = array(levels[choice] * scale)
-    return np.asarray(used), filtered(setting, numbers, arrays, used)
+    return np.asarray(used), _moments(setting, numbers, arrays, used)
 
 
 class _Task(NamedTuple):
@@ -302,7 +310,7 @@ def missing_force(
     """
     task = _task(robot, logs, noise, known_states)
     intensity, kept = _chosen(task.setting, task.numbers, task.arrays, task.intensity(1.0))
-    mean, std = (np.asarray(x) for x in smoothed(kept))
+    mean, std = smoothed(kept)
     names = task.setting.velocities
     columns = [task.setting.robot.states.index(PREFIX + name) for name in names]
     return tuple(
@@ -336,6 +344,6 @@ def smoothed_states(
     trusts the model, much the measurements. Other arguments, and errors, as in `missing_force`.
     """
     task = _task(robot, logs, noise, known_states)
-    kept = filtered(task.setting, task.numbers, task.arrays, array(task.intensity(wander)))
-    mean, std = (np.asarray(x)[: len(logs)] for x in smoothed(kept))
+    kept = _moments(task.setting, task.numbers, task.arrays, array(task.intensity(wander)))
+    mean, std = (x[: len(logs)] for x in smoothed(kept))
     return {name: Smoothed(mean[..., i], std[..., i]) for i, name in enumerate(task.setting.robot.states)}

@@ -109,4 +109,6 @@ def _solution(A: Array) -> Array:
 
 def solved(S: Float[Array, "*E n n"], B: Float[Array, "*E n k"]) -> Float[Array, "*E n k"]:
     """X of S X = B, S symmetric positive definite."""
+    if isinstance(S, np.ndarray):
+        return direct.solution(np.concatenate([S, B], axis=-1))
     return _solution(jnp.concatenate([S, B], axis=-1)) if _here(S) else jnp.linalg.solve(S, B)

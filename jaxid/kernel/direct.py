@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .call import MOST_DIRECTIONS, System, machine_code
-from .dense_kernel import write_rotation, write_triangle
+from .dense_kernel import write_rotation, write_solution, write_triangle
 from .groups import grouped, ungrouped
 from .machine import function, lanes, loaded
 from .rollout_kernel import ARGUMENTS, TANGENTS
@@ -91,6 +91,15 @@ def triangles(A: Float[Array, "*E m n"]) -> Float[Array, "*E n n"]:
         return one_triangle(A)
     flat = A.reshape(-1, *A.shape[-2:])
     return ungrouped(triangle(grouped(flat)), len(flat)).reshape(*A.shape[:-2], A.shape[-1], A.shape[-1])
+
+
+def solution(A: Float[Array, "*E n m"]) -> Float[Array, "*E n k"]:
+    """X of S X = B, S symmetric positive definite, where A is S beside B (`dense.solved`)."""
+    n, m = A.shape[-2:]
+    flat = grouped(A.reshape(-1, n, m))
+    X = np.empty((len(flat), n, m - n, lanes()))
+    _dense(write_solution, 1)(len(flat), n, m, flat, X)
+    return ungrouped(X, int(np.prod(A.shape[:-2]))).reshape(*A.shape[:-1], m - n)
 
 
 def rotation(A: Float[Array, "m n"]) -> tuple[Float[Array, "n m"], Float[Array, "n n"]]:

@@ -64,3 +64,11 @@ def program(
     groups = (x, [p[i] for i in moving], u if inputs_move else [])
     by = (_derivatives(graph, results, groups) for results in (state, shown))
     return Program(graph, sizes[0], sizes[2], state, shown, fixed, *by)
+
+
+def shown_states(
+    step: Step, output: Step, sizes: tuple[int, int, int], fixed: tuple[int, ...] = ()
+) -> list[int] | None:
+    """Which state each output is, where all of them are states as they stand, else None. Raises `Untranslated`."""
+    graph, (_, x, _), _, shown = traced(step, output, *sizes, fixed)
+    return [x.index(node) for node in shown] if set(shown) <= set(x) else None
