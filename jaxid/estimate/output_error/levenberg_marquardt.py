@@ -34,7 +34,7 @@ _CURVED = (3.0, 1.0, 0.3, 0.03)
 """Lengths of the steps that are tried, in units of the chart. A simulation alone is cheap beside a linearisation, and the
 steps run as its lanes."""
 CANDIDATES = len(_STRAIGHT) + len(_CURVED)
-_SHORTER = 0.01
+_SHORTER, _LONGER = 0.01, 30.0
 _ROUNDS = 4
 """How often all of them shrink, and by what factor, while none lowers the cost."""
 _BISECTIONS, _NEWTON = 40, 60
@@ -109,7 +109,8 @@ def promise_of(problem: Problem, unknowns: Unknowns, triangle: Triangle) -> Floa
 
 
 class State(NamedTuple):
-    """Between two linearisations: `there` is looked at next, `reached`, its `triangle` and its `cost` are the best so far."""
+    """Between two linearisations: `there` is looked at next, `reached`, its `triangle` and its `cost` are the best so far.
+    `reach` is the length, in units of `_STRAIGHT` and `_CURVED`, about which the last step was found."""
 
     there: Unknowns
     reached: Unknowns
@@ -121,6 +122,7 @@ class State(NamedTuple):
     promise: Float[Array, ""]
     outcome: Int[Array, ""]
     polished: Int[Array, ""]
+    reach: Float[Array, ""]
 
     @property
     def optimum(self) -> Optimum:
@@ -143,10 +145,9 @@ class Search(NamedTuple):
     going: Bool[Array, ""]
 
 
-def _candidates(chart: Chart, system: Eliminated, round: Int[Array, ""] | int) -> Unknowns:
-    """Where the steps of one round lead (leading axis: their lengths)."""
+def _candidates(chart: Chart, system: Eliminated, shrunk: Float[Array, ""] | float) -> Unknowns:
+    """Where steps lead that are `shrunk` times the usual ones (leading axis: their lengths)."""
     xp, k = namespace(system.pull), len(_STRAIGHT)
-    shrunk = _SHORTER**round
     steps = system.shared_step(_dampings(system, shrunk * xp.array(_STRAIGHT + _CURVED)))
     own = system.own_step(steps, shrunk)
     straight, curved = chart.straight(steps[:k], own[:k]), chart.curved(steps[k:], own[k:])
@@ -157,7 +158,15 @@ def begin(start: Unknowns, shapes: Triangle) -> State:
     """Before the first linearisation, whose result has the shapes of `shapes`."""
     empty = Triangle(*(np.full(leaf.shape, np.inf, leaf.dtype) for leaf in shapes))
     none, infinite = np.asarray(0), np.asarray(np.inf)
-    return State(start, start, empty, infinite, infinite, none, none, infinite, np.asarray(UNDECIDED), none)
+    return State(
+        start, start, empty, infinite, infinite, none, none, infinite, np.asarray(UNDECIDED), none, np.asarray(1.0)
+    )
+
+
+def _shrunk(state: State, round: Int[Array, ""] | int) -> Float[Array, ""]:
+    """By how much the usual steps are shrunk in a round: the last one asks those that were left out at first."""
+    xp = namespace(state.reach)
+    return xp.where((round == _ROUNDS - 1) & (state.reach < 1.0), 1.0, state.reach * _SHORTER**round)
 
 
 def tried(search: Search, costs: Float[Array, " c"]) -> Search:
@@ -166,6 +175,9 @@ def tried(search: Search, costs: Float[Array, " c"]) -> Search:
     costs = xp.where(xp.isfinite(costs), costs, xp.inf)
     best = xp.argmin(costs)
     below = costs[best] < now
+    # Where only short steps lead on, the next ones begin there, and may grow.
+    longest = (best == 0) | (best == len(_STRAIGHT))
+    reach = xp.minimum(_shrunk(state, search.round) * xp.where(longest, _LONGER, 1.0), 1.0)
     there = chosen(below, Unknowns(*(leaf[best] for leaf in search.candidates)), state.there)
     same = (~xp.isfinite(costs) | (xp.abs(costs - now) <= _ROUNDING * now)).all()
     flat = xp.where(search.round == 0, same & xp.isfinite(costs).any(), search.flat)
@@ -173,12 +185,14 @@ def tried(search: Search, costs: Float[Array, " c"]) -> Search:
     going = ~lower & (search.round + 1 < _ROUNDS)
     lost = xp.where(search.near, Outcome.OPTIMUM, xp.where(flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS))
     return search._replace(
-        state=state._replace(there=there, outcome=xp.where(lower | going, UNDECIDED, lost)),
+        state=state._replace(
+            there=there, reach=xp.where(lower, reach, state.reach), outcome=xp.where(lower | going, UNDECIDED, lost)
+        ),
         round=search.round + 1,
         flat=flat,
         candidates=search.candidates
         if surely_not(going)
-        else _candidates(search.chart, search.system, search.round + 1),
+        else _candidates(search.chart, search.system, _shrunk(state, search.round + 1)),
         going=going,
     )
 
@@ -254,6 +268,7 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             promise=reached[3],
             outcome=outcome,
             polished=xp.where(polish, spent, state.polished),
+            reach=state.reach,
         )
         going = (outcome == UNDECIDED) & ~polish
         unknown = Unknowns(here.z[None], here.states[None])
@@ -265,7 +280,7 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             near=promise < KINK,
             round=xp.array(0),
             flat=xp.array(False),
-            candidates=unknown if surely_not(going) else _candidates(chart, system, 0),
+            candidates=unknown if surely_not(going) else _candidates(chart, system, state.reach),
             going=going,
         )
 
