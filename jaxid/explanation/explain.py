@@ -25,8 +25,9 @@ from .not_looked_for import not_looked_for
 from .passing_jumps import without_passing_jumps
 from .prescribed_angles import predicted
 from .refit import in_full
-from .search import MOST_EFFECTS, Search, Step, differ, search
+from .search import MOST_EFFECTS, Search, Step, search
 from .table_constants import sentence_of
+from .telling_apart import differ
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _LEFT_OVER = 0.15

@@ -18,6 +18,7 @@ from .heldout import FALSE_ALARM, HeldOut, held_out_state
 from .in_colour import generalised, in_colour
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
+from .telling_apart import SEPARATED, not_told_apart, told_apart
 from .within_errors import within_errors
 
 SHORTLIST = 5
@@ -34,21 +35,12 @@ LEAST_GAIN = 0.05
 """Share of the held-out gap below which an effect explains nothing."""
 _LEAST_OF_FIRST = 0.02
 """Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
-_SEPARATED = 2.0
-"""Standard errors of the log-likelihood difference beyond which two names are told apart (Vuong 1989)."""
 _FROM_COLOUR = 2
 """Most candidates that are refitted only because they explain the whitened residual."""
 _NEARLY_ALL = 0.15
 """Share of the held-out gap up to which what is left of it says that an effect explains it, on however few stretches."""
-_SAME_BUT_LATER = {"input_delay", "sensor_delay"}
-"""One model by two names: the same motion, later; but for what was commanded before a log began."""
-_UNKNOWN_PAST = 10
-"""First samples of a log, which show what was commanded before it began."""
-_INTERPOLATED = 0.1
-"""Difference of two predictions (RMS, times the noise) that may be due to how they interpolate between samples."""
 _IN_THE_RUNNING = 0.1
 """Candidates that lack less than this share of the best one's gain after a few steps are refitted to the end."""
-_BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
 
 Report = Callable[[str], None]
 
@@ -84,44 +76,6 @@ class Search:
     steps: tuple[Step, ...]
     first_look: tuple[Candidate, ...]
     colour: OnlyColour | None = None
-
-
-def told_apart(one: Trial, other: Trial) -> float:
-    """Vuong's statistic: how many standard errors `one` predicts the held-out logs better than `other`."""
-    blocks = []
-    for a, b in zip(one.held_out.residuals, other.held_out.residuals, strict=True):
-        difference = np.nansum(b**2 - a**2, axis=1)
-        n = len(difference) // _BLOCK
-        blocks.append(difference[: n * _BLOCK].reshape(n, _BLOCK).sum(axis=1))
-    values = np.concatenate(blocks)
-    spread = float(np.std(values)) * np.sqrt(values.size)
-    return float(values.sum()) / spread if spread > 0 else 0.0
-
-
-def told_apart_from(best: Trial, trial: Trial) -> bool:
-    """Whether `trial` is less likely than `best` by more than chance, on the fitted logs or on the held-out ones."""
-    # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).
-    worse = max(trial.score - best.score, 0.0)
-    return not (worse < (2 * _SEPARATED) ** 2 and told_apart(best, trial) < _SEPARATED)
-
-
-def differ(one: Trial, other: Trial, skip: int = 0) -> float:
-    """RMS difference of two predictions of the held-out logs, times the noise; the first samples of each log left out."""
-    pairs = zip(one.held_out.residuals, other.held_out.residuals, strict=True)
-    return float(np.sqrt(np.nanmean(np.concatenate([(a - b)[skip:].ravel() for a, b in pairs]) ** 2)))
-
-
-def _equivalent(trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Those that the data cannot tell from the first: about as likely on the fitted logs and on the held-out ones."""
-    best = trials[0]
-    found = []
-    for trial in trials[1:]:
-        if {best.id, trial.id} == _SAME_BUT_LATER and differ(best, trial, _UNKNOWN_PAST) < _INTERPOLATED:
-            found.append(trial.id)
-            continue
-        if not told_apart_from(best, trial):
-            found.append(trial.id)
-    return tuple(found)
 
 
 def _different(likely: Sequence[Candidate]) -> list[Candidate]:
@@ -171,7 +125,7 @@ def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
     """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
     gain = before.held_out.normalised_rms - after.held_out.normalised_rms
     # Where nearly all of the gap is closed, that was no chance, on however few stretches it was.
-    closed = after.held_out.gap < _NEARLY_ALL * before.held_out.gap or told_apart(after, before) > _SEPARATED
+    closed = after.held_out.gap < _NEARLY_ALL * before.held_out.gap or told_apart(after, before) > SEPARATED
     return gain >= _least(before, first) and closed and _likelier(before, after, tried)
 
 
@@ -221,7 +175,7 @@ def _ranked_in_colour(
     ranked = sorted(trials, key=lambda trial: white[trial.id].score)
     ranked = [replace(trial, in_colour=white[trial.id].score) for trial in ranked]
     before, after = in_colour(base, colours, logs, held_out, noise), white[ranked[0].id]
-    return ranked, _equivalent([white[trial.id] for trial in ranked]), _worth_in_colour(before, after, tried)
+    return ranked, not_told_apart([white[trial.id] for trial in ranked]), _worth_in_colour(before, after, tried)
 
 
 def _explaining(screened: Sequence[Candidate]) -> list[Candidate]:
@@ -281,7 +235,7 @@ def name_next(
     tried = len(screened) * shapes
     in_colour = _ranked_in_colour(base, trials, tried, logs, held_out, noise)
     if in_colour is None:
-        equivalent, worth = _equivalent(trials), _worth(base, trials[0], first, tried)
+        equivalent, worth = not_told_apart(trials), _worth(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour
     for trial in trials:
@@ -348,7 +302,7 @@ def _reconsidered(
         final = trials[0]
         if rivals:
             others = tuple(t for t in step.trials if t.id not in {trial.id for trial in trials})
-            step = replace(step, trials=(*trials, *others), equivalent=_equivalent(trials))
+            step = replace(step, trials=(*trials, *others), equivalent=not_told_apart(trials))
         revised.append(step)
     return revised, final
 

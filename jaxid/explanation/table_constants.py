@@ -17,7 +17,8 @@ from ..robots.robot import Robot
 from ..simulation.simulate import simulate_models
 from .heldout import scaled_residuals
 from .refit import refit
-from .search import Step, told_apart_from
+from .search import Step
+from .telling_apart import told_apart_from
 
 _STEP = 1e-3
 """Step of secants, in units of a parameter's magnitude."""

@@ -8,7 +8,7 @@ import pytest
 from jaxid import Axis
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.refit import Trial
-from jaxid.explanation.search import _equivalent, differ
+from jaxid.explanation.telling_apart import differ, not_told_apart
 
 
 def trial(name: str, residual: np.ndarray) -> Trial:
@@ -27,22 +27,22 @@ def test_delays_of_a_robot_that_starts_at_rest_are_one_model(residuals):
     right, other = residuals
     first, second = trial("input_delay", right), trial("sensor_delay", other)
     assert differ(first, second) == pytest.approx(0.07, rel=1e-3) and second.score - first.score > 100
-    assert _equivalent([first, second]) == ("sensor_delay",)
+    assert not_told_apart([first, second]) == ("sensor_delay",)
 
 
 def test_other_names_are_told_apart_by_as_little(residuals):
     right, other = residuals
-    assert _equivalent([trial("motor_lag", right), trial("sensor_lag", other)]) == ()
+    assert not_told_apart([trial("motor_lag", right), trial("sensor_lag", other)]) == ()
 
 
 def test_delays_that_differ_by_more_than_interpolation_are_two(residuals):
     right, other = residuals
     far = right + 3 * (other - right)
-    assert _equivalent([trial("input_delay", right), trial("sensor_delay", far)]) == ()
+    assert not_told_apart([trial("input_delay", right), trial("sensor_delay", far)]) == ()
 
 
 def test_equally_likely_names_are_one_set(residuals):
     right, _ = residuals
     first = trial("motor_lag", right)
     again = right + 0.02 * np.random.default_rng(5).standard_normal(right.size)
-    assert _equivalent([first, replace(trial("sensor_lag", again), squares=first.squares)]) == ("sensor_lag",)
+    assert not_told_apart([first, replace(trial("sensor_lag", again), squares=first.squares)]) == ("sensor_lag",)
