@@ -1,14 +1,13 @@
-"""Tails of the usual distributions and two filters, by `scipy.special` and `scipy.linalg`.
+"""Tails of the usual distributions, by `scipy.special`.
 
-`scipy.stats` and `scipy.signal` have all of them; importing these takes a quarter of the time that everything else takes
-that a fit imports.
+`scipy.stats` has all of them; importing it takes a quarter of the time that everything else takes that a fit imports.
 """
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, special
+from scipy import special
 
 Array = NDArray[np.float64]
 
@@ -86,15 +85,3 @@ def normal_test(values: Array) -> tuple[float, float]:
     second = (1.0 - 2.0 / (9.0 * a) - np.cbrt(ratio)) / np.sqrt(2.0 / (9.0 * a))
     statistic = float(first**2 + second**2)
     return statistic, float(chi_squared_tail(statistic, 2))
-
-
-def lagged(values: Array, decay: float) -> Array:
-    """First-order lag from rest, `y[k] = decay y[k-1] + (1 - decay) values[k]`, of `values` [T, ...] along their first axis."""
-    bands = np.ones((2, len(values)))
-    bands[1] = -decay
-    return linalg.solve_banded((1, 0), bands, (1.0 - decay) * values, check_finite=False)
-
-
-def filtered(taps: Array, values: Array) -> Array:
-    """Moving average `y[k] = sum_i taps[i] values[k - i]` from rest, of `values` [T]."""
-    return np.convolve(values, taps)[: len(values)]

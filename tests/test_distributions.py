@@ -1,11 +1,10 @@
-"""The tails and filters against `scipy.stats` and `scipy.signal`."""
+"""The tails against `scipy.stats`."""
 
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-import scipy.signal
 import scipy.stats
 
 from jaxid import _distributions as ours
@@ -37,21 +36,6 @@ def test_the_test_of_normality_is_scipys(samples):
     np.testing.assert_allclose(ours.normal_test(values), scipy.stats.normaltest(values), rtol=1e-8)
     np.testing.assert_allclose(
         ours.moments(values), (scipy.stats.skew(values), scipy.stats.kurtosis(values)), rtol=1e-10
-    )
-
-
-@pytest.mark.parametrize("decay", [0.0, 0.6, 0.9999])
-def test_filters_are_scipys(decay):
-    values = np.random.default_rng(1).normal(size=(500, 3))
-    np.testing.assert_allclose(
-        ours.lagged(values, decay),
-        scipy.signal.lfilter([1 - decay], [1, -decay], values, axis=0),
-        rtol=1e-12,
-        atol=1e-12,
-    )
-    taps = np.array([1.0, -decay, 0.3])
-    np.testing.assert_allclose(
-        ours.filtered(taps, values[:, 0]), scipy.signal.lfilter(taps, 1.0, values[:, 0]), rtol=1e-12, atol=1e-12
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .._distributions import lagged
+from .._filters import lagged
 from ..logs.finding import Finding
 from ..logs.log import Log
 from ..logs.noise import white_level

@@ -13,7 +13,7 @@ from itertools import combinations, combinations_with_replacement
 import numpy as np
 from numpy.typing import NDArray
 
-from .._distributions import lagged
+from .._filters import lagged
 from ..logs.finding import Finding
 from ..logs.log import Log
 from .motion import Even, even, is_position, response, speed

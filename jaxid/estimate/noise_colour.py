@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
+from .._filters import autoregressive
 from .residual_tests import autocorrelation
 
 Array = NDArray[np.float64]
@@ -56,6 +56,11 @@ class Colour:
         return self.order > 1 and all(c > 0 for c in self.coefficients)
 
     @property
+    def _taps(self) -> Array:
+        """[order + 1], which the noise has to be filtered with to become white."""
+        return np.concatenate([[1.0], -np.asarray(self.coefficients)])
+
+    @property
     def memory(self) -> float:
         """Its integral time scale in samples: of first-order noise about the time within which it falls to 37 %."""
         return float(np.sum(self.correlations)) - 0.5
@@ -63,18 +68,14 @@ class Colour:
     @property
     def correlations(self) -> Array:
         """Autocorrelations [lags] of the autoregression, by its response to one innovation."""
-        response = scipy.signal.lfilter(
-            [1.0], np.concatenate([[1.0], -np.asarray(self.coefficients)]), np.eye(1, _RESPONSE)[0]
-        )
-        products = np.asarray(scipy.signal.correlate(response, response, "full", "fft"), np.float64)[_RESPONSE - 1 :]
+        response = autoregressive(self._taps, np.eye(1, _RESPONSE)[0])
+        products = np.fft.irfft(np.abs(np.fft.rfft(response, 2 * _RESPONSE)) ** 2)[:_RESPONSE]
         return products / products[0]
 
     def drawn(self, random: np.random.Generator, samples: int) -> Array:
         """So many samples of it [samples], stationary from the first one on."""
         before = int(np.ceil(_FORGOTTEN * max(self.memory, 0.0))) if self.order else 0
-        taps = np.concatenate([[1.0], -np.asarray(self.coefficients)])
-        fresh = self.level * random.normal(size=before + samples)
-        return np.asarray(scipy.signal.lfilter([1.0], taps, fresh), np.float64)[before:]
+        return autoregressive(self._taps, self.level * random.normal(size=before + samples))[before:]
 
     def whiten(self, values: Array, there: NDArray[np.bool_]) -> Array:
         """Innovations of `values` [..., T] in units of their level, zero at a log's first samples and where not `there` [T].
@@ -83,8 +84,10 @@ class Colour:
         """
         found = np.zeros_like(values)
         if np.count_nonzero(there) > self.order:
-            taps = np.concatenate([[1.0], -np.asarray(self.coefficients)])
-            own = np.asarray(scipy.signal.lfilter(taps, 1.0, values[..., there], axis=-1), np.float64) / self.level
+            measured = values[..., there]
+            own = measured / self.level
+            for back, tap in enumerate(self._taps[1:], 1):
+                own[..., back:] += tap / self.level * measured[..., :-back]
             own[..., : self.order] = 0.0
             found[..., there] = own
         return found

@@ -10,17 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from .._distributions import (
-    beta_tail,
-    chi_squared_tail,
-    f_tail,
-    filtered,
-    lagged,
-    moments,
-    normal_beyond,
-    normal_test,
-    student_tail,
-)
+from .._distributions import beta_tail, chi_squared_tail, f_tail, moments, normal_beyond, normal_test, student_tail
+from .._filters import filtered, lagged
 from ..logs.noise import usual_size
 
 Array = NDArray[np.float64]
