@@ -6,6 +6,7 @@ comes seconds sooner; the Jacobian stays in the lanes in which it was simulated 
 """
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax
@@ -13,9 +14,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._compile import compiled
+from ...kernel.call import System
 from ...kernel.direct import input_tangents, one_triangle, outputs, tangents, triangle
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
+from ...robots.effect import Scalars
 from ...simulation.direct import MachineModel, machine_model
 from ...simulation.records import command_slopes, commanded, commanded_each, measured, measured_each, measured_slopes
 from ...simulation.segments import Rollouts, in_segments, with_states
@@ -37,6 +40,7 @@ Array = Any
 """NumPy's, or what can be read as such."""
 _LONG = 16_000_000
 """Numbers of the sensitivities, lanes filled up, from which they are worked out a stretch of time after the other."""
+_MOST_SYSTEMS = 256
 _TOGETHER = 2_000_000
 """Numbers of the outputs up to which several simulations of the logs run side by side."""
 
@@ -120,6 +124,31 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
             weight=grouped(residual_weights(problem)) if residuals else np.zeros((0, 0, 0, lanes())),
         ),
     )
+
+
+@lru_cache(_MOST_SYSTEMS)
+def _showing(system: System, outputs: tuple[int, ...]) -> System:
+    """The same with some of its outputs."""
+
+    def shown(p: Scalars, x: Scalars, u: Scalars):
+        every = system.output(p, x, u)
+        return tuple(every[i] for i in outputs)
+
+    return system._replace(output=shown, outputs=len(outputs))
+
+
+def of_what_counts(d: Direct) -> tuple[Direct, list[int]]:
+    """The problem without outputs that weigh nothing in any log, such as currents that nobody measured, and the places of
+    the others. With effects on sensors all stay."""
+    there = np.flatnonzero(np.any(d.logs.weight > 0.0, axis=(0, 1, 3))).tolist()
+    if not there or len(there) == d.model.system.outputs or d.model.records.measures is not None:
+        return d, list(range(d.model.system.outputs))
+    logs = d.logs._replace(
+        measured=np.ascontiguousarray(d.logs.measured[:, :, there]),
+        weight=np.ascontiguousarray(d.logs.weight[:, :, there]),
+    )
+    model = d.model._replace(system=_showing(d.model.system, tuple(there)))
+    return d._replace(model=model, logs=logs), there
 
 
 def _starts(d: Direct, states: Float[Array, "*c E s"]) -> Float[Array, "*c E S"]:

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._compile import compiled, forget_programs
-from .direct import costs_directly, direct, linearised_directly, runs_directly, side_by_side
+from .direct import costs_directly, direct, linearised_directly, of_what_counts, runs_directly, side_by_side
 from .lanes import ask_together, in_batch
 from .levenberg_marquardt import CANDIDATES, UNDECIDED, BestDampingLevenbergMarquardt, begin, tried
 from .optimum import Optimum, Outcome
@@ -88,14 +88,22 @@ def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tup
     """Linearisation at given unknowns, and the costs at candidates, of a problem; of many fits in a batch together."""
     d = direct(structure, problem)
     if d is not None:
+        channels = d.model.system.outputs
+        d, counted = of_what_counts(d)
+
+        def of_all(triangle: Triangle) -> Triangle:
+            squares = np.zeros((len(triangle.squares), channels))
+            squares[:, counted] = triangle.squares
+            return triangle._replace(squares=squares)
+
         kind = kind_of(d) if in_batch() else None
         if kind is not None:
             return (
-                lambda there: ask_together(linearised_together, kind, (d, there)),
+                lambda there: of_all(ask_together(linearised_together, kind, (d, there))),
                 lambda candidates: ask_together(costs_together, kind, (d, candidates)),
             )
         many = side_by_side(d, CANDIDATES)
-        return partial(linearised_directly, d), partial(costs_directly, d, many)
+        return lambda there: of_all(linearised_directly(d, there)), partial(costs_directly, d, many)
     compile_ahead([(structure, problem, start)])
     model = _models[_key(structure, problem, start)]
     return (

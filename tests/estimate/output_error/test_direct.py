@@ -17,12 +17,14 @@ from jaxid.estimate.output_error.direct import (
     direct,
     linearised_directly,
     linearised_now,
+    of_what_counts,
     sensitivities_directly,
     side_by_side,
     simulated_now,
 )
 from jaxid.estimate.output_error.problem import CLOCK_OFFSET, Unknowns
 from jaxid.estimate.output_error.setup import build
+from jaxid.estimate.output_error.solvers import minimise_compiled
 from jaxid.robots.effect import Effect
 from jaxid.simulation.rollout import rollout_in_xla
 
@@ -40,6 +42,22 @@ def agree(found, expected, tolerance=1e-11):
     found, expected = (np.asarray(x) for x in (found, expected))
     assert found.shape == expected.shape
     np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance * max(1.0, np.abs(expected).max()))
+
+
+def test_what_no_log_measured_is_neither_simulated_nor_weighed(problem):
+    structure, numbers, there = problem
+    mask = np.array(numbers.mask)
+    mask[:, :, 1] = False
+    d = direct(structure, replace(numbers, mask=mask))
+    less, places = of_what_counts(d)
+    assert places == [0] and less.model.system.outputs == 1 < d.model.system.outputs
+    whole, part = linearised_directly(d, there), linearised_directly(less, there)
+    for name in set(whole._fields) - {"squares"}:
+        agree(getattr(part, name), getattr(whole, name))
+    agree(part.squares[:, 0], whole.squares[:, 0])
+    assert not whole.squares[:, 1].any()
+    optimum = minimise_compiled(structure, replace(numbers, mask=mask), there)
+    assert optimum.triangle.squares.shape == whole.squares.shape
 
 
 def test_linearisation_simulation_and_sensitivities_are_xlas(problem, xla):
