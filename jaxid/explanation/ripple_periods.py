@@ -42,7 +42,8 @@ _MOST = 2**16
 """Most steps of the grid; the finest periods are left out beyond."""
 FALSE_ALARM = 0.05
 """Probability of any peak where the force repeats with nothing."""
-_SHIFTS = 199
+_SHIFTS, _TOGETHER = 199, 8
+"""Random shifts of the force that are held against it, and how many are transformed at a time."""
 _SEED = 22
 _PEAKS = 8
 
@@ -70,8 +71,10 @@ class Grid:
         return np.asarray(self.step * np.arange(1, self.steps + 1), np.float64)
 
     def sums(self, values: Array, steps: int) -> NDArray[np.complex128]:
-        """Sums of `values` [N] times exp(i k way) for k from 0 to `steps`."""
-        return np.conj(np.fft.rfft(np.bincount(self.at, values, minlength=self.size)))[: steps + 1]
+        """Sums of `values` [*signals, N] times exp(i k way) for k from 0 to `steps`."""
+        rows = values.reshape(-1, values.shape[-1])
+        binned = np.stack([np.bincount(self.at, row, minlength=self.size) for row in rows])
+        return np.conj(np.fft.rfft(binned, axis=1)[:, : steps + 1]).reshape(*values.shape[:-1], steps + 1)
 
 
 class Periodogram:
@@ -87,8 +90,8 @@ class Periodogram:
         self.cosine, self.mixed, self.sine = ss / determinant, -2 * cs / determinant, cc / determinant
 
     def __call__(self, products: Array) -> Array:
-        """The part at each period [M]; `products` [N] are weight times signal."""
-        sums = self.grid.sums(products, self.grid.steps)[1:]
+        """The part at each period [*signals, M]; `products` [*signals, N] are weight times signal."""
+        sums = self.grid.sums(products, self.grid.steps)[..., 1:]
         return self.cosine * sums.real**2 + self.mixed * sums.real * sums.imag + self.sine * sums.imag**2
 
 
@@ -119,9 +122,9 @@ def _peaks(
     parts = np.split(products, np.cumsum([len(own) for own in ways])[:-1])
     rng = np.random.default_rng(_SEED)
     power = Periodogram(grid, weight)
-    moved = np.stack(
-        [power(np.concatenate([np.roll(own, rng.integers(len(own))) for own in parts]))[kept] for _ in range(_SHIFTS)]
-    )
+    shifted = [np.concatenate([np.roll(own, rng.integers(len(own))) for own in parts]) for _ in range(_SHIFTS)]
+    some = range(0, _SHIFTS, _TOGETHER)
+    moved = np.concatenate([power(np.stack(shifted[k : k + _TOGETHER]))[:, kept] for k in some])
     usual = np.maximum(np.mean(moved, axis=0), np.finfo(float).tiny)
     least = float(np.quantile(np.max(moved / usual, axis=1), 1.0 - false_alarm))
     height = power(products)[kept] / usual / least
