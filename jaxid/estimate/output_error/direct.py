@@ -6,7 +6,6 @@ comes seconds sooner; the Jacobian stays in the lanes in which it was simulated 
 """
 
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax
@@ -14,13 +13,11 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._compile import compiled
-from ...kernel.call import System
 from ...kernel.direct import input_tangents, one_triangle, outputs, tangents, triangle
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
-from ...robots.effect import Scalars
 from ...simulation.direct import MachineModel, machine_model
-from ...simulation.records import command_slopes, commanded, commanded_each, measured, measured_each, measured_slopes
+from ...simulation.records import command_slopes, commanded, measured, measured_slopes
 from ...simulation.segments import Rollouts, in_segments, with_states
 from .problem import (
     CLOCK_OFFSET,
@@ -40,9 +37,6 @@ Array = Any
 """NumPy's, or what can be read as such."""
 _LONG = 16_000_000
 """Numbers of the sensitivities, lanes filled up, from which they are worked out a stretch of time after the other."""
-_MOST_SYSTEMS = 256
-_TOGETHER = 2_000_000
-"""Numbers of the outputs up to which several simulations of the logs run side by side."""
 
 
 class Logs(NamedTuple):
@@ -126,38 +120,13 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
     )
 
 
-@lru_cache(_MOST_SYSTEMS)
-def _showing(system: System, outputs: tuple[int, ...]) -> System:
-    """The same with some of its outputs."""
-
-    def shown(p: Scalars, x: Scalars, u: Scalars):
-        every = system.output(p, x, u)
-        return tuple(every[i] for i in outputs)
-
-    return system._replace(output=shown, outputs=len(outputs))
-
-
-def of_what_counts(d: Direct) -> tuple[Direct, list[int]]:
-    """The problem without outputs that weigh nothing in any log, such as currents that nobody measured, and the places of
-    the others. With effects on sensors all stay."""
-    there = np.flatnonzero(np.any(d.logs.weight > 0.0, axis=(0, 1, 3))).tolist()
-    if not there or len(there) == d.model.system.outputs or d.model.records.measures is not None:
-        return d, list(range(d.model.system.outputs))
-    logs = d.logs._replace(
-        measured=np.ascontiguousarray(d.logs.measured[:, :, there]),
-        weight=np.ascontiguousarray(d.logs.weight[:, :, there]),
-    )
-    model = d.model._replace(system=_showing(d.model.system, tuple(there)))
-    return d._replace(model=model, logs=logs), there
-
-
-def _starts(d: Direct, states: Float[Array, "*c E s"]) -> Float[Array, "*c E S"]:
+def starts_at(d: Direct, states: Float[Array, "*c E s"]) -> Float[Array, "*c E S"]:
     x = np.array(np.broadcast_to(d.begin, (*states.shape[:-2], *d.begin.shape)), dtype=float)
     x[..., d.starts] += d.state_scale * states
     return x
 
 
-def _numbers(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
+def numbers_at(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
     p = np.broadcast_to(d.numbers, (*theta.shape[:-1], d.numbers.shape[-1])).copy()
     p[..., d.moving] = theta
     return p
@@ -165,23 +134,23 @@ def _numbers(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
 
 def _seen(d: Direct, theta: Float[Array, "*E n"], states: Float[Array, "E s"]):
     """What the machine code reads. The parameters are those of all logs or, without effects on records, of each."""
-    numbers, records, n = _numbers(d, theta), d.model.records, len(d.shares)
+    numbers, records, n = numbers_at(d, theta), d.model.records, len(d.shares)
     own = numbers[..., list(d.model.places)]
     u, E = d.logs.u, len(d.begin)
     if records.commands is not None:
         u = grouped(commanded(records, numbers, d.problem.inputs, d.problem.dt, n))
     p = grouped(np.broadcast_to(own, (E, own.shape[-1])))
-    return d.shares, p, grouped(_starts(d, states)), u, d.logs.dt, d.logs.fixed
+    return d.shares, p, grouped(starts_at(d, states)), u, d.logs.dt, d.logs.fixed
 
 
 def _shown(d: Direct, theta: Float[Array, "*E n"], y: Float[Array, "G T Y L"]) -> Float[Array, "G T Y L"]:
     """What the sensors report of the outputs."""
     if d.model.records.measures is None:
         return y
-    return grouped(measured(d.model.records, _numbers(d, theta), ungrouped(y, len(d.begin)), d.problem.dt))
+    return grouped(measured(d.model.records, numbers_at(d, theta), ungrouped(y, len(d.begin)), d.problem.dt))
 
 
-def _residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Float[Array, "G T Y L"]:
+def weighted_residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Float[Array, "G T Y L"]:
     residual = np.subtract(y, measured, out=y)
     residual *= weight
     # A simulation that is not finite is no matter where nothing was measured.
@@ -208,7 +177,7 @@ def _tangents(
         dy = whole
     if records.commands is None and records.measures is None:
         return dy
-    numbers, moved = _numbers(d, theta), np.zeros((n, len(d.numbers)))
+    numbers, moved = numbers_at(d, theta), np.zeros((n, len(d.numbers)))
     moved[np.arange(n), list(d.moving)] = columns
     before = [j for j, place in enumerate(d.moving) if place in (records.commands or ())]
     if before:
@@ -229,7 +198,7 @@ def _whitened(d: Direct, theta: Float[Array, "*E n"], columns: Float[Array, "*E 
         dy = _tangents(d, theta, columns, seen, y)
         both = np.empty((*dy.shape[:3], dy.shape[3] + 1, lanes()))
         np.multiply(dy, d.logs.weight[:, :, :, None], out=both[:, :, :, :-1])
-        both[:, :, :, -1] = _residual(_shown(d, theta, y), d.logs.measured, d.logs.weight)
+        both[:, :, :, -1] = weighted_residual(_shown(d, theta, y), d.logs.measured, d.logs.weight)
     return both
 
 
@@ -253,8 +222,8 @@ def _stretches(
     dx[:, np.arange(s), list(d.starts)] = d.state_slope
     T = problem.dt.shape[1]
     fixed = np.stack([*problem.prescribed.values()], axis=-1) if problem.prescribed else np.zeros((E, T, 0))
-    p = np.broadcast_to(_numbers(d, theta)[..., list(places)], (E, len(places)))
-    run = Rollouts(d.shares, p, _starts(d, states), problem.inputs, problem.dt, fixed)
+    p = np.broadcast_to(numbers_at(d, theta)[..., list(places)], (E, len(places)))
+    run = Rollouts(d.shares, p, starts_at(d, states), problem.inputs, problem.dt, fixed)
     weight, seen = residual_weights(problem), np.where(problem.mask, problem.outputs, 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
         for part, y, dy in in_segments(system, tuple(at[d.moving[j]] for j in inside), run, dp, dx):
@@ -381,67 +350,6 @@ def linearised_directly(d: Direct, unknowns: Unknowns) -> Triangle:
     z = np.asarray(unknowns.z)
     theta, slope = parameters_at(d.problem, z), slopes_at(d.problem, z)
     return reduced(d.problem, theta, slope, *log_triangles(d, theta, slope, np.asarray(unknowns.states)))
-
-
-class SideBySide(NamedTuple):
-    """The logs of a problem `together` times over, in lanes: for as many simulations of them at once."""
-
-    together: int
-    logs: Logs
-
-
-def side_by_side(d: Direct, times: int) -> SideBySide:
-    """The logs `times` times over, or once, where they are many or long."""
-    E, of = len(d.begin), d.logs
-    rows = 1 if d.model.records.commands is None else len(d.shares)
-    # Few logs leave lanes empty, which the others' simulations fill.
-    more = -(-E * times // lanes()) / len(of.dt)
-    if times == 1 or (more > 1 and max(of.measured.size, of.u.size * rows) * more > _TOGETHER):
-        return SideBySide(1, of)
-    return SideBySide(times, Logs(*(grouped(np.tile(ungrouped(x, E), (times, *[1] * (x.ndim - 2)))) for x in of)))
-
-
-def log_squares(
-    d: Direct, many: SideBySide, theta: Float[Array, "c *E n"], states: Float[Array, "c E s"]
-) -> Float[Array, "c E"]:
-    """Sums of squared residuals of every log at c parameters, of all logs or of each, and initial states."""
-    E, (system, places, records) = len(d.begin), d.model
-    squares = []
-    for first in range(0, len(theta), many.together):
-        some = slice(first, first + many.together)
-        numbers, of = _numbers(d, theta[some]), many.logs
-        each = numbers if numbers.ndim == 3 else np.repeat(numbers[:, None], E, axis=1)
-        p = grouped(each[..., list(places)].reshape(-1, len(places)))
-        x = grouped(_starts(d, states[some]).reshape(-1, d.begin.shape[1]))
-        u = of.u
-        if records.commands is not None:
-            after = commanded_each(records, numbers, d.problem.inputs, d.problem.dt, len(d.shares))
-            u = grouped(after.reshape(-1, *after.shape[2:]))
-        y = outputs(system, (d.shares, p, x, u, of.dt, of.fixed))
-        if records.measures is not None:
-            plain = ungrouped(y, many.together * E)
-            seen = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt)
-            y = grouped(seen.reshape(plain.shape))
-        residual = _residual(y, of.measured, of.weight)
-        summed = np.einsum("gtyl,gtyl->gl", residual, residual)
-        squares.append(ungrouped(summed, many.together * E).reshape(many.together, E))
-    return np.concatenate(squares)
-
-
-def costs_of(
-    problem: Problem, theta: Float[Array, "c n"], states: Float[Array, "c E s"], squares: Float[Array, "c E"]
-) -> Float[Array, " c"]:
-    """`problem.cost` at many unknowns from their logs' squares, and the priors."""
-    pull = np.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
-    stiff = np.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0)
-    return 0.5 * (squares.sum(axis=1) + pull.sum(axis=1) + (stiff * states**2).sum(axis=(1, 2)))
-
-
-def costs_directly(d: Direct, many: SideBySide, candidates: Unknowns) -> Float[Array, " c"]:
-    """`problem.cost` at many unknowns."""
-    theta, states = parameters_at(d.problem, np.asarray(candidates.z)), np.asarray(candidates.states)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return costs_of(d.problem, theta, states, log_squares(d, many, theta, states))
 
 
 _simulate_all = compiled(simulate_all, static_argnums=0)

@@ -16,12 +16,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._compile import compiled, forget_programs
-from .direct import costs_directly, direct, linearised_directly, of_what_counts, runs_directly, side_by_side
+from .direct import direct, linearised_directly, runs_directly
+from .direct_costs import costs_directly, side_by_side
 from .lanes import ask_together, in_batch
 from .levenberg_marquardt import CANDIDATES, UNDECIDED, BestDampingLevenbergMarquardt, begin, tried
 from .optimum import Optimum, Outcome
 from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
 from .together import costs_together, kind_of, linearised_together
+from .what_counts import of_what_counts
 
 Task = tuple[Structure, Problem, Unknowns]
 Look = Callable[[Unknowns], Triangle]

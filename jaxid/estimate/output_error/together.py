@@ -11,7 +11,8 @@ import numpy as np
 
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
-from .direct import Direct, Logs, costs_of, log_squares, log_triangles, reduced, side_by_side, slopes_at
+from .direct import Direct, Logs, log_triangles, reduced, slopes_at
+from .direct_costs import costs_of, log_squares, side_by_side
 from .problem import Triangle, Unknowns, parameters_at
 
 Array = Any

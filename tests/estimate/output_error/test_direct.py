@@ -13,18 +13,17 @@ from jaxid.effects import effect_by_id
 from jaxid.effects.actuator import DeadZone, InputDelay
 from jaxid.effects.sensor import SensorLag
 from jaxid.estimate.output_error.direct import (
-    costs_directly,
     direct,
     linearised_directly,
     linearised_now,
-    of_what_counts,
     sensitivities_directly,
-    side_by_side,
     simulated_now,
 )
+from jaxid.estimate.output_error.direct_costs import costs_directly, side_by_side
 from jaxid.estimate.output_error.problem import CLOCK_OFFSET, Unknowns
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.solvers import minimise_compiled
+from jaxid.estimate.output_error.what_counts import of_what_counts
 from jaxid.robots.effect import Effect
 from jaxid.simulation.rollout import rollout_in_xla
 

@@ -1,0 +1,36 @@
+"""A problem in lanes without the outputs that nobody measured: they need not be simulated, differentiated or weighed."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from ...kernel.call import System
+from ...robots.effect import Scalars
+from .direct import Direct
+
+_MOST_SYSTEMS = 256
+
+
+@lru_cache(_MOST_SYSTEMS)
+def _showing(system: System, outputs: tuple[int, ...]) -> System:
+    """The same with some of its outputs."""
+
+    def shown(p: Scalars, x: Scalars, u: Scalars):
+        every = system.output(p, x, u)
+        return tuple(every[i] for i in outputs)
+
+    return system._replace(output=shown, outputs=len(outputs))
+
+
+def of_what_counts(d: Direct) -> tuple[Direct, list[int]]:
+    """The problem without outputs that weigh nothing in any log, such as currents that nobody measured, and the places of
+    the others. With effects on sensors all stay."""
+    there = np.flatnonzero(np.any(d.logs.weight > 0.0, axis=(0, 1, 3))).tolist()
+    if not there or len(there) == d.model.system.outputs or d.model.records.measures is not None:
+        return d, list(range(d.model.system.outputs))
+    logs = d.logs._replace(
+        measured=np.ascontiguousarray(d.logs.measured[:, :, there]),
+        weight=np.ascontiguousarray(d.logs.weight[:, :, there]),
+    )
+    model = d.model._replace(system=_showing(d.model.system, tuple(there)))
+    return d._replace(model=model, logs=logs), there
