@@ -20,6 +20,11 @@ class Compiled:
         """The compiled function, as another compiled function takes it."""
         return njit(self._signature, cache=True)(self._function)
 
+    @cached_property
+    def callee(self) -> Any:
+        """The function as it is called inside another compiled function, compiled together with that one."""
+        return njit(cache=True)(self._function)
+
     def __call__(self, *arguments: Any) -> Any:
         return self.ready(*(a.ready if isinstance(a, Compiled) else a for a in arguments))
 
