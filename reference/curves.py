@@ -58,7 +58,9 @@ def periodic(seed: float) -> np.ndarray:
     values = _rng(seed).uniform(-1.0, 1.0, KNOTS - 1)
     values -= values.mean()
     values = np.append(values, values[0]) / np.abs(values).max()
-    around = PchipInterpolator(np.linspace(-1.0, 2.0, 3 * KNOTS - 2), np.concatenate((values[:-1], values[:-1], values)))
+    around = PchipInterpolator(
+        np.linspace(-1.0, 2.0, 3 * KNOTS - 2), np.concatenate((values[:-1], values[:-1], values))
+    )
     return np.concatenate((values, around.derivative()(PLACES)))
 
 

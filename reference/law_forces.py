@@ -8,7 +8,7 @@ from numba import njit
 
 from reference.curves import at
 from reference.effects import E
-from reference.law_table import K
+from reference.law_vector import K
 
 AT_REST = 0.02  # rad/s: width of the smooth step of a Coulomb moment against turning
 RAMP_WIDTH = 0.004  # s: how soon a slewing driver is at its full rate

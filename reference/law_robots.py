@@ -25,7 +25,7 @@ from reference.law_forces import (
     turning_moment,
     viscous_more,
 )
-from reference.law_table import K
+from reference.law_vector import K
 from reference.robot import Robot
 from reference.stick_slip import DYNAMICS
 
@@ -146,9 +146,7 @@ def with_laws(robot: Robot, e: np.ndarray, laws: np.ndarray) -> tuple[Robot, np.
         if clash or robot.parameters.get("La", 0.0) > 0.0 or robot.parameters.get("current_limit", 1e30) < 1e30:
             raise ValueError(f"A law of the motors replaces the plain ones; leave {clash or 'La, current_limit'} out.")
     more = _more_states(len(robot.inputs), len(robot.speeds))
-    return replace(
-        robot, dynamics=_DYNAMICS[robot.name], n_states=robot.n_states + more, currents=None
-    ), together
+    return replace(robot, dynamics=_DYNAMICS[robot.name], n_states=robot.n_states + more, currents=None), together
 
 
 def filter_states(robot: Robot) -> int:

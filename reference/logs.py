@@ -9,7 +9,8 @@ import pandas as pd
 from reference.effects import applied_voltage, complete, kernel_vector, measured
 from reference.law_robots import filter_states, with_laws
 from reference.law_signals import commanded, input_shares, sensed, sensor_shares
-from reference.law_table import K, Laws, complete_laws, law_vector, on_signals
+from reference.law_table import Laws, complete_laws, on_signals
+from reference.law_vector import K, law_vector
 from reference.noise import added, jittered
 from reference.robot import Robot
 from reference.stick_slip import integrate
@@ -204,7 +205,10 @@ def simulate_log(
     run = simulate(robot, inputs, sampling, effects, **options)
     rng = np.random.default_rng(seed)
     speeds = added(run.speeds, np.broadcast_to(noise, run.speeds.shape[1]), noise_kind, rng)
-    table = {"t": jittered(run.t, rng) if noise_kind == "jittered" else run.t, **dict(zip(robot.inputs, np.asarray(inputs, float).T, strict=True))}
+    table = {
+        "t": jittered(run.t, rng) if noise_kind == "jittered" else run.t,
+        **dict(zip(robot.inputs, np.asarray(inputs, float).T, strict=True)),
+    }
     table.update(zip(robot.speeds, speeds.T, strict=True))
     if robot.name == "axis":
         table["q"] = run.states[:, 0]

@@ -1,0 +1,74 @@
+"""The cases of each set. Every set has seeds of its own; `quick` cases come first and stand in the tables' first rows."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from reference.law_table import LAWS, applies
+from reference.noise import KINDS
+
+ROBOTS = ("pioneer", "omni", "axis")
+FIRST_SEED = {"tuning": 20000, "main": 30000, "set_aside": 40000}
+"""`tuning` is for development, `main` for the page, `set_aside` is looked at once, after the last change."""
+_SHIFT = {"tuning": 0, "main": 1, "set_aside": 2}
+COMPLETE = 3
+"""Complete models for each robot and kind of noise."""
+CONSTANTS = 6
+"""Complete models for each robot with known constants off, and as many with a hidden law besides."""
+PAIRS = 8
+"""Pairs of laws for each robot."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One case: `kind` is "quick", "strength", "complete", "constants" or "pair"; `laws` the hidden ones."""
+
+    robot: str
+    kind: str
+    laws: tuple[str, ...]
+    strength: str
+    seed: int
+    noise: str = "white"
+    off: bool = field(default=False)
+
+    @property
+    def name(self) -> str:
+        """Key of the case in the results."""
+        what = "+".join(self.laws) or "nothing"
+        return f"{self.robot}/{self.kind}/{what}/{self.strength}/{self.noise}{'/off' if self.off else ''}/{self.seed}"
+
+
+def robots_of(law: str) -> list[str]:
+    """Robots that can have a law."""
+    return [robot for robot in ROBOTS if applies(law, robot)]
+
+
+def plans(name: str) -> list[Plan]:
+    """All cases of a set. In `quick` each law is hidden once, on another robot in each set, as far as it applies to several."""
+    rng = np.random.default_rng(FIRST_SEED[name])
+    chosen: list[tuple[str, str, tuple[str, ...], str, str, bool]] = []
+
+    def turn(number: int, law: str, shift: int) -> str:
+        own = robots_of(law)
+        return own[(number + shift) % len(own)]
+
+    for number, law in enumerate(LAWS):
+        chosen.append((turn(number, law, _SHIFT[name]), "quick", (law,), "medium", "white", False))
+    quick = [chosen[i] for i in rng.permutation(len(chosen))]
+    rest: list[tuple[str, str, tuple[str, ...], str, str, bool]] = []
+    for strength, shift in (("weak", 1), ("strong", 2)):
+        for number, law in enumerate(LAWS):
+            rest.append((turn(number, law, _SHIFT[name] + shift), "strength", (law,), strength, "white", False))
+    for robot in ROBOTS:
+        own = [law for law in LAWS if applies(law, robot)]
+        rest += [(robot, "complete", (), "-", kind, False) for kind in KINDS for _ in range(COMPLETE)]
+        rest += [(robot, "constants", (), "-", "white", True) for _ in range(CONSTANTS)]
+        rest += [(robot, "constants", (str(rng.choice(own)),), "medium", "white", True) for _ in range(CONSTANTS)]
+        for _ in range(PAIRS):
+            one, other = rng.choice(len(own), 2, replace=False)
+            rest.append((robot, "pair", (own[one], own[other]), "medium", "white", False))
+    rest = [rest[i] for i in rng.permutation(len(rest))]
+    return [
+        Plan(robot, kind, laws, strength, FIRST_SEED[name] + number, noise, off)
+        for number, (robot, kind, laws, strength, noise, off) in enumerate(quick + rest)
+    ]
