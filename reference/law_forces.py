@@ -11,6 +11,8 @@ from reference.effects import E
 from reference.law_vector import K
 
 AT_REST = 0.02  # rad/s: width of the smooth step of a Coulomb moment against turning
+BRISTLE_DAMPING = 0.03  # s
+CREEPING = 0.05  # m/s: below this speed, slip is by speed and not by ratio
 RAMP_WIDTH = 0.004  # s: how soon a slewing driver is at its full rate
 
 
@@ -51,6 +53,31 @@ def dry(coulomb, s, drive, k, lever, e, level):
         forwards += e[K.one_sided] * (1.0 + at(abs(s), e, K.one_sided_curve))
     level[0, k] = max(0.0, level[0, k] * forwards + more)
     level[1, k] = max(0.0, level[1, k] * (1.0 - e[K.coulomb_asymmetry + k]) + more)
+
+
+@njit(cache=True)
+def bristles(coulomb, s, k, x, xdot, place, e, level):
+    """Force of bristles on axis k (Canudas et al. 1995) in place of dry friction, whose levels it takes away.
+
+    x[place + k] is the deflection in units of the one at which a Coulomb force slides. z' = s - sigma0 |s| z / g(s) and
+    sigma0 z + sigma1 z' with sigma0 = coulomb / distance and sigma1 = sigma0 * 0.03 s.
+    """
+    if e[K.bristle] == 0.0 or coulomb == 0.0:
+        return 0.0
+    g = level[0, k] if s >= 0.0 else level[1, k]
+    level[0, k] = level[1, k] = 0.0
+    xdot[place + k] = (s - abs(s) * x[place + k] * coulomb / g) / e[K.bristle]
+    return coulomb * (x[place + k] + BRISTLE_DAMPING * xdot[place + k])
+
+
+@njit(cache=True)
+def payload(t, e):
+    """Mass [kg] that is there at time t beyond the robot's own."""
+    if e[K.payload_kind] == 2.0:
+        return e[K.payload] * max(0.0, 1.0 - t / e[K.payload_time])
+    if e[K.payload_kind] == 3.0:
+        return e[K.payload] * (1.0 - at(min(t / e[K.payload_time], 1.0), e, K.payload_curve))
+    return e[K.payload]
 
 
 @njit(cache=True)
@@ -197,8 +224,10 @@ def supplied(command, emf, resistance, n, x, xdot, place, e):
 
 
 @njit(cache=True)
-def motor_drives(u, rate, back, ohm, gain, n, x, xdot, place, e, drive):
+def motor_drives(u, rate, back, ohm, gain, radius, n, x, xdot, place, e, drive):
     """Drive torques of n motors: gain * current, the current of u, of `back` * rate [V] and of `ohm`.
+
+    A wheel of `radius` that slips by creep * force * speed turns faster by that, and its back-EMF is larger.
 
     States from `place` on: two of a lag a motor, the current, the heat [J]; then two of the supply.
     """
@@ -210,6 +239,8 @@ def motor_drives(u, rate, back, ohm, gain, n, x, xdot, place, e, drive):
         strength[w] = e[K.strength + w] * (1.0 - e[K.heat_strength] * warm)
         emf[w] = back * strength[w] * rate[w]
         resistance[w] = ohm * e[K.resistance + w] * (1.0 + e[K.heat_resistance] * warm)
+        if e[K.creep] > 0.0:
+            resistance[w] += back * gain / radius**2 * e[K.creep] * (abs(rate[w]) * radius + CREEPING)
         if e[K.heat_rise] != 0.0:
             resistance[w] *= 1.0 + e[K.heat_rise] * at(warm / e[K.heat_full], e, K.heat_curve)
     factor = supplied(command, emf, resistance, n, x, xdot, supply, e)
@@ -220,6 +251,11 @@ def motor_drives(u, rate, back, ohm, gain, n, x, xdot, place, e, drive):
             current = x[winding + w]
         if abs(u[w]) < e[K.freewheel]:
             current = 0.0
+        if e[K.no_braking] > 0.0 and current * command[w] <= 0.0:
+            share = e[K.no_braking]
+            if e[K.no_braking_full] > 0.0:
+                share *= at(min(abs(command[w]) / e[K.no_braking_full], 1.0), e, K.no_braking_curve)
+            current *= 1.0 - share
         xdot[heat + w] = resistance[w] * current * current
         if e[K.heat_time] > 0.0:
             xdot[heat + w] -= x[heat + w] / e[K.heat_time]

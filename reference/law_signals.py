@@ -52,6 +52,15 @@ def _saturation(u: np.ndarray, word: str, v: Mapping[str, float]) -> np.ndarray:
     return np.minimum(u, 1.0 / inverse)
 
 
+def _play(u: np.ndarray, half: float) -> np.ndarray:
+    """The play operator, from rest: follows its input at a distance of at most `half`."""
+    out = np.empty_like(u)
+    last = np.zeros(u.shape[1])
+    for k, row in enumerate(u):
+        last = out[k] = np.clip(last, row - half, row + half)
+    return out
+
+
 def commanded(inputs: np.ndarray, full: Full) -> np.ndarray:
     """What the command map makes of the inputs (N, m)."""
     u = np.array(inputs, float)
@@ -61,6 +70,8 @@ def commanded(inputs: np.ndarray, full: Full) -> np.ndarray:
             u = _dead_zone(u, word, v)
         elif mechanism == "voltage_saturation":
             u = _saturation(u, word, v)
+        elif mechanism == "backlash":
+            u = _play(u, 0.5 * v["width"])
         elif law == "motor_gain_mismatch/drawn":
             gain = 1.0 + v["mismatch"] * 2.0 * curves.evaluate(curves.growing(v["seed"]), np.abs(u) / v["full"])
             u = _only(u, u * gain, v, "motor")
@@ -86,6 +97,8 @@ def _shares(full: Full, n: int, channels: int, single: str, which: str, others: 
         if mechanism == single and word == "jittering":
             each = np.random.default_rng([int(v["seed"]), 79]).uniform(0.0, 2.0 * v["delay"], (n, 1))
             return [(np.repeat(each, channels, 1), 1.0)]
+        if mechanism == single and word == "growing":
+            return [(np.repeat(np.linspace(0.0, 2.0 * v["delay"], n)[:, None], channels, 1), 1.0)]
         if mechanism == single:
             return [(_only(np.zeros((n, channels)), np.full((n, channels), v["delay"]), v, which), 1.0)]
         if law in others and word == "moving_average":
@@ -125,6 +138,12 @@ def sensed(speeds: np.ndarray, time: np.ndarray, full: Full) -> np.ndarray:
             if word == "drawn":
                 error = v["error"] * curves.evaluate(curves.growing(v["seed"]), np.minimum(np.abs(speeds), 1.0))
             out = _only(out, out * (1.0 + error), v, "channel")
+        elif law == "sensor_cross_talk/rotated":
+            cos, sin = np.cos(v["angle"]), np.sin(v["angle"])
+            out[:, :2] = out[:, :2] @ np.array([[cos, -sin], [sin, cos]])
+        elif law == "sensor_cross_talk/drawn":
+            size = np.minimum(np.abs(speeds[:, [int(v["other"]) - 1]]), 1.0)
+            out = _only(out, out + v["error"] * curves.evaluate(curves.growing(v["seed"]), size), v, "channel")
         elif mechanism == "sensor_cross_talk":
             out = _only(out, out + v["angle"] * speeds[:, [int(v["other"]) - 1]], v, "channel")
     return out

@@ -104,20 +104,35 @@ LAWS: dict[str, dict[str, float]] = {
     "effective_track/by_direction": {"share": 0.0},  # wider by it in left turns, narrower in right ones
     "effective_track/drawn": {"share": 0.0, "seed": 0.0},  # by yaw rate, full at 2 rad/s
     "freewheeling_driver/below": {"threshold": 0.0},  # V: no current below it, so no braking by the back-EMF either
+    # Those above were there when the cases of the studies got their seeds; new ones follow in the order they came.
+    # Canudas et al. 1995: bristles that bend by `distance` [m] before sliding, with a Gaussian Stribeck curve
+    "stribeck_friction/lugre": {"amplitude": 0.0, "speed": 0.05, "distance": 0.001},
+    "traction_limit/creep": {"creep": 0.0},  # slip ratio per newton: wheels turn faster than the floor passes
+    "input_delay/growing": {"delay": 0.0},  # from 0 to twice this over a log: a second clock
+    "sensor_delay/growing": {"delay": 0.0},
+    "sensor_cross_talk/rotated": {"angle": 0.0},  # the first two speeds, in a sensor's turned frame
+    "sensor_cross_talk/drawn": {"error": 0.0, "channel": 1.0, "other": 2.0, "seed": 0.0},  # even in the other speed
+    "freewheeling_driver/no_braking": {"share": 0.0},  # of a current against the command that does not flow: diodes
+    "freewheeling_driver/drawn": {"share": 0.0, "full": 6.0, "seed": 0.0},  # the same at 0 V, by command less
+    "payload_change/in_some_logs": {"mass": 0.0},  # kg (axis: the unit of its inertia)
+    "payload_change/leaking": {"mass": 0.0, "time": 20.0},  # lost at a steady rate
+    "payload_change/drawn": {"mass": 0.0, "time": 20.0, "seed": 0.0},
+    "backlash/command": {"width": 0.0},  # V: the play operator, half a width to either side
+    "wheel_radius_mismatch/one_wheel": {"mismatch": 0.0, "wheel": 1.0},
 }
 NOT_ON = {
     "pioneer": {"quadratic_drag/one_axis"},
-    "omni": {"effective_track/wider"},  # the same model as other constants about W
+    "omni": {"wheel_radius_mismatch/one_wheel"},
     "axis": set(),
 }
 _AXIS_HAS_NO = (
     "motor_gain_mismatch battery_sag motor_heating asymmetric_friction surface_change ground_slope sensor_scale "
-    "sensor_cross_talk turning_friction effective_track freewheeling_driver"
+    "sensor_cross_talk turning_friction effective_track freewheeling_driver wheel_radius_mismatch"
 ).split()
-_WORDS_OF_MANY = ("one_wheel", "mirrored", "one_motor", "one_channel", "inductance", "one_axis")
+_WORDS_OF_MANY = ("one_wheel", "mirrored", "one_motor", "one_channel", "inductance", "one_axis", "creep")
 
 SIGNALS = ("actuator_dead_zone", "voltage_saturation", "input_delay", "sensor_delay", "sensor_bias", "sensor_scale",
-           "sensor_cross_talk", "motor_gain_mismatch/drawn", "motor_lag/drawn", "sensor_lag/moving_average",
+           "sensor_cross_talk", "backlash", "motor_gain_mismatch/drawn", "motor_lag/drawn", "sensor_lag/moving_average",
            "sensor_lag/drawn")  # fmt: skip
 """Laws, or mechanisms all of whose laws act on the signals."""
 
@@ -128,7 +143,7 @@ def applies(law: str, robot: str) -> bool:
     if robot == "axis" and (mechanism in _AXIS_HAS_NO or word in _WORDS_OF_MANY):
         return False
     if robot == "omni" and mechanism == "effective_track":
-        return False
+        return False  # the same model as other constants about W
     return law not in NOT_ON[robot]
 
 

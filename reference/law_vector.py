@@ -31,6 +31,8 @@ _SIZES = {
     "grip_kind": 1, "grip": 4, "grip_curve": 12, "freewheel": 1,
     "ripple": 1, "ripple_second": 1, "ripple_phase": 1, "ripple_share": 1, "ripple_periods": 1, "ripple_drawn": 1,
     "ripple_curve": 12,
+    "bristle": 1, "creep": 1, "no_braking": 1, "no_braking_full": 1, "no_braking_curve": 12,
+    "payload_kind": 1, "payload": 1, "payload_time": 1, "payload_curve": 12,
     "sensor_first": 3, "sensor_second": 3,
 }  # fmt: skip
 _STARTS = len(E) + np.concatenate(([0], np.cumsum(list(_SIZES.values()))))
@@ -53,6 +55,8 @@ _CURVES: dict[str, tuple[str, Callable[[float], np.ndarray]]] = {
     "load_dependent_friction": ("load_curve", curves.growing),
     "turning_friction": ("turn_curve", curves.growing),
     "effective_track": ("track_curve", curves.growing),
+    "freewheeling_driver": ("no_braking_curve", curves.falling),
+    "payload_change": ("payload_curve", curves.growing),
 }
 
 
@@ -83,6 +87,7 @@ def _one(e: np.ndarray, slot: int, n: int, values: Mapping[str, float], size: fl
 
 def _stribeck(e, word, v, n_axes, n_motors) -> None:
     e[K.rise_speed] = v["speed"]
+    e[K.bristle] = v.get("distance", 0.0)
     e[K.rise_kind] = {"exponential": 1.0, "root": 0.5, "lorentzian": -1.0, "drawn": -2.0}.get(word, 2.0)
     if word == "relative":
         e[K.relative : K.relative + 3] = v["share"]
@@ -98,6 +103,9 @@ def _strength(e, word, v, n_axes, n_motors) -> None:
 
 
 def _grip(e, word, v, n_axes, n_motors) -> None:
+    if word == "creep":
+        e[K.creep] = v["creep"]
+        return
     e[K.grip_kind] = {"tanh": 1.0, "drawn": 2.0}.get(word, 0.0)
     if word == "one_wheel":
         _one(e, K.grip, n_motors, v, v["inverse_limit"])
@@ -215,7 +223,19 @@ def _load(e, word, v, n_axes, n_motors) -> None:
 
 
 def _freewheel(e, word, v, n_axes, n_motors) -> None:
-    e[K.freewheel] = v["threshold"]
+    if word == "below":
+        e[K.freewheel] = v["threshold"]
+    else:
+        e[K.no_braking], e[K.no_braking_full] = v["share"], v.get("full", 0.0)
+
+
+def _payload(e, word, v, n_axes, n_motors) -> None:
+    e[K.payload_kind] = {"in_some_logs": 1.0, "leaking": 2.0, "drawn": 3.0}[word]
+    e[K.payload], e[K.payload_time] = v["mass"], v.get("time", 0.0)
+
+
+def _constants(e, word, v, n_axes, n_motors) -> None:
+    """Nothing in the vector: the law changes constants of the robot."""
 
 
 def _sensor_lag(e, word, v, n_axes, n_motors) -> None:
@@ -244,4 +264,6 @@ _WRITE: dict[str, Callable[..., None]] = {
     "load_dependent_friction": _load,
     "freewheeling_driver": _freewheel,
     "sensor_lag": _sensor_lag,
+    "payload_change": _payload,
+    "wheel_radius_mismatch": _constants,
 }

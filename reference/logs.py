@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from reference.effects import applied_voltage, complete, kernel_vector, measured
-from reference.law_robots import filter_states, with_laws
+from reference.law_robots import filter_states, with_laws, with_other_constants
 from reference.law_signals import commanded, input_shares, sensed, sensor_shares
 from reference.law_table import Laws, complete_laws, on_signals
 from reference.law_vector import K, law_vector
@@ -104,7 +104,8 @@ def simulate(
         )
     full = complete(effects, robot.name)
     other = complete_laws(laws, robot.name)
-    plain, e = robot, kernel_vector(full)
+    robot, e = with_other_constants(robot, kernel_vector(full), other)
+    plain = robot
     if not all(on_signals(law) for law in other):
         robot, e = with_laws(robot, e, law_vector(other, robot.n_axes, len(robot.inputs)))
     p = np.array(list(robot.parameters.values()))

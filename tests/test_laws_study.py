@@ -88,9 +88,11 @@ def test_the_page_counts():
         "c": entry([], "adequate", [], kind="complete"),
         "d": {"case": "d", "kind": "pair", "strength": "medium", "noise": "white", "off": False, "code": "x",
               "hidden": {"x/y": {}}, "error": "RuntimeError: no"},
+        "e": {"case": "e", "kind": "quick", "strength": "medium", "noise": "white", "off": False, "code": "x",
+              "hidden": {"x/y": {}}, "unseen": 1.02},
     }  # fmt: skip
     text = page.text({"main": own}, {"main": plans("main")})
     assert "| mechanism named, medium and strong | ≥ 97 % | 1 of 2: 50 %" in text
     assert "| gap closed, median | ≥ 98 % | 75.0 % |" in text
     assert "noise white | ≤ 2 % | 0 of 1" in text
-    assert "RuntimeError: no" in text and "1 ended with an error" in text
+    assert "RuntimeError: no" in text and "1 ended with an error; in 1 what" in text

@@ -25,6 +25,8 @@ from .plans import FIRST_SEED, Plan, plans
 
 RESULTS = Path(__file__).parents[1] / "results"
 KINDS = ("quick", "strength", "complete", "constants", "pair")
+SHOWS = 1.15
+"""RMS of the fitted baseline below which the largest size that is allowed does not show, and nothing is explained."""
 _FORGET = 10
 """Cases after which compiled programs are forgotten."""
 
@@ -54,7 +56,11 @@ def run(plan: Plan) -> dict:
     from .cases import make
     from .sizes import size_of
 
-    laws = {law: size_of(plan.robot, law, plan.strength, plan.seed) for law in plan.laws}
+    sizes = {law: size_of(plan.robot, law, plan.strength, plan.seed) for law in plan.laws}
+    shown_as = [rms for _, rms in sizes.values()]
+    if shown_as and max(shown_as) < SHOWS:
+        return {**record(plan), "unseen": max(shown_as)}
+    laws = {law: size for law, (size, _) in sizes.items()}
     case = make(plan.robot, laws, plan.seed, noise_kind=plan.noise, constants_off=plan.off)
     with tempfile.TemporaryDirectory() as folder:
         fit_files, held_out_files, model = case.write(Path(folder))
@@ -111,7 +117,11 @@ def run_left(chosen: list[Plan], name: str) -> None:
             traceback.print_exc()
             entry = {**record(plan), "error": f"{type(error).__name__}: {error}"}
         append(RESULTS / f"laws_{name}.jsonl", entry | {"code": code})
-        said = entry.get("error") or f"{entry['verdict']}: {', '.join(entry['named'])} {entry['equivalent']}"
+        said = (
+            entry.get("error") or ""
+            if "verdict" not in entry
+            else f"{entry['verdict']}: {', '.join(entry['named'])} {entry['equivalent']}"
+        )
         rms = f"{entry.get('before', np.nan):.2f} -> {entry.get('after', np.nan):.3f}"
         took = f"{entry.get('seconds')} of {time.perf_counter() - begin:.1f} s"
         print(f"[{count}/{len(left)}] {plan.name}: {outcome(entry)}; {said} ({rms}, {took})", flush=True)
@@ -145,7 +155,7 @@ def main() -> None:
 
     for plan in chosen:
         for law in plan.laws:
-            print(plan.name, f"{size_of(plan.robot, law, plan.strength, plan.seed):.4g}", flush=True)
+            print(plan.name, *size_of(plan.robot, law, plan.strength, plan.seed), flush=True)
 
 
 if __name__ == "__main__":

@@ -41,6 +41,7 @@ _FULL = {
     "motor_gain_mismatch": LARGEST_INPUT,
     "battery_sag": {"pioneer": 12.0, "omni": 40.0},
     "motor_heating": {"pioneer": 60.0, "omni": 300.0},
+    "freewheeling_driver": {"pioneer": 4.0, "omni": 4.0},
     "load_dependent_friction": {"pioneer": 1.5, "omni": 60.0, "axis": 30.0},
 }
 """Where a drawn curve is at its end: volts, amperes, joules, newton metres or newtons."""
@@ -54,6 +55,7 @@ def parameters(robot: str, law: str, size: float, rng: np.random.Generator) -> d
     channel, other = rng.permutation(speeds)[:2] if speeds > 1 else (0, 0)
     drawn = {
         "speed": rng.uniform(0.03, 0.1),
+        "distance": 0.001,
         "wheel": rng.integers(wheels) + 1,
         "motor": rng.integers(motors) + 1,
         "axis": rng.integers(speeds) + 1,
@@ -82,6 +84,8 @@ def parameters(robot: str, law: str, size: float, rng: np.random.Generator) -> d
     sign = float(rng.choice([-1.0, 1.0]))
     strength = next(iter(LAWS[law]))
     either = strength in ("mismatch", "asymmetry", "error", "bias") or mechanism == "sensor_cross_talk"
+    if mechanism == "payload_change" and word != "in_some_logs":
+        drawn["time"] = SAMPLING * SAMPLES
     if mechanism == "effective_track" or (mechanism, word) == ("ground_slope", "bowl"):
         either = True
     values = {name: float(drawn[name]) for name in list(LAWS[law])[1:]}
@@ -108,6 +112,11 @@ def _off(robot: Robot, seed: int) -> Robot:
     return robot.with_parameters(**changed)
 
 
+def _there(hidden: dict[str, dict[str, float]], number: int) -> dict[str, dict[str, float]]:
+    """The laws of log `number`: a payload of some logs is there in every second one."""
+    return {law: values for law, values in hidden.items() if number % 2 or not law.endswith("/in_some_logs")}
+
+
 def make(
     robot: str,
     laws: Mapping[str, float],
@@ -131,7 +140,7 @@ def make(
         inputs = excitation.experiment(robot, kind, SAMPLES, 1000 * seed + number)
         tables[f"{role}_{kind}"] = simulate_log(
             true, inputs, SAMPLING, noise, 1000 * seed + 500 + number,
-            laws=hidden, noise_kind=noise_kind, rtol=1e-7, atol=1e-9,
+            laws=_there(hidden, number), noise_kind=noise_kind, rtol=1e-7, atol=1e-9,
         ).drop(columns="q", errors="ignore")  # fmt: skip
     names = AXIS_NAMES if robot == "axis" else {}
     nominal = {names.get(name) or name: told.parameters[name] for name in KNOWN[robot]}

@@ -98,8 +98,8 @@ def law_right(entry: Entry) -> bool | None:
 
 def outcome(entry: Entry) -> str:
     """A case in a word."""
-    if "error" in entry:
-        return "error"
+    if "error" in entry or "unseen" in entry:
+        return "error" if "error" in entry else "does not show"
     if right(entry):
         return "right"
     if wrong_as_fact(entry):

@@ -17,6 +17,9 @@ CONSTANTS = 6
 """Complete models for each robot with known constants off, and as many with a hidden law besides."""
 PAIRS = 8
 """Pairs of laws for each robot."""
+EARLIER = 77
+"""Laws that there were when seeds were first given out; quick cases of later ones have seeds from `_LATER` on."""
+_LATER, _REST = 200, 1000
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,8 @@ def plans(name: str) -> list[Plan]:
 
     for number, law in enumerate(LAWS):
         chosen.append((turn(number, law, _SHIFT[name]), "quick", (law,), "medium", "white", False))
-    quick = [chosen[i] for i in rng.permutation(len(chosen))]
+    quick = [*(chosen[i] for i in rng.permutation(EARLIER)), *chosen[EARLIER:]]
+    seeds = [FIRST_SEED[name] + k + (_LATER if k >= EARLIER else 0) for k in range(len(quick))]
     rest: list[tuple[str, str, tuple[str, ...], str, str, bool]] = []
     for strength, shift in (("weak", 1), ("strong", 2)):
         for number, law in enumerate(LAWS):
@@ -68,7 +72,8 @@ def plans(name: str) -> list[Plan]:
             one, other = rng.choice(len(own), 2, replace=False)
             rest.append((robot, "pair", (own[one], own[other]), "medium", "white", False))
     rest = [rest[i] for i in rng.permutation(len(rest))]
+    seeds += [FIRST_SEED[name] + _REST + k for k in range(len(rest))]
     return [
-        Plan(robot, kind, laws, strength, FIRST_SEED[name] + number, noise, off)
-        for number, (robot, kind, laws, strength, noise, off) in enumerate(quick + rest)
+        Plan(robot, kind, laws, strength, seed, noise, off)
+        for seed, (robot, kind, laws, strength, noise, off) in zip(seeds, quick + rest, strict=True)
     ]

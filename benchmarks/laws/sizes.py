@@ -39,6 +39,7 @@ LARGEST = {
     "delay": 0.12,
     "angle": 0.4,
     "inverse_limit": 1.0,
+    "width": 3.0,
 }
 """Of a strength by its parameter's name: beyond it, the robot is another one."""
 
@@ -129,8 +130,8 @@ def _kept() -> dict[str, list[float]]:
     return json.loads(PATH.read_text(encoding="utf-8")) if PATH.is_file() else {}
 
 
-def size_of(robot: str, law: str, strength: str, seed: int) -> float:
-    """The size for a strength, from the file or found now and kept there."""
+def size_of(robot: str, law: str, strength: str, seed: int) -> tuple[float, float]:
+    """The size for a strength and the RMS that it shows as, from the file or found now and kept there."""
     key = f"{robot}/{law}/{strength}/{seed}"
     if key not in _kept():
         size, rms = find(robot, law, strength, seed)
@@ -139,4 +140,5 @@ def size_of(robot: str, law: str, strength: str, seed: int) -> float:
         lines = ",\n".join(f" {json.dumps(name)}: {json.dumps(kept[name])}" for name in sorted(kept))
         PATH.write_text("{\n" + lines + "\n}\n", encoding="utf-8")
         _kept()[key] = kept[key]
-    return _kept()[key][0]
+    size, rms = _kept()[key]
+    return size, rms

@@ -9,7 +9,7 @@ from reference import curves
 from reference.axis import AXIS
 from reference.effects import E
 from reference.excitation import experiment
-from reference.law_forces import dry, gripped, motor_drives, rippled, supplied, viscous_more
+from reference.law_forces import bristles, dry, gripped, motor_drives, rippled, supplied, viscous_more
 from reference.law_signals import commanded, sensed
 from reference.law_table import LAWS, applies, complete_laws
 from reference.law_vector import LENGTH, K, law_vector
@@ -38,7 +38,7 @@ def plain():
 def test_each_mechanism_has_laws_of_its_own_and_a_drawn_one():
     for mechanism in {law.split("/")[0] for law in LAWS}:
         words = {law.split("/")[1] for law in LAWS if law.startswith(f"{mechanism}/")}
-        if mechanism not in ("input_delay", "sensor_delay", "sensor_cross_talk", "freewheeling_driver"):
+        if mechanism not in ("input_delay", "sensor_delay", "backlash", "wheel_radius_mismatch"):
             assert len(words) >= 3 - (mechanism == "sensor_scale") and "drawn" in words, mechanism
 
 
@@ -132,7 +132,7 @@ def test_torque_constant_and_winding_resistance_are_the_motor_equations():
     for word, kt, ohm in (("torque_constant", 1.1, 1.0), ("winding_resistance", 1.0, 1.1)):
         e = vector("pioneer", f"motor_gain_mismatch/{word}", mismatch=0.1, motor=2)
         drive, x = np.zeros(2), np.zeros(30)
-        motor_drives(np.array([3.0, 3.0]), np.array([2.0, 2.0]), 0.5, 0.7, 1.3, 2, x, np.zeros(30), 0, e, drive)
+        motor_drives(np.array([3.0, 3.0]), np.array([2.0, 2.0]), 0.5, 0.7, 1.3, 0.1, 2, x, np.zeros(30), 0, e, drive)
         np.testing.assert_allclose(drive, [1.3 * (3 - 1.0) / 0.7, 1.3 * kt * (3 - 1.0 * kt) / (0.7 * ohm)])
     laws = {"motor_gain_mismatch/torque_constant": {"mismatch": 0.1}}
     assert not simulate(blocked, np.full((20, 2), 3.0), 0.02, laws=laws).speeds.any()
@@ -332,6 +332,80 @@ def test_heat():
         blocked, np.full((101, 2), 3.0), 0.02, laws={"motor_heating/cooling": {"coefficient": 1e-9, "time": 0.5}}
     )
     np.testing.assert_allclose(run.states[:, place], 9.0 / 0.71 * 0.5 * (1 - np.exp(-run.t / 0.5)), rtol=1e-6)
+
+
+def test_bristles_bend_before_they_slide():
+    """LuGre: a spring of stiffness Cs / distance at first, and the Stribeck curve for steady sliding."""
+    e = vector("axis", "stribeck_friction/lugre", amplitude=4.0, speed=0.05, distance=0.002)
+    for s, y in ((1e-4, 0.0), (0.04, 0.3), (-0.3, -0.9)):
+        level, xdot = np.full((2, 1), 12.0), np.zeros(1)
+        force = bristles(8.0, s, 0, np.array([y]), xdot, 0, e, level)
+        assert xdot[0] == pytest.approx((s - abs(s) * y * 8.0 / 12.0) / 0.002)
+        assert force == pytest.approx(8.0 * (y + 0.03 * xdot[0])) and not level.any()
+    robot = AXIS.with_parameters(J=20.0, k=10.0, Cv=30.0, Cs=8.0)
+    law = {"stribeck_friction/lugre": {"amplitude": 4.0, "speed": 0.05, "distance": 0.002}}
+    held = simulate(robot, np.full((500, 1), 0.4), 0.02, laws=law)  # 4 N of the 8 N that it takes to slide
+    assert abs(held.speeds[-1, 0]) < 1e-4 and 0.0 < held.states[-1, 0] < 0.002
+    sliding, plain = (simulate(robot, np.full((1500, 1), 2.0), 0.02, laws=own).speeds[-1, 0] for own in (law, None))
+    assert sliding == pytest.approx(plain, abs=1e-3)  # 20 N = 30 v + 8 N, far above the Stribeck speed
+
+
+def test_a_creeping_wheel_turns_faster_than_the_floor_passes():
+    """At a steady speed the motor's back-EMF is that of a wheel that is faster by creep * force * (speed + 5 cm/s)."""
+    creep = 0.01
+    run = simulate(PIONEER, np.full((1000, 2), 5.0), 0.02, laws={"traction_limit/creep": {"creep": creep}})
+    p, v = PIONEER.parameters, run.speeds[-1, 0]
+    force = (p["Cs"] + p["tr"] * p["mu"] * p["tau_fr"] + p["Cv"] * v / p["R"]) / p["R"]  # a wheel's
+    current = force * p["R"] / (p["tr"] * p["mu"] * p["KT"])
+    rate = (v + creep * force * (v + 0.05)) / p["R"]
+    assert p["Ra"] * current + p["KE"] * p["tr"] * rate == pytest.approx(5.0, rel=1e-3)
+
+
+def test_payloads():
+    """A frictionless axis under a constant force: m v = F t; with mass (J + m(t)) v' = F where it leaks."""
+    free = AXIS.with_parameters(J=2.0, Cs=0.0, Cv=0.0)
+    force = np.full((101, 1), 3.0)
+    carried = simulate(free, force, 0.02, laws={"payload_change/in_some_logs": {"mass": 1.0}})
+    np.testing.assert_allclose(carried.speeds[:, 0], carried.t, atol=1e-9)
+    leaking = simulate(free, force, 0.02, laws={"payload_change/leaking": {"mass": 1.0, "time": 4.0}})
+    np.testing.assert_allclose(leaking.speeds[:, 0], -12.0 * np.log(1 - leaking.t / 12.0), atol=1e-7)
+
+
+def test_diodes_do_not_brake():
+    current = {}
+    for share in (0.0, 1.0):
+        e = vector("pioneer", "freewheeling_driver/no_braking", share=share)
+        drive, x = np.zeros(2), np.zeros(30)
+        if share == 0.0:
+            e[K.strength : K.strength + 4] = e[K.resistance : K.resistance + 4] = 1.0
+        motor_drives(np.array([1.0, 3.0]), np.array([4.0, 4.0]), 0.5, 1.0, 1.0, 0.1, 2, x, np.zeros(30), 0, e, drive)
+        current[share] = drive.copy()
+    np.testing.assert_allclose(current[0.0], [-1.0, 1.0])
+    np.testing.assert_allclose(current[1.0], [0.0, 1.0])
+
+
+def test_play():
+    u = np.array([0.0, 0.4, 1.0, 2.0, 1.6, 1.0, 0.0, -3.0])[:, None]
+    followed = commanded(u, {"backlash/command": {"width": 1.0}})
+    np.testing.assert_allclose(followed[:, 0], [0, 0, 0.5, 1.5, 1.5, 1.5, 0.5, -2.5])
+
+
+def test_one_wheels_radius():
+    plain = PIONEER.parameters["R"]
+    inputs = experiment("pioneer", "steps", 100, 1)
+    run = simulate(PIONEER, inputs, 0.02, laws={"wheel_radius_mismatch/one_wheel": {"mismatch": 0.05, "wheel": 2}})
+    R = 1.025 * plain
+    both = {"wheel_radius_mismatch": {"mismatch": -0.05 / 1.025}}
+    same = simulate(PIONEER.with_parameters(R=R), inputs, 0.02, both)
+    np.testing.assert_array_equal(run.speeds, same.speeds)
+    assert R * (1 + 0.5 * 0.05 / 1.025) == pytest.approx(1.05 * plain)
+    assert R * (1 - 0.5 * 0.05 / 1.025) == pytest.approx(plain)
+
+
+def test_a_turned_sensor_keeps_the_speed():
+    v = np.array([[0.5, -2.0, 0.3]])
+    turned = sensed(v, np.zeros(1), {"sensor_cross_talk/rotated": {"angle": 0.2}})
+    assert np.hypot(*turned[0, :2]) == pytest.approx(np.hypot(0.5, 2.0)) and turned[0, 2] == 0.3
 
 
 def test_what_is_wrong_is_refused():
