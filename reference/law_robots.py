@@ -47,10 +47,12 @@ def pioneer_dynamics(t, x, u, p, e, xdot, G, B, bias, level):
     place = _FROM_PIONEER
     xdot[place:] = 0.0
     here, q = ground(x[0], x[1], e), p
+    track = p[_P.L] * track_factor(x[5], e)
     if e[K.track] != 0.0 or e[K.own_motors] != 0.0 or e[K.payload] != 0.0:
         q = p.copy()
         q[_P.M] += payload(t, e)
-        q[_P.L] *= track_factor(x[5], e)
+        if e[K.track_kind] == 0.0:
+            q[_P.L] = track
         if e[K.own_motors] != 0.0:
             q[_P.KT] = 0.0
     _plain_pioneer(t, x, u, q, here, xdot, G, B, bias, level)
@@ -59,7 +61,9 @@ def pioneer_dynamics(t, x, u, p, e, xdot, G, B, bias, level):
         rate[k] = B[k, 0] * x[4] + B[k, 1] * x[5]
     if e[K.own_motors] != 0.0:
         gain = p[_P.tr] * p[_P.mu] * p[_P.KT]
-        motor_drives(u, rate, p[_P.KE] * p[_P.tr], p[_P.Ra], gain, p[_P.R], 2, x, xdot, place, e, drive)
+        turning = (track - q[_P.L]) * x[5] / p[_P.R]  # where the track changes with the yaw rate, by the drive alone
+        driven = np.array((rate[0] + turning, rate[1] - turning))
+        motor_drives(u, driven, p[_P.KE] * p[_P.tr], p[_P.Ra], gain, p[_P.R], 2, x, xdot, place, e, drive)
         for w in range(2):
             drive[w] = gripped(rippled(drive[w], x[6 + w], e) / p[_P.R], w, e) * p[_P.R]
     coulomb = p[_P.Cs] + p[_P.tr] * p[_P.mu] * p[_P.tau_fr]
@@ -71,6 +75,7 @@ def pioneer_dynamics(t, x, u, p, e, xdot, G, B, bias, level):
             extra[k] -= bristles(coulomb, s, k, x, xdot, place + 14, e, level)
     force = drag_along(x[4], 0, e)
     moment = drag_along(x[5], 1, e) + turning_moment(x[4], x[5], e)
+    moment += (drive[0] - drive[1]) / p[_P.R] * (track - q[_P.L])
     # torques of the wheels that do the body's force and moment
     det = B[0, 0] * B[1, 1] - B[1, 0] * B[0, 1]
     extra[0] += (B[1, 1] * force - B[1, 0] * moment) / det

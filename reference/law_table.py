@@ -101,8 +101,8 @@ LAWS: dict[str, dict[str, float]] = {
     "turning_friction/scrub": {"moment": 0.0, "radius": 0.3},  # by the ratio of turning to driving; m
     "turning_friction/drawn": {"moment": 0.0, "seed": 0.0},  # at 2 rad/s
     "effective_track/wider": {"share": 0.0},
-    "effective_track/by_direction": {"share": 0.0},  # wider by it in left turns, narrower in right ones
-    "effective_track/drawn": {"share": 0.0, "seed": 0.0},  # by yaw rate, full at 2 rad/s
+    "effective_track/by_direction": {"share": 0.0},  # of the drive: wider by it in left turns, narrower in right ones
+    "effective_track/drawn": {"share": 0.0, "seed": 0.0},  # of the drive, by yaw rate, full at 2 rad/s
     "freewheeling_driver/below": {"threshold": 0.0},  # V: no current below it, so no braking by the back-EMF either
     # Those above were there when the cases of the studies got their seeds; new ones follow in the order they came.
     # Canudas et al. 1995: bristles that bend by `distance` [m] before sliding, with a Gaussian Stribeck curve

@@ -26,6 +26,8 @@ PATH = Path(__file__).with_name("sizes.json")
 EVALUATIONS = 4
 CLOSE = 0.2
 """Difference of the excess's logarithm from the wanted one that is close enough."""
+ANOTHER = 0.7
+"""Change of a speed, as a share of its RMS, from which on the robot is another one: what a law may do at most."""
 RAW = 3.0
 """Change of the speeds over the wanted RMS at the first guess: what a fit absorbs of it, about."""
 LARGEST = {
@@ -51,32 +53,56 @@ def _largest(law: str) -> float:
     return LARGEST.get(strength, math.inf)
 
 
-def _moved(robot: str, law: str, size: float, seed: int) -> float:
-    """RMS change of the speeds on the held-out inputs, in units of the nominal noise."""
+def _moved(robot: str, law: str, size: float, seed: int) -> tuple[float, float]:
+    """RMS change of the speeds on the held-out inputs, in units of the nominal noise, and as a share of the plain speeds'.
+
+    The share is the largest of any speed's.
+    """
     true = constants(robot, seed)
     own = {law: parameters(robot, law, size, np.random.default_rng([seed, 22, 0]))}
-    squares = []
+    squares, plain = [], []
     for number, kind in enumerate(CHECK):
         inputs = excitation.experiment(robot, kind, SAMPLES, 1000 * seed + len(FIT) + number)
         runs = [simulate(true, inputs, SAMPLING, laws=each, rtol=1e-6, atol=1e-8).speeds for each in (own, None)]
-        squares.append(np.mean(((runs[0] - runs[1]) / NOISE[robot]) ** 2))
-    return math.sqrt(float(np.mean(squares)))
+        squares.append(np.mean(((runs[0] - runs[1]) / NOISE[robot]) ** 2, axis=0))
+        plain.append(np.mean((runs[1] / NOISE[robot]) ** 2, axis=0))
+    moved = np.mean(squares, axis=0)
+    return math.sqrt(float(moved.mean())), math.sqrt(float(np.max(moved / np.mean(plain, axis=0))))
 
 
 def _first_guess(robot: str, law: str, wanted: float, seed: int) -> float:
-    """A size that moves the speeds by `wanted`, in three steps from the largest that is allowed or 0.1."""
+    """A size that moves the speeds by `wanted` without making another robot of it, or the largest that is allowed."""
     largest = _largest(law)
-    size = min(0.1, 0.3 * largest)
-    for _ in range(5):
+    size, low, high = min(0.1, 0.3 * largest), 0.0, math.inf
+    for _ in range(9):
         try:
-            moved = max(_moved(robot, law, size, seed), 1e-3)
+            moved, share = _moved(robot, law, size, seed)
         except RuntimeError:  # the law is too strong for the equations
-            size *= 0.3
-            continue
-        if 0.7 < moved / wanted < 1.4:
+            moved, share = math.inf, math.inf
+        if share < ANOTHER and (0.7 < moved / wanted < 1.4 or (moved < wanted and size >= largest)):
             break
-        size = min(size * min(max(wanted / moved, 0.05), 30.0), largest)
+        if share < ANOTHER and moved < wanted:
+            low = size
+        else:
+            high = size
+        if low > 0.0 and high < math.inf:
+            size = math.sqrt(low * high)
+        else:
+            factor = min(wanted / max(moved, 1e-3), 0.8 * ANOTHER / max(share, 1e-3))
+            size = min(size * min(max(factor, 0.05), 30.0), largest)
     return size
+
+
+def _within(robot: str, law: str, size: float, seed: int) -> tuple[float, bool]:
+    """The size, made smaller as long as it makes another robot of this one, and whether it was."""
+    for count in range(8):
+        try:
+            if _moved(robot, law, size, seed)[1] < ANOTHER:
+                return size, count > 0
+        except RuntimeError:
+            pass
+        size *= 0.7
+    return size, True
 
 
 def held_out_rms(case) -> float:
@@ -102,6 +128,7 @@ def find(robot: str, law: str, strength: str, seed: int) -> tuple[float, float]:
     size = _first_guess(robot, law, RAW * STRENGTHS[strength], seed)
     known: list[tuple[float, float, float]] = []
     for _ in range(EVALUATIONS):
+        size, bounded = _within(robot, law, size, seed)
         try:
             rms = held_out_rms(make(robot, {law: size}, seed))
         except RuntimeError:
@@ -109,7 +136,7 @@ def find(robot: str, law: str, strength: str, seed: int) -> tuple[float, float]:
             continue
         excess = math.log(max(math.sqrt(max(rms**2 - 1, 0.0)), 0.03))
         known.append((math.log(size), excess, rms))
-        if abs(excess - wanted) < CLOSE or (size >= largest and excess < wanted):
+        if abs(excess - wanted) < CLOSE or ((bounded or size >= largest) and excess < wanted):
             break
         below = max((k for k in known if k[1] < wanted), default=None)
         above = min((k for k in known if k[1] > wanted), default=None)

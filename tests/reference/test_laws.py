@@ -277,6 +277,21 @@ def test_a_wider_track_is_another_constant(plain):
     np.testing.assert_allclose(run.speeds, simulate(wide, inputs, 0.02).speeds, atol=1e-9)
 
 
+def test_a_drives_track_that_changes_does_as_a_wider_one_does_while_turning():
+    """Turning left on the spot without friction: with the wheels at L (1 + share), but for the wheels' own inertia."""
+    free = PIONEER.with_parameters(Cs=0.0, Cv=0.0, Cs1=0.0, Cv1=0.0, tau_fr=0.0, Ir=0.0, m=0.0)
+    inputs = np.tile([2.0, -2.0], (100, 1))
+    left, right = (
+        simulate(free, side * inputs, 0.02, laws={"effective_track/by_direction": {"share": 0.1}}).speeds[-1, 1]
+        for side in (1.0, -1.0)
+    )
+    wide, narrow = (
+        simulate(free.with_parameters(L=share * free.parameters["L"]), inputs, 0.02).speeds[-1, 1]
+        for share in (1.1, 0.9)
+    )
+    assert left == pytest.approx(wide, rel=2e-3) and -right == pytest.approx(narrow, rel=2e-3)
+
+
 def test_floors(plain):
     inputs, _ = plain["omni"]
     everywhere = simulate(
