@@ -74,11 +74,15 @@ def test_the_judge():
 def test_laws_are_judged_where_they_are_told():
     hidden = ["stribeck_friction/drawn"]
     assert judge.law_right(entry(hidden, "named", ["stribeck_friction"])) is None
-    assert judge.law_right(entry(hidden, "named", ["stribeck_friction"], laws={"stribeck_friction": "shape"}))
+    assert judge.law_right(
+        entry(hidden, "named", ["stribeck_friction"], laws={"stribeck_friction": ["power", "shape"]})
+    )
     wrong = entry(
-        ["stribeck_friction/lorentzian"], "named", ["stribeck_friction"], laws={"stribeck_friction": "gaussian"}
+        ["stribeck_friction/lorentzian"], "named", ["stribeck_friction"], laws={"stribeck_friction": ["gaussian"]}
     )
     assert judge.law_right(wrong) is False
+    unlisted = entry(["payload_change/leaking"], "named", ["payload_change"], laws={"payload_change": ["shape"]})
+    assert judge.law_right(unlisted) is None
 
 
 def test_the_page_counts():

@@ -77,7 +77,7 @@ def run(plan: Plan) -> dict:
         "verdict": found.verdict,
         "named": [effect.id for effect in found.effects],
         "equivalent": {effect.id: list(effect.equivalent_to) for effect in found.effects},
-        "laws": {effect.id: _law(effect) for effect in found.effects},
+        "laws": {effect.id: _laws(effect) for effect in found.effects},
         "before": found.before.normalised_rms,
         "after": found.after.normalised_rms,
         "refitted": [
@@ -89,10 +89,9 @@ def run(plan: Plan) -> dict:
     }
 
 
-def _law(effect) -> str | None:
-    """The law that an effect is said to follow, where the explanation says one."""
-    law = getattr(effect, "law", None)
-    return None if law is None else str(getattr(law, "name", law))
+def _laws(effect) -> list[str]:
+    """The law that an effect is said to follow and those that it cannot be told from, where the explanation says any."""
+    return [law for law in (getattr(effect, "law", ""), *getattr(effect, "laws_alike", ())) if law]
 
 
 def results(name: str) -> dict[str, dict]:

@@ -54,7 +54,7 @@ def _said(entry: Entry) -> str:
     names = []
     for name, ids in zip(entry["named"], answers(entry), strict=True):
         law = entry["laws"].get(name)
-        names.append("/".join([name, *sorted(ids - {name})]) + (f" ({law})" if law else ""))
+        names.append("/".join([name, *sorted(ids - {name})]) + (f" ({', '.join(law)})" if law else ""))
     return f"{entry['verdict']}: {', '.join(names) or 'no name'}"
 
 
