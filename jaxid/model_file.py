@@ -16,6 +16,7 @@
 
     [[effects]]                    # added from the catalogue, at zero unless the file says otherwise
     id = "stribeck_friction"
+    law = "gaussian"               # which of the mechanism's laws; the usual one where none is named
 
     [parameters."stribeck_friction.amplitude"]
     value = 0.1
@@ -35,7 +36,7 @@ import tomli_w
 
 from ._atomic import write_text
 from ._toml import read_toml, shown
-from .effects import catalogue, effect_by_id
+from .effects import catalogue, effect_by_id, laws_of
 from .logs.log import did_you_mean
 from .parameters import Parameter, ParameterError, ParameterTable
 from .robots import Robot
@@ -140,24 +141,38 @@ def _check_zeros(robot: Robot, own: ParameterTable, path: Path) -> None:
                 )
 
 
+def _names_effect(entry: Any) -> bool:
+    """Whether an entry of `effects` is a table with an id and at most a law, in words."""
+    return isinstance(entry, dict) and isinstance(entry.get("id"), str) and isinstance(entry.get("law", ""), str)
+
+
 def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path) -> Robot:
     """The robot with the catalogue's effects that the file names and the robot does not have."""
     effects = document.get("effects", [])
-    if not isinstance(effects, list) or not all(isinstance(e, dict) and isinstance(e.get("id"), str) for e in effects):
-        raise ModelFileError(f'{path}: effects is no list of tables with an id; write [[effects]] and id = "...".')
+    if not isinstance(effects, list) or not all(_names_effect(entry) for entry in effects):
+        raise ModelFileError(
+            f'{path}: effects is no list of tables with an id (and a law) in words; write [[effects]] and id = "...".'
+        )
     named = [effect["id"] for effect in effects]
+    laws = [effect.get("law", "") for effect in effects]
     own = [effect.id for effect in robot.effects]
     if named and named[: len(own)] != own:
         raise ModelFileError(
             f"{path}: effects names {shown(', '.join(named))}, but the robot {robot.name!r} has {', '.join(own) or 'none'}; "
             "give the robot with these effects (package.module:attribute) or take them out of the file."
         )
-    for identifier in named[len(own) :]:
+    for identifier, law in list(zip(named, laws, strict=True))[len(own) :]:
         if identifier in [effect.id for effect in robot.effects]:
             raise ModelFileError(f"{path}: effects names {identifier} twice; take one of them out.")
         try:
-            robot = robot + effect_by_id(robot, identifier)
+            robot = robot + effect_by_id(robot, identifier, law)
         except KeyError:
+            possible = [effect.law for effect in laws_of(robot, identifier)]
+            if possible and law not in possible:
+                raise ModelFileError(
+                    f"{path}: effects names {identifier} with law = {shown(law)}, which it has not"
+                    f"{did_you_mean(law, possible)}; use {', '.join(possible)}."
+                ) from None
             near = did_you_mean(identifier, [effect.id for effect in catalogue(robot)])
             raise ModelFileError(
                 f"{path}: effects names {identifier!r:.60}, which no effect of the catalogue for {robot.name!r} is{near}; "
@@ -250,7 +265,7 @@ def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, meth
     if math.isfinite(robot.longest_step):
         document["longest_step"] = float(robot.longest_step)
     if robot.effects:
-        document["effects"] = [{"id": effect.id} for effect in robot.effects]
+        document["effects"] = [{"id": e.id} | ({"law": e.law} if e.law else {}) for e in robot.effects]
     return tomli_w.dumps({**document, "parameters": parameters})
 
 

@@ -1,72 +1,101 @@
-"""The catalogue: which effects a robot may be missing. To add one, write its class and name it here.
+"""The catalogue: which effects a robot may be missing. To add one, write its class and its laws, and name it here.
 
-A robot gets the effects that its traits allow (`robots.traits`), whichever robot it is.
+A mechanism is a place in the signal path and what it depends on; its laws are the ways in which it is written, the usual one
+first, and last, where it is one unknown function of one variable, a curve without a formula (`curve.py`). A robot gets the
+mechanisms and laws that its traits allow (`robots.traits`), whichever robot it is.
 """
 
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..robots.traits import refusal
-from .actuator import BatterySag, DeadZone, InputDelay, MotorGainMismatch, MotorHeating, MotorLag, VoltageSaturation
-from .body import CoriolisCoupling, GroundSlope, LateralCentreOfMass, QuadraticDrag
+from .actuator import (
+    battery_sag,
+    dead_zone,
+    freewheeling,
+    input_delay,
+    motor_heating,
+    motor_lag,
+    motor_strength,
+    saturation,
+)
+from .body import coriolis, drag, lateral_com, slope
 from .drivetrain import (
-    AsymmetricFriction,
-    AsymmetricViscousFriction,
-    CoggingTorque,
-    StribeckFriction,
-    SublinearViscousFriction,
+    asymmetric_friction,
+    asymmetric_viscous_friction,
+    cogging_torque,
+    load_dependent_friction,
+    stribeck_friction,
+    viscous_shape,
 )
-from .ground import SurfaceChange, TractionLimit, WheelRadiusMismatch
-from .sensor import SensorBias, SensorDelay, SensorLag, SensorScale
+from .ground import effective_track, surface_change, traction_limit, turning_friction, wheel_radius_mismatch
+from .sensor import bias, cross_talk, delay, lag, scale
 
-ALL: tuple[Effect, ...] = (
-    DeadZone(),
-    VoltageSaturation(),
-    MotorLag(),
-    InputDelay(),
-    SensorBias(),
-    SensorScale(),
-    SensorLag(),
-    SensorDelay(),
-    StribeckFriction(),
-    AsymmetricFriction(),
-    AsymmetricViscousFriction(),
-    SublinearViscousFriction(),
-    CoggingTorque(),
-    TractionLimit(),
-    QuadraticDrag(),
-    BatterySag(),
-    MotorGainMismatch(),
-    MotorHeating(),
-    WheelRadiusMismatch(),
-    SurfaceChange(),
-    GroundSlope(),
-    LateralCentreOfMass(),
-    CoriolisCoupling(),
+MECHANISMS: tuple[tuple[Effect, ...], ...] = (
+    dead_zone.LAWS,
+    saturation.LAWS,
+    motor_lag.LAWS,
+    input_delay.LAWS,
+    freewheeling.LAWS,
+    bias.LAWS,
+    scale.LAWS,
+    cross_talk.LAWS,
+    lag.LAWS,
+    delay.LAWS,
+    stribeck_friction.LAWS,
+    asymmetric_friction.LAWS,
+    asymmetric_viscous_friction.LAWS,
+    viscous_shape.LAWS,
+    load_dependent_friction.LAWS,
+    cogging_torque.LAWS,
+    traction_limit.LAWS,
+    turning_friction.LAWS,
+    drag.LAWS,
+    battery_sag.LAWS,
+    motor_strength.LAWS,
+    motor_heating.LAWS,
+    wheel_radius_mismatch.LAWS,
+    effective_track.LAWS,
+    surface_change.LAWS,
+    slope.LAWS,
+    lateral_com.LAWS,
+    coriolis.LAWS,
 )
-"""Every effect there is."""
+"""The laws of every mechanism, the usual one first."""
+ALL: tuple[Effect, ...] = tuple(laws[0] for laws in MECHANISMS)
+"""Every mechanism there is, by its usual law."""
 
 
-def _applicable(robot: Robot) -> list[Effect]:
-    """Every effect that the robot can have and that is not in it yet."""
+def _applicable(robot: Robot) -> list[list[Effect]]:
+    """The laws that the robot can have of every mechanism that is not in it yet."""
     out = {effect.id for effect in robot.effects} | robot.expressed
-    return [effect for effect in ALL if effect.id not in out and refusal(effect, robot) is None]
+    possible = [[law for law in laws if refusal(law, robot) is None] for laws in MECHANISMS if laws[0].id not in out]
+    return [laws for laws in possible if laws]
 
 
 def catalogue(robot: Robot) -> list[Effect]:
-    """Every effect that applies to `robot` and that it lacks."""
-    return [effect for effect in _applicable(robot) if not effect.there_already(robot)]
+    """Every mechanism that applies to `robot` and that it lacks, by its usual law (of those that the robot can have)."""
+    return [laws[0] for laws in _applicable(robot) if not laws[0].there_already(robot)]
 
 
-def effect_by_id(robot: Robot, identifier: str) -> Effect:
-    """The catalogue's effect with that identifier.
+def laws_of(robot: Robot, identifier: str) -> list[Effect]:
+    """All laws of a mechanism that `robot` can have, the usual one first; none where it cannot have the mechanism."""
+    return next((laws for laws in _applicable(robot) if laws[0].id == identifier), [])
+
+
+def effect_by_id(robot: Robot, identifier: str, law: str = "") -> Effect:
+    """The catalogue's effect with that identifier, by its usual `law` or the one asked for.
 
     Raises `KeyError`, which says why the robot cannot have it, or names those that apply and are not there yet.
     """
-    found = {effect.id: effect for effect in _applicable(robot)}
-    if identifier in found:
-        return found[identifier]
-    known = {effect.id: effect for effect in ALL}
-    why = refusal(known[identifier], robot) if identifier in known else None
+    found = {laws[0].id: laws for laws in _applicable(robot)}
+    named = {effect.law: effect for effect in found.get(identifier, ())}
+    if identifier in found and (not law or law in named):
+        return named[law] if law else found[identifier][0]
+    known = {effect.law: effect for laws in MECHANISMS for effect in laws if effect.id == identifier}
+    asked = known.get(law) if law else next(iter(known.values()), None)
+    why = refusal(asked, robot) if asked is not None else None
     if why is not None:
         raise KeyError(why)
+    if identifier in found:
+        raise KeyError(f"{identifier!r} has no law {law!r}; there are {', '.join(named)}")
     raise KeyError(f"no effect {identifier!r} applies to {robot.name}; there are {', '.join(found)}")

@@ -6,6 +6,7 @@ from dataclasses import replace
 from .._compile import seldom_collected
 from .._memory import bounded_memory
 from .._renamed import renamed
+from ..effects.curve import Curve
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
@@ -26,6 +27,7 @@ from .passing_jumps import without_passing_jumps
 from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, search
+from .shape import shape_of
 from .table_constants import sentence_of
 from .telling_apart import differ
 
@@ -64,8 +66,20 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
         if effect is not None:
             own = effect_parameters(effect.id, effect.frees(final.robot), final.parameters)
             sure = differs_from_nothing(effect, baseline, final)
+            same_law = effect.law == step.chosen.law
             named.append(
-                NamedEffect(effect.id, effect.where, effect.formula, own, step.equivalent, _evidence(step), sure)
+                NamedEffect(
+                    id=effect.id,
+                    where=effect.where,
+                    formula=effect.formula,
+                    parameters=own,
+                    equivalent_to=step.equivalent,
+                    evidence=_evidence(step),
+                    identified=sure,
+                    law=effect.law,
+                    laws_alike=step.laws_alike if same_law else (),
+                    shape=shape_of(effect, final.parameters) if isinstance(effect, Curve) else None,
+                )
             )
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
 

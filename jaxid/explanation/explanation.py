@@ -21,6 +21,7 @@ from .coloured import OnlyColour
 from .heldout import FALSE_ALARM, HeldOut
 from .next_experiment import NextExperiment
 from .search import Search
+from .shape import Shape
 
 _SIGNIFICANT = 2.0
 """Standard errors by which an effect's strength must differ from none."""
@@ -50,6 +51,9 @@ class Evidence:
 class NamedEffect:
     """One effect that was added, with the ids this data cannot tell from it in `equivalent_to`.
 
+    `law` is the law of the mechanism that explains best ("shape" for a curve without a formula, whose points `shape` holds;
+    "" where the mechanism has one law only) and `laws_alike` are those that this data cannot tell from it.
+
     `identified`: whether the data says that it is there, by the errors of its strengths (`differs_from_nothing`).
     """
 
@@ -60,6 +64,9 @@ class NamedEffect:
     equivalent_to: tuple[str, ...]
     evidence: Evidence
     identified: bool = True
+    law: str = ""
+    laws_alike: tuple[str, ...] = ()
+    shape: Shape | None = None
 
     @property
     def title(self) -> str:
@@ -67,9 +74,20 @@ class NamedEffect:
         return in_words(self.id)
 
     @property
+    def law_in_words(self) -> str:
+        """The law, and those that the data cannot tell from it; empty where the mechanism has one only."""
+        if self.shape is not None:
+            return f"by none of the listed laws but by this curve of {self.shape.variable}: {self.shape.sentence}"
+        if not self.law:
+            return ""
+        others = f" (or {', '.join(map(in_words, self.laws_alike))}, which this data cannot tell apart)"
+        return f"by the law {in_words(self.law)}{others if self.laws_alike else ''}"
+
+    @property
     def sentence(self) -> str:
         """Name, size and evidence in one sentence."""
         sizes = ", ".join(_worded(name, e) for name, e in self.parameters.items() if e.status != "fixed")
+        sizes = self.law_in_words if self.shape else ", ".join(filter(None, (sizes, self.law_in_words)))
         text = f"{self.title[0].upper()}{self.title[1:]} ({self.where}): {sizes}; "
         text += f"held-out error {self.evidence.before:.2f} to {self.evidence.after:.2f} times the noise."
         if self.equivalent_to:
@@ -326,6 +344,9 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "id": effect.id,
         "where": effect.where,
         "formula": effect.formula,
+        "law": effect.law,
+        "laws_alike": list(effect.laws_alike),
+        "shape": effect.shape.to_dict() if effect.shape else None,
         "equivalent_to": list(effect.equivalent_to),
         "parameters": {name: estimate.to_dict() for name, estimate in effect.parameters.items()},
         "evidence": {

@@ -57,6 +57,16 @@ class Trial:
     in_colour: float | None = None
 
     @property
+    def law(self) -> str:
+        """The law by which the effect that the trial is about was added."""
+        return next((effect.law for effect in self.robot.effects if effect.id == self.id), "")
+
+    @property
+    def title(self) -> str:
+        """The effect, and its law where it has several, as identifiers."""
+        return f"{self.id} ({self.law})" if self.law else self.id
+
+    @property
     def score(self) -> float:
         """What candidates are ranked by (smaller is better).
 

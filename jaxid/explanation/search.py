@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .._distributions import normal_beyond
-from ..effects import catalogue
+from ..effects import catalogue, laws_of
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
@@ -16,9 +16,10 @@ from ..simulation.scaled import scaled_to, scales_of
 from .coloured import OnlyColour, colours_of, only_colour
 from .heldout import FALSE_ALARM, HeldOut, held_out_state
 from .in_colour import generalised, in_colour
+from .laws import by_law
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
-from .telling_apart import SEPARATED, not_told_apart, told_apart
+from .telling_apart import SEPARATED, alike, not_told_apart, told_apart
 from .within_errors import within_errors
 
 SHORTLIST = 5
@@ -47,7 +48,9 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Step:
-    """One effect added: the trials, best first, and the ids that the data cannot tell from the best.
+    """One effect added: the trials, one of every mechanism by its best law, best first, and the ids that the data cannot tell
+    from the best. `laws` are the trials of that one's laws, best first, of which the data cannot tell the first from
+    `laws_alike`.
 
     `before` and `after` are the model without it and with it at the time it was added.
     """
@@ -57,6 +60,8 @@ class Step:
     screened: tuple[Candidate, ...] = field(repr=False)
     before: Trial = field(repr=False)
     after: Trial = field(repr=False)
+    laws: tuple[Trial, ...] = ()
+    laws_alike: tuple[str, ...] = ()
 
     @property
     def chosen(self) -> Trial:
@@ -95,12 +100,19 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
     return chosen + [candidate for candidate in prescribed if candidate.gain >= _PROMISING * likely[0].gain]
 
 
+def _with_candidate(robot: Robot, candidate: Candidate) -> Robot:
+    """The robot with the candidate's effect, what that does not let vary at what the first look found."""
+    robot = robot + candidate.effect
+    fixed = {n: v for n, v in candidate.starts[0].items() if not robot.parameters[n].free}
+    return robot.with_values(**fixed)
+
+
 def _all_added(
     base: Trial, candidates: Sequence[Candidate], logs: LogSet, held_out: LogSet, noise: dict[str, float]
 ) -> list[Trial]:
     """A few steps of the refit with each of the candidates; last those that are dear to follow up."""
     candidates = sorted(candidates, key=lambda candidate: candidate.effect.repeats)
-    robots = [base.robot + candidate.effect for candidate in candidates]
+    robots = [_with_candidate(base.robot, candidate) for candidate in candidates]
     compile_refits(robots, logs, base.angles)
     trials: list[Trial] = []
     for robot, candidate in zip(robots, candidates, strict=True):
@@ -224,23 +236,41 @@ def name_next(
     shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
     trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise)
     leader, _ = _best(shortlist, trials)
-    alike = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
-    trials += _all_added(base, alike, logs, held_out, noise)
+    alike_to_it = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
+    trials += _all_added(base, alike_to_it, logs, held_out, noise)
     best = min(trials, key=lambda t: t.score)
     near = best.score + max(100.0, _IN_THE_RUNNING * (base.score - best.score))
     promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * _least(base, first)
-    trials = [continued(t, logs, held_out, noise) if promising and t.score < near else t for t in trials]
-    trials.sort(key=lambda t: t.score)
-    shapes = next((c.out_of for c in screened if c.effect.id == trials[0].id), 1)
-    tried = len(screened) * shapes
+
+    def to_the_end(tried: Sequence[Trial]) -> list[Trial]:
+        return [continued(t, logs, held_out, noise) if promising and t.score < near else t for t in tried]
+
+    def added(further: Sequence[Candidate]) -> list[Trial]:
+        return to_the_end(_all_added(base, further, logs, held_out, noise))
+
+    mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added)
+    trials = [own[0] for own in mechanisms]
+    tried = _looked_at(screened, trials[0])
     in_colour = _ranked_in_colour(base, trials, tried, logs, held_out, noise)
     if in_colour is None:
         equivalent, worth = not_told_apart(trials), _worth(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour
     for trial in trials:
-        say(f"refitted with {trial.id}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}")
-    return Step(tuple(trials), equivalent, tuple(screened), base, trials[0]) if worth else None
+        say(
+            f"refitted with {trial.title}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}"
+        )
+    if not worth:
+        return None
+    laws = next(own for own in mechanisms if own[0].id == trials[0].id)
+    same = tuple(trial.law for trial in alike(laws))
+    return Step(tuple(trials), equivalent, tuple(screened), base, trials[0], tuple(laws), same)
+
+
+def _looked_at(screened: Sequence[Candidate], trial: Trial) -> int:
+    """How many candidates were looked at: laws, and the shapes of the one that was chosen."""
+    laws = [law for candidate in screened for law in (candidate, *candidate.laws)]
+    return len(laws) * next((c.out_of for c in laws if (c.effect.id, c.effect.law) == (trial.id, trial.law)), 1)
 
 
 def _with_effects(base: Trial, effects: Sequence[Effect]) -> Robot:
@@ -335,7 +365,8 @@ def search(
         if len(steps) >= most and colour is None:
             break
         present = {effect.id for effect in current.robot.effects}
-        remaining = [e.blurred for e in (*catalogue(current.robot), *effects) if e.id not in present]
+        own = [law for effect in catalogue(current.robot) for law in laws_of(current.robot, effect.id)]
+        remaining = [effect.blurred for effect in (*own, *effects) if effect.id not in present]
         shown = current if colour is None else _generalised(current, logs, held_out, noise)
         screened = screen(shown.robot, logs, remaining, noise, shown.initial_states, shown.angles)
         first_look = first_look or tuple(screened)

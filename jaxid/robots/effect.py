@@ -6,12 +6,13 @@ parameters are zero when it is absent, and then the model is the robot's own.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from jaxtyping import Array, Float
 
 from ..parameters import Parameter
+from .probe import Probe, Seen
 
 if TYPE_CHECKING:
     from .robot import Robot
@@ -41,15 +42,20 @@ class EffectError(ValueError):
 class Effect:
     """Base of all effects: every stage passes its signal on unchanged.
 
-    Class attributes of an effect: `id` (the public identifier), `where` (actuator, drivetrain, ground contact, body or
-    sensor), `formula`, `states` (names of extra states, zero at the start) and `needs` (the robot's traits that it asks
-    for, such as "pose" or "wheel_angles"; those that its stages imply need not be named). Inside the stages `p` holds all
-    parameters of the model, an effect's own under `self.key("name")`, and `robot` is the robot it acts on, asked for what
-    it says of itself: an effect holds no robot, so that the same model built twice is the same. A stage that does not ask
-    may leave the argument `robot` out.
+    Class attributes of an effect: `id` (the public identifier of the mechanism), `law` (how this effect writes it, where
+    there are several ways), `where` (actuator, drivetrain, ground contact, body or sensor), `formula`, `states` (names of
+    extra states, zero at the start) and `needs` (the robot's traits that it asks for, such as "pose" or "wheel_angles";
+    those that its stages imply need not be named). Inside the stages `p` holds all parameters of the model, an effect's own
+    under `self.key("name")`, and `robot` is the robot it acts on, asked for what it says of itself: an effect holds no
+    robot, so that the same model built twice is the same. A stage that does not ask may leave the argument `robot` out.
+
+    `stands_as` tells two laws of one mechanism apart that stand in one model, as when both are screened; else it is empty.
     """
 
+    stands_as: str = field(default="", kw_only=True, repr=False)
+
     id: ClassVar[str] = ""
+    law: ClassVar[str] = ""
     where: ClassVar[str] = ""
     formula: ClassVar[str] = ""
     states: ClassVar[tuple[str, ...]] = ()
@@ -74,7 +80,29 @@ class Effect:
 
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""
-        return f"{self.id}.{name}"
+        return f"{self.stands_as or self.id}.{name}"
+
+    def own(self, state: str) -> str:
+        """The name of a state of the effect's own: as it is, or told apart from that of another law."""
+        return f"{state}@{self.stands_as}" if self.stands_as else state
+
+    def standing_as(self, name: str) -> Self:
+        """The same effect, its parameters and states called by another name than its id ("" for the id)."""
+        return replace(self, stands_as=name)
+
+    @property
+    def title(self) -> str:
+        """Mechanism and law in words."""
+        return f"{in_words(self.id)} ({in_words(self.law)})" if self.law else in_words(self.id)
+
+    def probes(self, robot: "Robot", seen: Seen) -> tuple[Probe, ...]:
+        """What a first look at logs tries of the effect on `robot`, which carries it: all parameters at their typical size.
+
+        Effects that act somewhere (at a speed, beyond a line), or that are not proportional to their strength, say more.
+        """
+        names = [*self.parameters(robot), *self.frees(robot)]
+        typical = {name: robot.parameters[name].typical or 1.0 for name in names if robot.parameters[name].free}
+        return (Probe(typical),) if typical else ()
 
     def parameters(self, robot: "Robot") -> dict[str, Parameter]:
         """The effect's parameters for this robot by `key`; all zero means absent."""

@@ -67,6 +67,7 @@ class Omni(Robot):
             "lateral_com_offset": ("yc", "xc"),
             "wheel_radius_mismatch": ("radius_mismatch",),
             "coriolis_coupling": ("coriolis",),
+            "effective_track": ("b",),
         }
     )
     words: ClassVar[Mapping[str, str]] = MappingProxyType(

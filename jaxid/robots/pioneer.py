@@ -85,7 +85,11 @@ class Pioneer(Robot):
         input=10.0, speed=1.0, torque=4.7, friction=5.0, force=56.0, time=0.19, acceleration=6.0
     )
     mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-        {"lateral_com_offset": ("xm",), "wheel_radius_mismatch": ("radius_mismatch",)}
+        {
+            "lateral_com_offset": ("xm",),
+            "wheel_radius_mismatch": ("radius_mismatch",),
+            "effective_track": ("L",),
+        }
     )
     words: ClassVar[Mapping[str, str]] = MappingProxyType({"eta1": "forward speed", "eta2": "yaw rate"})
     driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(

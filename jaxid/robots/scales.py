@@ -41,6 +41,12 @@ class Scales:
         """Amplitude of an output."""
         return self.outputs.get(channel, self.speed)
 
+    @property
+    def times_to_try(self) -> tuple[float, ...]:
+        """Delays and time constants that a first look tries: from half a sample to what the robot's own would hide."""
+        first, last = 0.5 * self.interval, max(0.4 * self.time, 4.0 * self.interval)
+        return first, float(np.sqrt(first * last)), last
+
 
 _STEP = 1e-6
 """Step of the central differences; at rest the rates are all but linear."""

@@ -57,7 +57,7 @@ def machine_model(
 @lru_cache(_MOST_MODELS)
 def _model(robot: Robot, names: tuple[str, ...], friction: DryFriction, prescribed: tuple[str, ...]) -> MachineModel:
     plain = without_records(robot)
-    left = tuple(f"{effect.id}." for effect in robot.effects if effect not in plain.effects)
+    left = tuple(effect.key("") for effect in robot.effects if effect not in plain.effects)
     places = tuple(i for i, name in enumerate(names) if not name.startswith(left))
     system = system_of(plain, tuple(names[i] for i in places), step, friction, prescribed)
     try:

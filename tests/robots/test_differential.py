@@ -66,9 +66,12 @@ def test_body_and_wheel_speeds_show_one_motion_effects_included():
     n = 200
     time, u = 0.02 * np.arange(n), np.repeat(np.random.default_rng(3).uniform(-15, 15, (n // 20, 2)), 20, axis=0)
     robots = [DifferentialDrive(), DifferentialDrive(measures="wheels")]
-    # Those on sensors act on other channels; drag is a matter of the body's own speed.
+    # Those on sensors act on other channels; drag and scrubbing are matters of the body's own speeds.
     shared = [e for e in catalogue(robots[1]) if e.where != "sensor"]
-    assert {e.id for e in catalogue(robots[0])} - {e.id for e in catalogue(robots[1])} == {"quadratic_drag"}
+    assert {e.id for e in catalogue(robots[0])} - {e.id for e in catalogue(robots[1])} == {
+        "quadratic_drag",
+        "turning_friction",
+    }
     outputs = []
     for robot in robots:
         for effect in shared:

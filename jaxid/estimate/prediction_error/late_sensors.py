@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...effects.actuator import earlier
+from ...effects.earlier import earlier
 from ...effects.sensor import SensorDelay, SensorLag
 from ...logs import LogSet
 from ...robots.effect import Effect, Numbers

@@ -1,0 +1,147 @@
+"""The supply drops with what is drawn from it: equivalent circuits of batteries."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
+from ...robots.robot import Robot
+from ..curve import Curve
+from ..effect_parameters import positive, shape
+
+
+def nominal_voltage(p: Numbers, robot: Robot) -> Any:
+    """The supply's voltage without load [V]."""
+    voltage = robot.supply_voltage
+    return p[voltage] if isinstance(voltage, str) else voltage
+
+
+def lowered(volts: Scalars, share: Scalar, robot: Robot) -> Scalars:
+    """Motor voltages where the supply has `share` of its nominal voltage: a chopper keeps its duty."""
+    return tuple(u * share if k in robot.drive_inputs else u for k, u in enumerate(volts))
+
+
+def drawn(volts: Scalars, currents: Scalars, p: Numbers, robot: Robot) -> Scalar:
+    """Current [A] that choppers of duty `u / nominal` draw: duty times current, summed."""
+    nominal = nominal_voltage(p, robot)
+    return sum(volts[k] / nominal * currents[k] for k in robot.drive_inputs)
+
+
+@dataclass(frozen=True)
+class BatterySag(Effect):
+    """Supply with inner resistance: the voltages of all motors drop with the total current drawn through their choppers.
+
+    A motor's chopper with duty `u / nominal` draws duty times its current; the supply is `nominal - resistance * total`,
+    which is solved for exactly since the currents are linear in it.
+    """
+
+    id: ClassVar[str] = "battery_sag"
+    law: ClassVar[str] = "duty_times_current"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "supply = nominal - resistance * sum(duty * current)"
+    needs: ClassVar[tuple[str, ...]] = ("winding", "supply_voltage")
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        winding = robot.parameters[robot.winding]
+        return positive(self, "resistance", winding.unit, 0.15 * winding.value)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        nominal = nominal_voltage(p, robot)
+        r, winding, above, below = p[self.key("resistance")], p[robot.winding], nominal, 1.0
+        for k in robot.drive_inputs:
+            u, i = volts[k], currents[k]
+            duty = u / nominal
+            above = above + r * duty * (u - winding * i) / winding  # the back-EMF pushes back
+            below = below + r * duty * duty / winding
+        return lowered(volts, above / below / nominal, robot)
+
+
+@dataclass(frozen=True)
+class SagBySum(BatterySag):
+    """The supply drops with the sum of the motors' currents, whatever the choppers' duty; solved for exactly while no
+    current changes its sign by it."""
+
+    law: ClassVar[str] = "sum_of_currents"
+    formula: ClassVar[str] = "supply = nominal - resistance * sum(|current|)"
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        r, nominal, winding = p[self.key("resistance")], nominal_voltage(p, robot), p[robot.winding]
+        total = sum(jnp.abs(currents[k]) for k in robot.drive_inputs)
+        back = sum(jnp.sign(currents[k]) * volts[k] for k in robot.drive_inputs) / winding
+        return lowered(volts, 1.0 - r * total / (nominal + r * back), robot)
+
+
+@dataclass(frozen=True)
+class SagWithRecovery(BatterySag):
+    """A supply whose voltage falls and recovers with a time constant: one resistor beside one capacitor."""
+
+    law: ClassVar[str] = "with_recovery"
+    formula: ClassVar[str] = "time_constant * d(drop)/dt = resistance * sum(duty * current) - drop"
+
+    def states_on(self, robot: Robot) -> tuple[str, ...]:
+        return (self.own("supply_drop"),)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | shape(self, "time_constant", "s", 0.1 * robot.scales.duration)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        drop = p[self.key("resistance")] * state[self.own("supply_drop")]
+        return lowered(volts, 1.0 - drop / nominal_voltage(p, robot), robot)
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        # The state is the current, slowly followed, so that its rate does not hang on the strength.
+        power = self._drawn(state, currents, p, robot)
+        return {self.own("supply_drop"): (power - state[self.own("supply_drop")]) / p[self.key("time_constant")]}
+
+    def _drawn(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> Scalar:
+        """The supply's current by the motors' electrical power: i (R i + back-EMF) / nominal."""
+        idle = robot.motor((0.0,) * len(currents), state, p)
+        winding = p[robot.winding]
+        watts = sum(winding * currents[k] * (currents[k] - idle[k]) for k in robot.drive_inputs)
+        return watts / nominal_voltage(p, robot)
+
+
+@dataclass(frozen=True)
+class Discharge(SagWithRecovery):
+    """An open-circuit voltage that falls with the charge taken."""
+
+    law: ClassVar[str] = "discharge"
+    formula: ClassVar[str] = "supply = nominal - slope * integral of sum(duty * current)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        winding = robot.parameters[robot.winding].value
+        charge = robot.scales.input / winding * robot.scales.duration
+        return positive(self, "slope", "V/C", 0.1 * robot.scales.input / charge)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        drop = p[self.key("slope")] * state[self.own("supply_drop")]
+        return lowered(volts, 1.0 - drop / nominal_voltage(p, robot), robot)
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        return {self.own("supply_drop"): self._drawn(state, currents, p, robot)}
+
+
+@dataclass(frozen=True)
+class SagCurve(Curve):
+    """The supply's drop, a curve of the current that would be drawn without it."""
+
+    id: ClassVar[str] = "battery_sag"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "supply = nominal - drop(|sum(duty * current)|)"
+    needs: ClassVar[tuple[str, ...]] = ("winding", "supply_voltage")
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    variable: ClassVar[str] = "current drawn"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        largest = robot.scales.input / robot.parameters[robot.winding].value * len(robot.drive_inputs)
+        return self.heights_and_reach(robot, "V", 0.05 * robot.scales.input, "A", largest)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        drop = self.at(jnp.abs(drawn(volts, currents, p, robot)), p)
+        return lowered(volts, 1.0 - drop / nominal_voltage(p, robot), robot)
+
+
+LAWS: tuple[Effect, ...] = (BatterySag(), SagBySum(), SagWithRecovery(), Discharge(), SagCurve())

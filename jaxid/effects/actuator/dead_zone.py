@@ -1,0 +1,131 @@
+"""Commands too small to move anything: what an H-bridge and its dead time do near zero (data sheets; FRC's kS)."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers
+from ...robots.probe import Probe, Seen, one_by_one
+from ...robots.robot import Robot
+from ..curve import Curve
+from ..effect_parameters import positive
+from .drives import drive_names, each_drive, input_unit, on_drives
+
+_SHARES = (0.01, 0.03, 0.08, 0.2, 0.4)
+"""Dead zones that are tried, in shares of the largest input."""
+
+
+@dataclass(frozen=True)
+class DeadZone(Effect):
+    """`u' = u - clip(u, -threshold, threshold)`: voltage below the threshold does nothing, above it the threshold is lost."""
+
+    id: ClassVar[str] = "actuator_dead_zone"
+    law: ClassVar[str] = "subtractive"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u' = u - clip(u, -threshold, threshold)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "threshold", input_unit(robot), 0.03 * robot.scales.input)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("threshold"), tuple(s * seen.largest_input for s in _SHARES))
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        threshold = p[self.key("threshold")]
+        return on_drives(robot, inputs, inputs - jnp.clip(inputs, -threshold, threshold))
+
+
+@dataclass(frozen=True)
+class Threshold(DeadZone):
+    """`u' = u` above the threshold and nothing below it: no loss once it moves.
+
+    The step at the threshold is `edge` of it wide, more while it is searched for.
+    """
+
+    edge: float = 0.05
+
+    law: ClassVar[str] = "threshold"
+    formula: ClassVar[str] = "u' = u where |u| > threshold, else 0"
+
+    @property
+    def blurred(self) -> "Threshold":
+        return replace(self, edge=0.6)
+
+    @property
+    def sharp(self) -> "Threshold":
+        return replace(self, edge=0.05)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        threshold = p[self.key("threshold")]
+        wide = self.edge * threshold + 1e-9 * robot.scales.input
+        passed = jnp.clip((jnp.abs(inputs) - threshold) / wide + 0.5, 0.0, 1.0)
+        return on_drives(robot, inputs, inputs * passed)
+
+
+@dataclass(frozen=True)
+class UnequalDeadZone(DeadZone):
+    """Subtractive, with one edge for positive and another for negative commands."""
+
+    law: ClassVar[str] = "unequal_edges"
+    formula: ClassVar[str] = "u' = u - clip(u, -threshold_backward, threshold_forward)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, typical = input_unit(robot), 0.03 * robot.scales.input
+        return positive(self, "threshold_forward", unit, typical) | positive(self, "threshold_backward", unit, typical)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = [self.key(f"threshold_{way}") for way in ("forward", "backward")]
+        return tuple(Probe(dict.fromkeys(names, s * seen.largest_input)) for s in _SHARES)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        ahead, back = p[self.key("threshold_forward")], p[self.key("threshold_backward")]
+        return on_drives(robot, inputs, inputs - jnp.clip(inputs, -back, ahead))
+
+
+@dataclass(frozen=True)
+class DeadZoneOfEach(DeadZone):
+    """Subtractive, every motor's driver with a threshold of its own."""
+
+    law: ClassVar[str] = "per_motor"
+    formula: ClassVar[str] = "u_i' = u_i - clip(u_i, -threshold_i, threshold_i)"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in drive_names(robot):
+            found |= positive(self, f"threshold_{name}", input_unit(robot), 0.03 * robot.scales.input)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = [self.key(f"threshold_{name}") for name in drive_names(robot)]
+        return tuple(Probe(dict.fromkeys(names, s * seen.largest_input)) for s in _SHARES)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        threshold = each_drive(robot, lambda name: p[self.key(f"threshold_{name}")])
+        return on_drives(robot, inputs, inputs - jnp.clip(inputs, -threshold, threshold))
+
+
+@dataclass(frozen=True)
+class DeadZoneCurve(Curve):
+    """What is lost of a command, a curve of its size that goes through zero and is level beyond the reach."""
+
+    id: ClassVar[str] = "actuator_dead_zone"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u' = u - lost(|u|) sgn u"
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.25, 0.5, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    variable: ClassVar[str] = "|u|"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, largest = input_unit(robot), robot.scales.input
+        return self.heights_and_reach(robot, unit, 0.03 * largest, unit, 0.5 * largest)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        size = jnp.abs(inputs)
+        lost = jnp.minimum(self.at(size, p), size)
+        return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
+
+
+LAWS: tuple[Effect, ...] = (DeadZone(), Threshold(), UnequalDeadZone(), DeadZoneOfEach(), DeadZoneCurve())

@@ -1,0 +1,43 @@
+"""What effects on commands and motors share."""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+
+from ...robots.effect import Numbers, Scalar, Scalars
+from ...robots.robot import Robot
+
+
+def input_unit(robot: Robot) -> str:
+    """Unit of the drive inputs."""
+    return robot.channels.units.get(robot.channels.inputs[0], "")
+
+
+def drive_names(robot: Robot) -> list[str]:
+    """Names of the inputs that drive."""
+    return [robot.channels.inputs[k] for k in robot.drive_inputs]
+
+
+def on_drives(robot: Robot, inputs, changed):
+    """`changed` where an input drives, `inputs` elsewhere, both [T, nu]."""
+    count = len(robot.channels.inputs)
+    drives = jnp.array([i in robot.drive_inputs for i in range(count)])
+    return changed if len(robot.drive_inputs) == count else jnp.where(drives, changed, inputs)
+
+
+def each_drive(robot: Robot, value: Callable[[str], Scalar]):
+    """`value(name)` of every input that drives, 0 of the others, [nu]."""
+    names = enumerate(robot.channels.inputs)
+    return jnp.stack([jnp.asarray(value(n) if i in robot.drive_inputs else 0.0, float) for i, n in names])
+
+
+def back_emf(volts: Scalars, currents: Scalars, k: int, p: Numbers, robot: Robot) -> Scalar:
+    """Back-EMF [V] of motor `k`: what of its voltage is not lost in the winding."""
+    return volts[k] - p[robot.winding] * currents[k]
+
+
+def one_torque_each(robot: Robot) -> bool:
+    """Whether every drive input has a drive torque of its own, in the same order."""
+    zero = dict.fromkeys(robot.states, 0.0) | robot.initial_state()
+    idle = (0.0,) * len(robot.channels.inputs)
+    return len(robot.drive_torques(idle, zero, robot.parameters.numbers)) == len(robot.drive_inputs)

@@ -1,0 +1,71 @@
+"""Pure transport delay between the logged command and the torque."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers
+from ...robots.probe import Probe, Seen, one_by_one
+from ...robots.robot import Robot
+from ..earlier import earlier
+from ..effect_parameters import positive
+from .drives import drive_names, each_drive, on_drives
+
+
+def late(inputs, time, dt, delay):
+    """The mean of `inputs` [T, n], held over steps `dt`, `delay` seconds later, over every step; nothing acts before the
+    start."""
+    # Differences of its integral, which is linear between stamps.
+    edges = jnp.concatenate([time, time[-1:] + dt[-1:]])
+    whole = jnp.concatenate([jnp.zeros_like(inputs[:1]), jnp.cumsum(inputs * dt[:, None], axis=0)])
+    before, share = earlier(edges, delay)
+    then = whole[before] + share[:, None] * (whole[before + 1] - whole[before])
+    return jnp.diff(then, axis=0) / dt[:, None]
+
+
+@dataclass(frozen=True)
+class InputDelay(Effect):
+    """`u'(t) = u(t - delay)`: pure transport delay between logged command and torque; nothing acts before the start."""
+
+    id: ClassVar[str] = "input_delay"
+    law: ClassVar[str] = "constant"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u'(t) = u(t - delay)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "delay", "s", 0.1 * robot.scales.time)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("delay"), robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        return on_drives(robot, inputs, late(inputs, time, dt, p[self.key("delay")]))
+
+
+@dataclass(frozen=True)
+class DelayOfEach(InputDelay):
+    """Every drive input with a delay of its own."""
+
+    law: ClassVar[str] = "per_input"
+    formula: ClassVar[str] = "u_i'(t) = u_i(t - delay_i)"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in drive_names(robot):
+            found |= positive(self, f"delay_{name}", "s", 0.1 * robot.scales.time)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = [self.key(f"delay_{name}") for name in drive_names(robot)]
+        return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        delays = each_drive(robot, lambda name: p[self.key(f"delay_{name}")])
+        columns = [late(inputs[:, k : k + 1], time, dt, delays[k]) for k in range(inputs.shape[1])]
+        return on_drives(robot, inputs, jnp.concatenate(columns, axis=1))
+
+
+LAWS: tuple[Effect, ...] = (InputDelay(), DelayOfEach())

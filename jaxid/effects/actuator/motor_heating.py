@@ -1,0 +1,92 @@
+"""A motor that has run for a while is weaker: copper's resistance rises by 0.39 %/K, magnets weaken by 0.1 to 0.2 %/K."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalars, State
+from ...robots.robot import Robot
+from ..effect_parameters import positive, shape
+from .drives import back_emf, one_torque_each
+
+
+@dataclass(frozen=True)
+class MotorHeating(Effect):
+    """Winding resistance `Ra (1 + coefficient * E)` with the energy E dissipated in that winding since the start."""
+
+    id: ClassVar[str] = "motor_heating"
+    law: ClassVar[str] = "stored_energy"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "R = R_cold (1 + coefficient * integral of R i^2)"
+    needs: ClassVar[tuple[str, ...]] = ("winding",)
+
+    def states_on(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(self.own(f"heat_{robot.channels.inputs[i]}") for i in robot.drive_inputs)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        scales, winding = robot.scales, robot.parameters[robot.winding].value
+        energy = scales.input**2 / winding * scales.duration
+        return positive(self, "coefficient", "1/J", 0.3 / energy)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        # A resistance higher by a factor f passes the current of a voltage lowered to emf + (u - emf) / f.
+        lowered, winding = list(volts), p[robot.winding]
+        for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
+            factor = 1.0 + p[self.key("coefficient")] * state[name]
+            lowered[k] = volts[k] - winding * currents[k] * (1.0 - 1.0 / factor)
+        return tuple(lowered)
+
+    def _watts(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        """Power dissipated in every winding, by the name of its heat."""
+        return {
+            name: p[robot.winding] * (1.0 + p[self.key("coefficient")] * state[name]) * currents[k] ** 2
+            for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True)
+        }
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        return self._watts(state, currents, p, robot)
+
+
+@dataclass(frozen=True)
+class HeatingWithCooling(MotorHeating):
+    """The same with heat that leaves by one time constant."""
+
+    law: ClassVar[str] = "with_cooling"
+    formula: ClassVar[str] = "R = R_cold (1 + coefficient * E), dE/dt = R i^2 - E / time_constant"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | shape(self, "time_constant", "s", 0.3 * robot.scales.duration)
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        gained, time_constant = self._watts(state, currents, p, robot), p[self.key("time_constant")]
+        return {name: watts - state[name] / time_constant for name, watts in gained.items()}
+
+
+@dataclass(frozen=True)
+class WeakerMagnets(MotorHeating):
+    """Torque and back-EMF constants that fall with the energy dissipated."""
+
+    law: ClassVar[str] = "torque_constant"
+    formula: ClassVar[str] = "Kt = Kt_cold (1 - coefficient * integral of R i^2), Ke alike"
+
+    def refusal(self, robot: Robot) -> str | None:
+        if one_torque_each(robot):
+            return None
+        return f"{robot.name!r} has not one drive torque for every drive input, so that {self.title} has none to change"
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        changed = list(volts)
+        for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
+            changed[k] = volts[k] + p[self.key("coefficient")] * state[name] * back_emf(volts, currents, k, p, robot)
+        return tuple(changed)
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        weaker = [1.0 - p[self.key("coefficient")] * state[name] for name in self.states_on(robot)]
+        return tuple(t * factor for t, factor in zip(torques, weaker, strict=True))
+
+    def _watts(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        named = zip(self.states_on(robot), robot.drive_inputs, strict=True)
+        return {name: p[robot.winding] * currents[k] ** 2 for name, k in named}
+
+
+LAWS: tuple[Effect, ...] = (MotorHeating(), HeatingWithCooling(), WeakerMagnets())

@@ -1,0 +1,84 @@
+"""One motor is stronger than the others: torque = Kt i, back-EMF = Ke w, i = (u - back-EMF) / R, of any motor text."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
+from ...robots.robot import Robot
+from ..effect_parameters import signed
+from .drives import back_emf, drive_names, each_drive, one_torque_each
+
+
+@dataclass(frozen=True)
+class _OfEach(Effect):
+    """A share of every motor, zero for the nominal one. What all share is a change of the robot's constants."""
+
+    id: ClassVar[str] = "motor_gain_mismatch"
+    where: ClassVar[str] = "actuator"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+    stem: ClassVar[str] = "gain"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in drive_names(robot):
+            found |= signed(self, f"{self.stem}_{name}", "", 0.05)
+        return found
+
+    def _shares(self, p: Numbers, robot: Robot) -> list[Scalar]:
+        return [p[self.key(f"{self.stem}_{name}")] for name in drive_names(robot)]
+
+
+@dataclass(frozen=True)
+class MotorGainMismatch(_OfEach):
+    """`u_i' = (1 + gain_i) u_i`: a motor's driver has another gain than nominal."""
+
+    law: ClassVar[str] = "command"
+    formula: ClassVar[str] = "u_i' = (1 + gain_i) u_i"
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        return inputs * (1.0 + each_drive(robot, lambda name: p[self.key(f"gain_{name}")]))
+
+
+@dataclass(frozen=True)
+class _OfTorque(_OfEach):
+    """A law that changes what torque a motor makes."""
+
+    needs: ClassVar[tuple[str, ...]] = ("several_drives", "winding")
+
+    def refusal(self, robot: Robot) -> str | None:
+        if one_torque_each(robot):
+            return None
+        return f"{robot.name!r} has not one drive torque for every drive input, so that {self.title} has none to change"
+
+
+@dataclass(frozen=True)
+class TorqueConstant(_OfTorque):
+    """A motor's torque constant, and by the same physics its back-EMF constant, are (1 + gain_i) times nominal."""
+
+    law: ClassVar[str] = "torque_constant"
+    formula: ClassVar[str] = "torque_i = (1 + gain_i) Kt i_i, back-EMF_i = (1 + gain_i) Ke w_i"
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        changed = list(volts)
+        for gain, k in zip(self._shares(p, robot), robot.drive_inputs, strict=True):
+            changed[k] = volts[k] - gain * back_emf(volts, currents, k, p, robot)
+        return tuple(changed)
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        return tuple(t * (1.0 + gain) for t, gain in zip(torques, self._shares(p, robot), strict=True))
+
+
+@dataclass(frozen=True)
+class WindingResistance(_OfTorque):
+    """A motor's winding has (1 + excess_i) times the nominal resistance: less current, less torque, all else equal."""
+
+    law: ClassVar[str] = "winding_resistance"
+    formula: ClassVar[str] = "i_i = (u_i - back-EMF_i) / (R (1 + excess_i))"
+    stem: ClassVar[str] = "excess"
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        return tuple(t / (1.0 + excess) for t, excess in zip(torques, self._shares(p, robot), strict=True))
+
+
+LAWS: tuple[Effect, ...] = (MotorGainMismatch(), TorqueConstant(), WindingResistance())

@@ -1,0 +1,104 @@
+"""The real supply's limit is lower than what was commanded."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers
+from ...robots.probe import Probe, Seen
+from ...robots.robot import Robot
+from ..curve import Curve
+from ..effect_parameters import positive
+from .drives import input_unit, on_drives
+
+_SHARES = (0.98, 0.93, 0.85, 0.7, 0.55)
+"""Limits that are tried, in shares of the largest input."""
+
+
+@dataclass(frozen=True)
+class VoltageSaturation(Effect):
+    """`u' = clip(u, -limit, limit)` with `inverse_limit = 1 / limit`, zero for no limit."""
+
+    id: ClassVar[str] = "voltage_saturation"
+    law: ClassVar[str] = "hard"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u' = clip(u, -limit, limit), limit = 1 / inverse_limit"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "inverse_limit", f"1/{input_unit(robot)}", 1.0 / robot.scales.input)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        largest = seen.largest_input
+        return tuple(Probe({self.key("inverse_limit"): 1 / (s * largest)}, limit=largest) for s in _SHARES)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        limited = inputs / jnp.maximum(1.0, jnp.abs(inputs) * p[self.key("inverse_limit")])
+        return on_drives(robot, inputs, limited)
+
+
+@dataclass(frozen=True)
+class SoftSaturation(VoltageSaturation):
+    """`u' = limit tanh(u / limit)`."""
+
+    law: ClassVar[str] = "tanh"
+    formula: ClassVar[str] = "u' = limit tanh(u / limit), limit = 1 / inverse_limit"
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return tuple(
+            Probe({self.key("inverse_limit"): 1 / (s * seen.largest_input)}) for s in (3.0, 2.0, 1.4, 1.0, 0.7)
+        )
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        x = inputs * p[self.key("inverse_limit")]
+        near = jnp.abs(x) < 1e-4  # where the quotient is 0 / 0
+        share = jnp.where(near, 1.0 - x * x / 3.0, jnp.tanh(x) / jnp.where(near, 1.0, x))
+        return on_drives(robot, inputs, inputs * share)
+
+
+@dataclass(frozen=True)
+class UnequalSaturation(VoltageSaturation):
+    """Another limit for negative commands than for positive ones."""
+
+    law: ClassVar[str] = "unequal_limits"
+    formula: ClassVar[str] = "u' = clip(u, -limit_backward, limit_forward), limit = 1 / inverse_limit"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, typical = f"1/{input_unit(robot)}", 1.0 / robot.scales.input
+        return positive(self, "inverse_limit_forward", unit, typical) | positive(
+            self, "inverse_limit_backward", unit, typical
+        )
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names, largest = [self.key(f"inverse_limit_{way}") for way in ("forward", "backward")], seen.largest_input
+        return tuple(Probe({name: 1 / (s * largest)}, limit=largest) for s in _SHARES for name in names)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        ahead, back = p[self.key("inverse_limit_forward")], p[self.key("inverse_limit_backward")]
+        limited = inputs / jnp.maximum(1.0, jnp.maximum(inputs * ahead, -inputs * back))
+        return on_drives(robot, inputs, limited)
+
+
+@dataclass(frozen=True)
+class SaturationCurve(Curve):
+    """What is lost of a large command, a curve of its size from 30 % of the largest."""
+
+    id: ClassVar[str] = "voltage_saturation"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u' = u - lost(|u|) sgn u"
+    knots: ClassVar[tuple[float, ...]] = (0.3, 0.5, 0.7, 0.85, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    variable: ClassVar[str] = "|u|"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, largest = input_unit(robot), robot.scales.input
+        return self.heights_and_reach(robot, unit, 0.05 * largest, unit, largest)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        size = jnp.abs(inputs)
+        lost = jnp.minimum(self.at(size, p), size)
+        return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
+
+
+LAWS: tuple[Effect, ...] = (VoltageSaturation(), SoftSaturation(), UnequalSaturation(), SaturationCurve())

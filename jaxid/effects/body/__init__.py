@@ -1,0 +1,8 @@
+"""Effects on the body as a whole."""
+
+from .coriolis import CoriolisCoupling
+from .drag import QuadraticDrag, drag_unit
+from .lateral_com import LateralCentreOfMass
+from .slope import GRAVITY, GroundSlope
+
+__all__ = ["GRAVITY", "CoriolisCoupling", "GroundSlope", "LateralCentreOfMass", "QuadraticDrag", "drag_unit"]

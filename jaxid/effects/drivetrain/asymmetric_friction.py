@@ -1,0 +1,82 @@
+"""Coulomb friction that differs between forward and backward (Janot, Gautier and Brunot, Nonlinear System Identification
+Benchmarks, 2019: EMPS)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Levels, Numbers, Scalars, State
+from ...robots.robot import Robot
+from ..effect_parameters import signed
+
+
+@dataclass(frozen=True)
+class AsymmetricFriction(Effect):
+    """Coulomb levels `C (1 + asymmetry)` forwards and `C (1 - asymmetry)` backwards."""
+
+    id: ClassVar[str] = "asymmetric_friction"
+    law: ClassVar[str] = "all_axes"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "C' = C (1 + asymmetry sgn s)"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "asymmetry", "", 0.1)
+
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
+        a, changed = p[self.key("asymmetry")], list(levels)
+        for axis in robot.drive_axes:
+            backward, forward = levels[axis]
+            changed[axis] = (backward * (1.0 - a), forward * (1.0 + a))
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class AsymmetryOfEach(AsymmetricFriction):
+    """Every drive axis with an asymmetry of its own: one wheel's gear, or the body's forward axis alone."""
+
+    law: ClassVar[str] = "per_axis"
+    formula: ClassVar[str] = "C_i' = C_i (1 + asymmetry_i sgn s_i)"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return None if len(robot.drive_axes) > 1 else f"{robot.name!r} has one drive axis, of which {self.id} has a law"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for k in range(len(robot.drive_axes)):
+            found |= signed(self, f"asymmetry_{k + 1}", "", 0.1)
+        return found
+
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
+        changed = list(levels)
+        for k, axis in enumerate(robot.drive_axes):
+            a, (backward, forward) = p[self.key(f"asymmetry_{k + 1}")], levels[axis]
+            changed[axis] = (backward * (1.0 - a), forward * (1.0 + a))
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class AsymmetryOfTheBody(Effect):
+    """A force that resists forward and helps backward motion of the whole body, whatever its size; none at standstill."""
+
+    id: ClassVar[str] = "asymmetric_friction"
+    law: ClassVar[str] = "forward_motion"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "F = -difference along the forward motion while it moves"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+    def refusal(self, robot: Robot) -> str | None:
+        apart = robot.turning and len(robot.drive_axes) == 2
+        return None if apart else f"the drive axes of {robot.name!r} are its body's, of which {self.id} has laws"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "difference", robot.force_unit(robot.velocities[0]), 0.02 * robot.scales.force)
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        v = state[robot.velocities[0]] / (0.02 * robot.scales.speed)
+        return (forces[0] - p[self.key("difference")] * (1.0 - jnp.exp(-(v**2))), *forces[1:])
+
+
+LAWS: tuple[Effect, ...] = (AsymmetricFriction(), AsymmetryOfEach(), AsymmetryOfTheBody())

@@ -1,0 +1,57 @@
+"""Viscous friction that differs between forward and backward (Janot, Gautier and Brunot, 2019: EMPS)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalars, State
+from ...robots.robot import Robot
+from ..effect_parameters import signed
+
+
+@dataclass(frozen=True)
+class AsymmetricViscousFriction(Effect):
+    """Viscous coefficients `B (1 + asymmetry)` forwards and `B (1 - asymmetry)` backwards."""
+
+    id: ClassVar[str] = "asymmetric_viscous_friction"
+    law: ClassVar[str] = "all_axes"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "B' = B (1 + asymmetry sgn s)"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "asymmetry", "", 0.1)
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        changed = list(resistance)
+        for axis in robot.drive_axes:
+            changed[axis] = resistance[axis] * (1.0 + p[self.key("asymmetry")] * jnp.sign(speeds[axis]))
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class ViscousAsymmetryOfEach(AsymmetricViscousFriction):
+    """Every drive axis with an asymmetry of its own."""
+
+    law: ClassVar[str] = "per_axis"
+    formula: ClassVar[str] = "B_i' = B_i (1 + asymmetry_i sgn s_i)"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return None if len(robot.drive_axes) > 1 else f"{robot.name!r} has one drive axis, of which {self.id} has a law"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for k in range(len(robot.drive_axes)):
+            found |= signed(self, f"asymmetry_{k + 1}", "", 0.1)
+        return found
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        changed = list(resistance)
+        for k, axis in enumerate(robot.drive_axes):
+            changed[axis] = resistance[axis] * (1.0 + p[self.key(f"asymmetry_{k + 1}")] * jnp.sign(speeds[axis]))
+        return tuple(changed)
+
+
+LAWS: tuple[Effect, ...] = (AsymmetricViscousFriction(), ViscousAsymmetryOfEach())

@@ -1,0 +1,48 @@
+"""Torque that repeats with an angle: cogging, and ripple of the torque itself (Gieras, Permanent Magnet Motor Technology)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
+from ...robots.probe import Probe, Seen
+from ...robots.robot import Robot
+from ...robots.trigonometry import sincos
+from ..effect_parameters import shape, signed
+
+
+@dataclass(frozen=True)
+class CoggingTorque(Effect):
+    """Torque ripple `a sin(n phi) + b cos(n phi)` with every driving wheel's angle phi since the start."""
+
+    id: ClassVar[str] = "cogging_torque"
+    law: ClassVar[str] = "one_harmonic"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "torque' = torque + sine * sin(periods * phi) + cosine * cos(periods * phi)"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes", "wheel_angles")
+    finer: ClassVar[float] = 2.0  # a period may pass within a few of the robot's own steps
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        unit, typical = robot.torque_unit, 0.02 * robot.scales.torque
+        for angle in robot.angles:
+            found |= signed(self, f"sine_{angle}", unit, typical) | signed(self, f"cosine_{angle}", unit, typical)
+        return found | shape(self, "periods", f"1/{robot.angle_unit}", 6.0 / robot.scales.angle)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        periods = self.key("periods")
+        strengths = {name: robot.parameters[name].typical or 1.0 for name in self.parameters(robot) if name != periods}
+        values, looked_at = seen.periods()
+        return tuple(Probe(strengths, {periods: n}, out_of=looked_at) for n in values)
+
+    def ripple(self, angle: str, times: float, state: State, p: Numbers, suffix: str = "") -> Scalar:
+        """Sine and cosine of `times` the periods of one wheel."""
+        sine, cosine = sincos(times * p[self.key("periods")] * state[angle])
+        return p[self.key(f"sine{suffix}_{angle}")] * sine + p[self.key(f"cosine{suffix}_{angle}")] * cosine
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        named = zip(torques, robot.angles, strict=True)
+        return tuple(torque + self.ripple(angle, 1.0, state, p) for torque, angle in named)
+
+
+LAWS: tuple[Effect, ...] = (CoggingTorque(),)

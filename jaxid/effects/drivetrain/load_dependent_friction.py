@@ -1,0 +1,66 @@
+"""Friction that grows with the transmitted torque: friction models M3 to M6 of BAM (Rhoban, Better Actuator Models)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
+from ...robots.robot import Robot
+from ..effect_parameters import signed
+
+_STILL = 0.01
+"""Share of the robot's speed within which a gear is about to turn: its loss grows with the speed there."""
+
+
+@dataclass(frozen=True)
+class LoadDependentFriction(Effect):
+    """A share of the drive torque is lost in the gear, whichever way power flows: less drives, more brakes."""
+
+    id: ClassVar[str] = "load_dependent_friction"
+    law: ClassVar[str] = "share_of_torque"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "torque' = torque - share |torque| sgn(speed)"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return None if robot.angles else f"{robot.name!r} does not say at which speed each drive torque acts (`angle`)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "share", "", 0.1)
+
+    def _turning(self, state: State, p: Numbers, robot: Robot) -> Scalars:
+        """Which way every wheel turns, -1 to 1."""
+        still = _STILL * robot.scales.speed * robot.scales.force / max(robot.scales.torque, 1e-300)
+        if set(robot.angles) <= set(robot.own_states):  # states of the robot's own, whose rates are its axes' speeds
+            speeds = robot.rubbing(state, p)
+            rates = tuple(speeds[axis] for axis in robot.drive_axes)
+        else:
+            rates = robot.angle_rates(state, p)
+        return tuple(jnp.clip(rate / still, -1.0, 1.0) for rate in rates)
+
+    def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
+        return torque - p[self.key("share")] * jnp.abs(torque) * way
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        ways = self._turning(state, p, robot)
+        return tuple(self._kept(torque, way, p) for torque, way in zip(torques, ways, strict=True))
+
+
+@dataclass(frozen=True)
+class TwoEfficiencies(LoadDependentFriction):
+    """Another share while the wheel drives the motor than while the motor drives the wheel."""
+
+    law: ClassVar[str] = "driving_and_driven"
+    formula: ClassVar[str] = "torque' = torque (1 - driving) while it drives, torque (1 + driven) while it brakes"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "driving", "", 0.1) | signed(self, "driven", "", 0.1)
+
+    def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
+        power = torque * way
+        lost = p[self.key("driving")] * jnp.maximum(power, 0.0) + p[self.key("driven")] * jnp.maximum(-power, 0.0)
+        return torque - lost * jnp.sign(way)
+
+
+LAWS: tuple[Effect, ...] = (LoadDependentFriction(), TwoEfficiencies())

@@ -1,0 +1,114 @@
+"""Viscous friction that is not proportional to the speed: Armstrong-Hélouvry, Control of Machines with Friction (1991);
+MuJoCo's polynomial damping."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
+from ...robots.probe import Probe, Seen
+from ...robots.robot import Robot
+from ..curve import Curve
+from ..effect_parameters import positive, shape, signed
+
+
+@dataclass(frozen=True)
+class SublinearViscousFriction(Effect):
+    """Viscous friction `B s (|s| / reference)^-deficit`: it grows slower than the speed.
+
+    The fixed `reference` is the speed at which B stays what it is.
+    """
+
+    id: ClassVar[str] = "sublinear_viscous_friction"
+    law: ClassVar[str] = "power"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "F = B s (|s| / reference)^-deficit"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        reference = shape(self, "reference", robot.rim_unit, 0.5 * robot.scales.speed, free=False)
+        return signed(self, "deficit", "", 0.1) | reference
+
+    def share(self, rim: Scalar, p: Numbers) -> Scalar:
+        """What the viscous friction is multiplied with at a speed at the rim."""
+        # Half the logarithm of s², kept finite at standstill where the friction itself vanishes.
+        logarithm = 0.5 * jnp.log((rim / p[self.key("reference")]) ** 2 + 1e-8)
+        return jnp.exp(-p[self.key("deficit")] * logarithm)
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        rims, changed = robot.rim_speeds(speeds, p), list(resistance)
+        for axis in robot.drive_axes:
+            changed[axis] = resistance[axis] * self.share(rims[axis], p)
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class CubicViscousFriction(SublinearViscousFriction):
+    """Viscous friction with a cubic term: less than proportional where `curvature` is negative, more where positive."""
+
+    law: ClassVar[str] = "cubic"
+    formula: ClassVar[str] = "F = B s (1 + curvature (s / reference)^2)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        reference = shape(self, "reference", robot.rim_unit, 0.5 * robot.scales.speed, free=False)
+        return signed(self, "curvature", "", 0.1) | reference
+
+    def share(self, rim: Scalar, p: Numbers) -> Scalar:
+        return 1.0 + p[self.key("curvature")] * (rim / p[self.key("reference")]) ** 2
+
+
+@dataclass(frozen=True)
+class SaturatingViscousFriction(SublinearViscousFriction):
+    """Viscous friction that levels off: `B speed tanh(s / speed)` with `inverse_speed = 1 / speed`, zero for none."""
+
+    law: ClassVar[str] = "tanh"
+    formula: ClassVar[str] = "F = B speed tanh(s / speed), speed = 1 / inverse_speed"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "inverse_speed", f"s/{robot.rim_unit.split('/')[0]}", 1.0 / robot.scales.speed)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return tuple(Probe({self.key("inverse_speed"): size / robot.scales.speed}) for size in (1.0, 2.5, 6.0, 15.0))
+
+    def share(self, rim: Scalar, p: Numbers) -> Scalar:
+        x = rim * p[self.key("inverse_speed")]
+        near = jnp.abs(x) < 1e-3  # where the quotient is 0 / 0
+        return jnp.where(near, 1.0 - x * x / 3.0, jnp.tanh(x) / jnp.where(near, 1.0, x))
+
+
+@dataclass(frozen=True)
+class ViscousCurve(Curve):
+    """How far the friction of every drive axis is from a straight line, as a curve of its speed at the rim.
+
+    The curve is zero at standstill and at the reach: what is proportional to the speed is the viscous coefficient's.
+    """
+
+    id: ClassVar[str] = "sublinear_viscous_friction"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "F = B s + bend(|s|) sgn s"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.15, 0.4, 0.7, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    variable: ClassVar[str] = "|speed|"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, typical = robot.friction_unit, 0.01 * robot.scales.friction
+        return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.speed)
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(resistance)
+        first = levers[robot.drive_axes[0]]
+        for axis in robot.drive_axes:
+            bend = self.at(jnp.abs(rims[axis]), p) * jnp.sign(rims[axis])
+            changed[axis] = resistance[axis] + (bend if levers[axis] is first else bend * (levers[axis] / first))
+        return tuple(changed)
+
+
+LAWS: tuple[Effect, ...] = (
+    SublinearViscousFriction(),
+    CubicViscousFriction(),
+    SaturatingViscousFriction(),
+    ViscousCurve(),
+)

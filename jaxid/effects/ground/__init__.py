@@ -1,0 +1,9 @@
+"""Effects between the wheels and the floor."""
+
+from .effective_track import EffectiveTrack
+from .surface_change import SurfaceChange
+from .traction_limit import TractionLimit
+from .turning_friction import TurningFriction
+from .wheel_radius_mismatch import WheelRadiusMismatch
+
+__all__ = ["EffectiveTrack", "SurfaceChange", "TractionLimit", "TurningFriction", "WheelRadiusMismatch"]

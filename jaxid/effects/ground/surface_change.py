@@ -1,0 +1,146 @@
+"""Friction that depends on the place: a carpet, a wet spot, joints of tiles."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Levels, Numbers, Scalar, Scalars, State
+from ...robots.probe import Probe, Seen
+from ...robots.robot import Robot
+from ...robots.trigonometry import sincos
+from ..effect_parameters import shape, signed
+
+_SIZE = 0.3
+"""Relative change of friction that is tried."""
+
+
+@dataclass(frozen=True)
+class SurfaceChange(Effect):
+    """Friction of the drivetrain scaled beyond a line on the floor, `x cos(angle) + y sin(angle) > offset`.
+
+    The edge is smooth over the fixed `width`, the way of one integration step. While it is searched for it is `edge` times
+    as wide, so that a line in the wrong place still tells where the right one is.
+    """
+
+    edge: float = 1.0
+
+    id: ClassVar[str] = "surface_change"
+    law: ClassVar[str] = "line"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "beyond the line: C' = C (1 + coulomb), B' = B (1 + viscous)"
+    needs: ClassVar[tuple[str, ...]] = ("pose", "drive_axes")
+    tried: ClassVar[tuple[float, ...]] = (0.3, 0.5, 0.7, 0.85)
+    """Lines that are tried along each direction, by the share of the path that lies on their near side."""
+
+    @property
+    def blurred(self) -> "SurfaceChange":
+        return replace(self, edge=4.0)
+
+    @property
+    def sharp(self) -> "SurfaceChange":
+        return replace(self, edge=1.0)
+
+    def _strengths(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "coulomb", "", _SIZE) | signed(self, "viscous", "", _SIZE)
+
+    def _width(self, robot: Robot) -> dict[str, Parameter]:
+        return shape(self, "width", "m", 0.25 * robot.scales.speed * robot.scales.interval, free=False)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        line = signed(self, "angle", "rad", 1.0) | signed(self, "offset", "m", 0.15 * robot.scales.length)
+        return self._strengths(robot) | line | self._width(robot)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        """Lines across the floor that part of the driven path lies beyond."""
+        path = seen.path()
+        if path is None:
+            return ()
+        places = []
+        for angle in np.arange(8) * np.pi / 4:
+            along = path @ np.array([np.cos(angle), np.sin(angle)])
+            for offset in np.quantile(along, self.tried):
+                places.append({self.key("angle"): float(angle), self.key("offset"): float(offset)})
+        return self._at(places)
+
+    def _at(self, places: list[dict[str, float]]) -> tuple[Probe, ...]:
+        strengths = {self.key("coulomb"): _SIZE, self.key("viscous"): _SIZE}
+        return tuple(Probe(strengths, place, out_of=len(places)) for place in places)
+
+    def _wide(self, p: Numbers) -> Scalar:
+        return self.edge * p[self.key("width")]
+
+    def _distance(self, state: State, p: Numbers) -> Scalar:
+        """How far beyond the edge it is [m]."""
+        sine, cosine = sincos(p[self.key("angle")])
+        return state["x"] * cosine + state["y"] * sine - p[self.key("offset")]
+
+    def _beyond(self, state: State, p: Numbers) -> Scalar:
+        return 0.5 * (1.0 + jnp.tanh(self._distance(state, p) / self._wide(p)))
+
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
+        factor, changed = 1.0 + p[self.key("coulomb")] * self._beyond(state, p), list(levels)
+        for axis in robot.drive_axes:
+            changed[axis] = (levels[axis][0] * factor, levels[axis][1] * factor)
+        return tuple(changed)
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        factor, changed = 1.0 + p[self.key("viscous")] * self._beyond(state, p), list(resistance)
+        for axis in robot.drive_axes:
+            changed[axis] = resistance[axis] * factor
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class GradualChange(SurfaceChange):
+    """The same with a width that is estimated: friction that changes gradually along one direction."""
+
+    law: ClassVar[str] = "gradual"
+    formula: ClassVar[str] = "C' = C (1 + coulomb h), B' = B (1 + viscous h), h from 0 to 1 across the line over width"
+    tried: ClassVar[tuple[float, ...]] = (0.5,)
+
+    @property
+    def blurred(self) -> "GradualChange":
+        return self
+
+    def _width(self, robot: Robot) -> dict[str, Parameter]:
+        return shape(self, "width", "m", 0.25 * robot.scales.length)
+
+
+@dataclass(frozen=True)
+class Disc(SurfaceChange):
+    """Another friction within a disc."""
+
+    law: ClassVar[str] = "disc"
+    formula: ClassVar[str] = "within the disc: C' = C (1 + coulomb), B' = B (1 + viscous)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        typical = 0.15 * robot.scales.length
+        place = signed(self, "x", "m", typical) | signed(self, "y", "m", typical)
+        return self._strengths(robot) | place | shape(self, "radius", "m", typical) | self._width(robot)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        path = seen.path()
+        if path is None:
+            return ()
+        size = float(np.max(np.ptp(path, axis=0)))
+        centres = [
+            (x, y) for x in np.quantile(path[:, 0], [0.1, 0.5, 0.9]) for y in np.quantile(path[:, 1], [0.1, 0.5, 0.9])
+        ]
+        return self._at(
+            [
+                {self.key("x"): float(x), self.key("y"): float(y), self.key("radius"): share * size}
+                for x, y in centres
+                for share in (0.1, 0.2)
+            ]
+        )
+
+    def _distance(self, state: State, p: Numbers) -> Scalar:
+        x, y, radius = state["x"] - p[self.key("x")], state["y"] - p[self.key("y")], p[self.key("radius")]
+        # Of the squares, over twice the radius: smooth at the centre, and the distance near the edge.
+        return 0.5 * (radius * radius - x * x - y * y) / radius
+
+
+LAWS: tuple[Effect, ...] = (SurfaceChange(), GradualChange(), Disc())

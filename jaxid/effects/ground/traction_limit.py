@@ -1,0 +1,114 @@
+"""Drive force that the ground limits: slip (Pacejka, Tire and Vehicle Dynamics)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
+from ...robots.probe import Probe, Seen
+from ...robots.robot import Robot
+from ..curve import Curve
+from ..effect_parameters import positive
+
+_SHARES = (0.09, 0.14, 0.21, 0.3, 0.43, 0.6, 0.86, 1.2)
+"""Limits of traction that are tried, in shares of the drive force at the largest input."""
+
+
+@dataclass(frozen=True)
+class TractionLimit(Effect):
+    """Drive force of every wheel limited by the ground: slip. `inverse_limit = 1 / limit`, zero for no limit."""
+
+    id: ClassVar[str] = "traction_limit"
+    law: ClassVar[str] = "hard"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "f' = clip(f, -limit, limit), limit = 1 / inverse_limit"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "inverse_limit", f"1/{robot.ground_force_unit}", 1.1 / robot.scales.force)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        name, force = self.key("inverse_limit"), robot.scales.force
+        return tuple(Probe({name: 1 / (share * force)}, limit=1.2 * share * force) for share in _SHARES)
+
+    def kept(self, f: Scalar, wheel: int, p: Numbers) -> Scalar:
+        """The share of the demanded force `f` that a wheel transmits."""
+        return 1.0 / jnp.maximum(1.0, jnp.abs(f) * p[self.key("inverse_limit")])
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        forces = robot.drive_forces(torques, p)
+        return tuple(t * self.kept(f, k, p) for k, (t, f) in enumerate(zip(torques, forces, strict=True)))
+
+
+@dataclass(frozen=True)
+class SoftTractionLimit(TractionLimit):
+    """`f' = limit tanh(f / limit)`."""
+
+    law: ClassVar[str] = "tanh"
+    formula: ClassVar[str] = "f' = limit tanh(f / limit), limit = 1 / inverse_limit"
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        name, force = self.key("inverse_limit"), robot.scales.force
+        return tuple(Probe({name: 1 / (share * force)}) for share in (3.0, 1.7, 1.0, 0.6, 0.35, 0.2))
+
+    def kept(self, f: Scalar, wheel: int, p: Numbers) -> Scalar:
+        x = f * p[self.key("inverse_limit")]
+        near = jnp.abs(x) < 1e-3  # where the quotient is 0 / 0
+        return jnp.where(near, 1.0 - x * x / 3.0, jnp.tanh(x) / jnp.where(near, 1.0, x))
+
+
+@dataclass(frozen=True)
+class LimitOfEach(TractionLimit):
+    """Every wheel with a limit of its own, as by the load on it."""
+
+    law: ClassVar[str] = "per_wheel"
+    formula: ClassVar[str] = "f_i' = clip(f_i, -limit_i, limit_i), limit_i = 1 / inverse_limit_i"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def _wheels(self, robot: Robot) -> range:
+        zero = dict.fromkeys(robot.states, 0.0) | robot.initial_state()
+        idle = (0.0,) * len(robot.channels.inputs)
+        return range(1, 1 + len(robot.drive_torques(idle, zero, robot.parameters.numbers)))
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for k in self._wheels(robot):
+            found |= positive(self, f"inverse_limit_{k}", f"1/{robot.ground_force_unit}", 1.1 / robot.scales.force)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = [self.key(f"inverse_limit_{k}") for k in self._wheels(robot)]
+        return tuple(Probe(dict.fromkeys(names, 1 / (share * robot.scales.force))) for share in _SHARES)
+
+    def kept(self, f: Scalar, wheel: int, p: Numbers) -> Scalar:
+        return 1.0 / jnp.maximum(1.0, jnp.abs(f) * p[self.key(f"inverse_limit_{wheel + 1}")])
+
+
+@dataclass(frozen=True)
+class TractionCurve(Curve):
+    """What is lost of a drive force, a curve of the force that is demanded."""
+
+    id: ClassVar[str] = "traction_limit"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "f' = f - lost(|f|) sgn f"
+    needs: ClassVar[tuple[str, ...]] = ("torque",)
+    knots: ClassVar[tuple[float, ...]] = (0.1, 0.25, 0.45, 0.7, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    variable: ClassVar[str] = "|drive force|"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, largest = robot.ground_force_unit, robot.scales.force
+        return self.heights_and_reach(robot, unit, 0.05 * largest, unit, largest)
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        forces = robot.drive_forces(torques, p)
+        tiny = 1e-9 * robot.scales.force
+        kept = []
+        for t, f in zip(torques, forces, strict=True):
+            size = jnp.abs(f)
+            kept.append(t * (1.0 - jnp.minimum(self.at(size, p), size) / (size + tiny)))
+        return tuple(kept)
+
+
+LAWS: tuple[Effect, ...] = (TractionLimit(), SoftTractionLimit(), LimitOfEach(), TractionCurve())

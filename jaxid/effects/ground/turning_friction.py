@@ -1,0 +1,78 @@
+"""A moment against turning: wheels that scrub (Mandow et al., IROS 2007; Martínez et al., IJRR 24, 2005)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalars, State
+from ...robots.robot import Robot
+from ..curve import Curve
+from ..effect_parameters import signed
+
+_STILL = 0.02
+"""Share of the largest yaw rate within which scrubbing wheels begin to slide."""
+
+
+class _OnTurning(Effect):
+    """A moment on the robot's yaw rate."""
+
+    def refusal(self, robot: Robot) -> str | None:
+        return (
+            None if robot.turning in robot.velocities else f"{robot.name!r} does not say which velocity is its yaw rate"
+        )
+
+    def _with(self, forces: Scalars, moment, robot: Robot) -> Scalars:
+        turn = robot.velocities.index(robot.turning)
+        return tuple(f + moment if i == turn else f for i, f in enumerate(forces))
+
+
+def _moment(robot: Robot) -> float:
+    """About the largest moment on the yaw rate."""
+    fastest = robot.scales.output(robot.turning)
+    return robot.scales.force * robot.scales.speed / fastest if fastest > 0 else robot.scales.force
+
+
+@dataclass(frozen=True)
+class TurningFriction(_OnTurning):
+    """Coulomb and viscous moment against turning."""
+
+    id: ClassVar[str] = "turning_friction"
+    law: ClassVar[str] = "coulomb_and_viscous"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "moment = -coulomb sgn(yaw rate) - viscous * yaw rate"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        typical, rate = 0.02 * _moment(robot), robot.scales.output(robot.turning)
+        unit = robot.force_unit(robot.turning)
+        return signed(self, "coulomb", unit, typical) | signed(self, "viscous", f"{unit} s", typical / rate)
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        rate = state[robot.turning]
+        sign = jnp.tanh(rate / (_STILL * robot.scales.output(robot.turning)))
+        return self._with(forces, -p[self.key("coulomb")] * sign - p[self.key("viscous")] * rate, robot)
+
+
+@dataclass(frozen=True)
+class TurningCurve(Curve, _OnTurning):
+    """The moment against turning, a curve of the yaw rate."""
+
+    id: ClassVar[str] = "turning_friction"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "moment = -resisting(|yaw rate|) sgn(yaw rate)"
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.3, 0.6, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    variable: ClassVar[str] = "|yaw rate|"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, rate = robot.force_unit(robot.turning), robot.scales.output(robot.turning)
+        of = robot.velocity_unit(robot.turning)
+        return self.heights_and_reach(robot, unit, 0.02 * _moment(robot), of, rate)
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        rate = state[robot.turning]
+        return self._with(forces, -self.at(jnp.abs(rate), p) * jnp.sign(rate), robot)
+
+
+LAWS: tuple[Effect, ...] = (TurningFriction(), TurningCurve())

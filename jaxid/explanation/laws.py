@@ -1,0 +1,45 @@
+"""Which law of a mechanism: its other formulas, and its curve, refitted beside the one that promised most.
+
+A mechanism is decided upon with all its laws, so that a wrong formula does not hide a right mechanism: where no law yet leaves
+only noise, those of every mechanism that is in the running are tried.
+"""
+
+from collections.abc import Callable, Sequence
+
+from ..effects.curve import SHAPE
+from .refit import Trial
+from .screen import Candidate
+
+MOST_LAWS = 3
+"""Most other laws of a mechanism that are refitted."""
+_MOST_MECHANISMS = 3
+"""Mechanisms whose other laws are refitted while no law leaves only noise."""
+_PROMISING = 0.6
+"""Share of the first law's promise below which a formula is not refitted."""
+
+Refits = Callable[[list[Candidate]], list[Trial]]
+
+
+def other_laws(candidate: Candidate, curve: bool) -> list[Candidate]:
+    """The laws of a mechanism that are worth a refit beside the `candidate`'s own; its `curve` only if asked for."""
+    formulas = [c for c in candidate.laws if c.effect.law != SHAPE and c.gain > max(_PROMISING * candidate.gain, 0.0)]
+    curves = [c for c in candidate.laws if c.effect.law == SHAPE and c.gain > candidate.gain]
+    return formulas[:MOST_LAWS] + (curves if curve else [])
+
+
+def by_law(candidates: Sequence[Candidate], trials: Sequence[Trial], near: float, refits: Refits) -> list[list[Trial]]:
+    """The trials of each mechanism, best first, and mechanisms by their best; `refits` tries further candidates.
+
+    `candidates` are those that the `trials` are of. `near` is the score up to which a mechanism is in the running. Where the
+    best leaves only noise, the question is only by which formula; else other mechanisms' laws may be better, and curves.
+    """
+    ranked = sorted(trials, key=lambda trial: trial.score)
+    settled = ranked[0].held_out.adequate
+    open_ = ranked[:1] if settled else [trial for trial in ranked if trial.score < near][:_MOST_MECHANISMS]
+    first = {candidate.effect.id: candidate for candidate in candidates}
+    further = [law for trial in open_ for law in other_laws(first[trial.id], curve=not settled)]
+    found = {trial.id: [trial] for trial in ranked}
+    for trial in refits(further) if further else []:
+        found[trial.id].append(trial)
+    each = [sorted(own, key=lambda trial: trial.score) for own in found.values()]
+    return sorted(each, key=lambda own: own[0].score)

@@ -1,0 +1,46 @@
+"""What a first look at logs tries of an effect, and what it may ask of the logs for that.
+
+An effect is screened by the change it makes to a simulation. Parameters that scale it (strengths) enter by one probe each;
+those that say where or when it acts (shapes) are tried over a grid, and strengths beyond which an effect is not proportional
+(a limit, a dead zone, a delay) at several sizes.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Changes that explain together: each of `strengths` is applied on its own while `shape` holds.
+
+    `limit` is where the inverse of a strength that cuts signals off would begin to do so. `out_of` is how many shapes were
+    looked at for this one to be found.
+    """
+
+    strengths: Mapping[str, float]
+    shape: Mapping[str, float] = field(default_factory=dict)
+    limit: float | None = None
+    out_of: int = 1
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the logs at hand show, for effects that ask where to look; what takes work is worked out when it is asked for.
+
+    - `largest_input`: the largest magnitude of any input.
+    - `path()`: places that the robot drove through [N, 2], by dead reckoning; None where they are not known.
+    - `periods()`: numbers of periods a unit of the wheels' angles at which the missing force repeats, and how many were
+      looked at.
+    """
+
+    largest_input: float
+    path: Callable[[], Float[np.ndarray, "N 2"] | None]
+    periods: Callable[[], tuple[tuple[float, ...], int]]
+
+
+def one_by_one(name: str, sizes: tuple[float, ...]) -> tuple[Probe, ...]:
+    """A strength that the effect is not proportional to, at several sizes."""
+    return tuple(Probe({name: size}) for size in sizes)
