@@ -29,7 +29,8 @@ def curve(x: Scalar, knots: Sequence[float], heights: Sequence[Scalar], reach: S
 
 @dataclass(frozen=True)
 class Curve(Effect):
-    """A mechanism's curve: heights `at_1`, `at_2` ... at `knots`, shares of the fixed `reach`.
+    """A mechanism's curve, or one of each of several things (`each`): heights `at_1`, `at_2` ... at `knots`, shares of the
+    fixed `reach`.
 
     `free` are the places among the knots whose heights are estimated; the others are zero. `variable` says of what it is a
     curve, for people.
@@ -40,16 +41,23 @@ class Curve(Effect):
     free: ClassVar[tuple[int, ...]] = ()
     variable: ClassVar[str] = ""
 
+    def each(self, robot: Robot) -> tuple[str, ...]:
+        """The things that have a curve each, such as motors; one without a name where all share one."""
+        return ("",)
+
+    def height(self, place: int, name: str = "") -> str:
+        """Name of the parameter that is the height at the knot `place` of the curve of `name`."""
+        return self.key(f"at_{self.free.index(place) + 1}" + (f"_{name}" if name else ""))
+
     def heights_and_reach(self, robot: Robot, unit: str, typical: float, of: str, reach: float) -> dict[str, Parameter]:
         """The parameters: heights in `unit` of about `typical`, and the reach in the unit `of`."""
         found: dict[str, Parameter] = {}
-        for k in range(len(self.free)):
-            found |= signed(self, f"at_{k + 1}", unit, typical)
+        for name in self.each(robot):
+            for place in self.free:
+                found |= signed(self, self.height(place, name).removeprefix(self.key("")), unit, typical)
         return found | shape(self, "reach", of, reach, free=False)
 
-    def at(self, x: Scalar, p: Numbers) -> Scalar:
-        """The curve at `x` >= 0."""
-        heights: list[Scalar] = [0.0] * len(self.knots)
-        for k, place in enumerate(self.free):
-            heights[place] = p[self.key(f"at_{k + 1}")]
+    def at(self, x: Scalar, p: Numbers, name: str = "") -> Scalar:
+        """The curve (of `name`) at `x` >= 0."""
+        heights = [p[self.height(k, name)] if k in self.free else 0.0 for k in range(len(self.knots))]
         return curve(x, self.knots, heights, p[self.key("reach")])

@@ -27,7 +27,7 @@ from .passing_jumps import without_passing_jumps
 from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, search
-from .shape import shape_of
+from .shape import shapes_of
 from .table_constants import sentence_of
 from .telling_apart import differ
 
@@ -78,7 +78,7 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
                     identified=sure,
                     law=effect.law,
                     laws_alike=step.laws_alike if same_law else (),
-                    shape=shape_of(effect, final.parameters) if isinstance(effect, Curve) else None,
+                    shapes=shapes_of(effect, final.robot, final.parameters) if isinstance(effect, Curve) else (),
                 )
             )
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))

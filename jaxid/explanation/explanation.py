@@ -51,7 +51,7 @@ class Evidence:
 class NamedEffect:
     """One effect that was added, with the ids this data cannot tell from it in `equivalent_to`.
 
-    `law` is the law of the mechanism that explains best ("shape" for a curve without a formula, whose points `shape` holds;
+    `law` is the law of the mechanism that explains best ("shape" for a curve without a formula, whose points `shapes` holds;
     "" where the mechanism has one law only) and `laws_alike` are those that this data cannot tell from it.
 
     `identified`: whether the data says that it is there, by the errors of its strengths (`differs_from_nothing`).
@@ -66,7 +66,7 @@ class NamedEffect:
     identified: bool = True
     law: str = ""
     laws_alike: tuple[str, ...] = ()
-    shape: Shape | None = None
+    shapes: tuple[Shape, ...] = ()
 
     @property
     def title(self) -> str:
@@ -76,8 +76,9 @@ class NamedEffect:
     @property
     def law_in_words(self) -> str:
         """The law, and those that the data cannot tell from it; empty where the mechanism has one only."""
-        if self.shape is not None:
-            return f"by none of the listed laws but by this curve of {self.shape.variable}: {self.shape.sentence}"
+        if self.shapes:
+            curves = "; ".join(shape.sentence for shape in self.shapes)
+            return f"by none of the listed laws but by this curve of {self.shapes[0].variable}: {curves}"
         if not self.law:
             return ""
         others = f" (or {', '.join(map(in_words, self.laws_alike))}, which this data cannot tell apart)"
@@ -87,7 +88,7 @@ class NamedEffect:
     def sentence(self) -> str:
         """Name, size and evidence in one sentence."""
         sizes = ", ".join(_worded(name, e) for name, e in self.parameters.items() if e.status != "fixed")
-        sizes = self.law_in_words if self.shape else ", ".join(filter(None, (sizes, self.law_in_words)))
+        sizes = self.law_in_words if self.shapes else ", ".join(filter(None, (sizes, self.law_in_words)))
         text = f"{self.title[0].upper()}{self.title[1:]} ({self.where}): {sizes}; "
         text += f"held-out error {self.evidence.before:.2f} to {self.evidence.after:.2f} times the noise."
         if self.equivalent_to:
@@ -346,7 +347,7 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "formula": effect.formula,
         "law": effect.law,
         "laws_alike": list(effect.laws_alike),
-        "shape": effect.shape.to_dict() if effect.shape else None,
+        "shape": [shape.to_dict() for shape in effect.shapes],
         "equivalent_to": list(effect.equivalent_to),
         "parameters": {name: estimate.to_dict() for name, estimate in effect.parameters.items()},
         "evidence": {

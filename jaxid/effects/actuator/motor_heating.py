@@ -6,6 +6,7 @@ from typing import ClassVar
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.robot import Robot
+from ..curve import Curve
 from ..effect_parameters import positive, shape
 from .drives import back_emf, one_torque_each
 
@@ -89,4 +90,34 @@ class WeakerMagnets(MotorHeating):
         return {name: p[robot.winding] * currents[k] ** 2 for name, k in named}
 
 
-LAWS: tuple[Effect, ...] = (MotorHeating(), HeatingWithCooling(), WeakerMagnets())
+@dataclass(frozen=True)
+class HeatingCurve(Curve):
+    """The rise of the winding's resistance, a curve of the energy i² R that was dissipated in it."""
+
+    id: ClassVar[str] = "motor_heating"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "R = R_cold (1 + rise(integral of R_cold i^2))"
+    needs: ClassVar[tuple[str, ...]] = ("winding",)
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    variable: ClassVar[str] = "energy dissipated in the winding"
+
+    def states_on(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(self.own(f"heat_{robot.channels.inputs[i]}") for i in robot.drive_inputs)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        scales, winding = robot.scales, robot.parameters[robot.winding].value
+        return self.heights_and_reach(robot, "", 0.1, "J", 0.3 * scales.input**2 / winding * scales.duration)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        lowered, winding = list(volts), p[robot.winding]
+        for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
+            lowered[k] = volts[k] - winding * currents[k] * (1.0 - 1.0 / (1.0 + self.at(state[name], p)))
+        return tuple(lowered)
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        named = zip(self.states_on(robot), robot.drive_inputs, strict=True)
+        return {name: p[robot.winding] * currents[k] ** 2 for name, k in named}
+
+
+LAWS: tuple[Effect, ...] = (MotorHeating(), HeatingWithCooling(), WeakerMagnets(), HeatingCurve())

@@ -10,8 +10,10 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
-from ..effect_parameters import positive
-from .drives import back_emf, on_drives
+from ..curve import SHAPE
+from ..effect_parameters import positive, shape, signed
+from .drives import back_emf, drive_names, each_drive, input_unit, on_drives
+from .input_delay import late
 
 _TINY = 1e-9
 """Share of a step below which a time constant is none."""
@@ -94,4 +96,91 @@ class Inductance(MotorLag):
         return {name: (-p[robot.winding] * idle[k] - state[name]) / T for name, k in named}
 
 
-LAWS: tuple[Effect, ...] = (MotorLag(), SecondOrderLag(), Inductance())
+@dataclass(frozen=True)
+class LagOfEach(MotorLag):
+    """A first-order lag of every motor's own."""
+
+    law: ClassVar[str] = "per_motor"
+    formula: ClassVar[str] = "time_constant_i * du_i'/dt = u_i - u_i'"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in drive_names(robot):
+            found |= positive(self, f"time_constant_{name}", "s", 0.15 * robot.scales.time)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = [self.key(f"time_constant_{name}") for name in drive_names(robot)]
+        return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        T = each_drive(robot, lambda name: p[self.key(f"time_constant_{name}")])
+        columns = [low_passed(inputs[:, k : k + 1], dt, T[k]) for k in range(inputs.shape[1])]
+        return on_drives(robot, inputs, jnp.concatenate(columns, axis=1))
+
+
+@dataclass(frozen=True)
+class SlewRate(MotorLag):
+    """A driver's ramp: the voltage changes by one unit in `time_per_unit` at most."""
+
+    law: ClassVar[str] = "ramp"
+    formula: ClassVar[str] = "|du'/dt| <= 1 / time_per_unit"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit = f"s/{input_unit(robot)}"
+        return positive(self, "time_per_unit", unit, 0.15 * robot.scales.time / robot.scales.input)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        times = tuple(time / robot.scales.input for time in robot.scales.times_to_try)
+        return one_by_one(self.key("time_per_unit"), times)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        per_unit = p[self.key("time_per_unit")]
+
+        def advance(now, row):
+            u, interval = row
+            most = interval / jnp.maximum(per_unit, _TINY * interval)
+            step = jnp.clip(u - now, -most, most)
+            # The mean over the step: it ramps for as long as the way takes, and then holds.
+            ramp = jnp.minimum(jnp.abs(step) * per_unit / interval, 1.0)
+            return now + step, now + step * (1.0 - 0.5 * ramp)
+
+        _, means = jax.lax.scan(advance, jnp.zeros_like(inputs[0]), (inputs, dt))
+        return on_drives(robot, inputs, means)
+
+
+@dataclass(frozen=True)
+class StepResponse(Effect):
+    """Any response to a step of the command: shares of it that come late by multiples of the fixed `spacing`."""
+
+    id: ClassVar[str] = "motor_lag"
+    law: ClassVar[str] = SHAPE
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u'(t) = u(t) + sum over k of share_k (u(t - k spacing) - u(t)), k = 1, 2, 4"
+    finer: ClassVar[float] = 2.0
+    multiples: ClassVar[tuple[int, ...]] = (1, 2, 4)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for k in self.multiples:
+            found |= signed(self, f"share_{k}", "", 0.1)
+        return found | shape(self, "spacing", "s", robot.scales.times_to_try[1], free=False)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        changed = inputs
+        for k in self.multiples:
+            changed = changed + p[self.key(f"share_{k}")] * (
+                late(inputs, time, dt, k * p[self.key("spacing")]) - inputs
+            )
+        return on_drives(robot, inputs, changed)
+
+
+LAWS: tuple[Effect, ...] = (
+    MotorLag(),
+    SecondOrderLag(),
+    Inductance(),
+    LagOfEach(),
+    SlewRate(),
+    StepResponse(),
+)

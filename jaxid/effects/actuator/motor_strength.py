@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import jax.numpy as jnp
+
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
+from ..curve import Curve
 from ..effect_parameters import signed
-from .drives import back_emf, drive_names, each_drive, one_torque_each
+from .drives import back_emf, drive_names, each_drive, input_unit, one_torque_each
 
 
 @dataclass(frozen=True)
@@ -81,4 +84,29 @@ class WindingResistance(_OfTorque):
         return tuple(t / (1.0 + excess) for t, excess in zip(torques, self._shares(p, robot), strict=True))
 
 
-LAWS: tuple[Effect, ...] = (MotorGainMismatch(), TorqueConstant(), WindingResistance())
+@dataclass(frozen=True)
+class GainCurves(Curve):
+    """What each motor gets beyond its command, as a share of it, a curve of the command's size."""
+
+    id: ClassVar[str] = "motor_gain_mismatch"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u_i' = u_i (1 + gain_i(|u_i|))"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+    knots: ClassVar[tuple[float, ...]] = (0.1, 0.4, 0.9)
+    free: ClassVar[tuple[int, ...]] = (0, 1, 2)
+    variable: ClassVar[str] = "|u|"
+
+    def each(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(drive_names(robot))
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return self.heights_and_reach(robot, "", 0.05, input_unit(robot), robot.scales.input)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        size, columns = jnp.abs(inputs), [inputs[:, k] for k in range(inputs.shape[1])]
+        for name, k in zip(drive_names(robot), robot.drive_inputs, strict=True):
+            columns[k] = inputs[:, k] * (1.0 + self.at(size[:, k], p, name))
+        return jnp.stack(columns, axis=1)
+
+
+LAWS: tuple[Effect, ...] = (MotorGainMismatch(), TorqueConstant(), WindingResistance(), GainCurves())

@@ -32,4 +32,26 @@ class GroundSlope(Effect):
         return tuple(f + extra for f, extra in zip(forces, added, strict=True))
 
 
-LAWS: tuple[Effect, ...] = (GroundSlope(),)
+@dataclass(frozen=True)
+class CurvedFloor(GroundSlope):
+    """A slope that changes with the place, as on a bowl, a ridge or a ramp: the gradient of a quadratic height."""
+
+    law: ClassVar[str] = "curved"
+    formula: ClassVar[str] = "slope_x' = slope_x + bend_xx x + bend_xy y, slope_y' = slope_y + bend_xy x + bend_yy y"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found = super().parameters(robot)
+        typical = 0.03 * robot.scales.acceleration / GRAVITY / robot.scales.length
+        for name in ("bend_xx", "bend_xy", "bend_yy"):
+            found |= signed(self, name, "rad/m", typical)
+        return found
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        x, y = state["x"], state["y"]
+        along_x = p[self.key("slope_x")] + p[self.key("bend_xx")] * x + p[self.key("bend_xy")] * y
+        along_y = p[self.key("slope_y")] + p[self.key("bend_xy")] * x + p[self.key("bend_yy")] * y
+        added = robot.field_force((GRAVITY * along_x, GRAVITY * along_y), state, p)
+        return tuple(f + extra for f, extra in zip(forces, added, strict=True))
+
+
+LAWS: tuple[Effect, ...] = (GroundSlope(), CurvedFloor())

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.robot import Robot
+from ..curve import Curve
 from ..effect_parameters import signed
 
 
@@ -54,4 +55,29 @@ class ViscousAsymmetryOfEach(AsymmetricViscousFriction):
         return tuple(changed)
 
 
-LAWS: tuple[Effect, ...] = (AsymmetricViscousFriction(), ViscousAsymmetryOfEach())
+@dataclass(frozen=True)
+class AsymmetryCurve(Curve):
+    """What forward motion has more of friction, and backward motion less, as a curve of the speed at the rim."""
+
+    id: ClassVar[str] = "asymmetric_viscous_friction"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "F = B s + difference(|s|)"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.4, 0.7, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    variable: ClassVar[str] = "|speed|"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, typical = robot.friction_unit, 0.01 * robot.scales.friction
+        return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.speed)
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(resistance)
+        first = levers[robot.drive_axes[0]]
+        for axis in robot.drive_axes:
+            more = self.at(jnp.abs(rims[axis]), p)
+            changed[axis] = resistance[axis] + (more if levers[axis] is first else more * (levers[axis] / first))
+        return tuple(changed)
+
+
+LAWS: tuple[Effect, ...] = (AsymmetricViscousFriction(), ViscousAsymmetryOfEach(), AsymmetryCurve())

@@ -45,4 +45,42 @@ class CoggingTorque(Effect):
         return tuple(torque + self.ripple(angle, 1.0, state, p) for torque, angle in named)
 
 
-LAWS: tuple[Effect, ...] = (CoggingTorque(),)
+@dataclass(frozen=True)
+class TwoHarmonics(CoggingTorque):
+    """With the second harmonic."""
+
+    law: ClassVar[str] = "two_harmonics"
+    formula: ClassVar[str] = "torque' = torque + one harmonic of periods * phi + another of 2 * periods * phi"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found, unit, typical = super().parameters(robot), robot.torque_unit, 0.02 * robot.scales.torque
+        for angle in robot.angles:
+            found |= signed(self, f"sine_2_{angle}", unit, typical) | signed(self, f"cosine_2_{angle}", unit, typical)
+        return found
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        named = zip(torques, robot.angles, strict=True)
+        return tuple(
+            t + self.ripple(angle, 1.0, state, p) + self.ripple(angle, 2.0, state, p, "_2") for t, angle in named
+        )
+
+
+@dataclass(frozen=True)
+class RippleOfTheTorque(CoggingTorque):
+    """A ripple in proportion to the drive torque itself."""
+
+    law: ClassVar[str] = "share_of_torque"
+    formula: ClassVar[str] = "torque' = torque (1 + sine * sin(periods * phi) + cosine * cos(periods * phi))"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for angle in robot.angles:
+            found |= signed(self, f"sine_{angle}", "", 0.05) | signed(self, f"cosine_{angle}", "", 0.05)
+        return found | shape(self, "periods", f"1/{robot.angle_unit}", 6.0 / robot.scales.angle)
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        named = zip(torques, robot.angles, strict=True)
+        return tuple(torque * (1.0 + self.ripple(angle, 1.0, state, p)) for torque, angle in named)
+
+
+LAWS: tuple[Effect, ...] = (CoggingTorque(), TwoHarmonics(), RippleOfTheTorque())

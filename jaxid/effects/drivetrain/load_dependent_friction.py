@@ -8,10 +8,22 @@ import jax.numpy as jnp
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
+from ..curve import Curve
 from ..effect_parameters import signed
 
 _STILL = 0.01
 """Share of the robot's speed within which a gear is about to turn: its loss grows with the speed there."""
+
+
+def turning(state: State, p: Numbers, robot: Robot) -> Scalars:
+    """Which way every wheel turns, -1 to 1."""
+    still = _STILL * robot.scales.speed * robot.scales.force / max(robot.scales.torque, 1e-300)
+    if set(robot.angles) <= set(robot.own_states):  # states of the robot's own, whose rates are its axes' speeds
+        speeds = robot.rubbing(state, p)
+        rates = tuple(speeds[axis] for axis in robot.drive_axes)
+    else:
+        rates = robot.angle_rates(state, p)
+    return tuple(jnp.clip(rate / still, -1.0, 1.0) for rate in rates)
 
 
 @dataclass(frozen=True)
@@ -29,21 +41,11 @@ class LoadDependentFriction(Effect):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return signed(self, "share", "", 0.1)
 
-    def _turning(self, state: State, p: Numbers, robot: Robot) -> Scalars:
-        """Which way every wheel turns, -1 to 1."""
-        still = _STILL * robot.scales.speed * robot.scales.force / max(robot.scales.torque, 1e-300)
-        if set(robot.angles) <= set(robot.own_states):  # states of the robot's own, whose rates are its axes' speeds
-            speeds = robot.rubbing(state, p)
-            rates = tuple(speeds[axis] for axis in robot.drive_axes)
-        else:
-            rates = robot.angle_rates(state, p)
-        return tuple(jnp.clip(rate / still, -1.0, 1.0) for rate in rates)
-
     def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
         return torque - p[self.key("share")] * jnp.abs(torque) * way
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        ways = self._turning(state, p, robot)
+        ways = turning(state, p, robot)
         return tuple(self._kept(torque, way, p) for torque, way in zip(torques, ways, strict=True))
 
 
@@ -63,4 +65,28 @@ class TwoEfficiencies(LoadDependentFriction):
         return torque - lost * jnp.sign(way)
 
 
-LAWS: tuple[Effect, ...] = (LoadDependentFriction(), TwoEfficiencies())
+@dataclass(frozen=True)
+class LoadCurve(Curve):
+    """What a gear loses of the drive torque, a curve of its size."""
+
+    id: ClassVar[str] = "load_dependent_friction"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "torque' = torque - lost(|torque|) sgn(speed)"
+    needs: ClassVar[tuple[str, ...]] = ("torque",)
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.2, 0.5, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    variable: ClassVar[str] = "|drive torque|"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return None if robot.angles else f"{robot.name!r} does not say at which speed each drive torque acts (`angle`)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, largest = robot.torque_unit, robot.scales.torque
+        return self.heights_and_reach(robot, unit, 0.03 * largest, unit, largest)
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        ways = turning(state, p, robot)
+        return tuple(t - self.at(jnp.abs(t), p) * way for t, way in zip(torques, ways, strict=True))
+
+
+LAWS: tuple[Effect, ...] = (LoadDependentFriction(), TwoEfficiencies(), LoadCurve())

@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import jax.numpy as jnp
+
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
 from ...robots.robot import Robot
-from ..effect_parameters import signed
+from ..curve import Curve
+from ..effect_parameters import shape, signed
 from .outputs import each_output
 
 
@@ -48,4 +51,33 @@ class DriftingBias(SensorBias):
         return super().measure(outputs, time, p, robot) + time[:, None] * drift[None, :]
 
 
-LAWS: tuple[Effect, ...] = (SensorBias(), DriftingBias())
+@dataclass(frozen=True)
+class BiasCurves(Curve):
+    """Every output's offset, a curve of the time since the start of each log: warming up."""
+
+    id: ClassVar[str] = "sensor_bias"
+    where: ClassVar[str] = "sensor"
+    formula: ClassVar[str] = "y_i' = y_i + bias_i(t)"
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.15, 0.4, 0.7, 1.0)
+    free: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, 4)
+    variable: ClassVar[str] = "time"
+
+    def each(self, robot: Robot) -> tuple[str, ...]:
+        return robot.channels.outputs
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in self.each(robot):
+            unit, typical = robot.channels.units.get(name, ""), 0.02 * robot.scales.output(name)
+            for k in range(len(self.free)):
+                found |= signed(self, f"at_{k + 1}_{name}", unit, typical)
+        return found | shape(self, "reach", "s", robot.scales.duration, free=False)
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        columns = [outputs[:, i] for i in range(outputs.shape[1])]
+        for i, name in enumerate(self.each(robot)):
+            columns[i] = columns[i] + self.at(time, p, name)
+        return jnp.stack(columns, axis=1)
+
+
+LAWS: tuple[Effect, ...] = (SensorBias(), DriftingBias(), BiasCurves())

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import jax.numpy as jnp
+
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
@@ -10,6 +12,14 @@ from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
 from .outputs import bends, outputs_only
+
+
+def stamped_late(outputs, time, delay):
+    """`outputs` [T, n] as they were `delay` earlier, exact for speeds that are parabolas between samples."""
+    before, share = earlier(time, delay)
+    interval, share = (time[before + 1] - time[before])[:, None], share[:, None]
+    straight = outputs[before] + share * (outputs[before + 1] - outputs[before])
+    return straight - 0.5 * interval**2 * share * (1.0 - share) * bends(outputs, time)[before]
 
 
 @dataclass(frozen=True)
@@ -28,11 +38,37 @@ class SensorDelay(Effect):
         return one_by_one(self.key("delay"), robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        before, share = earlier(time, p[self.key("delay")])
-        interval, share = (time[before + 1] - time[before])[:, None], share[:, None]
-        straight = outputs[before] + share * (outputs[before + 1] - outputs[before])
-        sag = 0.5 * interval**2 * share * (1.0 - share) * bends(outputs, time)[before]
-        return outputs_only(robot, straight - sag, outputs)
+        return outputs_only(robot, stamped_late(outputs, time, p[self.key("delay")]), outputs)
 
 
-LAWS: tuple[Effect, ...] = (SensorDelay(),)
+@dataclass(frozen=True)
+class SensorDelayOfEach(SensorDelay):
+    """Every output with a delay of its own."""
+
+    law: ClassVar[str] = "per_channel"
+    formula: ClassVar[str] = "y_i'(t) = y_i(t - delay_i)"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return (
+            None
+            if len(robot.channels.outputs) > 1
+            else f"{robot.name!r} measures one output, of which {self.id} has a law"
+        )
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in robot.channels.outputs:
+            found |= positive(self, f"delay_{name}", "s", 0.1 * robot.scales.time)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = [self.key(f"delay_{name}") for name in robot.channels.outputs]
+        return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        names = enumerate(robot.channels.outputs)
+        columns = [stamped_late(outputs[:, i : i + 1], time, p[self.key(f"delay_{name}")]) for i, name in names]
+        return outputs_only(robot, jnp.concatenate(columns, axis=1), outputs)
+
+
+LAWS: tuple[Effect, ...] = (SensorDelay(), SensorDelayOfEach())

@@ -10,6 +10,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
+from ..earlier import earlier
 from ..effect_parameters import positive
 from .outputs import bends, outputs_only
 
@@ -56,4 +57,74 @@ class SensorLag(Effect):
         return outputs_only(robot, low_passed(outputs, time, p[self.key("time_constant")]), outputs)
 
 
-LAWS: tuple[Effect, ...] = (SensorLag(),)
+@dataclass(frozen=True)
+class SecondOrderSensorLag(SensorLag):
+    """Two first-order lags one after the other, with half the time constant each."""
+
+    law: ClassVar[str] = "second_order"
+    formula: ClassVar[str] = "two lags of time_constant / 2, one after the other"
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        half = 0.5 * p[self.key("time_constant")]
+        return outputs_only(robot, low_passed(low_passed(outputs, time, half), time, half), outputs)
+
+
+@dataclass(frozen=True)
+class SensorLagOfEach(SensorLag):
+    """A first-order lag of every output's own."""
+
+    law: ClassVar[str] = "per_channel"
+    formula: ClassVar[str] = "time_constant_i * dy_i'/dt = y_i - y_i'"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return (
+            None
+            if len(robot.channels.outputs) > 1
+            else f"{robot.name!r} measures one output, of which {self.id} has laws"
+        )
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in robot.channels.outputs:
+            found |= positive(self, f"time_constant_{name}", "s", 0.15 * robot.scales.time)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = [self.key(f"time_constant_{name}") for name in robot.channels.outputs]
+        return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        names = enumerate(robot.channels.outputs)
+        columns = [low_passed(outputs[:, i : i + 1], time, p[self.key(f"time_constant_{name}")]) for i, name in names]
+        return outputs_only(robot, jnp.concatenate(columns, axis=1), outputs)
+
+
+@dataclass(frozen=True)
+class MovingAverage(SensorLag):
+    """The mean of the measured speeds over the last `window`: counters read over a time, firmware filters."""
+
+    law: ClassVar[str] = "moving_average"
+    formula: ClassVar[str] = "y'(t) = mean of y over (t - window, t)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "window", "s", 0.3 * robot.scales.time)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("window"), tuple(2.0 * time for time in robot.scales.times_to_try))
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        dt, asked = jnp.diff(time)[:, None], p[self.key("window")]
+        window = jnp.maximum(asked, 0.1 * jnp.max(dt))  # of a shorter one, a share of what this changes
+        # The integral of the outputs, parabolas between samples; of a start at rest before the first stamp.
+        whole = jnp.cumsum(0.5 * dt * (outputs[1:] + outputs[:-1]) - dt**3 / 12.0 * bends(outputs, time), axis=0)
+        whole = jnp.concatenate([jnp.zeros_like(outputs[:1]), whole])
+        before, share = earlier(time, window)
+        step, share = dt[before], share[:, None]
+        start, slope = outputs[before], (outputs[before + 1] - outputs[before])
+        then = whole[before] + step * (share * start + 0.5 * share**2 * slope)
+        early = jnp.maximum(window - (time - time[0]), 0.0)[:, None] * outputs[0]
+        changed = outputs + asked / window * ((whole - then + early) / window - outputs)
+        return outputs_only(robot, changed, outputs)
+
+
+LAWS: tuple[Effect, ...] = (SensorLag(), SecondOrderSensorLag(), SensorLagOfEach(), MovingAverage())

@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import jax.numpy as jnp
+
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
 from ...robots.robot import Robot
-from ..effect_parameters import signed
+from ..curve import Curve
+from ..effect_parameters import shape, signed
 from .outputs import each_output
 
 
@@ -29,4 +32,52 @@ class SensorScale(Effect):
         return outputs * (1.0 + each_output(self, p, "error", robot))
 
 
-LAWS: tuple[Effect, ...] = (SensorScale(),)
+@dataclass(frozen=True)
+class ScaleByDirection(SensorScale):
+    """Another scale for positive readings than for negative ones."""
+
+    law: ClassVar[str] = "by_direction"
+    formula: ClassVar[str] = "y' = (1 + error) y where y > 0, (1 + error_backward) y where y < 0"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found = super().parameters(robot)
+        for name in robot.channels.outputs:
+            found |= signed(self, f"error_backward_{name}", "", 0.03)
+        return found
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        ahead, back = each_output(self, p, "error", robot), each_output(self, p, "error_backward", robot)
+        return outputs * (1.0 + jnp.where(outputs > 0, ahead, back))
+
+
+@dataclass(frozen=True)
+class ScaleCurves(Curve):
+    """Every output's error of scale, a curve of the size of what it measures."""
+
+    id: ClassVar[str] = "sensor_scale"
+    where: ClassVar[str] = "sensor"
+    formula: ClassVar[str] = "y_i' = y_i (1 + error_i(|y_i| / amplitude_i))"
+    knots: ClassVar[tuple[float, ...]] = (0.1, 0.4, 0.9)
+    free: ClassVar[tuple[int, ...]] = (0, 1, 2)
+    variable: ClassVar[str] = "share of the channel's amplitude"
+
+    def each(self, robot: Robot) -> tuple[str, ...]:
+        return robot.channels.outputs
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found = self.heights_and_reach(robot, "", 0.03, "", 1.0)
+        for name in self.each(robot):
+            found |= shape(
+                self, f"amplitude_{name}", robot.channels.units.get(name, ""), robot.scales.output(name), free=False
+            )
+        return found
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        columns = [outputs[:, i] for i in range(outputs.shape[1])]
+        for i, name in enumerate(self.each(robot)):
+            share = jnp.abs(columns[i]) / p[self.key(f"amplitude_{name}")]
+            columns[i] = columns[i] * (1.0 + self.at(share, p, name))
+        return jnp.stack(columns, axis=1)
+
+
+LAWS: tuple[Effect, ...] = (SensorScale(), ScaleByDirection(), ScaleCurves())
