@@ -1,4 +1,4 @@
-"""A law without a formula: a curve through a few heights, straight between them, of the mechanism's own variable."""
+"""A law without a formula: a smooth curve through a few heights, of the mechanism's own variable."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,14 +16,22 @@ SHAPE = "shape"
 
 
 def curve(x: Scalar, knots: Sequence[float], heights: Sequence[Scalar], reach: Scalar) -> Scalar:
-    """The curve at `x` >= 0: `heights` at `knots` (increasing shares of `reach`, the first may be 0), straight between them
-    and level beyond either end. Linear in the heights, so that a first look and a refit see the same."""
-    share = x / reach
-    found = heights[0]
-    for (left, low), (right, high) in zip(
-        zip(knots, heights, strict=True), zip(knots[1:], heights[1:], strict=True), strict=False
-    ):
-        found = found + (high - low) * jnp.clip((share - left) / (right - left), 0.0, 1.0)
+    """The curve at `x` >= 0 through `heights` at `knots`, increasing shares of `reach`: cubic between them, with the slopes of
+    parabolas through neighbours (exact for a parabola), and level beyond either end.
+
+    Linear in the heights, so that a first look and a refit see the same.
+    """
+    widths = [right - left for left, right in zip(knots, knots[1:], strict=False)]
+    rises = [(high - low) / w for low, high, w in zip(heights, heights[1:], widths, strict=False)]
+    inner = [
+        (w1 * r0 + w0 * r1) / (w0 + w1) for w0, w1, r0, r1 in zip(widths, widths[1:], rises, rises[1:], strict=False)
+    ]
+    slopes = [2.0 * rises[0] - inner[0], *inner, 2.0 * rises[-1] - inner[-1]] if inner else [rises[0], rises[0]]
+    share, found = x / reach, heights[0]
+    for k, w in enumerate(widths):
+        t = jnp.clip((share - knots[k]) / w, 0.0, 1.0)
+        early, late = t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0)
+        found = found + w * (rises[k] * t * t * (3.0 - 2.0 * t) + slopes[k] * early + slopes[k + 1] * late)
     return found
 
 

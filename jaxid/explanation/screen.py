@@ -24,6 +24,8 @@ from .smoothed_angles import Angles
 _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
 _ALIKE = 0.9
+_SAME = 1e-3
+"""Smallest singular value of changes of length one below which a curve is held at one of its heights."""
 _STEP = 1e-3
 """Step of the fitted parameters' secants, in units of their magnitude."""
 
@@ -37,7 +39,7 @@ class Candidate:
     residual, what the best candidate leaves taken for coloured noise; `share` the part of the excess over the noise floor;
     `starts` the values to begin refits from, best first. `direction` is the change of the simulation (in
     units of the noise, fitted parameters projected off, of length one) by which it explains. `out_of` is how many shapes of it
-    were looked at.
+    were looked at. `held` are parameters that stay at zero, since the others and the fitted ones do all that they can.
     """
 
     effect: Effect
@@ -46,6 +48,7 @@ class Candidate:
     starts: tuple[dict[str, float], ...]
     direction: NDArray[np.float32] = field(repr=False, compare=False)
     out_of: int = 1
+    held: tuple[str, ...] = ()
     in_colour: float = 0.0
     laws: tuple["Candidate", ...] = ()
 
@@ -91,6 +94,8 @@ def screen(
         block = moved[len(own) :][mine]
         block = block - (block @ basis) @ basis.T
         useful = np.linalg.norm(block, axis=1) > 1e-6
+        if group.effect.law == SHAPE and not _each_counts(block[useful]):
+            useful[np.flatnonzero(useful)[-1]] = False
         if not useful.any():
             continue
         names = [name for name, ok in zip(group.probe.strengths, useful, strict=True) if ok]
@@ -113,7 +118,10 @@ def screen(
         starts = tuple(start for entry in best for start in (entry[1], {**entry[2], **entry[1]}))
         share = float(score / excess)
         coloured = in_colour.get(group.effect, float(score))
-        candidates.append(Candidate(group.effect, float(score), share, starts, direction, group.probe.out_of, coloured))
+        whole = group.plain(group.probe.strengths) if group.effect.law == SHAPE else {}
+        held = tuple(name for name in whole if name not in starts[0])
+        out_of = group.probe.out_of
+        candidates.append(Candidate(group.effect, float(score), share, starts, direction, out_of, held, coloured))
     return _by_mechanism(candidates)
 
 
@@ -130,6 +138,12 @@ def _by_mechanism(candidates: Sequence[Candidate]) -> list[Candidate]:
         coloured = max(c.in_colour for c in own)
         first.append(replace(own[0], laws=tuple(own[1:]), in_colour=coloured))
     return sorted(first, key=lambda candidate: -candidate.gain)
+
+
+def _each_counts(block: NDArray) -> bool:
+    """Whether none of the changes [n, N] is all but a sum of the others."""
+    sizes = np.linalg.norm(block, axis=1, keepdims=True)
+    return len(block) < 2 or float(np.linalg.svd(block / sizes, compute_uv=False)[-1]) > _SAME
 
 
 def _price(group: Group, names: Sequence[str], residual: NDArray) -> float:

@@ -103,6 +103,8 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
 def _with_candidate(robot: Robot, candidate: Candidate) -> Robot:
     """The robot with the candidate's effect, what that does not let vary at what the first look found."""
     robot = robot + candidate.effect
+    for name in candidate.held:
+        robot = robot.change(name, free=False)
     fixed = {n: v for n, v in candidate.starts[0].items() if not robot.parameters[n].free}
     return robot.with_values(**fixed)
 

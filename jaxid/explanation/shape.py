@@ -10,8 +10,8 @@ from ..robots.robot import Robot
 
 @dataclass(frozen=True)
 class Shape:
-    """A curve of `variable` [`of`]: `values` [`unit`] at `points`, with 95 % intervals (`band`), straight between the points
-    and level beyond them; of `name` (a motor, a channel) where each has its own."""
+    """A curve of `variable` [`of`]: `values` [`unit`] at `points`, with 95 % intervals (`band`), cubic between the points
+    (`effects.curve`) and level beyond them; of `name` (a motor, a channel) where each has its own."""
 
     name: str
     variable: str

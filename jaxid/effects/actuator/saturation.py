@@ -82,12 +82,12 @@ class UnequalSaturation(VoltageSaturation):
 
 @dataclass(frozen=True)
 class SaturationCurve(Curve):
-    """What is lost of a large command, a curve of its size from 30 % of the largest."""
+    """What is lost of a large command, a curve of its size that goes through zero."""
 
     id: ClassVar[str] = "voltage_saturation"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u' = u - lost(|u|) sgn u"
-    knots: ClassVar[tuple[float, ...]] = (0.3, 0.5, 0.7, 0.85, 1.0)
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|u|"
 

@@ -79,7 +79,7 @@ class DragCurve(Curve):
     formula: ClassVar[str] = "F = -bend(|v|) v / |v|"
     needs: ClassVar[tuple[str, ...]] = ("translation",)
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
-    free: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|v|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -82,7 +82,7 @@ class SaturatingViscousFriction(SublinearViscousFriction):
 class ViscousCurve(Curve):
     """How far the friction of every drive axis is from a straight line, as a curve of its speed at the rim.
 
-    The curve is zero at standstill and at the reach: what is proportional to the speed is the viscous coefficient's.
+    What of it is proportional to the speed is the viscous coefficient's, where that is estimated.
     """
 
     id: ClassVar[str] = "sublinear_viscous_friction"
@@ -90,7 +90,7 @@ class ViscousCurve(Curve):
     formula: ClassVar[str] = "F = B s + bend(|s|) sgn s"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.15, 0.4, 0.7, 1.0)
-    free: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|speed|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -93,7 +93,7 @@ class TractionCurve(Curve):
     where: ClassVar[str] = "ground contact"
     formula: ClassVar[str] = "f' = f - lost(|f|) sgn f"
     needs: ClassVar[tuple[str, ...]] = ("torque",)
-    knots: ClassVar[tuple[float, ...]] = (0.1, 0.25, 0.45, 0.7, 1.0)
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.2, 0.4, 0.7, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|drive force|"
 
