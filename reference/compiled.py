@@ -1,11 +1,30 @@
 """numba's functions of a given signature, compiled (or read from numba's cache) when they are first called: importing the
-simulator compiles nothing."""
+simulator compiles nothing.
+
+numba compiles a function together with those it calls, also from other files, but looks at its own file alone to see whether
+what it kept is stale; so what is older than any file here is forgotten.
+"""
 
 from collections.abc import Callable
 from functools import cached_property, update_wrapper
+from pathlib import Path
 from typing import Any
 
 from numba import njit
+
+
+def forget_stale(folder: Path) -> None:
+    """Remove numba's indices of kept functions that are older than the newest source file of the folder."""
+    newest = max((path.stat().st_mtime for path in folder.glob("*.py")), default=0.0)
+    for index in (folder / "__pycache__").glob("*.nbi"):
+        try:
+            if index.stat().st_mtime < newest:
+                index.unlink()
+        except OSError:  # another process was faster, or nothing may be removed here
+            continue
+
+
+forget_stale(Path(__file__).parent)
 
 
 class Compiled:

@@ -56,7 +56,7 @@ def run(plan: Plan) -> dict:
     from .cases import make
     from .sizes import size_of
 
-    sizes = {law: size_of(plan.robot, law, plan.strength, plan.seed) for law in plan.laws}
+    sizes = {law: size_of(plan.robot, law, plan.strength, plan.seed, k) for k, law in enumerate(plan.laws)}
     shown_as = [rms for _, rms in sizes.values()]
     if shown_as and max(shown_as) < SHOWS:
         return {**record(plan), "unseen": max(shown_as)}
@@ -153,8 +153,8 @@ def main() -> None:
     from .sizes import size_of
 
     for plan in chosen:
-        for law in plan.laws:
-            print(plan.name, *size_of(plan.robot, law, plan.strength, plan.seed), flush=True)
+        for k, law in enumerate(plan.laws):
+            print(plan.name, *size_of(plan.robot, law, plan.strength, plan.seed, k), flush=True)
 
 
 if __name__ == "__main__":

@@ -124,15 +124,18 @@ def make(
     *,
     noise_kind: str = "white",
     constants_off: bool = False,
-    noise_level: float | None = None,
+    first: int = 0,
 ) -> Case:
-    """Simulate a case. `laws` are {"mechanism/law": size}; `effects` of the result are the laws with all parameters."""
+    """Simulate a case. `laws` are {"mechanism/law": size}; `effects` of the result are the laws with all parameters.
+
+    `first` is the place of the first law among all of its case, on which hangs what is drawn of it.
+    """
     told = constants(robot, seed)
     true = _off(told, seed) if constants_off else told
-    level = float(np.random.default_rng([seed, 21]).uniform(0.6, 1.4)) if noise_level is None else noise_level
+    level = float(np.random.default_rng([seed, 21]).uniform(0.6, 1.4))
     noise = tuple(level * sigma for sigma in NOISE[robot])
     hidden = {
-        law: parameters(robot, law, size, np.random.default_rng([seed, 22, number]))
+        law: parameters(robot, law, size, np.random.default_rng([seed, 22, first + number]))
         for number, (law, size) in enumerate(laws.items())
     }
     tables = {}

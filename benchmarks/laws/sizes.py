@@ -53,13 +53,13 @@ def _largest(law: str) -> float:
     return LARGEST.get(strength, math.inf)
 
 
-def _moved(robot: str, law: str, size: float, seed: int) -> tuple[float, float]:
+def _moved(robot: str, law: str, size: float, seed: int, place: int) -> tuple[float, float]:
     """RMS change of the speeds on the held-out inputs, in units of the nominal noise, and as a share of the plain speeds'.
 
     The share is the largest of any speed's.
     """
     true = constants(robot, seed)
-    own = {law: parameters(robot, law, size, np.random.default_rng([seed, 22, 0]))}
+    own = {law: parameters(robot, law, size, np.random.default_rng([seed, 22, place]))}
     squares, plain = [], []
     for number, kind in enumerate(CHECK):
         inputs = excitation.experiment(robot, kind, SAMPLES, 1000 * seed + len(FIT) + number)
@@ -70,13 +70,13 @@ def _moved(robot: str, law: str, size: float, seed: int) -> tuple[float, float]:
     return math.sqrt(float(moved.mean())), math.sqrt(float(np.max(moved / np.mean(plain, axis=0))))
 
 
-def _first_guess(robot: str, law: str, wanted: float, seed: int) -> float:
+def _first_guess(robot: str, law: str, wanted: float, seed: int, place: int) -> float:
     """A size that moves the speeds by `wanted` without making another robot of it, or the largest that is allowed."""
     largest = _largest(law)
     size, low, high = min(0.1, 0.3 * largest), 0.0, math.inf
     for _ in range(9):
         try:
-            moved, share = _moved(robot, law, size, seed)
+            moved, share = _moved(robot, law, size, seed, place)
         except RuntimeError:  # the law is too strong for the equations
             moved, share = math.inf, math.inf
         if share < ANOTHER and (0.7 < moved / wanted < 1.4 or (moved < wanted and size >= largest)):
@@ -93,11 +93,11 @@ def _first_guess(robot: str, law: str, wanted: float, seed: int) -> float:
     return size
 
 
-def _within(robot: str, law: str, size: float, seed: int) -> tuple[float, bool]:
+def _within(robot: str, law: str, size: float, seed: int, place: int) -> tuple[float, bool]:
     """The size, made smaller as long as it makes another robot of this one, and whether it was."""
     for count in range(8):
         try:
-            if _moved(robot, law, size, seed)[1] < ANOTHER:
+            if _moved(robot, law, size, seed, place)[1] < ANOTHER:
                 return size, count > 0
         except RuntimeError:
             pass
@@ -121,16 +121,16 @@ def held_out_rms(case) -> float:
     return float(held_out_state(fit.robot, jaxid.LogSet(logs["check"]), noise).normalised_rms)
 
 
-def find(robot: str, law: str, strength: str, seed: int) -> tuple[float, float]:
+def find(robot: str, law: str, strength: str, seed: int, place: int = 0) -> tuple[float, float]:
     """The size of the law for a strength on this seed, and the RMS that it shows as."""
     wanted = math.log(math.sqrt(STRENGTHS[strength] ** 2 - 1))
     largest = _largest(law)
-    size = _first_guess(robot, law, RAW * STRENGTHS[strength], seed)
+    size = _first_guess(robot, law, RAW * STRENGTHS[strength], seed, place)
     known: list[tuple[float, float, float]] = []
     for _ in range(EVALUATIONS):
-        size, bounded = _within(robot, law, size, seed)
+        size, bounded = _within(robot, law, size, seed, place)
         try:
-            rms = held_out_rms(make(robot, {law: size}, seed))
+            rms = held_out_rms(make(robot, {law: size}, seed, first=place))
         except RuntimeError:
             size *= 0.5
             continue
@@ -157,11 +157,11 @@ def _kept() -> dict[str, list[float]]:
     return json.loads(PATH.read_text(encoding="utf-8")) if PATH.is_file() else {}
 
 
-def size_of(robot: str, law: str, strength: str, seed: int) -> tuple[float, float]:
+def size_of(robot: str, law: str, strength: str, seed: int, place: int = 0) -> tuple[float, float]:
     """The size for a strength and the RMS that it shows as, from the file or found now and kept there."""
     key = f"{robot}/{law}/{strength}/{seed}"
     if key not in _kept():
-        size, rms = find(robot, law, strength, seed)
+        size, rms = find(robot, law, strength, seed, place)
         kept = json.loads(PATH.read_text(encoding="utf-8")) if PATH.is_file() else {}  # others may have written
         kept[key] = [float(f"{size:.4g}"), round(rms, 2)]
         lines = ",\n".join(f" {json.dumps(name)}: {json.dumps(kept[name])}" for name in sorted(kept))
