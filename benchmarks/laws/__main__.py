@@ -101,13 +101,17 @@ def results(name: str) -> dict[str, dict]:
     return {entry["case"]: entry for entry in map(json.loads, filter(None, lines))}
 
 
-def run_left(chosen: list[Plan], name: str) -> None:
-    """Run what has no result in the set's file yet."""
-    left = [plan for plan in chosen if plan.name not in results(name)]
+def run_left(chosen: list[Plan], name: str, again: bool) -> None:
+    """Run what has no result in the set's file yet, or none by this version of the package."""
     code = code_version()
+
+    def there() -> set[str]:
+        return {case for case, entry in results(name).items() if not again or entry["code"] == code}
+
+    left = [plan for plan in chosen if plan.name not in there()]
     print(f"{len(chosen)} cases, {len(chosen) - len(left)} there already", flush=True)
     for count, plan in enumerate(left, start=1):
-        if plan.name in results(name):  # another process had it
+        if plan.name in there():  # another process had it
             continue
         begin = time.perf_counter()
         try:
@@ -135,6 +139,7 @@ def main() -> None:
     parser.add_argument("--kind", choices=(*KINDS, "all"), default="quick")
     parser.add_argument("--part", default="1/1", help="k/n: every n-th case from the k-th")
     parser.add_argument("--only", default="", help="cases whose name contains one of these (comma between)")
+    parser.add_argument("--again", action="store_true", help="also what another version of the package has explained")
     parser.add_argument("--sizes", action="store_true", help="find the sizes of the hidden laws only")
     parser.add_argument("--report", action="store_true", help="write docs/laws.md")
     arguments = parser.parse_args()
@@ -148,7 +153,7 @@ def main() -> None:
     chosen = [plan for plan in plans(arguments.set) if plan.kind in kinds]
     chosen = [p for p in chosen[number - 1 :: of] if any(part in p.name for part in arguments.only.split(","))]
     if not arguments.sizes:
-        run_left(chosen, arguments.set)
+        run_left(chosen, arguments.set, arguments.again)
         return
     from .sizes import size_of
 

@@ -78,7 +78,7 @@ UNLISTED = {
     "backlash/command",
     "wheel_radius_mismatch/one_wheel",
 }
-"""Laws of which nobody is asked the name: their mechanism has one law only, or they have no common name."""
+"""Laws whose name is not asked for: no common name, or the only one of their mechanism."""
 
 
 def accepted(law: str) -> set[str]:
@@ -130,6 +130,13 @@ def visible(entry: Entry) -> bool:
 def closed(entry: Entry) -> float:
     """Share of the gap between baseline and noise that the answer closed."""
     return (entry["before"] - entry["after"]) / (entry["before"] - 1.0)
+
+
+def sort(law: str) -> str:
+    """What sort of law it is: with a common name, without one, or a drawn curve."""
+    if law.endswith("/drawn"):
+        return "drawn curves"
+    return "laws without a common name" if law in UNLISTED else "laws with a name"
 
 
 def law_right(entry: Entry) -> bool | None:

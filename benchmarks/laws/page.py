@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.hidden.naming_page import share, shown
 from reference.noise import KINDS
 
-from .judge import ROWS, SAME, Entry, answers, closed, law_right, outcome, right, visible, wrong_as_fact
+from .judge import ROWS, SAME, Entry, answers, closed, law_right, outcome, right, sort, visible, wrong_as_fact
 from .plans import Plan
 
 ROOT = Path(__file__).parents[2]
@@ -34,6 +34,9 @@ def figures(entries: list[Entry]) -> list[tuple[str, str, str]]:
 
     strong = [e for e in single if e["strength"] != "weak"]
     rate("mechanism named, medium and strong", "≥ 97 %", strong, right)
+    for sort_of_law in ("laws with a name", "laws without a common name", "drawn curves"):
+        own = [e for e in strong if sort(next(iter(e["hidden"]))) == sort_of_law]
+        rate(f"of them, {sort_of_law}", "", own, right)
     rate("mechanism named, weak", "≥ 90 %", [e for e in single if e["strength"] == "weak"], right)
     rate("a wrong mechanism named as fact", "≤ 1 %", single, wrong_as_fact)
     rows.append(("gap closed, median", "≥ 98 %", _quantile(single, 0.5)))
@@ -123,8 +126,8 @@ def text(found: dict[str, dict[str, Entry]], planned: dict[str, list[Plan]]) -> 
 
 Written by `python -m benchmarks.laws --report` from `benchmarks/results/laws_*.jsonl`, which `python -m benchmarks.laws`
 appends to, case by case; none that was run is left out. Every case is simulated by the independent simulator in
-`reference/` with a part that follows a law of `reference/law_table.py`, mostly another than the catalogue's: other
-formulas of the same mechanisms, laws of one wheel, motor or channel alone, and drawn curves, which are no published law.
+`reference/` with a part that follows a law of `reference/law_table.py`, written without a look at the catalogue's formulas:
+several formulas of each mechanism, laws of one wheel, motor or channel alone, and drawn curves, which are no published law.
 Constants, noise level, excitation and what is not strength are drawn from the seed; six logs to fit and three held out,
 25 s at 50 Hz. The strength is found on each case: weak, medium and strong are 1.5, 3 and 8 times the noise on held-out
 logs once the baseline has absorbed what it can.
