@@ -147,10 +147,14 @@ def refit(
 
 
 def continued(trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:
-    """The same refit carried on from where it stopped."""
-    start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
-    again = refit(trial.robot, [start], logs, held_out, noise, trial.initial_states, angles=trial.angles)
-    return again if again.score < trial.score else trial
+    """The same refit carried on from where it stopped, and with sharp edges where they were blurred to be found."""
+    sharp = tuple(effect.sharp for effect in trial.robot.effects)
+    for effects in dict.fromkeys((trial.robot.effects, sharp)):
+        start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
+        model = replace(trial.robot, effects=effects)
+        again = refit(model, [start], logs, held_out, noise, trial.initial_states, angles=trial.angles)
+        trial = replace(again, id=trial.id) if again.score < trial.score else trial
+    return trial
 
 
 def in_full(

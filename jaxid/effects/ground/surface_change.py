@@ -10,8 +10,8 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
-from ...robots.trigonometry import sincos
 from ..effect_parameters import shape, signed
+from ..line import beyond_line, line_parameters, lines_across
 
 _SIZE = 0.3
 """Relative change of friction that is tried."""
@@ -43,42 +43,22 @@ class SurfaceChange(Effect):
     def sharp(self) -> "SurfaceChange":
         return replace(self, edge=1.0)
 
-    def _strengths(self, robot: Robot) -> dict[str, Parameter]:
+    def _strengths(self) -> dict[str, Parameter]:
         return signed(self, "coulomb", "", _SIZE) | signed(self, "viscous", "", _SIZE)
 
-    def _width(self, robot: Robot) -> dict[str, Parameter]:
-        return shape(self, "width", "m", 0.25 * robot.scales.speed * robot.scales.interval, free=False)
-
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        line = signed(self, "angle", "rad", 1.0) | signed(self, "offset", "m", 0.15 * robot.scales.length)
-        return self._strengths(robot) | line | self._width(robot)
+        return self._strengths() | line_parameters(self, robot)
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         """Lines across the floor that part of the driven path lies beyond."""
-        path = seen.path()
-        if path is None:
-            return ()
-        places = []
-        for angle in np.arange(8) * np.pi / 4:
-            along = path @ np.array([np.cos(angle), np.sin(angle)])
-            for offset in np.quantile(along, self.tried):
-                places.append({self.key("angle"): float(angle), self.key("offset"): float(offset)})
-        return self._at(places)
+        return self._at(lines_across(self, seen, self.tried))
 
     def _at(self, places: list[dict[str, float]]) -> tuple[Probe, ...]:
         strengths = {self.key("coulomb"): _SIZE, self.key("viscous"): _SIZE}
         return tuple(Probe(strengths, place, out_of=len(places)) for place in places)
 
-    def _wide(self, p: Numbers) -> Scalar:
-        return self.edge * p[self.key("width")]
-
-    def _distance(self, state: State, p: Numbers) -> Scalar:
-        """How far beyond the edge it is [m]."""
-        sine, cosine = sincos(p[self.key("angle")])
-        return state["x"] * cosine + state["y"] * sine - p[self.key("offset")]
-
     def _beyond(self, state: State, p: Numbers) -> Scalar:
-        return 0.5 * (1.0 + jnp.tanh(self._distance(state, p) / self._wide(p)))
+        return beyond_line(self, state, p, self.edge)
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         factor, changed = 1.0 + p[self.key("coulomb")] * self._beyond(state, p), list(levels)
@@ -105,8 +85,8 @@ class GradualChange(SurfaceChange):
     def blurred(self) -> "GradualChange":
         return self
 
-    def _width(self, robot: Robot) -> dict[str, Parameter]:
-        return shape(self, "width", "m", 0.25 * robot.scales.length)
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | shape(self, "width", "m", 0.25 * robot.scales.length)
 
 
 @dataclass(frozen=True)
@@ -118,8 +98,9 @@ class Disc(SurfaceChange):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         typical = 0.15 * robot.scales.length
-        place = signed(self, "x", "m", typical) | signed(self, "y", "m", typical)
-        return self._strengths(robot) | place | shape(self, "radius", "m", typical) | self._width(robot)
+        place = signed(self, "x", "m", typical) | signed(self, "y", "m", typical) | shape(self, "radius", "m", typical)
+        width = shape(self, "width", "m", 0.25 * robot.scales.speed * robot.scales.interval, free=False)
+        return self._strengths() | place | width
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         path = seen.path()
@@ -137,10 +118,11 @@ class Disc(SurfaceChange):
             ]
         )
 
-    def _distance(self, state: State, p: Numbers) -> Scalar:
+    def _beyond(self, state: State, p: Numbers) -> Scalar:
         x, y, radius = state["x"] - p[self.key("x")], state["y"] - p[self.key("y")], p[self.key("radius")]
         # Of the squares, over twice the radius: smooth at the centre, and the distance near the edge.
-        return 0.5 * (radius * radius - x * x - y * y) / radius
+        inside = 0.5 * (radius * radius - x * x - y * y) / radius
+        return 0.5 * (1.0 + jnp.tanh(inside / (self.edge * p[self.key("width")])))
 
 
 LAWS: tuple[Effect, ...] = (SurfaceChange(), GradualChange(), Disc())
