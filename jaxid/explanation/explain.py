@@ -259,7 +259,11 @@ def explain(
     open_ = found.colour is not None and not found.steps
     if verdict != "adequate" and not placeless and not open_:
         report("finding where simulation and data disagree")
-        localisation = localise(fit, held_out, found.before, stages=_stages(found))
+        # Where names were found and are not the answer, the question is what is still missing.
+        rest = verdict == "unexplained" and final is not fit and not after.diverged
+        localisation = localise(
+            *((final, held_out, after) if rest else (fit, held_out, found.before)), stages=_stages(found)
+        )
     return Explanation(
         verdict=verdict,
         effects=named,

@@ -125,9 +125,10 @@ def _when(conditions: Sequence[ConditionShare], best: Sequence[Pattern], concent
     if not conditions:
         return "no missing force rises above its own uncertainty, so the gap cannot be placed"
     follows = next((p for p in best if p.stands_out), None)
-    if follows:
-        return f"{_percent(follows.share)} of the missing force {follows.phrase}"
     out = next((c for c in conditions if c.stands_out), None)
+    # A condition is easier to grasp than two patterns together.
+    if follows and not (follows.pair and out):
+        return f"{_percent(follows.share)} of the missing force {follows.phrase}"
     if out:
         return f"{_percent(out.share)} of the missing force acts {out.phrase} ({_percent(out.time_share)} of the time)"
     if concentrated < _BURSTS:
