@@ -32,7 +32,8 @@ _FOR_TWO = 0.15
 class Pattern:
     """`share` of the missing force's mean square that `name` reproduces, chance taken off; `p_value` of that chance.
 
-    `pair`: whether two patterns make it together. `fitted` holds what it reproduces of every log's force [T, n], in the force's units.
+    `pair`: whether two patterns make it together. `fitted` holds what it reproduces of every log's force [T, n], in the
+    force's units.
     """
 
     name: str
