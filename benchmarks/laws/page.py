@@ -91,7 +91,11 @@ def _of_set(name: str, entries: list[Entry], planned: list[Plan]) -> str:
     broken = sum("error" in e for e in entries)
     unseen = sum("unseen" in e or "verdict" in e and bool(e["hidden"]) and not visible(e) for e in entries)
     seconds = [e["seconds"] for e in entries if "verdict" in e]
-    codes = ", ".join(sorted({e["code"] for e in entries}))
+    tried = [e for e in entries if "verdict" in e and (not e["hidden"] or visible(e))]
+    counts = Counter(e["code"] for e in tried)
+    codes = ", ".join(
+        f"{code} ({sum(right(e) for e in tried if e['code'] == code)} right of {n})" for code, n in counts.items()
+    )
     table = "\n".join(f"| {text} | {target} | {found} |" for text, target, found in figures(entries) if found != "-")
     header = "| figure | target | found |\n| --- | --- | --- |"
     return f"""
@@ -100,7 +104,7 @@ def _of_set(name: str, entries: list[Entry], planned: list[Plan]) -> str:
 Cases run: {ran}. {broken} ended with an error; in {unseen} what was hidden does not show:
 the baseline absorbs it.
 Median time of fit and explanation {np.median(seconds) if seconds else float("nan"):.0f} s. Code (git's name for the
-package): {codes}.
+package), and what each got right: {codes}.
 
 {header}
 {table}
