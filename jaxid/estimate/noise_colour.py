@@ -62,8 +62,20 @@ class Colour:
 
     @property
     def memory(self) -> float:
-        """Its integral time scale in samples: of first-order noise about the time within which it falls to 37 %."""
-        return float(np.sum(self.correlations)) - 0.5
+        """Its integral time scale in samples: of first-order noise about the time within which it falls to 37 %.
+
+        Of slow noise with white noise on top, that of the slow one.
+        """
+        rho = self.correlations
+        if self.on_white:
+            return float(np.sum(rho[1:]) / rho[1]) - 0.5
+        return float(np.sum(rho)) - 0.5
+
+    @property
+    def white_share(self) -> float:
+        """Share of the variance that is white noise on top of slow noise: what the correlations of an exponential lack at lag 0."""
+        rho = self.correlations
+        return max(1.0 - float(rho[1] ** 2 / rho[2]), 0.0) if self.on_white and rho[2] > 0 else 0.0
 
     @property
     def correlations(self) -> Array:

@@ -13,42 +13,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._distributions import chi_squared_tail, normal_beyond
-from ..estimate.judge import FAR, drivers
+from ..estimate.judge import FAR, drivers, step_of
+from ..estimate.jumps import without_jumps
 from ..estimate.noise_colour import Colour, colour_of
-from ..estimate.residual_tests import cross_correlation, ljung_box, related_squares, relation
+from ..estimate.residual_tests import cross_correlation, relation
 from ..logs import LogSet
-from ..logs.noise import usual_size, white_level
-from .heldout import FALSE_ALARM, HeldOut
+from ..logs.noise import usual_size
+from . import sensor_shape as shape_of
+from .heldout import HeldOut
 
 Array = NDArray[np.float64]
 
-_SIMPLE = 2
-"""Order up to which an autoregression that leaves nothing is a sensor's filter."""
-_LAGS = 20
-_FOLLOWS = 0.002
-"""How often noise is taken to follow what drove the robot, all channels and tests together."""
-_SLACK = 0.05
-"""Ratio (its logarithm) of two levels of one noise that a wrong autoregression may explain."""
-_SHORTEST, _BLOCK_LAGS = 8, 3
-"""Samples of the shortest means that tell slow from fast, and the lags over which these are held to be white."""
-_BRIEF = 0.1
-"""p value above which they are: where there is doubt, it is said."""
-_FASTER = 0.5
-"""Memory of the noise in time constants of the robot up to which no force makes it: inertia would have smoothed that."""
+_FEWEST = 40
+"""Samples of a log below which its noise has no shape."""
+_GATES = 4
+"""Tests among which the level is shared: what drove the robot, evenness among logs, bursts, shape."""
 
 
 @dataclass(frozen=True)
 class OnlyColour:
     """Nothing but coloured noise is left: the `colours` of the channels that are not white.
 
-    `faster` where it changes faster than the robot's inertia would let any force make it; `simple` where it does, or where
+    `p_value` of all tests together, those of the shape, on which `simple` hangs, included. `faster` where it changes faster than the robot's inertia would let any force make it; `simple` where it does, or where
     short autoregressions leave nothing of it, as a sensor's filter makes it.
     """
 
     colours: dict[str, Colour]
     simple: bool
     faster: bool
+    p_value: float = 1.0
 
     @property
     def phrase(self) -> str:
@@ -67,11 +60,11 @@ class OnlyColour:
         return {"channels": channels, "simple": self.simple, "faster_than_any_force": self.faster}
 
 
-def unrelated(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str], false_alarm: float) -> bool:
-    """Whether the residuals of the channels `of` follow nothing that drove the robot, on all `states` and their logs together.
+def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> float:
+    """p value of the residuals of the channels `of` following nothing that drove the robot, on all `states` and their logs.
 
-    Two tests of each channel, `false_alarm` for all of them: regression on drivers against the same shifted in time
-    (`relation`), and of the whitened residual on the inputs of the last samples (`cross_correlation`).
+    Two tests of each channel: regression on drivers against the same shifted in time (`relation`), and of the whitened residual
+    on the inputs of the last samples (`cross_correlation`).
     """
     parts: dict[str, list[Array]] = {name: [] for name in of}
     driving: dict[str, dict[str, list[Array]]] = {name: {} for name in of}
@@ -90,60 +83,21 @@ def unrelated(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str], false
             parts[name] += [state.residuals[k][:, names.index(name)] for k in kept]
             for key, values in drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept]).items():
                 driving[name].setdefault(key, []).extend(values)
-    least = false_alarm / (2 * len(parts))
+    p_values = [1.0]
     for name, own in parts.items():
         same = {key: values for key, values in driving[name].items() if len(values) == len(own)}
-        if not own or not same or relation(own, same)[0] < least:
-            return False
+        if not own or not same:
+            return 0.0
         inputs = [key for key in same if key in states[0][1].channels.inputs]
         tests = [cross_correlation(own, same[key])[0].p_value for key in inputs]
-        if np.nanmin([*tests, 1.0]) * max(len(inputs), 1) < least:
-            return False
-    return True
-
-
-def _portmanteau(parts: Sequence[Array], fitted: int) -> float:
-    """p value of `parts` being white, `fitted` coefficients of an autoregression taken off."""
-    statistic, freedom = ljung_box(parts, _LAGS, mean=0.0)
-    return float(chi_squared_tail(statistic, max(freedom - fitted, 1)))
-
-
-def _brief(parts: Sequence[Array], samples: int) -> bool:
-    """Whether noise has nothing left that lasts for `samples`: means over as many, every other one, are white."""
-    means = []
-    for own in parts:
-        blocks = (
-            (own[: len(own) // samples * samples] if samples else own[:0]).reshape(-1, max(samples, 1)).mean(axis=1)
-        )
-        means.append(blocks[::2] / max(usual_size(own), 1e-300))
-    if samples < _SHORTEST or sum(map(len, means)) < 4 * _BLOCK_LAGS:
-        return False
-    statistic, freedom = ljung_box(means, _BLOCK_LAGS, mean=0.0)
-    return float(chi_squared_tail(statistic, freedom)) > _BRIEF
-
-
-def _even(colour: Colour, parts: Sequence[Array], white: Sequence[Array]) -> bool:
-    """Whether every log has as much of the noise as its own differences say, and no stretch of it has more than others.
-
-    Errors of a model come where the motion makes them: on one log, or in stretches. A sensor may be noisier on one log; its
-    differences are, too. Of noise with the autocorrelations rho, a variance of n samples has 1 + 2 sum rho^2 times the
-    uncertainty of independent ones, that from third differences 2.31 times (see `heldout.py`).
-    """
-    rho = colour.correlations
-    inflated = 1.0 + 2.0 * float(np.sum(rho[1:] ** 2))
-    third = float(np.sqrt((20.0 - 30.0 * rho[1] + 12.0 * rho[2] - 2.0 * rho[3]) / 20.0))
-    # The residuals' third differences, as the noise of the data is estimated; usual sizes, so that outliers do not count.
-    sizes = [usual_size(own) / max(white_level(own), 1e-300) * third for own in parts]
-    errors = [np.sqrt((inflated + 2.31) / (2.0 * len(own))) for own in parts]
-    limit = float(normal_beyond(0.5 * _FOLLOWS / len(parts)))
-    if any(abs(np.log(size)) > limit * error + _SLACK for size, error in zip(sizes, errors, strict=True)):
-        return False
-    return related_squares(white) > _FOLLOWS
+        p_values += [relation(own, same)[0], float(np.nanmin([*tests, 1.0])) * max(len(inputs), 1)]
+    return min(2.0 * len(parts) * min(p_values), 1.0)
 
 
 def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> OnlyColour | None:
     """What is left on `states` (residuals with the logs they are of) if it is coloured noise by all that its shape and its
-    relation to what drove the robot tell; else None. Whether a candidate explains it is for the screening to say.
+    relation to what drove the robot tell, at the level of the first state; else None. Whether a candidate explains it is for
+    the screening to say.
 
     `memory` is the robot's time constant in samples.
     """
@@ -152,26 +106,37 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
         return None
     colours = colours_of([state for state, _ in states])
     coloured = {name: colour for name, colour in colours.items() if colour.order}
-    if not coloured or max(first.by_channel.values()) > FAR:
+    if not coloured:
         return None
+    level, count = first.false_alarm / _GATES, len(coloured)
     # The fitted logs have taken in some of what is missing; the held-out ones, which come first, have not.
-    if not all(unrelated(own, list(coloured), _FOLLOWS / 2) for own in (states[:1], states)):
-        return None
-    simple, faster = True, True
+    noise = min(2.0 * related(own, list(coloured)) for own in (states[:1], states))
+    shape, simple, faster = 1.0, True, True
     for name, colour in coloured.items():
-        parts = [own[np.isfinite(own)] for own in parts_of([state for state, _ in states], name)]
-        parts = [own for own in parts if len(own) > 2 * _LAGS]
+        parts = [without_jumps(own[np.isfinite(own)]) for own in parts_of([state for state, _ in states], name)]
+        parts = [own for own in parts if len(own) > _FEWEST]
         white = [colour.whiten(own, np.ones(len(own), bool)) for own in parts]
-        if not white or not _even(colour, parts, white):
+        if not white or noise < level:
             return None
-        # One level for all logs, of which one may be noisier than the others.
-        white = [own / max(usual_size(own), 1e-300) for own in white]
-        short = colour.order <= _SIMPLE and _portmanteau(white, colour.order) > FALSE_ALARM
-        fast = colour.memory < _FASTER * memory
-        brief = fast and _brief(parts, round(_FASTER * memory))
-        simple &= (short or brief) and not colour.on_white
-        faster &= fast and not colour.on_white
-    return OnlyColour(coloured, simple, faster)
+        noise = min(noise, count * shape_of.even(colour, parts), count * shape_of.steady(parts))
+        rounding = _rounding(states, name)
+        briefly = shape_of.briefly(colour, parts, memory, rounding)
+        # No filter of usual length leaves so little of its noise in neighbouring differences.
+        if noise < level or (first.by_channel.get(name, 0.0) > FAR and count * briefly < level):
+            return None
+        own = count * max(briefly, shape_of.filtered_simply(colour, white, rounding))
+        shape, simple = min(shape, own), simple and own >= level
+        faster &= shape_of.fast(colour, memory) and not shape_of.beside_white(colour, rounding)
+    return OnlyColour(coloured, simple, faster, min(_GATES * min(noise, shape), 1.0))
+
+
+def _rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> float:
+    """Share of a channel's residual, its variance, that rounding to the sensor's step makes."""
+    step = max(step_of(logs, name) for _, logs in states)
+    left = np.concatenate(
+        [own * state.noise[name] for state, _ in states if name in state.noise for own in parts_of([state], name)]
+    )
+    return float(step**2 / 12.0 / max(usual_size(left) ** 2, 1e-300))
 
 
 def parts_of(states: Sequence[HeldOut], name: str) -> list[Array]:
@@ -185,9 +150,9 @@ def parts_of(states: Sequence[HeldOut], name: str) -> list[Array]:
 
 
 def colours_of(states: Sequence[HeldOut]) -> dict[str, Colour]:
-    """The colour of every channel, from all residuals."""
+    """The colour of every channel, from all residuals, without what jumps and comes back."""
     names = dict.fromkeys(name for state in states for name in state.by_channel)
-    return {name: colour_of(parts_of(states, name)) for name in names}
+    return {name: colour_of([without_jumps(part) for part in parts_of(states, name)]) for name in names}
 
 
 def whitened(state: HeldOut, colours: Mapping[str, Colour]) -> HeldOut:

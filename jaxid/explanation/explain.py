@@ -20,6 +20,7 @@ from ..robots.effect import Effect
 from ..robots.given import given_logs
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, differs_from_nothing, effect_parameters
 from .heldout import HeldOut
+from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
@@ -192,6 +193,7 @@ def without_windows(
 @renamed(check="held_out")
 @bounded_memory()
 @seldom_collected()
+@keeps_level
 def explain(
     fit: Fit,
     logs: LogSet,
@@ -202,6 +204,7 @@ def explain(
     loss: Loss | str = "squares",
     covariance: Covariance = "auto",
     windows: Windows = "auto",
+    false_alarm: float = FALSE_ALARM,
     report: Callable[[str], None] = lambda message: None,
 ) -> Explanation:
     """Say what is missing in `fit`, an output-error fit to `logs`, judged on logs that were not fitted (`held_out`).
@@ -212,8 +215,8 @@ def explain(
     (`passing_jumps`). `windows`: "auto" keeps those of an unstable plant only; seconds keep the fit's. `report` is called
     with a sentence whenever something is done. Of compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
 
-    Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. The false-alarm rate
-    of "something is missing" on a complete model is `heldout.FALSE_ALARM` plus what a wrong estimate of the noise adds.
+    Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. `false_alarm` is the share
+    of complete models of which it may be said that something is missing (`docs/false_alarms.md` shows how well it is kept).
     What is coloured, follows nothing that drove the robot and no candidate explains (in whitened samples) is the sensors'
     noise, or said to be open (`colour`): nothing is missing for it.
     No name is the answer that leaves more than `MANY` times the noise, or whose own parameters are not identified: the
@@ -221,7 +224,8 @@ def explain(
     is explained without `localisation`. A fit in windows of a plant that is not unstable is repeated without
     (`without_windows`).
 
-    Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share.
+    Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share, `ValueError` for a
+    `false_alarm` that is no share below a half.
     """
     logs, held_out = (given_logs(fit.robot, each) for each in (logs, held_out))
     apart(logs, held_out)

@@ -18,7 +18,7 @@ from ..model_file import write_model
 from ..robots.effect import Effect, in_words
 from ..robots.robot import Robot
 from .coloured import OnlyColour
-from .heldout import FALSE_ALARM, HeldOut
+from .heldout import HeldOut
 from .next_experiment import NextExperiment
 from .search import Search
 from .shape import Shape
@@ -251,7 +251,7 @@ class Explanation:
                     " These held-out logs do not show it: hold out more, or livelier ones, to see whether it is there."
                 )
         white = f" and has no structure left (p = {held.p_white:.2g})"
-        if held.p_white > FALSE_ALARM:
+        if held.p_white > held.false_alarm / 2:
             return f"Nothing is missing{' that held-out logs show' if doubted else ''}: {error}{white}.{though}"
         if held.within_errors:
             return (
@@ -278,6 +278,7 @@ class Explanation:
             {
                 "robot": self.model.name,
                 "verdict": self.verdict,
+                "false_alarm": self.before.false_alarm,
                 "sentence": self.sentence,
                 "doubts": list(self.doubts),
                 "notes": list(self.notes),

@@ -1,29 +1,25 @@
 """How far a model is from logs it was not fitted to, in units of the noise, and whether anything is left to find."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
-from .._distributions import chi_squared_tail
+from .._distributions import chi_squared_tail, normal_tail
 from ..estimate.confidence.agreement import counted_channels, diverging, errors_of, rms
 from ..estimate.output_error.estimated_start import estimated_start
-from ..estimate.residual_tests import ljung_box
+from ..estimate.portmanteau import robust_portmanteau
 from ..logs import LogSet, noise_scale
 from ..logs.noise import noise_error, usual_size
 from ..robots.robot import Robot
 from ..simulation.simulate import integrator_for, simulate
+from .level import current_level
 from .smoothed_angles import Angles
 
-FALSE_ALARM = 0.005
-"""How often a residual that is nothing but white noise is taken for a gap."""
 _LAGS = 20
-_NEGLIGIBLE = 1.005
+NEGLIGIBLE = 1.005
 """Normalised RMS below which a gap is too small to matter, whatever its significance."""
-_NOISE_UNKNOWN = float(-ndtri(FALSE_ALARM))
-"""Standard deviations by which a white residual may be above the noise, whose own estimate has an error, too."""
 _FARTHEST = 1e6
 
 
@@ -36,7 +32,8 @@ class HeldOut:
     Where the wheels' angles were prescribed (see `smoothed_angles.py`), `simulated_freely` is the state without.
     `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
     `noise_error`: standard deviation of the unit itself, the estimated noise, as a share of it. `within_errors`: whether what
-    is left is what the standard errors of the parameters let expect (`within_errors.py`).
+    is left is what the standard errors of the parameters let expect (`within_errors.py`). `false_alarm`: how often a complete
+    model may be called incomplete by it (`level.py`).
     """
 
     normalised_rms: float
@@ -48,6 +45,7 @@ class HeldOut:
     diverged: tuple[str, ...] = ()
     noise_error: float = 0.0
     within_errors: bool = False
+    false_alarm: float = field(default_factory=current_level)
 
     @property
     def squares(self) -> float:
@@ -62,12 +60,23 @@ class HeldOut:
     @property
     def adequate(self) -> bool:
         """Whether nothing but noise is left: white residuals at the noise floor, or a gap too small to matter."""
+        return bool(self.p_value >= self.false_alarm or self.normalised_rms < NEGLIGIBLE or self.within_errors)
+
+    @property
+    def p_large(self) -> float:
+        """Probability of a residual this large if only noise were left, whose size is known with an error."""
         # The noise was estimated without its far samples; where there are many, the residual is looked at in that way too.
-        usual = self.usual
+        size = min(self.normalised_rms, self.usual)
         # Of logarithms: a noise that is underrated by a third makes a residual half as large again.
-        known = float(np.exp(_NOISE_UNKNOWN * np.sqrt(self.noise_error**2 + 0.5 / max(self.samples, 1))))
-        white = self.p_white > FALSE_ALARM and min(self.normalised_rms, usual) < known
-        return bool(white or self.normalised_rms < _NEGLIGIBLE or self.within_errors)
+        error = np.sqrt(self.noise_error**2 + 0.5 / max(self.samples, 1))
+        return float(normal_tail(np.log(max(size, 1e-300)) / error))
+
+    @property
+    def p_value(self) -> float:
+        """Probability of this much structure, or size, if only white noise were left: two tests."""
+        if not np.isfinite(self.normalised_rms):
+            return 0.0
+        return min(2.0 * min(self.p_white, self.p_large), 1.0)
 
     @property
     def usual(self) -> float:
@@ -81,7 +90,7 @@ class HeldOut:
 
 
 def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
-    """p value of one Ljung-Box test over all channels and logs.
+    """p value of one test of autocorrelations over all channels and logs, whatever tails and sizes their noise has.
 
     The residual's mean is not taken off, since simulated and measured have none in common: an offset counts.
     """
@@ -90,7 +99,7 @@ def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
         parts = [r[:, channel] for r in residuals if np.any(np.isfinite(r[:, channel]))]
         if sum(np.count_nonzero(np.isfinite(part)) for part in parts) < 4 * _LAGS:
             continue
-        own, degrees = ljung_box(parts, _LAGS, mean=0.0)
+        own, degrees = robust_portmanteau(parts, _LAGS)
         statistic, freedom = statistic + own, freedom + degrees
     return float(chi_squared_tail(statistic, freedom)) if freedom else 1.0
 

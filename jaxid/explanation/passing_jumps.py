@@ -2,9 +2,8 @@
 them.
 
 A robust loss keeps such samples from pulling an estimate. In the sums of squares that rank candidates they would count in
-full, and on held-out logs there is no fit to give them little weight. They are found in what the fit leaves, against the
-median of the neighbours (the filter of Hampel, Journal of the American Statistical Association 69, 1974), which the slow
-errors of a model that lacks something pass.
+full, and on held-out logs there is no fit to give them little weight. They are found in what the fit leaves
+(`estimate/jumps.py`).
 """
 
 from collections.abc import Mapping
@@ -13,28 +12,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..estimate.jumps import jumping
 from ..logs import LogSet, noise_scale
-from ..logs.noise import usual_size
 from ..robots.robot import Robot
 from .heldout import held_out_state
-
-_EACH_SIDE = 3
-"""Neighbours on each side: up to as many samples in a row may be off."""
-_FAR = 4.5
-"""Standard deviations; one normal sample in 150,000 is as far off."""
 
 
 def passing_jumps(residual: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which samples of a channel's residual [T] in units of the noise, NaN where nothing was measured, jump and come back."""
-    there = np.flatnonzero(np.isfinite(residual))
-    found = np.zeros(residual.shape, dtype=bool)
-    if there.size <= 2 * _EACH_SIDE:
-        return found
-    around = np.pad(residual[there], _EACH_SIDE, mode="reflect")
-    middle = np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * _EACH_SIDE + 1), axis=1)
-    jump = residual[there] - middle
-    found[there] = np.abs(jump) > _FAR * max(1.0, usual_size(jump))
-    return found
+    return jumping(residual, least=1.0)
 
 
 def _without(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> tuple[LogSet, int]:

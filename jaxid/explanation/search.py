@@ -14,7 +14,7 @@ from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulation.scaled import scaled_to, scales_of
 from .coloured import OnlyColour, colours_of, only_colour
-from .heldout import FALSE_ALARM, HeldOut, held_out_state
+from .heldout import HeldOut, held_out_state
 from .in_colour import generalised, in_colour
 from .laws import by_law
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
@@ -156,7 +156,7 @@ def _worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
     deviation of 2 sqrt(D). So a gain of g has at most the probability of sqrt(g) standard deviations, whatever D.
     """
     gained = before.held_out.squares - after.held_out.squares
-    return _likelier(before, after, tried) and gained > float(normal_beyond(FALSE_ALARM)) ** 2
+    return _likelier(before, after, tried) and gained > float(normal_beyond(before.held_out.false_alarm / 2)) ** 2
 
 
 def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> list[tuple[HeldOut, LogSet]]:

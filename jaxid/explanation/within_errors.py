@@ -14,7 +14,7 @@ from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..simulation.simulate import simulate_models
-from .heldout import FALSE_ALARM, HeldOut, scaled_residuals, whiteness
+from .heldout import HeldOut, scaled_residuals, whiteness
 
 
 def within_errors(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
@@ -47,7 +47,7 @@ def within_errors(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     columns = np.concatenate([np.nan_to_num(own).reshape(-1, len(steps)) for own in changes])
     residual = np.concatenate([np.nan_to_num(r).ravel() for r in state.residuals])
     moved = -np.linalg.solve(np.eye(len(steps)) + columns.T @ columns, columns.T @ residual)
-    if moved @ moved > chi_squared_beyond(FALSE_ALARM, len(steps)):
+    if moved @ moved > chi_squared_beyond(state.false_alarm / 2, len(steps)):
         return state
     left = tuple(r + own @ moved for r, own in zip(state.residuals, changes, strict=True))
     size = float(np.sqrt(np.nanmean(np.concatenate([r.ravel() for r in left]) ** 2)))

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from .._atomic import replacing, write_text
 from ..explanation.explanation import Explanation
-from ..explanation.heldout import FALSE_ALARM
 from ..robots.effect import in_words
 from . import explanation_figures as draw
 from . import explanation_tables as tab
@@ -78,7 +77,7 @@ def _render(found: Explanation, pictures: dict[str, bytes], whole: bool) -> str:
         evidence=_markup(tab.evidence_table(found)),
         channels=_markup(tab.channel_table(found)),
         moved=_markup(tab.moved_table(found)),
-        false_alarm=FALSE_ALARM,
+        false_alarm=found.before.false_alarm,
         words=in_words,
     )
 

@@ -186,7 +186,13 @@ def neglected(
     scores = d.found.T @ residual.ravel()
     white = white or _white_without(problem, d, scores)
     covariance = d.found.T @ d.found if white else _by_chance(problem, d)
-    deviation, off = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny)), error * float(np.sqrt(samples))
+    # Autocovariances that are cut short may leave a direction less than no variance: of that one nothing is known.
+    told = np.flatnonzero(np.diag(covariance) > _ALIKE * np.max(np.diag(covariance)))
+    if not told.size:
+        return None
+    d = d._replace(found=d.found[:, told], kept=d.kept[told], lengths=d.lengths[told], onto=d.onto[:, told])
+    scores, covariance = scores[told], covariance[np.ix_(told, told)]
+    deviation, off = np.sqrt(np.diag(covariance)), error * float(np.sqrt(samples))
     z = np.maximum(np.abs(scores) - off, 0.0) / deviation
     best = int(np.argmax(z))
     alone = 2.0 * float(student_tail(z[best], freedom)) * len(z)
