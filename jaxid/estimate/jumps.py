@@ -22,8 +22,8 @@ def _around(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def jumping(residual: NDArray[np.float64], least: float = 0.0) -> NDArray[np.bool_]:
-    """Which samples of a channel's residual [T], NaN where nothing was measured, jump and come back, in units of what others do,
-    or of `least` where they do less."""
+    """Which samples of a channel's residual [T], NaN where nothing was measured, jump and come back: by far more than others
+    do, and than `least`."""
     there = np.flatnonzero(np.isfinite(residual))
     found = np.zeros(residual.shape, dtype=bool)
     if there.size <= 2 * _EACH_SIDE:

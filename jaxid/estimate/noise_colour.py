@@ -73,7 +73,7 @@ class Colour:
 
     @property
     def white_share(self) -> float:
-        """Share of the variance that is white noise on top of slow noise: what the correlations of an exponential lack at lag 0."""
+        """Share of the variance that is white noise on top of slow noise: what an exponential's correlations lack at lag 0."""
         rho = self.correlations
         return max(1.0 - float(rho[1] ** 2 / rho[2]), 0.0) if self.on_white and rho[2] > 0 else 0.0
 

@@ -97,7 +97,7 @@ def steadiness(parts: Sequence[Array], lags: int) -> float:
         return 1.0
     rho, _ = autocorrelation(white, lags, mean=0.0)
     of_squares, pairs = autocorrelation(squares, lags, mean=0.0)
-    expected = sum(share * rho**power for power, share in _OF_SQUARES.items())
+    expected = np.sum([share * rho**power for power, share in _OF_SQUARES.items()], axis=0)
     left = (of_squares[1:] - expected[1:]) ** 2 * pairs[1:]
     covariance = _by_chance(expected, lags)
     # A sum of related squares has about the tail of a multiple of chi-squared (Satterthwaite, Biometrics Bulletin 2, 1946).

@@ -34,8 +34,9 @@ _GATES = 4
 class OnlyColour:
     """Nothing but coloured noise is left: the `colours` of the channels that are not white.
 
-    `p_value` of all tests together, those of the shape, on which `simple` hangs, included. `faster` where it changes faster than the robot's inertia would let any force make it; `simple` where it does, or where
-    short autoregressions leave nothing of it, as a sensor's filter makes it.
+    `p_value` of all tests together, those of the shape, on which `simple` hangs, included. `faster` where it changes faster
+    than the robot's inertia would let any force make it; `simple` where it is forgotten soon, or where short autoregressions
+    leave nothing of it, as a sensor's filter makes it.
     """
 
     colours: dict[str, Colour]

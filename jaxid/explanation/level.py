@@ -8,9 +8,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
+
 
 FALSE_ALARM = 0.01
 """Share of complete models that are called incomplete, where nobody asks for another."""
@@ -46,8 +48,7 @@ def keeps_level(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def run(*arguments: P.args, **options: P.kwargs) -> R:
-        false_alarm = options.get("false_alarm", FALSE_ALARM)
-        assert isinstance(false_alarm, int | float)
+        false_alarm: Any = options.get("false_alarm", FALSE_ALARM)
         with at_level(false_alarm):
             return function(*arguments, **options)
 

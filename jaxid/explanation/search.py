@@ -13,6 +13,7 @@ from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulation.scaled import scaled_to, scales_of
+from .absorbed import less_absorbed
 from .coloured import OnlyColour, colours_of, only_colour
 from .heldout import HeldOut, held_out_state
 from .in_colour import generalised, in_colour
@@ -167,7 +168,9 @@ def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float
 def _colour(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
     """The coloured noise that is all that `trial` leaves, as far as what drove the robot tells; None where it is not."""
     scales = scales_of(trial.robot, logs)
-    return only_colour(_states(trial, logs, held_out, noise), scales.time / scales.interval)
+    states = _states(trial, logs, held_out, noise)
+    states = states if trial.angles else less_absorbed(trial.robot, states)
+    return only_colour(states, scales.time / scales.interval)
 
 
 def _generalised(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:

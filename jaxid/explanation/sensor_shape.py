@@ -1,4 +1,4 @@
-"""Has a residual the shape of a sensor's noise? As much of it on every log and in every stretch, and forgotten as a filter forgets.
+"""Has a residual the shape of a sensor's noise: as much on every log and in every stretch, forgotten as a filter forgets?
 
 Errors of a model come where the motion makes them, and a disturbance of the motion is as slow as the robot's inertia. A
 sensor's filter is a short autoregression or an average over some samples, or faster than the robot. Every test here gives a
@@ -78,7 +78,7 @@ def _brief(parts: Sequence[Array], samples: int) -> float:
 
 
 def beside_white(colour: Colour, rounding: float) -> bool:
-    """Whether it is slow noise with white noise on top, more than the sensor's step adds, of the share `rounding` of the variance.
+    """Whether it is slow noise with white noise on top, more than the sensor's step adds: a share `rounding` of the variance.
 
     A sensor's own noise is hardly both; a disturbance of the motion, seen by a sensor with white noise, is.
     """
