@@ -19,6 +19,7 @@ import numpy as np
 import jaxid
 from benchmarks.cases.family import Family, Units, signal
 from benchmarks.cases.robots import families as every_family
+from benchmarks.false_alarms_page import write
 from benchmarks.sensor_noise import KINDS, Exact
 from benchmarks.silent import append, code_version, rows_of
 from jaxid.explanation.heldout import NEGLIGIBLE, held_out_state
@@ -170,13 +171,13 @@ def prepared(case: Case, seed: int):
     return model, *logs_of(model, logs, outputs, SETTINGS[case.setting].fit), noise
 
 
-def run(case: Case, seed: int = SEED) -> dict:
-    """Fit, look for what is missing, and say what came of it."""
+def run(case: Case, seed: int = SEED, most: int = 0) -> dict:
+    """Fit, look for what is missing, add at `most` so many effects, and say what came of it."""
     model, logs, held_out, noise = prepared(case, seed)
     begin = time.perf_counter()
     fit = jaxid.output_error(model, logs)
     fitted = time.perf_counter() - begin
-    found = search(fit, logs, held_out, most=3 if case.hidden else 0)
+    found = search(fit, logs, held_out, most=most)
     before = found.before
     true = dict(zip(model.channels.outputs, noise, strict=False))
     return {
@@ -242,12 +243,18 @@ def main() -> None:
     parser.add_argument("--setting", help="only settings that hold this word")
     parser.add_argument("--seed", type=int, default=SEED, help="another one draws cases that nobody has seen")
     parser.add_argument("--hidden", action="store_true", help="with something hidden")
+    parser.add_argument(
+        "--most", type=int, default=0, help="effects to be named; none is needed to see that one is missing"
+    )
     parser.add_argument("--seconds", type=float, default=np.inf, help="begin no further case after so many")
     parser.add_argument("--out", type=Path, help="by default a file of the draw's own")
     parser.add_argument("--report", action="store_true", help="write docs/false_alarms.md from what has been run")
     arguments = parser.parse_args()
     name = RESULTS.stem + "_hidden" * arguments.hidden + (f"_{arguments.seed}" if arguments.seed != SEED else "")
     out = arguments.out or RESULTS.with_name(f"{name}.jsonl")
+    if arguments.report:
+        write(rows_of(out), rows_of(out.with_name(f"{out.stem}_hidden.jsonl")), LEVELS, list(SETTINGS), PAGE)
+        return
     code, begin = code_version(), time.perf_counter()
     numbers = arguments.numbers or range(arguments.first, arguments.first + arguments.cases)
     cases = [draw(number, arguments.seed, arguments.hidden) for number in numbers]
@@ -266,7 +273,7 @@ def main() -> None:
     for count, case in enumerate(left, start=1):
         if time.perf_counter() - begin > arguments.seconds:
             break
-        row = run(case, arguments.seed)
+        row = run(case, arguments.seed, arguments.most)
         append(out, row | {"code": code})
         alarms += row["alarm"]
         print(

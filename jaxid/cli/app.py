@@ -208,6 +208,16 @@ def explain(
         str | None,
         typer.Option("--baseline", metavar="uncoupled", help="Start the omni from the paper's equations."),
     ] = None,
+    false_alarm: Annotated[
+        float,
+        typer.Option(
+            "--false-alarm",
+            metavar="SHARE",
+            min=1e-6,
+            max=0.49,
+            help="How often a complete model may be called incomplete, such as 0.01 of the time.",
+        ),
+    ] = 0.01,
     mapping: Mapping = None,
     loss: Loss = "squares",
     covariance: Covariance = "auto",
@@ -220,7 +230,7 @@ def explain(
 
     options = {"loss": loss, "covariance": covariance, "windows": window_option(windows)}
     check_loop(controller, intersample)
-    run_explain(robot, fit, held_out, model, baseline, mapping, out, options, intersample, controller)
+    run_explain(robot, fit, held_out, model, baseline, mapping, out, options, intersample, controller, false_alarm)
 
 
 @app.command()

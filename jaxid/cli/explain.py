@@ -8,6 +8,7 @@ import typer
 
 from ..estimate.result import Fit
 from ..explanation.explain import apart, explain, without_windows
+from ..explanation.level import FALSE_ALARM
 from ..logs import LogSet
 from ..logs.intersample import Intersample
 from ..report import compare
@@ -65,6 +66,7 @@ def run_explain(
     options: Mapping[str, Any],
     intersample: Intersample = "hold",
     controller: str | None = None,
+    false_alarm: float = FALSE_ALARM,
 ) -> None:
     """Write fit.json, explanation.json, model.toml, report.html and pictures to `out` and print what was found."""
     keep_compiled_programs()
@@ -81,7 +83,7 @@ def run_explain(
     fits[-1] = without_windows(fits[-1], fit_logs, say, **options)
     _write_fits(out, fits, fit_logs, held_out_logs)
     with step("Explanation") as report:
-        found = explain(fits[-1], fit_logs, held_out_logs, report=report, **options)
+        found = explain(fits[-1], fit_logs, held_out_logs, false_alarm=false_alarm, report=report, **options)
     judged = found.final.judgement.sentence if found.final.judgement else ""
     for note in found.final.notes if found.effects else ():
         if note != judged:  # stands in the explanation, where there is one

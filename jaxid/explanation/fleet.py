@@ -23,6 +23,7 @@ from ..robots.effect import Effect, in_words
 from ..robots.robot import Robot
 from .explain import explain
 from .explanation import Explanation
+from .level import FALSE_ALARM
 from .search import MOST_EFFECTS
 
 _NAMED = ("named", "ambiguous")
@@ -184,6 +185,7 @@ def explain_fleet(
     loss: Loss | str = "squares",
     covariance: Covariance = "auto",
     windows: Windows = "auto",
+    false_alarm: float = FALSE_ALARM,
     report: Callable[[str], None] = lambda message: None,
 ) -> ExplainedFleet:
     """`explain` for every member of a fleet, with its own fit, fitted logs and held-out logs, all by the member's name.
@@ -213,6 +215,7 @@ def explain_fleet(
                 held_out[name],
                 effects=effects,
                 most=most,
+                false_alarm=false_alarm,
                 report=lambda message, name=name: report(f"{name}: {message}"),
                 **options,
             )
