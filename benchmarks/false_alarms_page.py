@@ -1,5 +1,6 @@
 """The page of the study of false alarms: shares by noise, setting and robot, and the calibration curve."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from scipy import stats
 from benchmarks.sensor_noise import FAMILIES
 
 Rows = Sequence[dict]
+_SIZES = (0.5, 1.5, 3.0)
+"""Between which sizes of what is hidden, in units of the noise, are rows of the table."""
 
 
 def wilson(hits: int, cases: int) -> tuple[float, float]:
@@ -75,16 +78,13 @@ def _hidden(rows: Rows) -> str:
     def seen(own: Rows) -> str:
         return share(sum(row["alarm"] for row in own), len(own))
 
-    def middle(row: dict) -> str:
-        return "1.5 to 2.2" if row["strength"] < 2.2 else "2.2 to 3"
-
     lines = ["| noise | hidden size, in units of the noise | seen |", "| --- | --- | --- |"]
     for name in FAMILIES:
-        for size in ("1.5 to 2.2", "2.2 to 3"):
-            own = [row for row in rows if _family(row) == name and middle(row) == size]
+        for low, high in itertools.pairwise(_SIZES):
+            own = [row for row in rows if _family(row) == name and low <= row["strength"] < high]
             if own:
-                lines.append(f"| {name} | {size} | {seen(own)} |")
-    lines.append(f"| all | 1.5 to 3 | {seen(rows)} |")
+                lines.append(f"| {name} | {low:g} to {high:g} | {seen(own)} |")
+    lines.append(f"| all | {_SIZES[0]:g} to {_SIZES[-1]:g} | {seen(rows)} |")
     return "\n".join(lines)
 
 
@@ -109,8 +109,8 @@ Written by `python -m benchmarks.false_alarms --report` from what that command r
 {len(hidden)} in which something is hidden (by the code of {", ".join(codes)}). The independent simulator of
 `reference/` moves robots whose model lacks nothing; `benchmarks/sensor_noise.py` adds a sensor's noise, of a standard
 deviation of 0.5 to 5 % of the signals' root mean square; the logs are fitted and looked at as `explain` does. Whatever is
-then called missing, or left open, is a false alarm. Kinds of noise take turns; robot, setting, constants and size of the noise are
-drawn. Shares with Wilson's 95 % intervals; the level is 1 %.
+then called missing, or left open, is a false alarm. Kinds of noise take turns; robot, setting, constants and size of the
+noise are drawn. Shares with Wilson's 95 % intervals; the level is 1 %.
 
 {_table(rows, _family, "noise", list(FAMILIES))}
 
@@ -141,7 +141,7 @@ Complete models that were called incomplete:
 ## Does the noise hide what is missing?
 
 The same with a force or a filter that the model lacks, whose trace on the held-out logs, once the fit has absorbed what it can,
-is 1.5 to 3 times the noise. Seen is every case in which something is called missing, named or not, or left open.
+is {_SIZES[0]:g} to {_SIZES[-1]:g} times the noise. Seen is every case in which something is called missing, named or not, or left open.
 
 {_hidden(hidden) if hidden else "not run"}
 
