@@ -141,7 +141,8 @@ Complete models that were called incomplete:
 ## Does the noise hide what is missing?
 
 The same with a force or a filter that the model lacks, whose trace on the held-out logs, once the fit has absorbed what it can,
-is {_SIZES[0]:g} to {_SIZES[-1]:g} times the noise. Seen is every case in which something is called missing, named or not, or left open.
+is {_SIZES[0]:g} to {_SIZES[-1]:g} times the noise. Seen is every case in which something is called missing, named or not,
+or left open.
 
 {_hidden(hidden) if hidden else "not run"}
 

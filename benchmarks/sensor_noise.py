@@ -35,7 +35,7 @@ Make = Callable[[np.random.Generator, Exact, Array], Array]
 
 def _filtered(numerator, denominator) -> Make:
     """Gaussian noise through a filter, scaled to the size asked for."""
-    response = signal.lfilter(numerator, denominator, np.eye(1, 4096)[0])
+    response = np.asarray(signal.lfilter(numerator, denominator, np.eye(1, 4096)[0]))
     gain = float(np.sqrt(np.sum(response**2)))
 
     def make(rng, exact, size):
@@ -55,7 +55,8 @@ def _average(width: int) -> Make:
 
 def _low_pass(share: float) -> Make:
     """A second-order Butterworth filter, its cut-off a share of half the sampling rate."""
-    return _filtered(*signal.butter(2, share))
+    numerator, denominator = np.asarray(signal.butter(2, share))
+    return _filtered(numerator, denominator)
 
 
 def _shaped(draw: Callable[[np.random.Generator, tuple[int, int]], Array]) -> Make:

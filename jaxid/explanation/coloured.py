@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 
 _FEWEST = 40
 """Samples of a log below which its noise has no shape."""
-_GATES = 4
-"""Tests among which the level is shared: what drove the robot, evenness among logs, bursts, shape."""
+GATES = 5
+"""Tests among which the level is shared: what drove the robot, evenness among logs, bursts, shape, and the candidates."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
     coloured = {name: colour for name, colour in colours.items() if colour.order}
     if not coloured:
         return None
-    level, count = first.false_alarm / _GATES, len(coloured)
+    level, count = first.false_alarm / GATES, len(coloured)
     # The fitted logs have taken in some of what is missing; the held-out ones, which come first, have not.
     noise = min(2.0 * related(own, list(coloured)) for own in (states[:1], states))
     shape, simple, faster = 1.0, True, True
@@ -128,7 +128,7 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
         own = count * max(briefly, shape_of.filtered_simply(colour, white, rounding))
         shape, simple = min(shape, own), simple and own >= level
         faster &= shape_of.fast(colour, memory) and not shape_of.beside_white(colour, rounding)
-    return OnlyColour(coloured, simple, faster, min(_GATES * min(noise, shape), 1.0))
+    return OnlyColour(coloured, simple, faster, min(GATES * min(noise, shape), 1.0))
 
 
 def _rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> float:

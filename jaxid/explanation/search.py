@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .._distributions import normal_beyond
+from .._distributions import chi_squared_beyond, normal_beyond
 from ..effects import catalogue, laws_of
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
@@ -14,10 +14,11 @@ from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulation.scaled import scaled_to, scales_of
 from .absorbed import less_absorbed
-from .coloured import OnlyColour, colours_of, only_colour
+from .coloured import GATES, OnlyColour, colours_of, only_colour
 from .heldout import HeldOut, held_out_state
 from .in_colour import generalised, in_colour
 from .laws import by_law
+from .level import current_level
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
 from .telling_apart import SEPARATED, alike, not_told_apart, told_apart
@@ -197,7 +198,12 @@ def _ranked_in_colour(
 
 def _explaining(screened: Sequence[Candidate]) -> list[Candidate]:
     """The candidates that explain more than chance of a coloured residual, best first; their number is accounted for."""
-    price = 2.0 * float(np.log(max(len(screened), 1)))
+    count = max(len(screened), 1)
+    price = 2.0 * float(np.log(count))
+    if screened:
+        # On short logs the usual price of a parameter, log samples, lets more pass by chance than the level has room for.
+        chance = current_level() / (2 * GATES * count)
+        price = max(price, float(chi_squared_beyond(chance, 1)) - float(np.log(screened[0].direction.size)))
     return sorted((c for c in screened if c.in_colour > price), key=lambda c: -c.in_colour)
 
 
