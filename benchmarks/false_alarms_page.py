@@ -110,7 +110,8 @@ Written by `python -m benchmarks.false_alarms --report` from what that command r
 `reference/` moves robots whose model lacks nothing; `benchmarks/sensor_noise.py` adds a sensor's noise, of a standard
 deviation of 0.5 to 5 % of the signals' root mean square; the logs are fitted and looked at as `explain` does. Whatever is
 then called missing, or left open, is a false alarm. Kinds of noise take turns; robot, setting, constants and size of the
-noise are drawn. Shares with Wilson's 95 % intervals; the level is 1 %.
+noise are drawn. Shares with Wilson's 95 % intervals; the level is 1 %. Cases of this draw were looked at while the tests were
+made; `--seed N` draws others, into a file of their own.
 
 {_table(rows, _family, "noise", list(FAMILIES))}
 
