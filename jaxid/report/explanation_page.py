@@ -3,19 +3,22 @@
 The same body shows in a notebook. Imported when it is wanted (`page.Page`), since matplotlib takes long to import.
 """
 
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 
 from jinja2 import Environment
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from .._atomic import replacing, write_text
 from ..explanation.explanation import Explanation
+from ..explanation.law_curves import LawCurve
 from ..robots.effect import in_words
 from . import explanation_figures as draw
 from . import explanation_tables as tab
 from .figures import as_html, as_png
+from .law_figure import caption, curves_of, law_figure
 from .leads_figure import leads
 from .localisation_figures import localisation
 from .ranking_figure import ranking
@@ -24,6 +27,7 @@ from .tables import Table, to_html
 _TEMPLATE = "explanation.html.jinja"
 _DPI = 130
 ALT = {
+    "law": "What is missing: every named effect as a function of what it depends on, before and after",
     "localisation": "The missing force over time, and when it acts",
     "leads": "The missing force against speed, heading, place and time",
     "ranking": "Candidates: promised share of the gap, and error after a refit",
@@ -37,7 +41,11 @@ ALT = {
 
 def figures(found: Explanation) -> dict[str, Figure]:
     """The figures that apply, by the names of `ALT`."""
-    made: dict[str, Figure | None] = {}
+    return _figures(found, curves_of(found))
+
+
+def _figures(found: Explanation, curves: Mapping[str, tuple[LawCurve, ...]]) -> dict[str, Figure]:
+    made: dict[str, Figure | None] = {"law": law_figure(curves)}
     if found.localisation is not None:
         made["localisation"] = localisation(found.localisation, found.held_out)
         made["localisation"].suptitle("")  # the page says the same sentence above the picture
@@ -52,27 +60,31 @@ def figures(found: Explanation) -> dict[str, Figure]:
     return {name: figure for name, figure in made.items() if figure is not None}
 
 
-def _drawn(found: Explanation) -> dict[str, bytes]:
-    """The figures as PNG files, drawn once for the page and the files beside it: that takes most of the page's time."""
-    return {name: as_png(figure, _DPI) for name, figure in figures(found).items()}
+def _drawn(found: Explanation) -> tuple[dict[str, bytes], str]:
+    """The figures as PNG files, drawn once for the page and the files beside it (that takes most of the page's time), and
+    what the first of them shows in words."""
+    curves = curves_of(found)
+    return {name: as_png(figure, _DPI) for name, figure in _figures(found, curves).items()}, caption(found, curves)
 
 
 def _markup(table: Table) -> Markup:
     return Markup(to_html(table))
 
 
-def _render(found: Explanation, pictures: dict[str, bytes], whole: bool) -> str:
+def _render(found: Explanation, pictures: dict[str, bytes], shown: str, whole: bool) -> str:
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string(files("jaxid.report").joinpath(_TEMPLATE).read_text(encoding="utf-8"))
     bars = [("error " + label if found.effects else "error", state.normalised_rms, colour)
             for state, colour, label in draw.states(found)]  # fmt: skip
     bars.append(("noise floor" if found.noise_floor == 1.0 else "coloured noise", found.noise_floor, "#8c8c8c"))
     top = max(value for _, value, _ in bars)
+    alt = ALT | ({"law": shown} if shown else {})
     return template.render(
         whole=whole,
         found=found,
         bars=[(name, value, 80.0 * value / top, colour) for name, value, colour in bars],
-        pictures={name: Markup(as_html(picture, ALT[name])) for name, picture in pictures.items()},
+        pictures={name: Markup(as_html(picture, escape(alt[name]))) for name, picture in pictures.items()},
+        caption=shown,
         effects=_markup(tab.effects_table(found)),
         evidence=_markup(tab.evidence_table(found)),
         channels=_markup(tab.channel_table(found)),
@@ -84,14 +96,14 @@ def _render(found: Explanation, pictures: dict[str, bytes], whole: bool) -> str:
 
 def body(found: Explanation) -> str:
     """HTML for a notebook."""
-    return _render(found, _drawn(found), whole=False)
+    return _render(found, *_drawn(found), whole=False)
 
 
 def save(found: Explanation, folder: Path) -> list[Path]:
     """Write the page and its pictures into `folder` and return their paths."""
-    pictures = _drawn(found)
+    pictures, shown = _drawn(found)
     written = [folder / "report.html"]
-    write_text(written[0], _render(found, pictures, whole=True))
+    write_text(written[0], _render(found, pictures, shown, whole=True))
     for name, picture in pictures.items():
         written.append(folder / f"{name}.png")
         with replacing(written[-1]) as temporary:

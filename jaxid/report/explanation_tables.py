@@ -19,7 +19,7 @@ def interval(estimate: Estimate) -> str:
 
 
 def effects_table(found: Explanation) -> Table:
-    """Every parameter of every effect that was added; the formulas below."""
+    """Every parameter of every effect that was added; below, the formulas and by which law each is, or by which curve."""
     rows = []
     for effect in found.effects:
         for k, (name, e) in enumerate(effect.parameters.items()):
@@ -29,7 +29,8 @@ def effects_table(found: Explanation) -> Table:
             rows.append(
                 (Cell(title), Cell(where), Cell(in_words(name)), Cell(value), Cell(interval(e)), Cell(e.unit, "dim"))
             )
-    formulas = tuple(f"{effect.title}: {effect.formula}" for effect in found.effects)
+    laws = ((effect, f", {effect.law_in_words}" if effect.law_in_words else "") for effect in found.effects)
+    formulas = tuple(f"{effect.title}: {effect.formula}{law}" for effect, law in laws)
     header = ("effect", "where", "parameter", "value ± std error", "95 % interval", "unit")
     return Table("What was added", header, tuple(rows), formulas)
 
