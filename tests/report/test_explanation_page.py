@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from markupsafe import escape
 
+from jaxid.explanation.law_curves import LawCurve
 from jaxid.explanation.next_experiment import NextExperiment
+from jaxid.explanation.shape import Shape
 from jaxid.report import explanation_figures as draw
 from jaxid.report import explanation_tables as tab
 from jaxid.report.explanation_page import ALT, figures
+from jaxid.report.law_figure import caption, curves_of, law_figure, told
 from jaxid.report.leads_figure import leads
 from jaxid.report.ranking_figure import ALIKE, OTHER, ranking
 from jaxid.robots.effect import in_words
@@ -82,10 +85,10 @@ def test_the_page_is_one_file_with_the_verdict_first(explained, tmp_path):
     page = saved(explained, tmp_path)
     read = Structure(page)
     assert read.headings == [explained.sentence, *SECTIONS]
-    assert len(read.sources) == 5 and all(source.startswith("data:image/png;base64,") for source in read.sources)
+    assert len(read.sources) == 6 and all(source.startswith("data:image/png;base64,") for source in read.sources)
     assert not read.tags & {"script", "link", "iframe"} and "http" not in re.sub(r"base64,[^\"]+", "", page)
     assert {path.stem for path in tmp_path.glob("*.png")} == {
-        "localisation", "ranking", "before_after", "whiteness", "moved"
+        "law", "localisation", "ranking", "before_after", "whiteness", "moved"
     }  # fmt: skip
     for words in (explained.localisation.sentence, "F = -coefficient v |v|", "N s^2/m^2", "in 1 % of cases", "runner-up"):
         assert escape(words) in page, words
@@ -221,3 +224,65 @@ def test_parameters_stand_where_they_were_relative_to_the_larger(explained):
         old, new = (e.value for e in explained.moved[name])
         assert before.get_xdata()[0] == pytest.approx(100 * (old - new) / max(abs(old), abs(new)))
         assert after.get_xdata()[0] == 0.0
+
+
+def test_the_first_picture_says_what_is_missing_to_who_sees_it_and_who_does_not(explained, tmp_path):
+    page = saved(explained, tmp_path)
+    size = explained.effects[0].parameters["coefficient"].value
+    curves = curves_of(explained)
+    (curve,) = curves["quadratic_drag"]
+    fastest = float(curve.values[-1])
+    words = caption(explained, curves)
+    assert words.startswith("Quadratic drag: force on the speed v falls by ")
+    assert float(re.search(r"falls by ([\d.]+) N", words)[1]) == pytest.approx(size * fastest**2, rel=0.01)
+    # Half of a square is at the root of a half.
+    half = float(re.search(r"half of that at ([\d.]+) ", words)[1])
+    assert half == pytest.approx(fastest / 2**0.5, abs=0.02)
+    assert page.index(f'<img alt="{escape(words)}"') < page.index("<h2>Where?") and page.count("<img") == 6
+    assert f"<p>{escape(words)} " in page
+    (ax,) = law_figure(curves).axes
+    assert ax.get_xlabel() == "speed v [m/s or rad/s]" and ax.get_ylabel() == "force [N]"
+
+
+def test_the_law_of_an_effect_is_said_and_those_that_are_as_good(explained):
+    shape = Shape("", "|v|", "m/s", "N", (0.0, 1.0), (0.0, 2.5), ((0.0, 0.0), (2.4, 2.6)))
+    alike = replace(explained, effects=(replace(explained.effects[0], law="power", laws_alike=("cubic", "tanh")),))
+    curve = replace(explained, effects=(replace(explained.effects[0], law="shape", laws_alike=(), shapes=(shape,)),))
+    page, text = alike._repr_html_(), " ".join(tab.text(alike).split())
+    assert "Of its laws, <b>power</b> cannot be told from <b>cubic</b> or <b>tanh</b>" in page
+    assert "by the law power (or cubic, tanh, which this data cannot tell apart)" in text
+    for said in (curve._repr_html_(), " ".join(tab.text(curve).split())):
+        assert "this curve of |v|: 0 N at 0 m/s, 2.5 N at 1 m/s" in said
+
+
+def curve_of(change, x=None, **fields):
+    """A curve that an effect of that `change` makes of zero."""
+    x = np.linspace(-1.0, 1.0, 4000) if x is None else x
+    own = {"effect": "e", "quantity": "friction", "part": "", "unit": "N", "variable": "speed", "of": "m/s"}
+    values = np.sign(x) * np.broadcast_to(change(np.abs(x)), x.shape)
+    return LawCurve(**(own | fields), values=x, before=0 * x, after=values, change=values, std=0 * x)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (
+            lambda s: 0.31 * np.exp(-((s / 0.06) ** 2)),
+            "friction rises by 0.310 N near 0 m/s, by half of that at speed 0.050 m/s",
+        ),
+        (lambda s: 2.0 * s, "friction rises by 2 N at speed 1.0 m/s, by half of that at 0.50 m/s"),
+        (lambda s: -0.5, "friction is lower by 0.500 N throughout"),
+    ],
+)
+def test_curves_are_told_by_their_size_and_where_half_of_it_is(change, expected):
+    assert told(curve_of(change)).replace("2.00 N", "2 N") == expected
+
+
+def test_several_effects_on_one_curve_share_a_panel():
+    one, other = curve_of(lambda s: s), curve_of(lambda s: s**2)
+    figure = law_figure(
+        {"traction_limit": (one,), "sensor_bias": (replace(one, effect="sensor_bias"),), "other": (other,)}
+    )
+    titles = [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()]
+    assert titles == ["Traction limit and sensor bias: friction", "Other: friction"]
+    assert law_figure({}) is None

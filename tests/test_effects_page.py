@@ -1,0 +1,59 @@
+"""docs/effects.md is what the catalogue says of itself."""
+
+import importlib
+import re
+from pathlib import Path
+
+from jaxid import Axis, DifferentialDrive, Omni, Pioneer
+from jaxid.effects.catalogue import MECHANISMS
+from jaxid.robots.effect import Effect, in_words
+from jaxid.robots.traits import refusal
+
+PAGE = Path(__file__).parents[1] / "docs/effects.md"
+ROBOTS = (Pioneer(), Omni(), Axis(), DifferentialDrive())
+
+
+def source(effect: Effect) -> str:
+    """The first paragraph of the effect's module: what it is, and where its laws are from."""
+    text = importlib.import_module(type(effect).__module__).__doc__ or ""
+    return " ".join(text.split("\n\n")[0].split())
+
+
+def who(law: Effect) -> str:
+    """Which built-in robots can have a law, and which have it already in numbers of their own."""
+    can = [robot.name for robot in ROBOTS if refusal(law, robot) is None and law.id not in robot.expressed]
+    return "all" if len(can) == len(ROBOTS) else ", ".join(can) or "none"
+
+
+def section(laws: tuple[Effect, ...]) -> str:
+    """One mechanism: its place, what it is, a row for each law."""
+    first = laws[0]
+    title = in_words(first.id)
+    rows = [f"### {title[0].upper()}{title[1:]} (`{first.id}`)\n", f"{source(first)}\n"]
+    rows += ["| law | formula | built-in robots that can have it |", "| --- | --- | --- |"]
+    for law in laws:
+        formula = law.formula.replace("|", "\\|")
+        rows.append(f"| {f'`{law.law}`' if law.law else '(its only one)'} | `{formula}` | {who(law)} |")
+    return "\n".join(rows) + "\n"
+
+
+def mechanisms() -> str:
+    """All mechanisms, by where they act."""
+    places = dict.fromkeys(laws[0].where for laws in MECHANISMS)
+    parts = []
+    for place in places:
+        own = [section(laws) for laws in MECHANISMS if laws[0].where == place]
+        parts.append(f"## {place[0].upper()}{place[1:]}\n\n" + "\n".join(own))
+    return "\n".join(parts)
+
+
+def test_the_page_has_every_mechanism_and_law():
+    assert PAGE.read_text(encoding="utf-8").endswith("<!-- mechanisms -->\n" + mechanisms())
+
+
+def test_every_mechanism_says_what_it_is_and_is_somebody_s():
+    for laws in MECHANISMS:
+        assert source(laws[0]).endswith((".", ").")), laws[0].id
+        assert any(who(law) != "none" for law in laws), laws[0].id
+        names = [law.law for law in laws]
+        assert len(set(names)) == len(names) and all(re.fullmatch(r"[a-z_]*", name) for name in names)
