@@ -90,7 +90,13 @@ def test_the_page_is_one_file_with_the_verdict_first(explained, tmp_path):
     assert {path.stem for path in tmp_path.glob("*.png")} == {
         "law", "localisation", "ranking", "before_after", "whiteness", "moved"
     }  # fmt: skip
-    for words in (explained.localisation.sentence, "F = -coefficient v |v|", "N s^2/m^2", "in 1 % of cases", "runner-up"):
+    for words in (
+        explained.localisation.sentence,
+        "F = -coefficient v |v|",
+        "N s^2/m^2",
+        "in 1 % of cases",
+        "runner-up",
+    ):
         assert escape(words) in page, words
 
 
