@@ -42,9 +42,8 @@ class LawCurve:
     """`quantity` [`unit`] of `part` against `variable` [`of`]: `before` and `after` at `values`, all [N].
 
     `change` is what the effect alone does in the last model and `std` the standard deviation of `after` (NaN where the fit does
-    not know its errors). `samples` are measured values and what they ask for (x, y), where the data shows the quantity.
-    On a map (`place`) `values` are [N, 2] and `path` [M, 2] is where the robot drove. `shared` counts parts with
-    the same curve.
+    not determine what it hangs on). `samples` are measured values and what they ask for (x, y), where the data shows it. On a
+    map (`place`) `values` are [N, 2] and `path` [M, 2] is where the robot drove. `shared` counts parts with the same curve.
     """
 
     effect: str
@@ -70,7 +69,8 @@ class LawCurve:
     @property
     def title(self) -> str:
         """What is drawn, of which part."""
-        part = f"(all {self.shared} alike)" if self.shared > 1 else self.part
+        every = "both" if self.shared == 2 else f"all {self.shared}"
+        part = f"({every} alike)" if self.shared > 1 else self.part
         return f"{self.quantity} {part}".strip()
 
 
@@ -141,7 +141,16 @@ def _with_errors(sweep: Sweep, final: Fit, bare: Robot) -> tuple[Grid, Grid, Gri
     slopes = (every[1:] - after) / np.maximum(steps, 1e-300)[:, None, None]
     variance = np.einsum("ipn,ij,jpn->pn", slopes, covariance, slopes) if names else np.full(after.shape, np.nan)
     change = after - np.asarray(sweep.response(bare, p), float)
-    return after, change, np.sqrt(np.maximum(variance, 0.0))
+    std = np.sqrt(np.maximum(variance, 0.0))
+    if sweep.family != "step":
+        # A part that hangs on what the fit could not determine has no band: that of the rest would be too narrow.
+        for name in set(final.free_names) - set(names):
+            step = _STEP * (abs(p[name]) or final.robot.parameters[name].typical or 1.0)
+            away = np.abs(np.asarray(sweep.response(final.robot, p | {name: p[name] + step}), float) - after).max(
+                axis=1
+            )
+            std[away > _ALIKE * np.abs(after).max()] = np.nan
+    return after, change, std
 
 
 def _moved(sweep: Sweep, final: Fit, bare: Robot) -> tuple[Grid, Grid]:

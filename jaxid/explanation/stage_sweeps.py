@@ -182,7 +182,8 @@ def _force_sweeps(robot: Robot, scales: Scales, floor: Grid) -> Iterator[Sweep]:
 def _drive_sweeps(effect: Effect, robot: Robot, scales: Scales, largest: dict[str, float]) -> Iterator[Sweep]:
     count = len(robot.drive_torques(_idle(robot), _state(robot), robot.parameters.numbers))
     parts, of = _numbered("of wheel", count), robot.channels.units.get(robot.channels.inputs[0], "")
-    named = ("drive torque", parts, (robot.torque_unit,) * count)
+    pull = "force" if robot.torque_unit == "N" else "torque"
+    named = (f"drive {pull}", parts, (robot.torque_unit,) * count)
     volts = both_ways(scales.input)
     for family, state, variable, unit, values in [*_own_states(effect, robot, largest), *_turned(robot, scales)]:
         half = _driven(robot, 0.5 * scales.input)
@@ -196,7 +197,7 @@ def _drive_sweeps(effect: Effect, robot: Robot, scales: Scales, largest: dict[st
             return _rows(passed(r, "torque", (demanded,) * count, _state(r, **moving), p), len(demanded))
 
         yield Sweep(
-            "transmitted torque", *named[1:], "torque demanded", robot.torque_unit, demanded, transmitted, "torque"
+            f"transmitted {pull}", *named[1:], f"{pull} demanded", robot.torque_unit, demanded, transmitted, "torque"
         )
         return
     commanded = lambda r, p: _drive(r, _driven(r, volts), _state(r), p, len(volts))  # noqa: E731

@@ -29,6 +29,8 @@ _ZOOM = 4.0
 _ONE_SIDED = 0.02
 _LEVEL, _GONE = 0.05, 0.5
 _ROW = 3
+_SMALL = 0.15
+"""Share of a curve's range below which a change is too small to be seen beside it, and is drawn alone."""
 
 
 def curves_of(found: Explanation) -> dict[str, tuple[LawCurve, ...]]:
@@ -131,10 +133,19 @@ def _binned(x: Array, y: Array) -> tuple[Array, Array]:
     return np.bincount(places, x, len(edges) - 1) / count, np.bincount(places, y, len(edges) - 1) / count
 
 
+def _alone(curve: LawCurve) -> bool:
+    """Whether what the effect changes is drawn instead of the whole, beside which it would not be seen."""
+    if curve.place or curve.samples is not None:
+        return False
+    return float(np.abs(curve.after - curve.before).max()) < _SMALL * float(np.ptp(curve.after))
+
+
 def _draw(ax: Axes, curve: LawCurve) -> None:
     low, high = _reach(curve)
     shown = (curve.values >= low) & (curve.values <= high)
     x, after, before = curve.values[shown], curve.after[shown], curve.before[shown]
+    if _alone(curve):
+        after, before = after - before, np.zeros_like(before)
     half = 1.96 * curve.std[shown]
     if curve.samples is not None:
         inside = (curve.samples[0] >= low) & (curve.samples[0] <= high)
@@ -157,6 +168,7 @@ def _draw(ax: Axes, curve: LawCurve) -> None:
         ax.axvline(0.0, color="0.3", lw=0.6, zorder=0)
     ax.axhline(0.0, color="0.3", lw=0.6, zorder=0)
     ax.set_xlabel(f"{curve.variable} [{curve.of}]" if curve.of else curve.variable)
+    ax.locator_params(axis="x", nbins=6)
     _tidy(ax)
 
 
@@ -201,7 +213,7 @@ def law_figure(curves: Mapping[str, Sequence[LawCurve]]) -> Figure | None:
             _map(figure, ax, curve)
         else:
             _draw(ax, curve)
-        label = f"{curve.quantity} [{curve.unit}]" if curve.unit else curve.quantity
+        label = f"{'change of ' if _alone(curve) else ''}{curve.quantity}" + (f" [{curve.unit}]" if curve.unit else "")
         ax.set_ylabel("y [m]" if curve.place else label)
         title = name
         ax.set_title(f"{title[0].upper()}{title[1:]}: {curve.title}", loc="left", fontsize="small",
@@ -214,6 +226,8 @@ def law_figure(curves: Mapping[str, Sequence[LawCurve]]) -> Figure | None:
     ]
     if any(not c.place and np.isfinite(c.std).all() for _, c in drawn):
         handles.append(Patch(color=AFTER, alpha=0.3, label="95 %"))
+    if any(not c.place and not np.isfinite(c.std).all() for _, c in drawn):
+        handles.append(Line2D([], [], ls="", label="no band: its size is not identified"))
     if any(c.samples is not None for _, c in drawn):
         handles.append(
             Line2D([], [], color="0.25", marker="o", ms=3.5, ls="", label="measured motion, smoothed over time")

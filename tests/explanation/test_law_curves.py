@@ -141,3 +141,12 @@ def test_an_effect_that_cannot_be_asked_has_no_curve(explained, monkeypatch):
     assert found == {"quadratic_drag": ()}
     nothing = replace(explained, effects=())
     assert law_curves([], nothing.baseline, nothing.final, nothing.held_out) == {}
+
+
+def test_a_curve_of_what_is_not_identified_has_no_band(explained):
+    place = explained.final.free_names.index("quadratic_drag.coefficient")
+    unknown = np.array(explained.final.covariance)
+    unknown[place], unknown[:, place] = np.nan, np.nan
+    final = replace(explained.final, covariance=unknown)
+    ((curve,),) = law_curves(["quadratic_drag"], explained.baseline, final, explained.held_out).values()
+    assert np.isnan(curve.std).all() and np.isfinite(curve.after).all()

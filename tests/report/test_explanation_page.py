@@ -292,3 +292,14 @@ def test_several_effects_on_one_curve_share_a_panel():
     titles = [ax.get_title(loc="left") for ax in figure.axes if ax.get_visible()]
     assert titles == ["Traction limit and sensor bias: friction", "Other: friction"]
     assert law_figure({}) is None
+
+
+def test_a_change_too_small_to_be_seen_beside_the_whole_is_drawn_alone():
+    x = np.linspace(-10.0, 10.0, 4000)
+    lost = curve_of(lambda s: -0.02 * s, x)
+    lost = replace(lost, before=x, after=x + lost.change, quantity="what reaches the motor")
+    (ax,) = law_figure({"motor_gain_mismatch": (lost,)}).axes
+    assert ax.get_ylabel() == "change of what reaches the motor [N]"
+    before, after = (line.get_ydata() for line in ax.lines[:2])
+    np.testing.assert_allclose(before, 0.0)
+    np.testing.assert_allclose(after, -0.02 * x, atol=1e-12)
