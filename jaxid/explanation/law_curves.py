@@ -142,14 +142,15 @@ def _with_errors(sweep: Sweep, final: Fit, bare: Robot) -> tuple[Grid, Grid, Gri
     variance = np.einsum("ipn,ij,jpn->pn", slopes, covariance, slopes) if names else np.full(after.shape, np.nan)
     change = after - np.asarray(sweep.response(bare, p), float)
     std = np.sqrt(np.maximum(variance, 0.0))
-    if sweep.family != "step":
-        # A part that hangs on what the fit could not determine has no band: that of the rest would be too narrow.
-        for name in set(final.free_names) - set(names):
-            step = _STEP * (abs(p[name]) or final.robot.parameters[name].typical or 1.0)
-            away = np.abs(np.asarray(sweep.response(final.robot, p | {name: p[name] + step}), float) - after).max(
-                axis=1
-            )
-            std[away > _ALIKE * np.abs(after).max()] = np.nan
+    unknown = set(final.free_names) - set(names)
+    if sweep.family == "step":  # not asked once more: a lag's or a delay's own parameters decide
+        own = {name for effect in final.robot.effects for name in effect.parameters(final.robot)}
+        return after, change, np.full_like(std, np.nan) if unknown & own else std
+    # A part that hangs on what the fit could not determine has no band: that of the rest would be too narrow.
+    for name in unknown:
+        step = _STEP * (abs(p[name]) or final.robot.parameters[name].typical or 1.0)
+        away = np.abs(np.asarray(sweep.response(final.robot, p | {name: p[name] + step}), float) - after).max(axis=1)
+        std[away > _ALIKE * np.abs(after).max()] = np.nan
     return after, change, std
 
 
