@@ -4,6 +4,7 @@ The band is that of the whole curve by the fit's covariance, linearised in the p
 model shows the same quantity, the measured motion stands beside the curves: that model's curve, and what it misses.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -118,7 +119,8 @@ def _reached(effect: Effect, robot: Robot, logs: LogSet, seen: Sequence[Motion])
 def _steps(final: Fit) -> tuple[list[str], NDArray, NDArray]:
     """Free parameters whose errors are known, the steps by which curves are linearised, and their covariance."""
     covariance = np.asarray(final.covariance, float)
-    places = [i for i in range(len(final.free_names)) if np.isfinite(covariance[i]).any() and covariance[i, i] > 0]
+    determined = [math.isfinite(final.parameters[name].std_error) for name in final.free_names]
+    places = [i for i, known in enumerate(determined) if known and covariance[i, i] > 0]
     names = [final.free_names[i] for i in places]
     known = np.nan_to_num(covariance[np.ix_(places, places)])
     values = np.array([abs(final.robot.parameters[name].value) for name in names])
