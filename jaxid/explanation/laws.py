@@ -22,7 +22,8 @@ Refits = Callable[[list[Candidate]], list[Trial]]
 
 def other_laws(candidate: Candidate, curve: bool) -> list[Candidate]:
     """The laws of a mechanism that are worth a refit beside the `candidate`'s own; its `curve` only if asked for."""
-    formulas = [c for c in candidate.laws if c.effect.law != SHAPE and c.gain > max(_PROMISING * candidate.gain, 0.0)]
+    least = max(_PROMISING * candidate.gain, 0.0) if candidate.effect.law != SHAPE else 0.0
+    formulas = [c for c in candidate.laws if c.effect.law != SHAPE and c.gain > least]
     curves = [c for c in candidate.laws if c.effect.law == SHAPE and c.gain > candidate.gain]
     return formulas[:MOST_LAWS] + (curves if curve else [])
 

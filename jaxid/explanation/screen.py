@@ -24,6 +24,8 @@ from .smoothed_angles import Angles
 _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
 _ALIKE = 0.9
+_FORMULA = 0.5
+"""Share of its curve's promise from which a mechanism is tried by its best formula first."""
 _SAME = 1e-3
 """Smallest singular value of changes of length one below which a curve is held at one of its heights."""
 _STEP = 1e-3
@@ -67,7 +69,7 @@ def screen(
     angles: Angles | None = None,
 ) -> list[Candidate]:
     """Score `effects`, several laws of a mechanism among them, on a fitted `robot` that lacks them: one candidate for every
-    mechanism, best first, by the formula that promises most (by its curve only where no formula promises anything).
+    mechanism, best first, by the formula that promises most (by its curve where that promises far more).
 
     `known_states` are estimated initial states, `angles` those of the wheels if they have to be prescribed.
     """
@@ -132,9 +134,11 @@ def _by_mechanism(candidates: Sequence[Candidate]) -> list[Candidate]:
         laws.setdefault(candidate.effect.id, []).append(candidate)
     first = []
     for own in laws.values():
-        own.sort(key=lambda c: (c.effect.law == SHAPE or c.gain <= 0, -c.gain))
-        if own[0].gain <= 0:
-            own.sort(key=lambda c: -c.gain)
+        own.sort(key=lambda c: -c.gain)
+        # A formula comes before the curve, unless it promises much less.
+        formula = next((c for c in own if c.effect.law != SHAPE and c.gain > _FORMULA * own[0].gain), own[0])
+        own.remove(formula)
+        own.insert(0, formula)
         coloured = max(c.in_colour for c in own)
         first.append(replace(own[0], laws=tuple(own[1:]), in_colour=coloured))
     return sorted(first, key=lambda candidate: -candidate.gain)

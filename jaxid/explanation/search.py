@@ -7,6 +7,7 @@ import numpy as np
 
 from .._distributions import chi_squared_beyond, normal_beyond
 from ..effects import catalogue, laws_of
+from ..effects.curve import SHAPE
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
@@ -38,6 +39,8 @@ LEAST_GAIN = 0.05
 """Share of the held-out gap below which an effect explains nothing."""
 _LEAST_OF_FIRST = 0.02
 """Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
+_COARSE_LAW, _COARSE_CURVE = (0.05, 0.08), (0.1, 0.15)
+"""The same, and the RMS that is enough at any rate, for what an added formula or an added curve may have left of its own."""
 _FROM_COLOUR = 2
 """Most candidates that are refitted only because they explain the whitened residual."""
 _NEARLY_ALL = 0.15
@@ -133,8 +136,15 @@ def _best(candidates: Sequence[Candidate], trials: Sequence[Trial]) -> tuple[Can
 
 
 def _least(before: Trial, first: Trial) -> float:
-    """The least drop of the held-out RMS that explains something."""
-    return max(LEAST_GAIN * before.held_out.gap, _LEAST_OF_FIRST * first.held_out.gap)
+    """The least drop of the held-out RMS that explains something.
+
+    After a first effect, less may be how far that one's law is from nature's: more so where it is a curve through few points.
+    """
+    added = before.robot.effects[len(first.robot.effects) :]
+    coarse = _COARSE_CURVE if any(effect.law == SHAPE for effect in added) else _COARSE_LAW
+    share, most = coarse if added else (0.0, 0.0)
+    gap = first.held_out.gap
+    return max(LEAST_GAIN * before.held_out.gap, _LEAST_OF_FIRST * gap, min(share * gap, most))
 
 
 def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
