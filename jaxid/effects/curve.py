@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 from ..parameters import Parameter
 from ..robots.effect import Effect, Numbers, Scalar
+from ..robots.probe import Probe, Seen
 from ..robots.robot import Robot
 from .effect_parameters import shape, signed
 
@@ -48,6 +49,13 @@ class Curve(Effect):
     knots: ClassVar[tuple[float, ...]] = ()
     free: ClassVar[tuple[int, ...]] = ()
     variable: ClassVar[str] = ""
+    reaches: ClassVar[tuple[float, ...]] = (1.0,)
+    """Reaches that a first look tries, in units of the usual one: where a curve bends within little of its variable."""
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        table, reach = robot.parameters, self.key("reach")
+        heights = {name: table[name].typical or 1.0 for name in self.parameters(robot) if table[name].free}
+        return tuple(Probe(heights, {reach: times * table[reach].value}) for times in self.reaches)
 
     def each(self, robot: Robot) -> tuple[str, ...]:
         """The things that have a curve each, such as motors; one without a name where all share one."""

@@ -117,6 +117,7 @@ class DeadZoneCurve(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.25, 0.5, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|u|"
+    reaches: ClassVar[tuple[float, ...]] = (0.25, 0.5, 1.0)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, largest = input_unit(robot), robot.scales.input

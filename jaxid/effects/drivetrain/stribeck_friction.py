@@ -168,16 +168,11 @@ class StribeckCurve(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.25, 0.5, 1.0)
     free: ClassVar[tuple[int, ...]] = (0, 1, 2, 3)
     variable: ClassVar[str] = "|speed|"
+    reaches: ClassVar[tuple[float, ...]] = (0.3, 1.0)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         typical = 0.02 * robot.scales.friction
         return self.heights_and_reach(robot, robot.friction_unit, typical, robot.rim_unit, 0.3 * robot.scales.speed)
-
-    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        heights = {name: robot.parameters[name].typical or 1.0 for name in self.parameters(robot)}
-        reach = self.key("reach")
-        del heights[reach]
-        return tuple(Probe(heights, {reach: share * robot.scales.speed}) for share in (0.1, 0.3))
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
