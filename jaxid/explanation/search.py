@@ -274,7 +274,10 @@ def name_next(
     tried = _looked_at(screened, trials[0])
     in_colour = _ranked_in_colour(base, trials, tried, logs, held_out, noise)
     if in_colour is None:
-        equivalent, worth = not_told_apart(trials), _worth(base, trials[0], first, tried)
+        # A curve's few points are no evidence against another mechanism's.
+        share, most = _COARSE_CURVE if trials[0].law == SHAPE else (0.0, 0.0)
+        equivalent = not_told_apart(trials, min(share * base.held_out.gap, most))
+        worth = _worth(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour
     for trial in trials:

@@ -42,19 +42,21 @@ def differ(one: Trial, other: Trial, skip: int = 0) -> float:
     return float(np.sqrt(np.nanmean(np.concatenate([(a - b)[skip:].ravel() for a, b in pairs]) ** 2)))
 
 
-def alike(trials: Sequence[Trial]) -> list[Trial]:
-    """Those that the data cannot tell from the first: about as likely on the fitted logs and on the held-out ones."""
+def alike(trials: Sequence[Trial], slack: float = 0.0) -> list[Trial]:
+    """Those that the data cannot tell from the first: about as likely on the fitted logs and on the held-out ones, or no more
+    than `slack` times the noise worse on these."""
     best = trials[0]
     found = []
     for trial in trials[1:]:
         if {best.id, trial.id} == _SAME_BUT_LATER and differ(best, trial, _UNKNOWN_PAST) < _INTERPOLATED:
             found.append(trial)
             continue
-        if not told_apart_from(best, trial):
+        near = slack > 0 and trial.held_out.normalised_rms - best.held_out.normalised_rms < slack
+        if near or not told_apart_from(best, trial):
             found.append(trial)
     return found
 
 
-def not_told_apart(trials: Sequence[Trial]) -> tuple[str, ...]:
+def not_told_apart(trials: Sequence[Trial], slack: float = 0.0) -> tuple[str, ...]:
     """The ids of those that the data cannot tell from the first."""
-    return tuple(trial.id for trial in alike(trials))
+    return tuple(trial.id for trial in alike(trials, slack))

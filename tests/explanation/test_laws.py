@@ -1,0 +1,94 @@
+"""Mechanism first, law second: laws that another author wrote, on data of the independent simulator."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+from benchmarks.laws.cases import make  # noqa: E402
+from jaxid import explain, output_error, read_logs
+from jaxid.effects import effect_by_id
+from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.laws import by_law, other_laws
+from jaxid.explanation.refit import Trial
+from jaxid.explanation.screen import Candidate
+from jaxid.model_file import read_model, write_model
+from jaxid.robots import Axis, Pioneer
+
+
+@pytest.fixture
+def explained(tmp_path):
+    """The explanation of an axis with a law of the simulator's hidden in it."""
+
+    def run(law, size, seed):
+        fitted, held_out, model = make("axis", {law: size}, seed).write(tmp_path)
+        robot = read_model(model, Axis())
+        logs, check = (read_logs([str(path) for path in paths], robot="axis") for paths in (fitted, held_out))
+        return explain(output_error(robot, logs), logs, check)
+
+    return run
+
+
+def test_another_law_of_friction_near_standstill_is_named_with_its_law(explained, tmp_path):
+    found = explained("stribeck_friction/exponential", 5.0, 7)
+    (effect,) = found.effects
+    assert (found.verdict, effect.id, effect.law) == ("named", "stribeck_friction", "exponential")
+    assert found.after.normalised_rms < 1.03
+    assert effect.parameters["amplitude"].value == pytest.approx(5.0, abs=4 * effect.parameters["amplitude"].std_error)
+    assert found.to_dict()["effects"][0]["law"] == "exponential"
+    write_model(tmp_path / "again.toml", found.model)
+    again = read_model(tmp_path / "again.toml", Axis())
+    assert [(e.id, e.law) for e in again.effects] == [("stribeck_friction", "exponential")]
+
+
+def test_what_is_no_published_law_is_answered_by_its_shape(explained):
+    found = explained("actuator_dead_zone/drawn", 0.5, 5)
+    (effect,) = found.effects
+    # On one axis the drive force is the command: what is lost of one may as well be lost of the other.
+    assert (found.verdict, effect.law) == ("ambiguous", "shape")
+    assert {effect.id, *effect.equivalent_to} >= {"actuator_dead_zone", "traction_limit"}
+    assert found.gap_closed > 0.9
+    (shape,) = found.to_dict()["effects"][0]["shape"]
+    assert len(shape["points"]) == len(shape["values"]) == len(shape["band"])
+    assert shape["unit"] == "N" and max(shape["values"]) > 0.1
+
+
+STATE = HeldOut(2.0, {"v": 2.0}, (np.full((100, 1), 2.0),), {"v": 1.0}, 0.0)
+NOISE_ONLY = replace(STATE, normalised_rms=1.0, p_white=0.5)
+
+
+def candidate(effect, gain, laws=()):
+    return Candidate(effect, gain, 0.5, ({},), np.zeros(2, np.float32), laws=laws)
+
+
+def trial(robot, effect, squares, state=STATE):
+    return Trial(effect.id, robot + effect, squares, 3, state, {})
+
+
+def test_other_mechanisms_laws_are_tried_while_none_leaves_only_noise():
+    """The second mechanism's curve wins over the first one's formula, though its own formula does worse."""
+    robot = Pioneer()
+    zone, tanh, curve = (effect_by_id(robot, "voltage_saturation", law) for law in ("hard", "tanh", "shape"))
+    bias = effect_by_id(robot, "sensor_bias")
+    saturation = candidate(zone, 80.0, (candidate(curve, 100.0), candidate(tanh, 60.0)))
+    asked = []
+
+    def refits(further):
+        asked.extend(c.effect for c in further)
+        return [trial(robot, c.effect, 100.0 if c.effect is curve else 700.0) for c in further]
+
+    tried = [trial(robot, zone, 600.0), trial(robot, bias, 500.0)]
+    ranked = by_law([saturation, candidate(bias, 90.0)], tried, near=2000.0, refits=refits)
+    assert asked == [tanh, curve]
+    assert [[t.law for t in own] for own in ranked] == [["shape", "hard", "tanh"], ["constant"]]
+
+
+def test_where_a_formula_leaves_only_noise_no_curve_is_asked_for():
+    robot = Pioneer()
+    zone, tanh, curve = (effect_by_id(robot, "voltage_saturation", law) for law in ("hard", "tanh", "shape"))
+    saturation = candidate(zone, 80.0, (candidate(curve, 100.0), candidate(tanh, 60.0)))
+    asked = []
+    by_law([saturation], [trial(robot, zone, 100.0, NOISE_ONLY)], 500.0, lambda more: asked.extend(more) or [])
+    assert [c.effect for c in asked] == [tanh]
+    assert [c.effect for c in other_laws(saturation, curve=True)] == [tanh, curve]
