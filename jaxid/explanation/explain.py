@@ -116,7 +116,7 @@ def _verdict(found: Search, named: Sequence[NamedEffect], most: int, doubts: Seq
         return "unexplained"
     left = after.gap > _LEFT_OVER * before.gap and after.normalised_rms > _SMALL
     # As many effects as may be added and still not noise: they stand in for something else.
-    used_up = len(found.steps) >= most > 1
+    used_up = len(named) >= most > 1
     if not named or (not enough and (left or used_up)):
         return "unexplained"
     return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"

@@ -6,6 +6,8 @@ only noise, those of every mechanism that is in the running are tried.
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from ..effects.curve import SHAPE
 from .refit import Trial
 from .screen import Candidate
@@ -28,15 +30,19 @@ def other_laws(candidate: Candidate, curve: bool) -> list[Candidate]:
     return formulas[:MOST_LAWS] + (curves if curve else [])
 
 
-def by_law(candidates: Sequence[Candidate], trials: Sequence[Trial], near: float, refits: Refits) -> list[list[Trial]]:
+def by_law(
+    candidates: Sequence[Candidate], trials: Sequence[Trial], near: float, refits: Refits, nothing: float = np.inf
+) -> list[list[Trial]]:
     """The trials of each mechanism, best first, and mechanisms by their best; `refits` tries further candidates.
 
     `candidates` are those that the `trials` are of. `near` is the score up to which a mechanism is in the running. Where the
-    best leaves only noise, the question is only by which formula; else other mechanisms' laws may be better, and curves.
+    best leaves only noise, the question is only by which formula; else other mechanisms' laws may be better, and curves, also
+    where the law that was tried came to `nothing`, the score without any effect.
     """
     ranked = sorted(trials, key=lambda trial: trial.score)
     settled = ranked[0].held_out.adequate
-    open_ = ranked[:1] if settled else [trial for trial in ranked if trial.score < near][:_MOST_MECHANISMS]
+    running = [trial for trial in ranked if trial.score < near][:_MOST_MECHANISMS]
+    open_ = ranked[:1] if settled else running + [trial for trial in ranked if trial.score >= max(near, nothing)]
     first = {candidate.effect.id: candidate for candidate in candidates}
     further = [law for trial in open_ for law in other_laws(first[trial.id], curve=not settled)]
     found = {trial.id: [trial] for trial in ranked}

@@ -217,10 +217,14 @@ def _promise(
     strengths, limit, table = group.probe.strengths, group.probe.limit, group.robot.parameters
     if limit is not None:
         # What a limit cuts off grows with its distance from the largest signal.
-        c = float(np.clip(coefficients[0], 0.0, 1.5))
-        name, probe = names[0], 1.0 / strengths[names[0]]
-        start = {name: 1.0 / (limit - c * (limit - probe))} if c > 0 else {name: strengths[name]}
-        return float(-2 * c * block[0] @ residual - c**2 * block[0] @ block[0]), start, c * block[0]
+        c = np.clip(coefficients, 0.0, 1.5)
+        start = {
+            name: 1.0 / (limit - share * (limit - 1.0 / strengths[name])) for name, share in zip(names, c, strict=True)
+        }
+        if not np.any(c > 0):
+            start = {name: strengths[name] for name in names}
+        change = block.T @ c
+        return float(-2 * change @ residual - change @ change), start, change
     change = block.T @ coefficients
     gain = float(-change @ residual)
     values = {name: float(c * strengths[name]) for name, c in zip(names, coefficients, strict=True)}

@@ -269,13 +269,14 @@ def name_next(
     def added(further: Sequence[Candidate]) -> list[Trial]:
         return to_the_end(_all_added(base, further, logs, held_out, noise))
 
-    mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added)
+    mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])
     in_colour = _ranked_in_colour(base, trials, tried, logs, held_out, noise)
     if in_colour is None:
-        # A curve's few points are no evidence against another mechanism's.
-        share, most = _COARSE_CURVE if trials[0].law == SHAPE else (0.0, 0.0)
+        # Where a curve is the answer, its few points are no evidence against another mechanism's.
+        closed = trials[0].held_out.gap < _NEARLY_ALL * base.held_out.gap
+        share, most = _COARSE_CURVE if closed and trials[0].law == SHAPE else (0.0, 0.0)
         equivalent = not_told_apart(trials, min(share * base.held_out.gap, most))
         worth = _worth(base, trials[0], first, tried)
     else:

@@ -22,8 +22,9 @@ def told_apart(one: Trial, other: Trial) -> float:
     blocks = []
     for a, b in zip(one.held_out.residuals, other.held_out.residuals, strict=True):
         difference = np.nansum(b**2 - a**2, axis=1)
-        n = len(difference) // _BLOCK
-        blocks.append(difference[: n * _BLOCK].reshape(n, _BLOCK).sum(axis=1))
+        n = max(len(difference) // _BLOCK, 1)  # a window that is shorter is a block
+        size = min(_BLOCK, len(difference))
+        blocks.append(difference[: n * size].reshape(n, size).sum(axis=1))
     values = np.concatenate(blocks)
     spread = float(np.std(values)) * np.sqrt(values.size)
     return float(values.sum()) / spread if spread > 0 else 0.0

@@ -93,7 +93,8 @@ class SagWithRecovery(BatterySag):
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         # The state is the current, slowly followed, so that its rate does not hang on the strength.
         power = self._drawn(state, currents, p, robot)
-        return {self.own("supply_drop"): (power - state[self.own("supply_drop")]) / p[self.key("time_constant")]}
+        slow = jnp.maximum(p[self.key("time_constant")], 2.0 * robot.scales.interval)  # shorter ones take finer steps
+        return {self.own("supply_drop"): (power - state[self.own("supply_drop")]) / slow}
 
     def _drawn(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> Scalar:
         """The supply's current by the motors' electrical power: i (R i + back-EMF) / nominal."""

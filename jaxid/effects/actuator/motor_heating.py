@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import jax.numpy as jnp
+
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.robot import Robot
@@ -59,8 +61,9 @@ class HeatingWithCooling(MotorHeating):
         return super().parameters(robot) | shape(self, "time_constant", "s", 0.3 * robot.scales.duration)
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
-        gained, time_constant = self._watts(state, currents, p, robot), p[self.key("time_constant")]
-        return {name: watts - state[name] / time_constant for name, watts in gained.items()}
+        gained = self._watts(state, currents, p, robot)
+        slow = jnp.maximum(p[self.key("time_constant")], 2.0 * robot.scales.interval)  # shorter ones take finer steps
+        return {name: watts - state[name] / slow for name, watts in gained.items()}
 
 
 @dataclass(frozen=True)

@@ -78,8 +78,8 @@ class LimitOfEach(TractionLimit):
         return found
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = [self.key(f"inverse_limit_{k}") for k in self._wheels(robot)]
-        return tuple(Probe(dict.fromkeys(names, 1 / (share * robot.scales.force))) for share in _SHARES)
+        names, force = [self.key(f"inverse_limit_{k}") for k in self._wheels(robot)], robot.scales.force
+        return tuple(Probe(dict.fromkeys(names, 1 / (share * force)), limit=1.2 * share * force) for share in _SHARES)
 
     def kept(self, f: Scalar, wheel: int, p: Numbers) -> Scalar:
         return 1.0 / jnp.maximum(1.0, jnp.abs(f) * p[self.key(f"inverse_limit_{wheel + 1}")])
