@@ -43,7 +43,7 @@ LAWS = {
     "asymmetric_friction/one_wheel": ({"asymmetry": 0.4, "wheel": 1.0}, "per_axis", {"asymmetry_1": 0.4}),
     "asymmetric_viscous_friction/one_wheel": ({"asymmetry": 0.8, "wheel": 2.0}, "per_axis", {"asymmetry_2": 0.8}),
     "sublinear_viscous_friction/tanh": ({"curvature": 6.0}, "tanh", {"inverse_speed": 6.0}),
-    "actuator_dead_zone/threshold": ({"threshold": 0.8}, "threshold", {"threshold": 0.8}),
+    "actuator_dead_zone/threshold": ({"threshold": 1.5}, "threshold", {"threshold": 1.5}),
     "actuator_dead_zone/unequal": (
         {"threshold": 0.8, "ratio": 0.4},
         "unequal_edges",
