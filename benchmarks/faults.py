@@ -83,7 +83,7 @@ ROBOTS = (
     ),
     Fault(
         "a delay off by one sample",
-        "jaxid/effects/actuator.py",
+        "jaxid/effects/earlier.py",
         'side="left") - 1, 0,',
         'side="left"), 0,',
         "tests/effects/test_irregular_stamps.py",
