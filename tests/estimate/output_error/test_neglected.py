@@ -1,5 +1,7 @@
 """Forces that a model lacks and whose mark stays in a residual that passes for noise: a drive integrated by SciPy."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -60,6 +62,22 @@ def test_noise_alone_white_or_not_bears_no_mark():
     for seed in range(5):
         assert "mark of" not in output_error(ROBOT, driven(seed=seed)).judgement.sentence
         assert "mark of" not in output_error(ROBOT, driven(seed=seed, colour=0.8)).judgement.sentence
+
+
+@pytest.mark.parametrize("told", [1, 0])
+def test_directions_of_less_than_no_variance_tell_nothing_and_end_no_fit(monkeypatch, told):
+    """Autocovariances that are cut short may leave such ones, of which no eigenvalues can be had."""
+    module = sys.modules["jaxid.estimate.output_error.neglected"]
+    real = module._by_chance
+
+    def short(problem, d):
+        covariance = real(problem, d)
+        covariance[told:, told:] = -1.0
+        return covariance
+
+    monkeypatch.setattr(module, "_by_chance", short)
+    fit = output_error(ROBOT, driven(colour=0.8))
+    assert fit.converged and ("mark of" in fit.judgement.sentence) == 0
 
 
 def test_a_force_that_the_model_has_is_not_missed():
