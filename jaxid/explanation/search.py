@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .._distributions import chi_squared_beyond, normal_beyond
+from .._distributions import chi_squared_beyond
 from ..effects import catalogue, laws_of
 from ..effects.curve import SHAPE
 from ..estimate.output_error.estimated_start import estimated_start
@@ -22,8 +22,9 @@ from .laws import by_law
 from .level import current_level
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
-from .telling_apart import SEPARATED, alike, not_told_apart, told_apart
+from .telling_apart import alike, not_told_apart
 from .within_errors import within_errors
+from .worth import COARSE_CURVE, NEARLY_ALL, least_gain, worth_in_colour, worth_it
 
 SHORTLIST = 5
 """Most candidates, no two of which explain alike, that are refitted; then those alike to the best."""
@@ -35,16 +36,8 @@ _FIRST_TRIALS = 2
 _RIVAL = 0.5
 """Share of the promise of a candidate that leaves only noise below which others are not refitted any more."""
 MOST_EFFECTS = 3
-LEAST_GAIN = 0.05
-"""Share of the held-out gap below which an effect explains nothing."""
-_LEAST_OF_FIRST = 0.02
-"""Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
-_COARSE_LAW, _COARSE_CURVE = (0.05, 0.08), (0.1, 0.15)
-"""The same, and the RMS that is enough at any rate, for what an added formula or an added curve may have left of its own."""
 _FROM_COLOUR = 2
 """Most candidates that are refitted only because they explain the whitened residual."""
-_NEARLY_ALL = 0.15
-"""Share of the held-out gap up to which what is left of it says that an effect explains it, on however few stretches."""
 _IN_THE_RUNNING = 0.1
 """Candidates that lack less than this share of the best one's gain after a few steps are refitted to the end."""
 
@@ -135,42 +128,6 @@ def _best(candidates: Sequence[Candidate], trials: Sequence[Trial]) -> tuple[Can
     return next(candidate for candidate in candidates if candidate.effect.id == best.id), best
 
 
-def _least(before: Trial, first: Trial) -> float:
-    """The least drop of the held-out RMS that explains something.
-
-    After a first effect, less may be how far that one's law is from nature's: more so where it is a curve through few points.
-    """
-    added = before.robot.effects[len(first.robot.effects) :]
-    coarse = _COARSE_CURVE if any(effect.law == SHAPE for effect in added) else _COARSE_LAW
-    share, most = coarse if added else (0.0, 0.0)
-    gap = first.held_out.gap
-    return max(LEAST_GAIN * before.held_out.gap, _LEAST_OF_FIRST * gap, min(share * gap, most))
-
-
-def _worth(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
-    """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
-    gain = before.held_out.normalised_rms - after.held_out.normalised_rms
-    # Where nearly all of the gap is closed, that was no chance, on however few stretches it was.
-    closed = after.held_out.gap < _NEARLY_ALL * before.held_out.gap or told_apart(after, before) > SEPARATED
-    return gain >= _least(before, first) and closed and _likelier(before, after, tried)
-
-
-def _likelier(before: Trial, after: Trial, tried: int) -> bool:
-    """Whether an effect explains more of the fitted logs than chance does."""
-    price = (after.free - before.free) * np.log(before.held_out.samples) + 2 * np.log(tried)
-    return bool(before.squares - after.squares > price)
-
-
-def _worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
-    """The same of whitened trials, whose chi-squared on the held-out logs, to which nothing was fitted, tells by itself.
-
-    Were there no such effect, what it changes there, of size D in whitened units, would cost D on average, with a standard
-    deviation of 2 sqrt(D). So a gain of g has at most the probability of sqrt(g) standard deviations, whatever D.
-    """
-    gained = before.held_out.squares - after.held_out.squares
-    return _likelier(before, after, tried) and gained > float(normal_beyond(before.held_out.false_alarm / 2)) ** 2
-
-
 def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> list[tuple[HeldOut, LogSet]]:
     """What a model leaves, on the held-out and on the fitted logs."""
     return [(trial.held_out, held_out), (held_out_state(trial.robot, logs, noise, trial.angles), logs)]
@@ -203,7 +160,7 @@ def _ranked_in_colour(
     ranked = sorted(trials, key=lambda trial: white[trial.id].score)
     ranked = [replace(trial, in_colour=white[trial.id].score) for trial in ranked]
     before, after = in_colour(base, colours, logs, held_out, noise), white[ranked[0].id]
-    return ranked, not_told_apart([white[trial.id] for trial in ranked]), _worth_in_colour(before, after, tried)
+    return ranked, not_told_apart([white[trial.id] for trial in ranked]), worth_in_colour(before, after, tried)
 
 
 def _explaining(screened: Sequence[Candidate]) -> list[Candidate]:
@@ -261,7 +218,7 @@ def name_next(
     trials += _all_added(base, alike_to_it, logs, held_out, noise)
     best = min(trials, key=lambda t: t.score)
     near = best.score + max(100.0, _IN_THE_RUNNING * (base.score - best.score))
-    promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * _least(base, first)
+    promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * least_gain(base, first)
 
     def to_the_end(tried: Sequence[Trial]) -> list[Trial]:
         return [continued(t, logs, held_out, noise) if promising and t.score < near else t for t in tried]
@@ -275,10 +232,10 @@ def name_next(
     in_colour = _ranked_in_colour(base, trials, tried, logs, held_out, noise)
     if in_colour is None:
         # Where a curve is the answer, its few points are no evidence against another mechanism's.
-        closed = trials[0].held_out.gap < _NEARLY_ALL * base.held_out.gap
-        share, most = _COARSE_CURVE if closed and trials[0].law == SHAPE else (0.0, 0.0)
+        closed = trials[0].held_out.gap < NEARLY_ALL * base.held_out.gap
+        share, most = COARSE_CURVE if closed and trials[0].law == SHAPE else (0.0, 0.0)
         equivalent = not_told_apart(trials, min(share * base.held_out.gap, most))
-        worth = _worth(base, trials[0], first, tried)
+        worth = worth_it(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour
     for trial in trials:
