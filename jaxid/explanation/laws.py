@@ -8,9 +8,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..effects.catalogue import MECHANISMS
 from ..effects.curve import SHAPE
 from .refit import Trial
 from .screen import Candidate
+from .telling_apart import alike
 
 MOST_LAWS = 3
 """Most other laws of a mechanism that are refitted."""
@@ -48,5 +50,16 @@ def by_law(
     found = {trial.id: [trial] for trial in ranked}
     for trial in refits(further) if further else []:
         found[trial.id].append(trial)
-    each = [sorted(own, key=lambda trial: trial.score) for own in found.values()]
+    each = [_simplest_first(sorted(own, key=lambda trial: trial.score)) for own in found.values()]
     return sorted(each, key=lambda own: own[0].score)
+
+
+def _simplest_first(own: list[Trial]) -> list[Trial]:
+    """Trials of one mechanism's laws, best first; of those that the data cannot tell from the best, the simplest comes first,
+    and of equally simple ones the more usual."""
+    if len(own) < 2:
+        return own
+    usual = next(([law.law for law in laws] for laws in MECHANISMS if laws[0].id == own[0].id), [])
+    same = [own[0], *(trial for trial in alike(own) if trial.law in usual)]
+    first = min(same, key=lambda trial: (trial.free, usual.index(trial.law) if trial.law in usual else 0))
+    return [first, *(trial for trial in own if trial is not first)]

@@ -92,3 +92,13 @@ def test_where_a_formula_leaves_only_noise_no_curve_is_asked_for():
     by_law([saturation], [trial(robot, zone, 100.0, NOISE_ONLY)], 500.0, lambda more: asked.extend(more) or [])
     assert [c.effect for c in asked] == [tanh]
     assert [c.effect for c in other_laws(saturation, curve=True)] == [tanh, curve]
+
+
+def test_of_laws_that_the_data_cannot_tell_apart_the_simplest_and_most_usual_is_named():
+    robot = Pioneer()
+    hard, tanh, unequal = (effect_by_id(robot, "voltage_saturation", law) for law in ("hard", "tanh", "unequal_limits"))
+    tried = {hard: trial(robot, hard, 105.0), tanh: trial(robot, tanh, 104.0)}
+    tried[unequal] = replace(trial(robot, unequal, 90.0), free=4)
+    laws = candidate(tanh, 80.0, (candidate(unequal, 79.0), candidate(hard, 78.0)))
+    (own,) = by_law([laws], [tried[tanh]], 5000.0, lambda more: [tried[c.effect] for c in more])
+    assert [t.law for t in own] == ["hard", "unequal_limits", "tanh"]

@@ -86,7 +86,10 @@ class GradualChange(SurfaceChange):
         return self
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | shape(self, "width", "m", 0.25 * robot.scales.length)
+        sharp = super().parameters(robot)[self.key("width")].value
+        wide = shape(self, "width", "m", 0.25 * robot.scales.length)
+        # A width of none divides by zero.
+        return super().parameters(robot) | {name: replace(p, lower=sharp) for name, p in wide.items()}
 
 
 @dataclass(frozen=True)
