@@ -1,6 +1,6 @@
 """Naming: refit the shortlist, rank by likelihood on all logs, go on until nothing but noise is left or nothing helps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -255,21 +255,29 @@ def _looked_at(screened: Sequence[Candidate], trial: Trial) -> int:
     return len(laws) * next((c.out_of for c in laws if (c.effect.id, c.effect.law) == (trial.id, trial.law)), 1)
 
 
-def _with_effects(base: Trial, effects: Sequence[Effect]) -> Robot:
-    """The robot of `base` with those of `effects` that it has not got."""
-    robot = base.robot
-    own = {effect.id for effect in robot.effects}
-    for effect in effects:
-        robot = robot if effect.id in own else robot + effect
+def _with_effects(base: Robot, owners: Mapping[str, Robot]) -> Robot:
+    """`base` with the effects that `owners` names and it has not got, each as its owner has it: the values of its parameters,
+    and which of them vary (a curve's reach and some of its heights do not)."""
+    robot = base
+    present = {effect.id for effect in base.effects}
+    for identifier, owner in owners.items():
+        if identifier in present:
+            continue
+        robot = robot + next(effect for effect in owner.effects if effect.id == identifier)
+        for name in [name for name in robot.parameters if name.startswith(f"{identifier}.")]:
+            known = owner.parameters[name]
+            robot = robot.change(name, free=known.free).with_values(**{name: known.value})
     return robot
 
 
-def _refitted(robot: Robot, like: Trial, extra: dict[str, float], logs, held_out, noise: dict[str, float]) -> Trial:
-    """`robot` refitted from the numbers of the trial `like`, and from `extra` where that has none."""
+def _refitted(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
+    """`robot` refitted from the numbers that it shares with the trial `like`, and from its own where it shares none."""
     known = like.robot.parameters
-    start = {name: known[name].value for name in robot.parameters.free_names if name in known}
+    own = {effect.id for effect in robot.effects} - {effect.id for effect in like.robot.effects}
+    start = {n: p.value for n, p in robot.parameters.items() if p.free}
+    start |= {n: known[n].value for n in start if n in known and n.split(".")[0] not in own}
     angles = like.angles if robot.needs("wheel_angles") else None
-    return refit(robot, [{**start, **extra}], logs, held_out, noise, like.initial_states, angles=angles)
+    return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=angles)
 
 
 def _pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report) -> Trial:
@@ -277,8 +285,8 @@ def _pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: 
     given = {effect.id for effect in base.robot.effects}
     own = [effect.id for effect in current.robot.effects if effect.id not in given]
     for identifier in own[:-1]:
-        kept = [effect for effect in current.robot.effects if effect.id != identifier]
-        trial = _refitted(_with_effects(base, kept), current, {}, logs, held_out, noise)
+        kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
+        trial = _refitted(_with_effects(base.robot, kept), current, logs, held_out, noise)
         if trial.score < current.score + 10.0:
             say(f"{identifier} is not needed any more")
             current = trial
@@ -304,10 +312,12 @@ def _reconsidered(
         rivals = [t for t in step.trials[1:] if t.score - step.chosen.score < 0.2 * gain and t.id not in present][:3]
         trials = [replace(final, id=step.chosen.id)]
         for rival in rivals:
-            own = {n: p.value for n, p in rival.robot.parameters.items() if n.startswith(f"{rival.id}.")}
-            instead = rival.robot.effects[-1]
-            effects = [instead if effect.id == step.chosen.id else effect for effect in final.robot.effects]
-            swapped = _refitted(_with_effects(base, effects), final, own, logs, held_out, noise)
+            owners = {effect.id: final.robot for effect in final.robot.effects}
+            owners = {
+                rival.id if i == step.chosen.id else i: rival.robot if i == step.chosen.id else r
+                for i, r in owners.items()
+            }
+            swapped = _refitted(_with_effects(base.robot, owners), final, logs, held_out, noise)
             trials.append(replace(swapped, id=rival.id))
             say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
         trials.sort(key=lambda t: t.score)

@@ -1,0 +1,32 @@
+"""The search: what a model keeps of its effects when others are taken out or exchanged."""
+
+from jaxid.effects import effect_by_id
+from jaxid.explanation.search import _with_effects
+from jaxid.robots import Axis
+
+
+def test_an_effect_moved_to_another_model_keeps_its_values_and_what_was_held():
+    base = Axis()
+    curve = effect_by_id(base, "stribeck_friction", "shape")
+    other = effect_by_id(base, "quadratic_drag")
+    owner = base + curve
+    own = [name for name in owner.parameters if name.startswith("stribeck_friction.")]
+    fixed = [name for name in own if not owner.parameters[name].free]
+    heights = [name for name in own if owner.parameters[name].free]
+    assert fixed and len(heights) > 1
+    reach = 0.5 * owner.parameters[fixed[0]].value
+    owner = owner.with_values(**{fixed[0]: reach, heights[0]: 0.0123}).change(heights[1], free=False) + other
+
+    moved = _with_effects(base, {"stribeck_friction": owner})
+
+    assert [effect.id for effect in moved.effects] == ["stribeck_friction"]
+    assert moved.parameters[fixed[0]].value == reach
+    assert moved.parameters[heights[0]].value == 0.0123
+    assert heights[1] not in moved.parameters.free_names and heights[0] in moved.parameters.free_names
+
+
+def test_effects_that_the_model_has_are_left_as_they_are():
+    base = Axis() + effect_by_id(Axis(), "quadratic_drag")
+    name = next(name for name in base.parameters if name.startswith("quadratic_drag."))
+    owner = base.with_values(**{name: 0.5})
+    assert _with_effects(base, {"quadratic_drag": owner}).parameters[name].value == base.parameters[name].value
