@@ -10,133 +10,30 @@ jaxid.compare(ls, oe, held_out=held_out)
 jaxid.explain(oe, fit, held_out)
 """
 
-from importlib.metadata import version
+from typing import Any
 
-from . import checks as checks
-from ._float64 import float64
-from .design import Design, DesignError, design_experiment
-from .effects import catalogue
-from .estimate.confidence.identifiability import Identifiability, identifiability
-from .estimate.confidence.posterior import Posterior, posterior
-from .estimate.confidence.profile_likelihood import Profiles, profile_likelihood
-from .estimate.confidence.repeatability import Repeatability, repeatability
-from .estimate.linear.instrumental_variables import instrumental_variables
-from .estimate.linear.integral_least_squares import integral_least_squares
-from .estimate.linear.recursive_least_squares import RecursiveLeastSquares, recursive_least_squares
-from .estimate.output_error.fleet import Fleet, fit_fleet
-from .estimate.output_error.fleet_with_dask import fit_fleet_with_dask
-from .estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt
-from .estimate.output_error.losses import Cauchy, Huber, Loss, Squares, StudentT
-from .estimate.output_error.moving_window import MovingWindow, WindowFit
-from .estimate.output_error.multi_start import MultiStart, multi_start
-from .estimate.output_error.optimum import Outcome
-from .estimate.output_error.output_error import output_error
-from .estimate.output_error.pure import Minimum, OutputErrorProblem, minimise, output_error_problem
-from .estimate.prediction_error.prediction_error import prediction_error
-from .estimate.result import Disturbance, Estimate, Fit, Outlier
-from .explanation.explain import explain
-from .explanation.explanation import Explanation
-from .explanation.fleet import ExplainedFleet, explain_fleet
-from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
-from .parameters import Parameter, ParameterError, ParameterTable
-from .report import Comparison, compare
-from .robots import (
-    Axis,
-    Controller,
-    Custom,
-    DifferentialDrive,
-    DriveAxis,
-    Effect,
-    EffectError,
-    Omni,
-    Pioneer,
-    Robot,
-    closed_loop,
+import lazy_loader
+
+# Each public name is imported when it is first asked for, from where `__init__.pyi` says, which type checkers read, too:
+# JAX, pandas and SciPy take seconds, which `jaxid --help` and a program that needs one of them only shall not wait for.
+_get, _, _names = lazy_loader.attach_stub(__name__, __file__)
+_PACKAGES = frozenset(
+    ("checks", "design", "effects", "estimate", "explanation", "kernel", "logs", "parameters", "report", "robots")
+    + ("simulation",)
 )
-from .simulation.friction import Smooth, Sticking
-from .simulation.rollout import Integrator
-from .simulation.simulate import simulate
-
-__all__ = [
-    "AXIS",
-    "OMNI",
-    "PIONEER",
-    "Axis",
-    "BestDampingLevenbergMarquardt",
-    "Cauchy",
-    "Channels",
-    "Comparison",
-    "Controller",
-    "Custom",
-    "Design",
-    "DesignError",
-    "DifferentialDrive",
-    "DriveAxis",
-    "Disturbance",
-    "Effect",
-    "EffectError",
-    "Estimate",
-    "ExplainedFleet",
-    "Explanation",
-    "Fit",
-    "Fleet",
-    "Huber",
-    "Identifiability",
-    "Integrator",
-    "Log",
-    "LogError",
-    "LogSet",
-    "Loss",
-    "Minimum",
-    "MovingWindow",
-    "MultiStart",
-    "Omni",
-    "Outcome",
-    "Outlier",
-    "OutputErrorProblem",
-    "Parameter",
-    "ParameterError",
-    "ParameterTable",
-    "Pioneer",
-    "Posterior",
-    "Profiles",
-    "Repeatability",
-    "RecursiveLeastSquares",
-    "Robot",
-    "Smooth",
-    "Squares",
-    "Sticking",
-    "StudentT",
-    "WindowFit",
-    "catalogue",
-    "closed_loop",
-    "compare",
-    "design_experiment",
-    "explain",
-    "explain_fleet",
-    "fit_fleet",
-    "fit_fleet_with_dask",
-    "float64",
-    "identifiability",
-    "instrumental_variables",
-    "integral_least_squares",
-    "minimise",
-    "multi_start",
-    "noise_level",
-    "output_error",
-    "output_error_problem",
-    "posterior",
-    "prediction_error",
-    "profile_likelihood",
-    "read_logs",
-    "recursive_least_squares",
-    "repeatability",
-    "simulate",
-]
+__all__ = [name for name in _names if name not in _PACKAGES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> str:
+def __getattr__(name: str) -> Any:
+    if name in _names:
+        return _get(name)
     # Asked for when needed: a checkout that is not installed has no version and can be imported all the same.
     if name == "__version__":
+        from importlib.metadata import version
+
         return version("jaxid")
     raise AttributeError(f"module 'jaxid' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_names, "__version__"})

@@ -1,10 +1,22 @@
 """Small tables of results, for a terminal and for a notebook, where drawing libraries have no place."""
 
 import html
+import shutil
+import sys
 import textwrap
 from collections.abc import Collection, Sequence
 
-_WIDTH = 100
+WIDTH = 100
+"""Columns of text that goes to a file or another program."""
+_NARROWEST = 60
+"""Columns below which a terminal is left to wrap lines: tables would lose letters."""
+
+
+def columns() -> int:
+    """Columns that text may have: those of the terminal that it goes to, `WIDTH` where it goes elsewhere."""
+    if not sys.stdout.isatty():
+        return WIDTH
+    return max(shutil.get_terminal_size((WIDTH, 24)).columns, _NARROWEST)
 
 
 def _to_the_right(column: int, right: Collection[int] | None) -> bool:
@@ -27,8 +39,8 @@ def text_table(
             for k, (cell, w) in enumerate(zip(row, widths, strict=True))
         )
         lines.append("  ".join(cells).rstrip())
-    top = [line for text in before if text for line in textwrap.wrap(text, _WIDTH)]
-    bottom = [line for text in after for line in textwrap.wrap(text, _WIDTH)]
+    top = [line for text in before if text for line in textwrap.wrap(text, columns())]
+    bottom = [line for text in after for line in textwrap.wrap(text, columns())]
     return "\n".join([*top, *lines, *bottom])
 
 

@@ -26,7 +26,7 @@ the estimates as values. `docs/files.md` describes each key.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,7 +39,7 @@ from ._toml import read_toml, shown
 from .effects import catalogue, effect_by_id, laws_of
 from .logs.log import did_you_mean
 from .parameters import Parameter, ParameterError, ParameterTable
-from .robots import Robot
+from .robots import Effect, EffectError, Robot
 
 _TOP = ("robot", "method", "longest_step", "parameters", "effects")
 _READ = ("value", "free", "lower", "upper", "prior")
@@ -146,8 +146,8 @@ def _names_effect(entry: Any) -> bool:
     return isinstance(entry, dict) and isinstance(entry.get("id"), str) and isinstance(entry.get("law", ""), str)
 
 
-def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path) -> Robot:
-    """The robot with the catalogue's effects that the file names and the robot does not have."""
+def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path, given: Sequence[Effect]) -> Robot:
+    """The robot with the effects that the file names and the robot does not have, of those `given` or of the catalogue."""
     effects = document.get("effects", [])
     if not isinstance(effects, list) or not all(_names_effect(entry) for entry in effects):
         raise ModelFileError(
@@ -164,8 +164,11 @@ def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path) -> Robo
     for identifier, law in list(zip(named, laws, strict=True))[len(own) :]:
         if identifier in [effect.id for effect in robot.effects]:
             raise ModelFileError(f"{path}: effects names {identifier} twice; take one of them out.")
+        mine = next((effect for effect in given if (effect.id, effect.law) == (identifier, law)), None)
         try:
-            robot = robot + effect_by_id(robot, identifier, law)
+            robot = robot + (mine or effect_by_id(robot, identifier, law))
+        except EffectError as error:
+            raise ModelFileError(f"{path}: effects names {identifier}, but {error}; take it out.") from None
         except KeyError:
             possible = [effect.law for effect in laws_of(robot, identifier)]
             if possible and law not in possible:
@@ -176,13 +179,14 @@ def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path) -> Robo
             near = did_you_mean(identifier, [effect.id for effect in catalogue(robot)])
             raise ModelFileError(
                 f"{path}: effects names {identifier!r:.60}, which no effect of the catalogue for {robot.name!r} is{near}; "
-                f"correct it, give the robot with this effect (package.module:attribute), or take it out of the file."
+                f"correct it, give your own effect (--effects package.module:attribute), or take it out of the file."
             ) from None
     return robot
 
 
-def read_model(path: str | Path, robot: Robot) -> Robot:
-    """The robot with the effects, numbers, free parameters, bounds and priors of a model file.
+def read_model(path: str | Path, robot: Robot, effects: Sequence[Effect] = ()) -> Robot:
+    """The robot with the effects, numbers, free parameters, bounds and priors of a model file, which may name effects of
+    the catalogue and the user's own `effects`.
 
     Raises `ModelFileError`, one sentence with file, key and remedy: a file that cannot be opened or is not TOML, another
     robot's file, unknown keys and parameters, values that are no finite numbers, impossible bounds and priors, negative
@@ -207,7 +211,7 @@ def read_model(path: str | Path, robot: Robot) -> Robot:
         raise ModelFileError(
             f"{path}: robot = {named!r:.60}, but the robot given is {robot.name!r}; give the model of this robot."
         )
-    robot = _with_effects(document, robot, path)
+    robot = _with_effects(document, robot, path, effects)
     if "longest_step" in document:
         step = _number(document["longest_step"], "longest_step", path)
         if step <= 0:

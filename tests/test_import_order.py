@@ -62,16 +62,27 @@ def test_the_reference_simulator_knows_nothing_of_jaxid():
             assert not any(name.split(".")[0] == "jaxid" for name in names), path.name
 
 
-def test_what_only_some_calls_need_is_not_imported_with_jaxid():
-    """Each takes a tenth of a second or more, before anything else can be done; `import scipy` gives its parts when used."""
-    late = ("matplotlib", "optimistix", "jinja2", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.ndimage")
-    code = f"import sys, jaxid; print(*[name for name in {late!r} if name in sys.modules])"
+def modules_loaded_by(statement: str) -> set[str]:
+    """What a fresh interpreter has imported after a statement."""
     search = os.pathsep.join([str(ROOT.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     run = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, "-c", f"{statement}; import sys; print(*sys.modules)"],
         env={**os.environ, "PYTHONPATH": search},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert run.stdout.split() == []
+    return set(run.stdout.split())
+
+
+def test_what_only_some_calls_need_is_not_imported_with_the_estimators():
+    """Each takes a tenth of a second or more, before anything else can be done; `import scipy` gives its parts when used."""
+    late = {"matplotlib", "optimistix", "jinja2", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.ndimage"}
+    assert not late & modules_loaded_by("from jaxid import *")
+
+
+def test_jaxid_and_its_command_line_wait_for_nothing_that_is_not_asked_for():
+    """`import jaxid` and `jaxid --help` must not take the seconds that JAX, pandas and SciPy need."""
+    slow = {"jax", "numpy", "pandas", "scipy", "pyarrow", "matplotlib", "jinja2", "llvmlite"}
+    assert not slow & modules_loaded_by("import jaxid, jaxid.cli")
+    assert slow & modules_loaded_by("from jaxid import Axis") >= {"jax", "numpy"}

@@ -1,8 +1,10 @@
 """Every public name says what it is, and every array in its signature and fields which shape it has."""
 
+import ast
 import inspect
 import re
 import typing
+from pathlib import Path
 
 import pytest
 
@@ -59,3 +61,22 @@ def test_an_array_without_a_shape_would_be_seen():
         assert not bare(said), said
     assert "time" in annotations(jaxid.Log) and "-> LogSet" in str(annotations(jaxid.read_logs))
     assert typing.get_type_hints(jaxid.Log)["time"].dims[0].name == "T"
+
+
+def test_the_stub_that_type_checkers_read_has_the_same_names():
+    tree = ast.parse((Path(jaxid.__file__).parent / "__init__.pyi").read_text())
+    (listed,) = (node.value for node in tree.body if isinstance(node, ast.Assign))
+    imported = {
+        alias.name for node in tree.body if isinstance(node, ast.ImportFrom) if node.module for alias in node.names
+    }
+    assert sorted(ast.literal_eval(listed)) == sorted(jaxid.__all__) == sorted(imported)
+    assert (Path(jaxid.__file__).parent / "py.typed").exists()
+
+
+def test_names_are_completed_and_what_is_not_there_is_said():
+    assert set(jaxid.__all__) | {"checks", "robots", "__version__"} <= set(dir(jaxid))
+    assert jaxid.checks.preflight and jaxid.logs.read_logs is jaxid.read_logs
+    with pytest.raises(AttributeError, match="'jaxid' has no attribute 'Pionere'"):
+        jaxid.Pionere  # noqa: B018
+    with pytest.raises(ImportError):
+        exec("from jaxid import Pionere")

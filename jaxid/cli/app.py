@@ -7,16 +7,29 @@ import errno
 import os
 import sys
 from collections.abc import Callable, Sequence
-from enum import StrEnum
 from functools import wraps
-from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
 from .arguments import UnusableInput, repeat_flags, window_option
 from .console import complain
+from .options import (
+    BetweenSamples,
+    Candidates,
+    ClockOffset,
+    ControlLaw,
+    Covariance,
+    Loss,
+    Mapping,
+    Method,
+    Model,
+    Overwrite,
+    OwnEffects,
+    RobotArgument,
+    Windows,
+)
 
 MANY = ("--fit", "--held-out", "--check", "--method", "--limit", "--noise", "--already", "--speed", "--floor")
 """Flags that take every value up to the next flag."""
@@ -27,75 +40,18 @@ app = typer.Typer(
     name="jaxid",
     help="From a wheeled robot's logs to a model its owner can trust.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    rich_markup_mode="markdown",  # units in brackets stay
     pretty_exceptions_enable=False,
 )
 
-RobotArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROBOT", help="pioneer, omni, axis, differential, or package.module:attribute for your own."
-    ),
-]
-Mapping = Annotated[
-    Path | None, typer.Option("--map", metavar="MAPPING.toml", help="Standard column name to the file's column.")
-]
-Model = Annotated[
-    Path | None,
-    typer.Option(
-        "--model", metavar="MODEL.toml", help="Known constants, start values, free parameters, bounds, priors, effects."
-    ),
-]
 
-Loss = Annotated[
-    Literal["squares", "huber", "cauchy", "student_t"],
-    typer.Option("--loss", help="Of output error: squares, or one that outliers pull less."),
-]
-Covariance = Annotated[
-    Literal["auto", "white", "robust"],
-    typer.Option(
-        "--covariance",
-        help="Of output error: for white residuals, or robust against coloured ones; auto: as the residual is.",
-    ),
-]
-ClockOffset = Annotated[
-    bool, typer.Option("--clock-offset", help="Inputs and outputs may be on different clocks: estimate the offset.")
-]
-Windows = Annotated[
-    str,
-    typer.Option(
-        "--windows",
-        metavar="SECONDS|auto|none",
-        help="Windows with their own initial states, for what a free simulation cannot follow: of output error, and, in "
-        "seconds, of integral least squares.",
-    ),
-]
-
-
-ControlLaw = Annotated[
-    str | None,
-    typer.Option(
-        "--controller",
-        metavar="MODULE:ATTRIBUTE",
-        help="Simulate the closed loop with this control law, from the reference among the logs' further columns.",
-    ),
-]
-BetweenSamples = Annotated[
-    Literal["hold", "linear"],
-    typer.Option(
-        "--intersample",
-        help="Inputs between samples: held, as a computer commands them, or linear, as a sensor sees.",
-    ),
-]
-
-
-class Method(StrEnum):
-    """Estimators by the name that they have in fit.json."""
-
-    integral_least_squares = "integral_least_squares"
-    instrumental_variables = "instrumental_variables"
-    output_error = "output_error"
-    prediction_error = "prediction_error"
+def check_named(own_effects: str | None, model: Path | None) -> None:
+    """Raise `typer.BadParameter` (exit status 2) for effects of the user's own and no model that could name them."""
+    if own_effects is not None and model is None:
+        raise typer.BadParameter(
+            "--effects are those that a --model names; give that, or look for them by jaxid explain."
+        )
 
 
 def check_loop(controller: str | None, intersample: str) -> None:
@@ -132,6 +88,8 @@ def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
 
 def _print_version(wanted: bool) -> bool:
     if wanted:
+        from importlib.metadata import version
+
         typer.echo(f"jaxid {version('jaxid')}")
         raise typer.Exit
     return wanted
@@ -175,14 +133,30 @@ def fit(
     windows: Windows = "auto",
     controller: ControlLaw = None,
     intersample: BetweenSamples = "hold",
+    own_effects: OwnEffects = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Identify a robot's parameters from its logs, by integral least squares and by output error, or as --method says."""
     from .fit import USUAL, run_fit
 
+    check_named(own_effects, model)
     options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset, "windows": window_option(windows)}
     check_loop(controller, intersample)
     methods = tuple(dict.fromkeys(map(str, method or USUAL)))
-    run_fit(robot, fit, held_out or [], model, mapping, out, options, intersample, controller, methods)
+    run_fit(
+        robot,
+        fit,
+        held_out or [],
+        model,
+        mapping,
+        out,
+        options,
+        intersample,
+        controller,
+        methods,
+        overwrite,
+        own_effects,
+    )
 
 
 @app.command()
@@ -224,13 +198,18 @@ def explain(
     windows: Windows = "auto",
     controller: ControlLaw = None,
     intersample: BetweenSamples = "hold",
+    own_effects: Candidates = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Find where simulation and logs disagree, name the missing effect, add it, and show the gap shrink."""
     from .explain import run_explain
 
     options = {"loss": loss, "covariance": covariance, "windows": window_option(windows)}
     check_loop(controller, intersample)
-    run_explain(robot, fit, held_out, model, baseline, mapping, out, options, intersample, controller, false_alarm)
+    run_explain(
+        robot, fit, held_out, model, baseline, mapping, out, options, intersample, controller, false_alarm, overwrite,
+        own_effects,
+    )  # fmt: skip
 
 
 @app.command()
@@ -269,6 +248,7 @@ def fleet(
     covariance: Covariance = "auto",
     clock_offset: ClockOffset = False,
     windows: Windows = "auto",
+    overwrite: Overwrite = False,
 ) -> None:
     """Fit many robots, each on its own logs, by output error, and find what each lacks. A run that was stopped goes on."""
     from .fleet import run_fleet
@@ -282,7 +262,7 @@ def fleet(
             "--workers are processes of this machine, --scheduler has its own; give one of the two."
         )
     options = {"loss": loss, "covariance": covariance, "clock_offset": clock_offset, "windows": window_option(windows)}
-    run_fleet(robot, folder, model, mapping, out, options, held_out or (), workers, scheduler)
+    run_fleet(robot, folder, model, mapping, out, options, held_out or (), workers, scheduler, overwrite)
 
 
 @app.command()
@@ -293,11 +273,12 @@ def simulate(
     model: Annotated[Path, typer.Option("--model", metavar="MODEL.toml", help="The model, as `jaxid fit` writes it.")],
     out: Annotated[Path, typer.Option("--out", metavar="PREDICTED.csv", help="File for the predicted outputs.")],
     mapping: Mapping = None,
+    own_effects: OwnEffects = None,
 ) -> None:
     """Simulate a log's inputs with a model and write the predicted outputs."""
     from .simulate import run_simulate
 
-    run_simulate(robot, log, model, mapping, out)
+    run_simulate(robot, log, model, mapping, out, own_effects)
 
 
 @app.command()
@@ -342,13 +323,16 @@ def design(
     seed: Annotated[int, typer.Option("--seed", help="Seed of the random exchanges.")] = 0,
     model: Model = None,
     mapping: Mapping = None,
+    own_effects: OwnEffects = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Design the experiment that tells most about the free parameters, within limits."""
     from .design import run_design
 
+    check_named(own_effects, model)
     run_design(
         robot, model, out, limit, seconds, interval, noise or [], speed or [], floor or [], radius, already or [],
-        experiments, rounds, seed, mapping,
+        experiments, rounds, seed, mapping, overwrite, own_effects,
     )  # fmt: skip
 
 
@@ -358,11 +342,12 @@ def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for fit.json and pictures.")] = Path(
         "jaxid-demo"
     ),
+    overwrite: Overwrite = False,
 ) -> None:
     """Both papers' robots identified from the package's own logs, next to the truth, and the papers' tables."""
     from .demo import run_demo
 
-    run_demo(out)
+    run_demo(out, overwrite)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

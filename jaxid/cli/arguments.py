@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
-    from ..robots import Robot
+    from ..robots import Effect, Robot
     from ..robots.closed_loop import Controller, Law
 
 
@@ -57,7 +57,7 @@ def window_option(text: str) -> float | str | None:
     return seconds
 
 
-def _import(module: str, spec: str) -> object:
+def _import(module: str, spec: str, what: str) -> object:
     """A user's module; the current directory is searched first."""
     here = str(Path.cwd())
     if here not in sys.path:
@@ -68,7 +68,7 @@ def _import(module: str, spec: str) -> object:
         if error.name is None or not (module == error.name or module.startswith(f"{error.name}.")):
             raise UnusableInput(f"{module} imports {error.name}, which is not installed; install it.") from None
         raise typer.BadParameter(
-            f"There is no module {error.name!r} for the robot {spec!r}; check the name, and start from its folder."
+            f"There is no module {error.name!r} for {what} {spec!r}; check the name, and start from its folder."
         ) from None
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
@@ -79,15 +79,15 @@ def _import(module: str, spec: str) -> object:
         ) from None
 
 
-def _named(spec: str, unnamed: str, wanted: str) -> object:
+def _named(spec: str, what: str, unnamed: str, wanted: str) -> object:
     """What `package.module:attribute` names. Raises `typer.BadParameter` (exit status 2) if that is nothing: `unnamed` where
-    `spec` has another form; `wanted` is what the remedy asks for."""
+    `spec` has another form; `what` it should be, and `wanted` is what the remedy asks for."""
     from ..logs.log import did_you_mean
 
     module, colon, attribute = spec.partition(":")
     if not (colon and module and attribute):
         raise typer.BadParameter(unnamed)
-    found = _import(module, spec)
+    found = _import(module, spec, what)
     for part in attribute.split("."):
         if not hasattr(found, part):
             raise typer.BadParameter(f"{module} has no {attribute!r}{did_you_mean(part, dir(found))}; name {wanted}.")
@@ -103,11 +103,55 @@ def load_controller(spec: str) -> "Controller | Law":
     from ..robots.given import controller_of
 
     unnamed = f"--controller {spec!r} is no package.module:attribute; name a Controller or a function."
-    found = _named(spec, unnamed, "a controller")
+    found = _named(spec, "the controller", unnamed, "a controller")
     try:
         return controller_of(found, spec)
     except TypeError as error:
         raise UnusableInput(str(error)) from None
+
+
+def load_effects(spec: str | None) -> "tuple[Effect, ...]":
+    """The user's own effects that `--effects module:attribute` names; none for None.
+
+    Raises `typer.BadParameter` (exit status 2) if it names nothing and `UnusableInput` for what is no effect.
+    """
+    if spec is None:
+        return ()
+    from ..robots.given import effects_of
+
+    unnamed = f"--effects {spec!r} is no package.module:attribute; name an Effect, a list of them, or a function."
+    found = _named(spec, "the effects", unnamed, "an Effect or a list of them")
+    try:
+        return effects_of(found, spec)
+    except TypeError as error:
+        raise UnusableInput(str(error)) from None
+
+
+def check_effects(effects: "Sequence[Effect]", robot: "Robot") -> None:
+    """Raise `UnusableInput` for effects that the robot cannot have, and for those that the catalogue has."""
+    from ..effects.catalogue import ALL
+    from ..robots import EffectError
+
+    listed = {effect.id for effect in ALL}
+    for effect in effects:
+        if effect.id in listed:
+            raise UnusableInput(
+                f"The effect {effect.id!r} of --effects has the id of one of the catalogue; give it another."
+            )
+        if effect.id in [own.id for own in robot.effects]:
+            continue  # the model has it already, and it is not looked for again
+        try:
+            _ = robot + effect
+        except EffectError as error:
+            raise UnusableInput(
+                f"The effect {effect.id!r} of --effects does not suit {robot.name!r}: {error}."
+            ) from None
+        except Exception as error:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            raise UnusableInput(
+                f"The effect {effect.id!r} of --effects fails at {place.filename}:{place.lineno} ({type(error).__name__}: "
+                f"{error}); correct it there."
+            ) from None
 
 
 def load_robot(spec: str) -> "Robot":
@@ -126,7 +170,7 @@ def load_robot(spec: str) -> "Robot":
         f"There is no robot {spec!r}{did_you_mean(spec, BUILT_IN)}; use {', '.join(BUILT_IN)}, or package.module:attribute "
         "for your own."
     )
-    found = _named(spec, unnamed, "a Robot or a function that returns one")
+    found = _named(spec, "the robot", unnamed, "a Robot or a function that returns one")
     try:
         return robot_of(found, spec)
     except TypeError as error:

@@ -1,14 +1,20 @@
 """What people read: results on stdout, everything else (progress, warnings, errors) on stderr."""
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
 import typer
 from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Column
 
 # One console for all remarks: what is printed while a spinner turns must go through the spinner's own.
 _REMARKS = Console(stderr=True, highlight=False)
+_COUNT = re.compile(r"\b(\d+) of (\d+)\b")
+_SELDOM = 5.0
+"""Seconds between lines of one count."""
 
 
 def show(text: str) -> None:
@@ -28,15 +34,30 @@ def complain(message: str) -> None:
 
 @contextmanager
 def step(title: str) -> Iterator[Callable[[str], None]]:
-    """One stage of the work: a spinner while it lasts (on a terminal) and a line with its seconds at the end.
+    """One stage of the work: on a terminal a spinner with what is being done and the seconds so far, and a line with its
+    seconds at the end.
 
-    Yields a function that reports a sentence from inside the stage.
+    Yields a function that reports a sentence from inside the stage, which stays as a line of its own; of counts such as
+    "3 of 60 rounds" in quick succession only some do.
     """
     began = perf_counter()
+    shown = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
+    spinner = Progress(
+        SpinnerColumn(), shown, TimeElapsedColumn(), console=_REMARKS, transient=True, disable=not _REMARKS.is_terminal
+    )
+    with spinner:
+        task = spinner.add_task(title, total=None)
 
-    def report(message: str) -> None:
-        say(f"  {message} ({perf_counter() - began:.1f} s)", style="dim")
+        last = -_SELDOM
 
-    with _REMARKS.status(f"{title} ..."):
+        def report(message: str) -> None:
+            nonlocal last
+            spinner.update(task, description=f"{title}: {message}")
+            now, count = perf_counter() - began, _COUNT.search(message)
+            if now - last < _SELDOM and count and count[1] != count[2]:
+                return
+            last = now
+            say(f"  {message} ({now:.1f} s)", style="dim")
+
         yield report
     say(f"{title}: {perf_counter() - began:.1f} s")

@@ -10,11 +10,12 @@ from ..logs import LogSet, read_logs
 from ..report.design_figure import planned
 from ..report.figures import as_html
 from ..robots import Robot
-from .arguments import UnusableInput
+from .arguments import UnusableInput, load_effects
 from .cache import keep_compiled_programs
 from .console import say, show, step
 from .findings import warn_of_findings
-from .fit import identifiable, prepare_folder
+from .fit import identifiable
+from .folder import results_in
 
 
 def _by_channel(pairs: list[str], flag: str) -> dict[str, float]:
@@ -57,34 +58,35 @@ def _document(design: Design, files: list[Path]) -> str:
 def run_design(
     spec: str, model: Path | None, out: Path, limit: list[float], seconds: float | None, interval: float | None,
     noise: list[str], speed: list[str], floor: list[float], radius: float | None, already: list[str],
-    experiments: int, rounds: int, seed: int, mapping: Path | None,
+    experiments: int, rounds: int, seed: int, mapping: Path | None, overwrite: bool = False,
+    own_effects: str | None = None,
 ) -> None:  # fmt: skip
     """Write experiment.csv (or experiment_1.csv ...), design.json and report.html to `out` and print the design."""
     keep_compiled_programs()
-    robot: Robot = identifiable(spec, model, already, mapping)
+    robot: Robot = identifiable(spec, model, already, mapping, load_effects(own_effects))
     levels, speeds = _by_channel(noise, "--noise"), _by_channel(speed, "--speed")
     if len(floor) not in (0, 2):
         raise UnusableInput(f"--floor got {len(floor)} numbers; give two, the extents of the floor in metres.")
-    prepare_folder(out)
-    logs: LogSet | None = read_logs(already, robot, mapping=mapping) if already else None
-    warn_of_findings(logs)
-    with step("Design") as report:
-        try:
-            design = design_experiment(
-                robot, limit=limit[0] if len(limit) == 1 else limit, seconds=seconds, interval=interval,
-                noise=levels or None, already=logs, speeds=speeds, rectangle=(floor[0], floor[1]) if floor else None,
-                radius=radius, experiments=experiments, rounds=rounds, seed=seed, report=report,
-            )  # fmt: skip
-        except DesignError as error:
-            raise UnusableInput(str(error)) from None
-    files = design.save(out / "experiment.csv")
-    write_text(out / "design.json", _document(design, files))
-    title = html.escape(f"jaxid design {robot.name}")
-    pictures = "".join(f"<h3>{html.escape(run.name)}</h3>{as_html(planned(run), run.name)}" for run in design.runs)
-    write_text(
-        out / "report.html",
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head>'
-        f'<body style="font-family:sans-serif"><h2>{title}</h2>{design._repr_html_()}{pictures}</body></html>\n',
-    )
+    with results_in(out, "design", robot.name, overwrite):
+        logs: LogSet | None = read_logs(already, robot, mapping=mapping) if already else None
+        warn_of_findings(logs)
+        with step("Design") as report:
+            try:
+                design = design_experiment(
+                    robot, limit=limit[0] if len(limit) == 1 else limit, seconds=seconds, interval=interval,
+                    noise=levels or None, already=logs, speeds=speeds, rectangle=(floor[0], floor[1]) if floor else None,
+                    radius=radius, experiments=experiments, rounds=rounds, seed=seed, report=report,
+                )  # fmt: skip
+            except DesignError as error:
+                raise UnusableInput(str(error)) from None
+        files = design.save(out / "experiment.csv")
+        write_text(out / "design.json", _document(design, files))
+        title = html.escape(f"jaxid design {robot.name}")
+        pictures = "".join(f"<h3>{html.escape(run.name)}</h3>{as_html(planned(run), run.name)}" for run in design.runs)
+        write_text(
+            out / "report.html",
+            f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head>'
+            f'<body style="font-family:sans-serif"><h2>{title}</h2>{design._repr_html_()}{pictures}</body></html>\n',
+        )
     show(repr(design))
     say(f"{out}: {', '.join(file.name for file in files)}, design.json, report.html")

@@ -14,10 +14,11 @@ from ..logs.intersample import Intersample
 from ..report import compare
 from ..report.files import write_fit
 from ..robots import Robot
-from .arguments import UnusableInput, load_robot
+from .arguments import UnusableInput, check_effects, load_effects, load_robot
 from .cache import keep_compiled_programs
 from .console import complain, say, show, step
 from .fit import control_law, estimated, identifiable, read_case
+from .folder import record, results_in
 
 BASELINES = ("uncoupled",)
 """What `--baseline` can be."""
@@ -67,28 +68,36 @@ def run_explain(
     intersample: Intersample = "hold",
     controller: str | None = None,
     false_alarm: float = FALSE_ALARM,
+    overwrite: bool = False,
+    own_effects: str | None = None,
 ) -> None:
     """Write fit.json, explanation.json, model.toml, report.html and pictures to `out` and print what was found."""
     keep_compiled_programs()
     check_baseline(baseline, load_robot(spec))
-    robot = identifiable(spec, model, fit, mapping)
+    effects = load_effects(own_effects)
+    robot = identifiable(spec, model, fit, mapping, effects)
     if baseline is not None:
         robot = without_coupling(robot)
+    check_effects(effects, robot)
     law = control_law(controller)
-    fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
-    if held_out_logs is not None:
-        apart(fit_logs, held_out_logs)
-    fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, law)
-    assert held_out_logs is not None  # --held-out is required
-    fits[-1] = without_windows(fits[-1], fit_logs, say, **options)
-    _write_fits(out, fits, fit_logs, held_out_logs)
-    with step("Explanation") as report:
-        found = explain(fits[-1], fit_logs, held_out_logs, false_alarm=false_alarm, report=report, **options)
-    judged = found.final.judgement.sentence if found.final.judgement else ""
-    for note in found.final.notes if found.effects else ():
-        if note != judged:  # stands in the explanation, where there is one
-            say(f"warning: {note}", style="yellow")
-    show(repr(found))
-    with step("Page and pictures"):
-        written = found.save(out)
+    with results_in(out, "explain", robot.name, overwrite):
+        fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping)
+        if held_out_logs is not None:
+            apart(fit_logs, held_out_logs)
+        fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, law)
+        assert held_out_logs is not None  # --held-out is required
+        fits[-1] = without_windows(fits[-1], fit_logs, say, **options)
+        record(out, "explain", robot.name)  # before the first file, which alone would look like another command's
+        _write_fits(out, fits, fit_logs, held_out_logs)
+        with step("Explanation") as report:
+            found = explain(
+                fits[-1], fit_logs, held_out_logs, effects=effects, false_alarm=false_alarm, report=report, **options
+            )
+        judged = found.final.judgement.sentence if found.final.judgement else ""
+        for note in found.final.notes if found.effects else ():
+            if note != judged:  # stands in the explanation, where there is one
+                say(f"warning: {note}", style="yellow")
+        show(repr(found))
+        with step("Page and pictures"):
+            written = found.save(out)
     say(f"{out}: fit.json, {', '.join(path.name for path in written if path.suffix != '.png')} and pictures")

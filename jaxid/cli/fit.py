@@ -1,7 +1,6 @@
 """`jaxid fit`: read, look, estimate by every method asked for, predict held-out logs; files for programs, tables for people."""
 
 import html
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,23 +20,17 @@ from ..parameters import ParameterError
 from ..report import Comparison, compare
 from ..report.files import write_fit
 from ..report.tables import DOUBT, Cell, Table, title_of, to_html, to_text, value_cell, with_error
-from ..robots import Robot, closed_loop
+from ..robots import Effect, Robot, closed_loop
 from ..robots.closed_loop import Controller, Law
-from .arguments import UnusableInput, for_logs, load_controller, load_robot
+from .arguments import UnusableInput, for_logs, load_controller, load_effects, load_robot
 from .cache import keep_compiled_programs
 from .console import say, show, step
 from .findings import warn_of_findings
+from .folder import results_in
 
 _SHOWN = 5
 """Stretches of outliers that are printed."""
 UNCHECKED = "No logs were held out (--held-out), so nothing says how well these models predict."
-
-
-def prepare_folder(out: Path) -> None:
-    """Make the folder and try it, so that nobody waits for a result that cannot be written. Raises `OSError`."""
-    out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryFile(dir=out):
-        pass
 
 
 def _say_outliers(fit: Fit) -> None:
@@ -208,12 +201,18 @@ def write_results(
     return comparison
 
 
-def identifiable(spec: str, model: Path | None, logs: Sequence[str] = (), mapping: Path | None = None) -> Robot:
-    """The robot of the command line, as the `logs` measure it, with its model file. Raises `ParameterError` if nothing is
-    free."""
+def identifiable(
+    spec: str,
+    model: Path | None,
+    logs: Sequence[str] = (),
+    mapping: Path | None = None,
+    effects: Sequence[Effect] = (),
+) -> Robot:
+    """The robot of the command line, as the `logs` measure it, with its model file, which may name the user's own `effects`.
+    Raises `ParameterError` if nothing is free."""
     robot = for_logs(load_robot(spec), logs, mapping)
     if model is not None:
-        robot = read_model(model, robot)
+        robot = read_model(model, robot, effects)
     if not robot.parameters.free_names:
         raise ParameterError(
             "no parameter is free; write free = true for at least one in a model file and give --model."
@@ -221,11 +220,8 @@ def identifiable(spec: str, model: Path | None, logs: Sequence[str] = (), mappin
     return robot
 
 
-def read_case(
-    robot: Robot, fit: list[str], held_out: list[str], mapping: Path | None, out: Path
-) -> tuple[LogSet, LogSet | None]:
-    """Logs to fit and held-out ones, looked over; `out` is made first. Raises `UnusableInput` if no log can be fitted."""
-    prepare_folder(out)
+def read_case(robot: Robot, fit: list[str], held_out: list[str], mapping: Path | None) -> tuple[LogSet, LogSet | None]:
+    """Logs to fit and held-out ones, looked over. Raises `UnusableInput` if no log can be fitted."""
     fit_logs = read_logs(fit, robot, mapping=mapping)
     held_out_logs = read_logs(held_out, robot, mapping=mapping) if held_out else None
     useless = {finding.file: finding for finding in fit_logs.preflight() if finding.severity == "error"}
@@ -256,12 +252,15 @@ def run_fit(
     intersample: Intersample = "hold",
     controller: str | None = None,
     methods: Sequence[str] = USUAL,
+    overwrite: bool = False,
+    own_effects: str | None = None,
 ) -> None:
     """Write fit.json, model.toml, report.html and pictures to `out` and print the estimates."""
     keep_compiled_programs()
-    robot = identifiable(spec, model, fit, mapping)
+    robot = identifiable(spec, model, fit, mapping, load_effects(own_effects))
     law = control_law(controller, methods)
-    fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping, out)
-    fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, law, methods)
-    write_results(out, fits, held_out_logs, fit_logs)
+    with results_in(out, "fit", robot.name, overwrite):
+        fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping)
+        fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, law, methods)
+        write_results(out, fits, held_out_logs, fit_logs)
     say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if held_out_logs is not None else ""))

@@ -14,12 +14,13 @@ from .._dask import Lost, of_scheduler, on_this_machine, worked_off
 from ..estimate.output_error.far_members import far_estimates
 from ..report.fleet_files import MEMBERS, Row, member_row, read_parts, with_distances, write_part, write_tables
 from ..report.tables import to_text
+from ..robots import Robot
 from .arguments import UnusableInput
 from .cache import keep_compiled_programs
 from .console import say, show, step
-from .fit import prepare_folder
-from .fleet_page import identified, members_table, sentences, spread_table, write_page
+from .fleet_page import Columns, identified, members_table, sentences, spread_table, write_page
 from .fleet_work import Member, Work, fingerprint, parts_of, robot_of, worked
+from .folder import results_in
 
 PART = 32
 """Members in a part: little is lost with it, and their logs fill the lanes of machine code."""
@@ -91,6 +92,7 @@ def run_fleet(
     held_out: Sequence[str] = (),
     workers: int | None = None,
     scheduler: str | None = None,
+    overwrite: bool = False,
 ) -> None:
     """Write a file for each part of the members to `out`/parts, then estimates.parquet and members.parquet, with `held_out`
     logs explanations.parquet and effects.parquet, and report.html, and print a summary.
@@ -99,13 +101,22 @@ def run_fleet(
     cannot be read or fitted is named and does not touch the others. Raises `UnusableInput` where no member could be fitted.
     """
     keep_compiled_programs()
-    prepare_folder(out)
     files = members_of(folder)
     first = tuple(str(path.resolve()) for path in next(iter(files.values())))
     model, mapping = (path.resolve() if path is not None else None for path in (model, mapping))
     work = Work(spec, model, mapping, tuple(options.items()), str(Path.cwd()), first, tuple(held_out))
     robot = robot_of(work)
     say(f"{len(files)} members")
+    with results_in(out, "fleet", robot.name, overwrite):
+        members = _worked_off(robot, files, work, out, workers, scheduler)
+    if all(members["failure"]):
+        raise UnusableInput(f"No member could be fitted; the first: {members['failure'][0]}")
+
+
+def _worked_off(
+    robot: Robot, files: Mapping[str, Sequence[Path]], work: Work, out: Path, workers: int | None, scheduler: str | None
+) -> Columns:
+    """Work on what is not done yet, and write tables and page; returns the table of the members."""
     place = out / "parts"
     place.mkdir(exist_ok=True)
     files = {name: [path.resolve() for path in paths] for name, paths in files.items()}
@@ -134,5 +145,4 @@ def run_fleet(
     show(to_text([spread], said))
     write_page(out, robot, said, [spread, members_table(members, estimates, far, tables.get("explanations"))])
     say(f"{out}: {', '.join([*written, 'report.html'])}")
-    if all(members["failure"]):
-        raise UnusableInput(f"No member could be fitted; the first: {members['failure'][0]}")
+    return members

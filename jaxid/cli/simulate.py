@@ -10,16 +10,21 @@ from ..logs import read_logs
 from ..model_file import read_model
 from ..parameters import ParameterError
 from ..simulation.simulate import simulate as simulate_logs
-from .arguments import UnusableInput, for_logs, load_robot
+from .arguments import UnusableInput, for_logs, load_effects, load_robot
 from .cache import keep_compiled_programs
 from .console import say
 from .findings import warn_of_findings
 
 
-def run_simulate(spec: str, log: str, model: Path, mapping: Path | None, out: Path) -> None:
+def run_simulate(
+    spec: str, log: str, model: Path, mapping: Path | None, out: Path, own_effects: str | None = None
+) -> None:
     """Write t, the inputs and the predicted outputs under their standard names, one row for each row of the log."""
     keep_compiled_programs()
-    robot = read_model(model, for_logs(load_robot(spec), [log], mapping))
+    for given in (Path(log), model, *([mapping] if mapping else [])):
+        if out.exists() and given.exists() and out.samefile(given):
+            raise UnusableInput(f"--out {out} is a file that is read, and would be written over; give another name.")
+    robot = read_model(model, for_logs(load_robot(spec), [log], mapping), load_effects(own_effects))
     logs = read_logs(log, robot, mapping=mapping)
     if len(logs) > 1:
         raise UnusableInput(f"{log} matches {len(logs)} files; give one log, and simulate each on its own.")

@@ -112,8 +112,7 @@ def _improved(judge: Judge, elite: Candidates, pool: Array, base: Array, rise: i
         floor = float(elite.scores[-1]) if len(elite.inputs) == _ELITE else -np.inf
         born = judge(children, [elite.titles[p] for p in parents], base, floor, LANES)
         elite = elite.with_others(born).best(_ELITE)
-        if (number + 1) % 20 == 0:
-            report(f"{number + 1} of {rounds} rounds of exchanges, log det {elite.scores[0]:.2f}")
+        report(f"{number + 1} of {rounds} rounds of exchanges, log det {elite.scores[0]:.2f}")
     return elite
 
 
@@ -245,8 +244,9 @@ def design_experiment(
     limits = make_limits(robot, limit, speeds, rectangle, radius)
     levels = _noise(robot, noise, already)
     count = len(robot.parameters.free_names)
-    laboratory = Laboratory(robot, levels, round(seconds / interval), interval, doubt, seed)
+    laboratory = Laboratory(robot, levels, round(seconds / interval), interval, doubt, seed, report)
     judge, random = Judge(laboratory, limits), np.random.default_rng([seed, 2])
+    report("what is known already, and what the robot's rise time is")
     before = known(robot, already, levels, laboratory.magnitude)
 
     rise = _rise_time(laboratory, limits)
@@ -267,6 +267,7 @@ def design_experiment(
         base = base + elite.information[0]
     information = base[0]
 
+    report("comparing with a PRBS")
     clock = max(round(rise / interval), 1) * interval
     driven = [_prbs(robot, run.energy, laboratory, clock, i) for i, run in enumerate(runs)]
     reference = [_run(judge, f"prbs_{i}", f"a PRBS with a clock of {clock:.2g} s", u) for i, u in enumerate(driven, 1)]

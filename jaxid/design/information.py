@@ -4,7 +4,7 @@ The information of a run is the sum over samples and channels of (dy/dtheta)(dy/
 sensitivities of the simulation; what was known before adds to it. Parameters count in units of their magnitude.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -75,12 +75,21 @@ class Laboratory:
     """Tries inputs on a robot by simulation from rest; `noise` is the standard deviation of each channel measured.
 
     There are three sets of parameters, `thetas` [3, n]: the robot's own, and two on opposite sides of it that differ by
-    `doubt`, a share of its magnitude, in every parameter, up or down: that is `way` [n], in units of the magnitudes.
+    `doubt`, a share of its magnitude, in every parameter, up or down: that is `way` [n], in units of the magnitudes. `report`
+    is told how many of many inputs have been simulated.
     """
 
     def __init__(
-        self, robot: Robot, noise: Mapping[str, float], samples: int, interval: float, doubt: float, seed: int
+        self,
+        robot: Robot,
+        noise: Mapping[str, float],
+        samples: int,
+        interval: float,
+        doubt: float,
+        seed: int,
+        report: Callable[[str], None] = lambda message: None,
     ):
+        self.report = report
         self.robot, self.interval = robot, interval
         self.names = robot.parameters.free_names
         self.magnitude = typical_values(robot, {}, self.names)
@@ -108,6 +117,8 @@ class Laboratory:
                 self.robot.structure, self.names, self._integrator, numbers, *map(jnp.asarray, given), thetas, full
             )
             found.append([np.asarray(x)[: len(part)] for x in trials])
+            if len(inputs) > LANES:
+                self.report(f"{first + len(part)} of {len(inputs)} inputs simulated")
         return Trials(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
     def bend(self, own: Trials, up: Trials, down: Trials) -> NDArray[np.float64]:

@@ -247,6 +247,7 @@ def explain(
     # Fitted again with the weights of the search, the model may need nothing more.
     mended = found.after.adequate and not found.before.adequate
     if (found.steps or mended) and found.final:
+        report("fitting the model with what was added, and its standard errors")
         final = in_full(found.final, whole, after.noise, loss=loss, covariance=covariance)
         after = predicted(final.robot, held_out, after.noise)
     named = _named(found, fit, final)
@@ -257,6 +258,7 @@ def explain(
     tables = ()
     if verdict in ("named", "ambiguous"):
         present = {effect.id for effect in final.robot.effects}
+        report("looking whether a constant of the table explains as much")
         tables = tuple(sentence_of(step, logs, held_out) for step in found.steps if step.chosen.id in present)
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
@@ -268,6 +270,8 @@ def explain(
         localisation = localise(
             *((final, held_out, after) if rest else (fit, held_out, found.before)), stages=_stages(found)
         )
+    if found.steps:
+        report("looking for the experiment that would tell more")
     return Explanation(
         verdict=verdict,
         effects=named,

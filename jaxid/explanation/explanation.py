@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..model_file import write_model
 from ..robots.effect import Effect, in_words
 from ..robots.robot import Robot
 from .coloured import OnlyColour
+from .display import displays
 from .heldout import HeldOut
 from .next_experiment import NextExperiment
 from .search import Search
@@ -104,31 +105,6 @@ def _worded(name: str, estimate: Estimate) -> str:
     if not math.isfinite(estimate.std_error):
         return f"{name.replace('_', ' ')} {estimate.value:.3g}{unit} ({estimate.status.replace('_', ' ')})"
     return f"{name.replace('_', ' ')} {estimate.value:.3g} ± {estimate.std_error:.1g}{unit}"
-
-
-@runtime_checkable
-class Display(Protocol):
-    """How explanations are shown to people."""
-
-    def text(self, found: "Explanation") -> str:
-        """For a terminal."""
-        ...
-
-    def body(self, found: "Explanation") -> str:
-        """HTML for a notebook."""
-        ...
-
-    def save(self, found: "Explanation", folder: Path) -> list[Path]:
-        """Write the page and its pictures and return their paths."""
-        ...
-
-
-_displays: list[Display] = []
-
-
-def show_with(display: Display) -> None:
-    """Show explanations with `display`. The package `report` calls this, so that nothing here depends on drawing."""
-    _displays[:] = [display]
 
 
 @dataclass(frozen=True, repr=False)
@@ -324,15 +300,15 @@ class Explanation:
         else:
             # One of an earlier explanation would pass for this one's.
             (folder / "next_experiment.csv").unlink(missing_ok=True)
-        for display in _displays:
+        for display in displays():
             written += display.save(self, folder)
         return written
 
     def __repr__(self) -> str:
-        return _displays[0].text(self) if _displays else self.sentence
+        return displays()[0].text(self)
 
-    def _repr_html_(self) -> str | None:
-        return _displays[0].body(self) if _displays else None
+    def _repr_html_(self) -> str:
+        return displays()[0].body(self)
 
 
 def _number(state: HeldOut) -> float | None:

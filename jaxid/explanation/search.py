@@ -108,14 +108,17 @@ def _with_candidate(robot: Robot, candidate: Candidate) -> Robot:
 
 
 def _all_added(
-    base: Trial, candidates: Sequence[Candidate], logs: LogSet, held_out: LogSet, noise: dict[str, float]
+    base: Trial, candidates: Sequence[Candidate], logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
 ) -> list[Trial]:
     """A few steps of the refit with each of the candidates; last those that are dear to follow up."""
     candidates = sorted(candidates, key=lambda candidate: candidate.effect.repeats)
     robots = [_with_candidate(base.robot, candidate) for candidate in candidates]
+    if robots:
+        say(f"compiling the refits with {', '.join(candidate.effect.title for candidate in candidates)}")
     compile_refits(robots, logs, base.angles)
     trials: list[Trial] = []
-    for robot, candidate in zip(robots, candidates, strict=True):
+    for number, (robot, candidate) in enumerate(zip(robots, candidates, strict=True), start=1):
+        say(f"refitting with {candidate.effect.title}, {number} of {len(robots)}")
         rival = min((trial.squares for trial in trials), default=np.inf)
         states = base.initial_states
         trials.append(refit(robot, candidate.starts, logs, held_out, noise, states, FEW_STEPS, rival, base.angles))
@@ -208,23 +211,28 @@ def name_next(
     shortlist = _different(likely)
     # What coloured noise has hidden from the first order.
     shortlist += [c for c in _explaining(screened)[:_FROM_COLOUR] if c not in shortlist]
-    trials = _all_added(base, shortlist[:_FIRST_TRIALS], logs, held_out, noise)
+    trials = _all_added(base, shortlist[:_FIRST_TRIALS], logs, held_out, noise, say)
     leader, best = _best(shortlist, trials)
     least = _RIVAL * leader.gain if best.held_out.adequate else -np.inf
     shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
-    trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise)
+    trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise, say)
     leader, _ = _best(shortlist, trials)
     alike_to_it = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
-    trials += _all_added(base, alike_to_it, logs, held_out, noise)
+    trials += _all_added(base, alike_to_it, logs, held_out, noise, say)
     best = min(trials, key=lambda t: t.score)
     near = best.score + max(100.0, _IN_THE_RUNNING * (base.score - best.score))
     promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * least_gain(base, first)
 
     def to_the_end(tried: Sequence[Trial]) -> list[Trial]:
-        return [continued(t, logs, held_out, noise) if promising and t.score < near else t for t in tried]
+        running = [t for t in tried if promising and t.score < near]
+        ended = {}
+        for number, trial in enumerate(running, start=1):
+            say(f"refitting to the end with {trial.title}, {number} of {len(running)}")
+            ended[id(trial)] = continued(trial, logs, held_out, noise)
+        return [ended.get(id(t), t) for t in tried]
 
     def added(further: Sequence[Candidate]) -> list[Trial]:
-        return to_the_end(_all_added(base, further, logs, held_out, noise))
+        return to_the_end(_all_added(base, further, logs, held_out, noise, say))
 
     mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
     trials = [own[0] for own in mechanisms]
@@ -285,6 +293,7 @@ def _pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: 
     given = {effect.id for effect in base.robot.effects}
     own = [effect.id for effect in current.robot.effects if effect.id not in given]
     for identifier in own[:-1]:
+        say(f"refitting without {identifier}")
         kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
         trial = _refitted(_with_effects(base.robot, kept), current, logs, held_out, noise)
         if trial.score < current.score + 10.0:
@@ -311,7 +320,8 @@ def _reconsidered(
         gain = max(t.score for t in step.trials) - step.chosen.score
         rivals = [t for t in step.trials[1:] if t.score - step.chosen.score < 0.2 * gain and t.id not in present][:3]
         trials = [replace(final, id=step.chosen.id)]
-        for rival in rivals:
+        for number, rival in enumerate(rivals, start=1):
+            say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
             owners = {effect.id: final.robot for effect in final.robot.effects}
             owners = {
                 rival.id if i == step.chosen.id else i: rival.robot if i == step.chosen.id else r
@@ -346,6 +356,7 @@ def search(
         state = within_errors(fit, held_out, state)
     if state.adequate:
         return Search(state, state, None, (), ())
+    report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
     # With the same weights as the refits, so that likelihoods compare.
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
     baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
@@ -359,6 +370,8 @@ def search(
         present = {effect.id for effect in current.robot.effects}
         own = [law for effect in catalogue(current.robot) for law in laws_of(current.robot, effect.id)]
         remaining = [effect.blurred for effect in (*own, *effects) if effect.id not in present]
+        count = len({effect.id for effect in remaining})
+        report(f"first look at {count} candidates by {len(remaining)} laws")
         shown = current if colour is None else _generalised(current, logs, held_out, noise)
         screened = screen(shown.robot, logs, remaining, noise, shown.initial_states, shown.angles)
         first_look = first_look or tuple(screened)

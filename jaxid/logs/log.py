@@ -8,6 +8,7 @@ import html
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -357,6 +358,8 @@ class LogSet(Sequence[Log]):
 
     @cached_property
     def _findings(self) -> tuple[Finding, ...]:
+        if not _looks:
+            import_module("jaxid.checks")  # found when first needed; it calls `look_with`
         return tuple(finding for log in self._logs for look in _looks for finding in look(log))
 
     def preflight(self) -> list[Finding]:

@@ -1,6 +1,6 @@
 """Comparisons, explanations, tables and figures."""
 
-from ..explanation.explanation import show_with
+from ..explanation.display import show_with
 from .comparing import compare
 from .comparison import Comparison
 from .page import Page

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from .._table import WIDTH, columns
 from ..estimate.confidence.agreement import Agreement
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
@@ -225,7 +226,7 @@ class Comparison:
 
     def __repr__(self) -> str:
         # Up to three methods fit into a usual terminal; more need a wider one.
-        width = tab.WIDTH + 24 * max(len(self.fits) - 3, 0)
+        width = max(columns(), WIDTH + 24 * (len(self.fits) - 3) if len(self.fits) > 3 else 0)
         return tab.to_text(self.tables, (self.sentence, *(f"Note: {note}" for note in self.notes)), width)
 
     # -- figures ---------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from ..estimate.result import Estimate
 from ..explanation.explanation import Explanation
 from ..explanation.localise import channel_name
 from ..robots.effect import in_words
-from .tables import WIDTH, Cell, Table, number, percent, to_text, with_error
+from .tables import Cell, Table, number, percent, to_text, with_error
 
 _MOVED = 2.0
 """Standard errors (of the fit before) beyond which a parameter's move is marked."""
@@ -115,4 +115,4 @@ def text(found: Explanation) -> str:
         paragraphs.append(found.localisation.sentence)
     if found.next_experiment is not None:
         paragraphs.append(f"Next: {found.next_experiment.sentence}")
-    return to_text(tables(found), paragraphs, WIDTH)
+    return to_text(tables(found), paragraphs)

@@ -1,4 +1,4 @@
-"""How explanations are shown (`explanation.show_with`); what draws is imported when something is drawn."""
+"""How explanations are shown (`explanation.display.show_with`); what draws is imported when something is drawn."""
 
 from pathlib import Path
 

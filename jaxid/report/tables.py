@@ -11,12 +11,11 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from .._table import columns
 from ..estimate.confidence.agreement import Agreement
 from ..estimate.residual_tests import FALSE_ALARM, ResidualTest
 from ..estimate.result import Estimate
 
-WIDTH = 100
-"""Columns of a terminal that a text table fits into."""
 _MARKS = {
     "good": ("green", "color:#1a7f37"),
     "bad": ("bold red", "color:#cf222e;font-weight:600"),
@@ -90,8 +89,9 @@ def percent(value: float) -> str:
     return f"{value:+.{decimals}f} %"
 
 
-def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int = WIDTH) -> str:
-    """Plain text, at most `width` columns wide: the paragraphs `before`, then the tables."""
+def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int | None = None) -> str:
+    """Plain text, at most `width` columns wide (by default `columns`): the paragraphs `before`, then the tables."""
+    width = width or columns()
     console = Console(file=io.StringIO(), force_jupyter=False, width=width, color_system=None, legacy_windows=False)
     for paragraph in before:
         console.print(Text(paragraph))

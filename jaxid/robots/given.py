@@ -7,26 +7,56 @@ from typing import Any, get_args
 from ..logs import Log, LogError, LogSet
 from ..parameters import ParameterError
 from .closed_loop import Controller, Law
+from .effect import Effect
 from .robot import Robot
+
+
+def _called(given: Any, called: str, wanted: str) -> Any:
+    """What a function of no arguments returns, which a user names `called`; `wanted` is what to give instead. Raises
+    `TypeError` where it needs arguments or fails."""
+    try:
+        inspect.signature(given).bind()
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"{called} cannot be called without arguments ({error}); give {wanted} or a function of none."
+        ) from None
+    try:
+        return given()
+    except Exception as error:
+        raise TypeError(f"{called} fails ({type(error).__name__}: {error}); correct it there.") from error
 
 
 def robot_of(given: Any, called: str) -> Robot:
     """What a user names `called` as a robot: that robot, or what a function of no arguments returns. Raises `TypeError`
     for anything else."""
     if not isinstance(given, Robot) and callable(given):
-        try:
-            inspect.signature(given).bind()
-        except (TypeError, ValueError) as error:
-            raise TypeError(
-                f"{called} cannot be called without arguments ({error}); give a Robot or a function of none."
-            ) from None
-        try:
-            given = given()
-        except Exception as error:
-            raise TypeError(f"{called} fails ({type(error).__name__}: {error}); correct it there.") from error
+        given = _called(given, called, "a Robot")
     if not isinstance(given, Robot):
         raise TypeError(f"{called} is a {type(given).__name__}, no robot; give a Robot or a function that returns one.")
     return given
+
+
+def effects_of(given: Any, called: str) -> tuple[Effect, ...]:
+    """What a user names `called` as effects: an `Effect` or several, each with an `id`, or a class or function of no
+    arguments that makes them. Raises `TypeError` for anything else."""
+    if not isinstance(given, Effect) and callable(given):
+        given = _called(given, called, "an Effect")
+    found = (given,) if isinstance(given, Effect) else given
+    if isinstance(found, str) or not isinstance(found, Iterable):
+        raise TypeError(f"{called} is a {type(given).__name__}, no effect; give an Effect or a list of them.")
+    made: list[Any] = [e() if isinstance(e, type) and issubclass(e, Effect) else e for e in found]
+    if not made:
+        raise TypeError(f"{called} is empty; put at least one Effect into it, or leave it out.")
+    for place, effect in enumerate(made):
+        if not isinstance(effect, Effect):
+            raise TypeError(f"{called} has {effect!r:.60} in place {place}, which is no Effect; take it out.")
+        if not effect.id:
+            raise TypeError(f"{called}: {type(effect).__name__} has no id; give the class one, such as id = 'wind'.")
+        if any((effect.id, effect.law) == (other.id, other.law) for other in made[:place]):
+            raise TypeError(
+                f"{called} has two effects {effect.id!r}; give each its own id, or laws of one id their own law."
+            )
+    return tuple(made)
 
 
 def controller_of(given: Any, called: str) -> Controller | Law:
