@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ..logs.finding import Finding, Severity
 from ..logs.log import Log
+from .own_rows import as_measured, nothing_else_changes, on_several_clocks, placed
 
 Array = NDArray[np.float64]
 
@@ -266,6 +267,21 @@ def _inputs(log: Log) -> Iterator[Finding]:
         yield from _saturated(log, name, values)
 
 
+def _on_their_own_rows(log: Log) -> Iterator[Finding]:
+    """Each measured column on its own clock."""
+    for name in log.measured:
+        alone = as_measured(log, name)
+        if alone is None:
+            continue
+        own, rows = alone
+        values = own.output(name)
+        found = [*_clock(own)]
+        if np.ptp(values) > 0:
+            found += [*_frozen(own, name, values, nothing_else_changes(log, name, rows)), *_spikes(own, name, values)]
+            found += [*_saturated(own, name, values), *_resolution(own, name, values)]
+        yield from placed(found, rows, name)
+
+
 def check_samples(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:
     """Findings about the clock, the inputs, and each measured column (and each of `also`, extra columns)."""
     if len(log) < _FEW:
@@ -277,8 +293,11 @@ def check_samples(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:
     elif log.duration < _BRIEF:
         text = f"the run lasts {log.duration:.3g} s only; if that is not so, map t with the scale that gives seconds"
         yield finding(log, None, None, "note", "short_log", text)
-    yield from _clock(log)
     yield from _inputs(log)
+    if on_several_clocks(log):
+        yield from _on_their_own_rows(log)
+        return
+    yield from _clock(log)
     yield from _idle(log)
     columns = {name: log.output(name) for name in log.measured}
     columns |= {name: np.asarray(log.extra[name], dtype=float) for name in also}

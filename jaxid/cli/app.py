@@ -267,6 +267,24 @@ def fleet(
 
 @app.command()
 @_one_line_errors
+def look(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A log: bag, data log, MATLAB file, CSV, Parquet.")],
+    robot: Annotated[
+        str | None, typer.Option("--robot", metavar="ROBOT", help="Propose which field is which of its channels.")
+    ] = None,
+    write: Annotated[
+        Path | None, typer.Option("--write", metavar="MAPPING.toml", help="Write the proposal there, to be edited.")
+    ] = None,
+    mapping: Mapping = None,
+) -> None:
+    """Look at a file: its topics, rates, gaps, delays and fields, what is odd, and what could be what for a robot."""
+    from .look import run_look
+
+    run_look(file, robot, mapping, write)
+
+
+@app.command()
+@_one_line_errors
 def simulate(
     robot: RobotArgument,
     log: Annotated[str, typer.Option("--log", metavar="LOG", help="Log whose inputs drive the model.")],

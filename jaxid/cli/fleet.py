@@ -12,6 +12,7 @@ from typing import Any
 
 from .._dask import Lost, of_scheduler, on_this_machine, worked_off
 from ..estimate.output_error.far_members import far_estimates
+from ..logs.formats import RECORDINGS
 from ..report.fleet_files import MEMBERS, Row, member_row, read_parts, with_distances, write_part, write_tables
 from ..report.tables import to_text
 from ..robots import Robot
@@ -24,7 +25,7 @@ from .folder import results_in
 
 PART = 32
 """Members in a part: little is lost with it, and their logs fill the lanes of machine code."""
-_ENDINGS = (".csv", ".parquet", ".pq")
+_ENDINGS = (".csv", ".parquet", ".pq", *RECORDINGS)
 
 
 def members_of(folder: Path) -> dict[str, list[Path]]:

@@ -1,4 +1,4 @@
-"""A user's mapping: standard column name to the file's column, with scale and offset; a dict or a TOML file."""
+"""A user's mapping: standard column name to the file's column or field, with scale and offset; a dict or a TOML file."""
 
 import math
 from collections.abc import Mapping
@@ -12,12 +12,23 @@ from .log import did_you_mean
 
 
 class Source(NamedTuple):
-    """Where a standard column comes from: value = scale * column + offset, or, for time, interval * row."""
+    """Where a standard column comes from: value = scale * column + offset, or, for time, interval * row.
+
+    `column` is a table's column or a recording's field, such as `/odom.twist.twist.linear.x`. `derivative`: the rate of change
+    of that is meant. `stamp`, of time: whose clock counts in a recording, the sender's ("header") or the recorder's
+    ("receive").
+    """
 
     column: str
     scale: float = 1.0
     offset: float = 0.0
     interval: float | None = None
+    derivative: bool = False
+    stamp: str | None = None
+
+
+STAMPS = ("header", "receive")
+_NUMBERS = ("scale", "offset", "interval")
 
 
 def _finite(value: Any) -> bool:
@@ -27,25 +38,38 @@ def _finite(value: Any) -> bool:
         return False
 
 
+def _wrong(key: str, value: Any) -> str:
+    """What an entry's value should be instead; empty where it is right."""
+    if key in _NUMBERS:
+        return "" if _finite(value) else "give a number"
+    if key == "derivative":
+        return "" if isinstance(value, bool) else "give true or false"
+    if key == "stamp":
+        return "" if value in STAMPS else f"use {' or '.join(map(repr, STAMPS))}"
+    return "" if isinstance(value, str) else "give a name"
+
+
 def _source(place: str, name: str, entry: Any) -> Source:
     if isinstance(entry, str):
         return Source(entry)
     if not isinstance(entry, Mapping):
         raise LogError(f"{place} of {name!r} is {shown(entry)}; give a column name or {{column=..., scale=...}}.")
-    known = ("column", "scale", "offset", *(("interval",) if name == "t" else ()))
+    known = ("column", "field", "scale", "offset", *(("interval", "stamp") if name == "t" else ("derivative",)))
     for key, value in entry.items():
         if key not in known:
             raise LogError(
                 f"{place} of {name!r} has an unknown entry {key!r:.60}; use {', '.join(known)}, which lead to SI units."
             )
-        if not (isinstance(value, str) if key == "column" else _finite(value)):
-            kind = "name" if key == "column" else "number"
-            raise LogError(f"{place} of {name!r} has {key} = {value!r:.60}; give a {kind}.")
+        if wrong := _wrong(key, value):
+            raise LogError(f"{place} of {name!r} has {key} = {value!r:.60}; {wrong}.")
     if entry.get("scale", 1) == 0 or entry.get("interval", 1) <= 0:
         raise LogError(f"{place} of {name!r} has a scale or interval of zero or less where it cannot; correct it.")
     if "interval" in entry and len(entry) > 1:
         raise LogError(f"{place} of {name!r} has an interval and a column or scale; give one of the two.")
-    return Source(**{"column": name, **entry})
+    if "column" in entry and "field" in entry:
+        raise LogError(f"{place} of {name!r} has a column and a field; give one of the two.")
+    found = {"column" if key == "field" else key: value for key, value in entry.items()}
+    return Source(**{"column": name, **found})
 
 
 def read_mapping(mapping: Mapping[str, Any] | str | Path | None, channels: Channels) -> dict[str, Source]:

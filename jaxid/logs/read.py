@@ -19,25 +19,34 @@ import pandas as pd
 
 from .channels import POSE, Channels
 from .finding import Finding, LogError
+from .formats import format_of, is_bag_folder, read_recording
 from .log import ABSURD, Log, LogSet, channels_of, did_you_mean
 from .mapping import Source, read_mapping
+from .rates import rate
+from .recorded import read_recorded
 from .table import Table, read_table
 
 PathLike = str | Path
 
 
-def _find(paths: PathLike | Iterable[PathLike]) -> list[Path]:
+def _is_log(path: Path) -> bool:
+    """Whether a pattern means this: a file, or a ROS 2 bag as a folder."""
+    return path.is_file() or is_bag_folder(path)
+
+
+def files_of(paths: PathLike | Iterable[PathLike]) -> list[Path]:
+    """The files that paths and patterns mean. Raises `LogError` for what is no log, or is there twice."""
     found: list[Path] = []
     for path in [paths] if isinstance(paths, str | Path) else paths:
         path = Path(path).expanduser()
-        if path.is_file():
+        if _is_log(path):
             found.append(path)
         elif path.is_dir():
             raise LogError(f"{path} is a folder; give its logs, such as {path / '*.csv'}.")
         elif path.exists():
             raise LogError(f"{path} is a pipe or device, no file; write the log to a file first.")
         elif glob.has_magic(str(path)):
-            matches = sorted(Path(match) for match in glob.glob(str(path), recursive=True) if Path(match).is_file())
+            matches = sorted(match for match in map(Path, glob.glob(str(path), recursive=True)) if _is_log(match))
             if not matches:
                 raise LogError(f"No file matches {path}; check the pattern and the folder you start from.")
             found += matches
@@ -145,6 +154,15 @@ def _pose(name: str, values: np.ndarray | None, table: Table, path: Path) -> np.
     return values
 
 
+def _rate(values: np.ndarray, time: np.ndarray, name: str, column: str, path: Path) -> tuple[np.ndarray, str]:
+    """A speed from a column of positions, and what that costs; raises `LogError` for fewer than three of them."""
+    there = np.isfinite(values)
+    speed, text = rate(time[there], values[there], name, column, path)
+    found = np.full(len(values), np.nan)
+    found[there] = speed
+    return found, text
+
+
 def _overlooked(channels: Channels, there: Iterable[str], columns: list[str]) -> list[tuple[str, str]]:
     """(name, column) of optional channels and poses that the file lacks and columns that differ only in spelling."""
 
@@ -171,6 +189,8 @@ def _without_repeats(table: Table, time_column: str, path: Path) -> tuple[Table,
 
 def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source]) -> Log:
     """One file as a log called `name`."""
+    if format_of(path) is not None:
+        return read_recorded(path, name, channels, mapping)
     table = read_table(path)
     findings = [Finding(name, None, row, "warning", check, f"{name}: {text}.") for check, row, text in table.notes]
 
@@ -181,6 +201,10 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
             findings.append(Finding(name, column, int(rows[0]), "warning", check, message))
 
     sources = _sources(table, channels, mapping, path)
+    if sources["t"].stamp is not None:
+        raise LogError(
+            f"{path} is a table with one clock; take t = {{stamp = ...}}, which is for bags, out of the mapping."
+        )
     timed = sources["t"].interval is not None
     if not timed:
         shorter, rows = _without_repeats(table, sources["t"].column, path)
@@ -195,6 +219,9 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
             continue
         with np.errstate(over="ignore"):
             values = source.scale * _numbers(table, source.column, path) + source.offset
+        if source.derivative:
+            values, text = _rate(values, columns["t"], standard, source.column, path)
+            findings.append(Finding(name, standard, None, "warning", "differentiated", f"{name}: {text}."))
         absurd = (np.abs(values) > ABSURD) & (standard != "t")
         values = np.where(absurd, np.nan, values)
         if standard in channels.inputs:
@@ -236,16 +263,21 @@ def read_logs(
     *,
     mapping: Mapping[str, Any] | PathLike | None = None,
 ) -> LogSet:
-    """Read CSV and Parquet logs of one robot.
+    """Read the logs of one robot: CSV, Parquet, ROS 1 and ROS 2 bags (`pip install jaxid[bags]`), WPILib data logs
+    (`pip install jaxid[wpilog]`) and MATLAB files.
 
     **Arguments:**
 
-    - `paths`: a file, a pattern (`"logs/*.csv"`), or a list of them; patterns are read in alphabetical order.
+    - `paths`: a file (or a ROS 2 bag's folder), a pattern (`"logs/*.csv"`), or a list of them; patterns are read in
+      alphabetical order.
     - `robot`: `"pioneer"`, `"omni"`, `"axis"`, `"differential"`, a `Channels`, or any object with `.channels`.
     - `mapping`: standard name to the file's column, as a dict or the path of a TOML file:
-      `V2 = "right_volts"`, `eta1 = {column = "speed_mm_s", scale = 0.001}` (value = scale * column + offset), and, for
-      files without a time column, `t = {interval = 0.001}`.
+      `V2 = "right_volts"`, `eta1 = {column = "speed_mm_s", scale = 0.001}` (value = scale * column + offset), for
+      recordings `eta2 = {field = "/imu.angular_velocity.z"}`, for a speed of which only the position was measured
+      `derivative = true`; and, for files without a time column, `t = {interval = 0.001}`. Of a bag the times are those in the
+      messages' headers; `t = {stamp = "receive"}` takes the recorder's.
 
+    Recorded signals keep their own clocks: `jaxid.logs.combine` says how they come to the rows of one log.
     Returns a `LogSet`; columns that belong to no channel are kept in `Log.extra`. Files of equal name get their
     folder in front.
 
@@ -255,10 +287,18 @@ def read_logs(
     """
     channels = channels_of(robot)
     sources = read_mapping(mapping, channels)
-    found = _find(paths)
+    found = files_of(paths)
     return LogSet(_read(path, name, channels, sources) for path, name in zip(found, _names(found), strict=True))
 
 
 def first_columns(paths: PathLike | Iterable[PathLike]) -> tuple[str, ...]:
-    """Names of the columns of the first file. Raises `LogError` if it cannot be read."""
-    return tuple(str(column) for column in read_table(_find(paths)[0]).frame.columns)
+    """Names of the columns of the first file, or of a recording's signals; none of a bag, whose fields a mapping names.
+
+    Raises `LogError` if it cannot be read.
+    """
+    path = files_of(paths)[0]
+    kind = format_of(path)
+    if kind in ("wpilog", "mat"):
+        recording = read_recording(path)
+        return tuple(recording.series) if recording is not None else ()
+    return () if kind is not None else tuple(str(column) for column in read_table(path).frame.columns)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...estimate.result import Estimate
 from ...logs import Channels, Log, LogError, LogSet, read_logs
-from ...logs.read import PathLike, _find, _numbers
+from ...logs.read import PathLike, _numbers, files_of
 from ...logs.table import read_table
 from ..mean import mean_of
 from ..paper_table import PaperTable
@@ -66,7 +66,7 @@ def read_hanging(paths: PathLike | Iterable[PathLike]) -> LogSet:
 
     Raises `LogError`, one sentence with file, column, sample and remedy, for whatever cannot be used.
     """
-    return LogSet(_read(path) for path in _find(paths))
+    return LogSet(_read(path) for path in files_of(paths))
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,0 +1,134 @@
+"""`jaxid look`: what a file holds, stream by stream, what is odd in it, and what could be what for a robot."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from .._atomic import write_text
+from .._toml import read_toml
+from ..logs import LogError
+from ..logs.look import Look, Stream, look
+from ..logs.propose import Proposal, mapping_text, propose
+from ..logs.read import files_of
+from ..logs.series import Series
+from ..report.tables import Cell, Table, to_text
+from ..robots import Robot
+from .arguments import UnusableInput, load_robot
+from .console import say, show
+
+_FIELDS = 60
+"""Fields that are listed one by one."""
+
+
+def _seconds(value: float) -> str:
+    if not math.isfinite(value):
+        return "-"
+    return f"{value * 1e3:.3g} ms" if abs(value) < 1.0 else f"{value:.3g} s"
+
+
+def _row(stream: Stream) -> tuple[Cell, ...]:
+    rate = f"{1.0 / stream.interval:.4g} Hz" if stream.interval > 0 else "-"
+    jitter = f"{stream.jitter:.1%}" if math.isfinite(stream.jitter) else "-"
+    gaps = f"{stream.gaps} (longest {_seconds(stream.longest)})" if stream.gaps else "-"
+    late = f"{_seconds(stream.late)}, at most {_seconds(stream.latest)}" if math.isfinite(stream.late) else "-"
+    topic = stream.topic
+    cells = (topic.kind, f"{topic.messages:,}", rate, jitter, gaps, late)
+    marks = ("dim", "", "", "bad" if stream.jitter > 0.1 else "", "bad" if stream.gaps else "", "")
+    return (Cell(topic.name), *(Cell(text, mark) for text, mark in zip(cells, marks, strict=True)))
+
+
+def _streams(seen: Look) -> Table:
+    header = ("topic", "type", "messages", "rate", "jitter", "gaps", "received after stamp")
+    notes = [f"{stream.topic.name}: {stream.topic.remark}." for stream in seen.streams if stream.topic.remark]
+    notes += [f"warning: {text}." for _, text in seen.recording.notes]
+    return Table("Topics", header, tuple(map(_row, seen.streams)), tuple(notes))
+
+
+def _constant(series: Series) -> bool:
+    return not series.fault and len(series) > 0 and bool(np.all(series.values == series.values[0]))
+
+
+def _fields(seen: Look) -> Table:
+    rows = []
+    constant = {name: series.values[0] for name, series in seen.recording.series.items() if _constant(series)}
+    changing = [series for name, series in seen.recording.series.items() if name not in constant]
+    for series in changing[:_FIELDS]:
+        values = series.values
+        span = f"{values.min():.4g} ... {values.max():.4g}" if len(values) else "-"
+        doubt = seen.doubts.get(series.name, "")
+        rows.append(
+            (Cell(series.name), Cell(series.unit or "-", "dim"), Cell(span), Cell(doubt, "bad" if doubt else ""))
+        )
+    notes = []
+    if len(changing) > len(rows):
+        notes.append(f"{len(changing) - len(rows)} more fields change and are not listed.")
+    if constant:
+        listed = ", ".join(f"{name} ({value:.4g})" for name, value in list(constant.items())[:_FIELDS])
+        more = f" and {len(constant) - _FIELDS} more" if len(constant) > _FIELDS else ""
+        notes.append(f"Constant: {listed}{more}.")
+    return Table("Fields", ("field", "unit", "range", "odd"), tuple(rows), tuple(notes))
+
+
+def _proposals(proposals: Sequence[Proposal]) -> Table:
+    rows = [
+        (
+            Cell(one.channel),
+            Cell(one.unit, "dim"),
+            Cell(one.field or "?", "" if one.field else "bad"),
+            Cell(one.why, "dim"),
+        )
+        for one in proposals
+    ]
+    note = "By names and units alone: look every line over, with its unit and its sign."
+    return Table("What could be what", ("channel", "unit", "field", "meaning"), tuple(rows), (note,))
+
+
+def _words(robot: Robot) -> Mapping[str, str]:
+    """What every channel is, in words; an input that drives one side is told by its side."""
+    sides = {}
+    for place, name in enumerate(robot.channels.inputs):
+        gains = [robot.channels.mixing.get(output, ()) for output in robot.channels.outputs]
+        # The input of a side pushes forwards, and turns the robot to the left from the right, to the right from the left.
+        turning = next(
+            (g[place] for output, g in zip(robot.channels.outputs, gains, strict=True) if output == robot.turning), 0
+        )
+        if len(robot.channels.inputs) == 2 and turning:
+            sides[name] = "right side's command" if turning > 0 else "left side's command"
+    return {**sides, **robot.words}
+
+
+def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | None) -> None:
+    """Print the file's streams, fields and, for a robot, proposals; write these to `write` as a mapping."""
+    paths = files_of(file)
+    if len(paths) > 1:
+        raise UnusableInput(f"{file} matches {len(paths)} files; look at one after the other.")
+    if write is not None and spec is None:
+        raise UnusableInput(
+            "--write needs the robot whose channels are to be mapped; give --robot, such as --robot pioneer."
+        )
+    robot = load_robot(spec) if spec is not None else None
+    seen = look(paths[0], _time_field(mapping))
+    tables = [_streams(seen), _fields(seen)]
+    if robot is not None:
+        robot = robot.for_columns(seen.recording.series)
+        proposals = propose(seen, robot.channels, _words(robot))
+        tables.append(_proposals(proposals))
+        if write is not None:
+            stamped = any(series.stamped is not None for series in seen.recording.series.values())
+            write_text(write, mapping_text(paths[0], seen, proposals, stamped))
+    show(to_text(tables, ()))
+    if write is not None:
+        say(f"{write}: a proposed mapping; check every line, then give it by --map {write}")
+
+
+def _time_field(mapping: Path | None) -> str | None:
+    """The name that a mapping gives the column of times."""
+    if mapping is None:
+        return None
+    try:
+        entry = read_toml(mapping).get("t")
+    except (OSError, ValueError) as error:
+        raise LogError(f"The mapping {mapping} cannot be read ({error}); correct it.") from None
+    return entry.get("column", entry.get("field")) if isinstance(entry, dict) else entry
