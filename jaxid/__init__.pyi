@@ -32,6 +32,8 @@ from .estimate.output_error.output_error import output_error
 from .estimate.output_error.pure import Minimum, OutputErrorProblem, minimise, output_error_problem
 from .estimate.prediction_error.prediction_error import prediction_error
 from .estimate.result import Disturbance, Estimate, Fit, Outlier
+from .explanation.changes.change import ExplainedChange
+from .explanation.changes.explain_change import explain_change
 from .explanation.explain import explain
 from .explanation.explanation import Explanation
 from .explanation.fleet import ExplainedFleet, explain_fleet
@@ -74,6 +76,7 @@ __all__ = [
     "Effect",
     "EffectError",
     "Estimate",
+    "ExplainedChange",
     "ExplainedFleet",
     "Explanation",
     "Fit",
@@ -111,6 +114,7 @@ __all__ = [
     "compare",
     "design_experiment",
     "explain",
+    "explain_change",
     "explain_fleet",
     "fit_fleet",
     "fit_fleet_with_dask",

@@ -31,7 +31,10 @@ from .options import (
     Windows,
 )
 
-MANY = ("--fit", "--held-out", "--check", "--method", "--limit", "--noise", "--already", "--speed", "--floor")
+MANY = (
+    "--fit", "--held-out", "--check", "--method", "--limit", "--noise", "--already", "--speed", "--floor", "--before",
+    "--after", "--held-out-before", "--held-out-after",
+)  # fmt: skip
 """Flags that take every value up to the next flag."""
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """Reasons why the results cannot be printed; other errors without a file are bugs."""
@@ -209,6 +212,59 @@ def explain(
     run_explain(
         robot, fit, held_out, model, baseline, mapping, out, options, intersample, controller, false_alarm, overwrite,
         own_effects,
+    )  # fmt: skip
+
+
+@app.command()
+@_one_line_errors
+def change(
+    robot: RobotArgument,
+    before: Annotated[
+        list[str], typer.Option("--before", metavar="LOG...", help="Logs of the first set; patterns work.")
+    ],
+    after: Annotated[
+        list[str], typer.Option("--after", metavar="LOG...", help="Logs of the second set, of the same robot.")
+    ],
+    held_out_before: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--held-out-before", metavar="LOG...", help="Logs of the first set on which the answer is judged."
+        ),
+    ] = None,
+    held_out_after: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--held-out-after", metavar="LOG...", help="Logs of the second set on which the answer is judged."
+        ),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for change.json.")] = None,
+    model: Model = None,
+    false_alarm: Annotated[
+        float,
+        typer.Option(
+            "--false-alarm",
+            metavar="SHARE",
+            min=1e-6,
+            max=0.49,
+            help="How often two sets between which nothing changed may be said to differ.",
+        ),
+    ] = 0.01,
+    mapping: Mapping = None,
+    loss: Loss = "squares",
+    covariance: Covariance = "auto",
+    windows: Windows = "auto",
+    intersample: BetweenSamples = "hold",
+    own_effects: OwnEffects = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Say what changed between two sets of logs of one robot: its battery, load, floor, a wheel, a gear, or nothing."""
+    from .change import run_change
+
+    check_named(own_effects, model)
+    options = {"loss": loss, "covariance": covariance, "windows": window_option(windows)}
+    run_change(
+        robot, before, after, held_out_before or [], held_out_after or [], model, mapping, out, options, intersample,
+        false_alarm, own_effects, overwrite,
     )  # fmt: skip
 
 

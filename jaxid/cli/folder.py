@@ -16,7 +16,13 @@ from .._json import write_json
 from .arguments import UnusableInput
 
 RECORD = "command.json"
-_OWN = {"explanation.json": "explain", "design.json": "design", "members.parquet": "fleet", "fit.json": "fit"}
+_OWN = {
+    "explanation.json": "explain",
+    "design.json": "design",
+    "members.parquet": "fleet",
+    "fit.json": "fit",
+    "change.json": "change",
+}
 """A result of each command, by which folders without a record are known."""
 _EDITED = ("model.toml", "*experiment*.csv")
 """Files that people edit or fill in where a command has written them."""

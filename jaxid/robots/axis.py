@@ -31,6 +31,7 @@ class Axis(Robot):
     torque_unit: ClassVar[str] = "N"
     angle_unit: ClassVar[str] = "m"
     expressed: ClassVar[frozenset[str]] = frozenset({"asymmetric_friction"})  # the offset is the same model
+    mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({"payload_change": ("M",)})
     words: ClassVar[Mapping[str, str]] = MappingProxyType({"v": "speed", "q": "position"})
 
     def defaults(self) -> ParameterTable:

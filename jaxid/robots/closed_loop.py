@@ -152,6 +152,14 @@ class ClosedLoop(Robot):
         return self.plant.mechanisms
 
     @property
+    def wheel_radius(self) -> str:  # type: ignore[override]
+        return self.plant.wheel_radius
+
+    @property
+    def wheel_sides(self) -> tuple[str, str]:  # type: ignore[override]
+        return self.plant.wheel_sides
+
+    @property
     def expressed(self) -> frozenset[str]:  # type: ignore[override]
         return self.plant.expressed
 

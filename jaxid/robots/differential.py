@@ -42,7 +42,11 @@ class DifferentialDrive(Robot):
     angle_unit: ClassVar[str] = "m"
     torque_unit: ClassVar[str] = "N"
     mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-        {"lateral_com_offset": ("yc",), "wheel_radius_mismatch": ("radius_mismatch",)}
+        {
+            "lateral_com_offset": ("yc",),
+            "wheel_radius_mismatch": ("radius_mismatch",),
+            "payload_change": ("M", "J", "xc", "yc"),
+        }
     )
     words: ClassVar[Mapping[str, str]] = MappingProxyType(
         {"v": "forward speed", "w": "yaw rate", "v_right": "right wheel's speed", "v_left": "left wheel's speed"}

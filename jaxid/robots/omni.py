@@ -68,8 +68,11 @@ class Omni(Robot):
             "wheel_radius_mismatch": ("radius_mismatch",),
             "coriolis_coupling": ("coriolis",),
             "effective_track": ("b",),
+            "payload_change": ("M", "J", "xc", "yc"),
         }
     )
+    wheel_radius: ClassVar[str] = "r"
+    wheel_sides: ClassVar[tuple[str, str]] = ("wheels 1 and 2", "wheels 3 and 4")
     words: ClassVar[Mapping[str, str]] = MappingProxyType(
         {"V": "forward speed", "Vn": "sideways speed", "W": "yaw rate"}
     )

@@ -89,8 +89,10 @@ class Pioneer(Robot):
             "lateral_com_offset": ("xm",),
             "wheel_radius_mismatch": ("radius_mismatch",),
             "effective_track": ("L",),
+            "payload_change": ("M", "I0", "xm", "ym"),
         }
     )
+    wheel_radius: ClassVar[str] = "R"
     words: ClassVar[Mapping[str, str]] = MappingProxyType({"eta1": "forward speed", "eta2": "yaw rate"})
     driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)}

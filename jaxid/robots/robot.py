@@ -91,7 +91,12 @@ class Robot:
     supply_voltage: ClassVar[str | float | None] = None
     """The supply's voltage [V], or the parameter that is it."""
     mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
-    """Effect id -> the robot's own parameters that are this mechanism, which the effect frees."""
+    """Effect id -> the robot's own parameters that are this mechanism, which the effect frees (of a payload: those that it
+    changes, the mass first)."""
+    wheel_radius: ClassVar[str] = ""
+    """The parameter that is the radius which `wheel_radius_mismatch` makes larger on the first of `wheel_sides` and smaller on
+    the second."""
+    wheel_sides: ClassVar[tuple[str, str]] = ("right wheel", "left wheel")
     declared: ClassVar[bool] = False
     """Whether a user declares what effects may act on, so that what it lacks may only be unsaid."""
     expressed: ClassVar[frozenset[str]] = frozenset()

@@ -1,0 +1,69 @@
+"""`jaxid change`: fit two sets of logs of one robot, and say what changed between them."""
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from ..explanation.changes.explain_change import explain_change
+from ..explanation.explain import without_windows
+from ..logs import LogSet, read_logs
+from ..logs.intersample import Intersample, between_samples
+from ..robots import Robot
+from .arguments import UnusableInput, load_effects
+from .cache import keep_compiled_programs
+from .console import say, show, step
+from .findings import warn_of_findings
+from .fit import estimate, identifiable
+from .folder import results_in
+
+
+def _read(robot: Robot, paths: list[str], mapping: Path | None, intersample: Intersample) -> LogSet:
+    """The logs of one set, looked over. Raises `UnusableInput` if none can be fitted."""
+    logs = between_samples(read_logs(paths, robot, mapping=mapping), intersample)
+    useless = {finding.file: finding for finding in logs.preflight() if finding.severity == "error"}
+    if len(useless) == len(logs):
+        raise UnusableInput(next(iter(useless.values())).message)
+    return logs
+
+
+def run_change(
+    spec: str,
+    before: list[str],
+    after: list[str],
+    held_out_before: list[str],
+    held_out_after: list[str],
+    model: Path | None,
+    mapping: Path | None,
+    out: Path | None,
+    options: Mapping[str, Any],
+    intersample: Intersample,
+    false_alarm: float,
+    own_effects: str | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Print what changed, and write change.json to `out` where one is given."""
+    keep_compiled_programs()
+    if bool(held_out_before) != bool(held_out_after):
+        raise UnusableInput(
+            "Held-out logs are given of one set only; give --held-out-before and --held-out-after, or neither."
+        )
+    robot = identifiable(spec, model, before, mapping, load_effects(own_effects))
+    with nullcontext() if out is None else results_in(out, "change", robot.name, overwrite):
+        sets = [_read(robot, paths, mapping, intersample) for paths in (before, after)]
+        held_out = [
+            _read(robot, paths, mapping, intersample) if paths else None for paths in (held_out_before, held_out_after)
+        ]
+        say(f"{len(sets[0])} logs before, {len(sets[1])} after")
+        for logs, own in zip(sets, held_out, strict=True):
+            warn_of_findings(logs, own)
+        fits = []
+        for logs in sets:
+            fits.append(without_windows(estimate(robot, logs, options)[-1], logs, say, **options))
+        with step("What changed") as report:
+            found = explain_change(*fits, *sets, *held_out, false_alarm=false_alarm, report=report)
+        show(str(found))
+        if out is not None:
+            found.save(out)
+    if out is not None:
+        say(f"{out}: change.json")

@@ -1,0 +1,190 @@
+"""What may have changed, one candidate each: a parameter of the robot, several that one cause changes together, or a mechanism
+of the catalogue that came or went.
+
+A candidate moves a few numbers of one of the two sets of logs (its `coordinates`) while all else is shared. Those that one
+cause moves together come first (a payload is mass, inertia and centre of mass; a smaller tyre changes one of two radii), since
+of names that the data cannot tell apart the one of a cause is wanted.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from ...effects import catalogue
+from ...effects.own_parameter import OwnParameter
+from ...robots.effect import Effect, in_words
+from ...robots.robot import Robot
+from ...robots.traits import refusal
+from .differences import CommandGain, DryShare, ViscousShare
+
+Side = Literal["before", "after"]
+Numbers = Mapping[str, float]
+Move = Callable[[Numbers, Float[np.ndarray, " k"]], dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number by which a candidate moves: its name, its unit and its order of magnitude. `of` is the robot's parameter that
+    it is added to, empty where it is a share."""
+
+    name: str
+    unit: str
+    size: float
+    of: str = ""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One thing that may have changed.
+
+    `effects` are what the robot has to carry for it (absent while their parameters are zero); `move` gives the numbers of the
+    `side` that differs when the `coordinates` have certain values, from those that both sides share. `start` are values to
+    begin a refit from.
+    """
+
+    id: str
+    title: str
+    coordinates: tuple[Coordinate, ...]
+    move: Move = field(repr=False, compare=False)
+    effects: tuple[Effect, ...] = ()
+    side: Side = "after"
+    start: tuple[float, ...] = ()
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Parameters of the robot that it is made of; none where it is an effect."""
+        return tuple(c.of for c in self.coordinates if c.of)
+
+
+def _added(names: Sequence[str]) -> Move:
+    return lambda numbers, d: {name: numbers[name] + float(x) for name, x in zip(names, d, strict=True)}
+
+
+def _put(names: Sequence[str]) -> Move:
+    return lambda numbers, d: {name: float(x) for name, x in zip(names, d, strict=True)}
+
+
+def _size(robot: Robot, name: str) -> float:
+    parameter = robot.parameters[name]
+    return abs(parameter.value) or parameter.typical or 1.0
+
+
+def _worded(robot: Robot, name: str) -> str:
+    meaning = robot.parameters[name].meaning
+    return f"{meaning} ({name})" if meaning else name
+
+
+def _of_parameters(robot: Robot, identifier: str, title: str, names: Sequence[str]) -> Candidate:
+    table = robot.parameters
+    coordinates = tuple(Coordinate(name, table[name].unit, _size(robot, name), name) for name in names)
+    return Candidate(identifier, title, coordinates, _added(names))
+
+
+def _one_side(radius: str, mismatch: str, sign: float) -> Move:
+    """One wheel's radius grows by a share d: radius (1 ± mismatch) of that wheel, the other's stays what it is."""
+
+    def move(numbers: Numbers, d: Float[np.ndarray, " k"]) -> dict[str, float]:
+        r, m, share = numbers[radius], numbers[mismatch], float(d[0])
+        larger, smaller = r * (1.0 + m), r * (1.0 - m)
+        larger, smaller = (larger * (1.0 + share), smaller) if sign > 0 else (larger, smaller * (1.0 + share))
+        mean = 0.5 * (larger + smaller)
+        return {radius: mean, mismatch: larger / mean - 1.0}
+
+    return move
+
+
+def _axis_word(robot: Robot, axis: int) -> str:
+    place = robot.drive_axes.index(axis)
+    return f"of {robot.axis_words[place]}" if robot.axis_words else f"of wheel {place + 1}"
+
+
+def _friction(robot: Robot, identifier: str, title: str, groups: Sequence[Sequence[int]]) -> Candidate | None:
+    """Coulomb and viscous friction of each of the `groups` of axes, by shares of its own."""
+    parts: list[Effect] = []
+    for axes in groups:
+        end = "" if len(groups) == 1 else f"_{axes[0] + 1}"
+        for kind in (DryShare, ViscousShare):
+            effect = kind(axes=tuple(axes))
+            parts.append(effect.standing_as(f"{identifier}{end}.{effect.id}"))
+    parts = [effect for effect in parts if refusal(effect, robot) is None]
+    return _of_effects(robot, identifier, title, parts) if parts else None
+
+
+def _of_effects(robot: Robot, identifier: str, title: str, effects: Sequence[Effect], tied: bool = False) -> Candidate:
+    parameters = {name: p for effect in effects for name, p in effect.parameters(robot).items()}
+    free = {name: p for name, p in parameters.items() if p.free}
+    if tied:
+        names, first = list(free), next(iter(free.values()))
+        coordinate = Coordinate(identifier, first.unit, first.typical or 1.0)
+        return Candidate(
+            identifier, title, (coordinate,), lambda numbers, d: dict.fromkeys(names, float(d[0])), tuple(effects)
+        )
+    coordinates = tuple(Coordinate(name, p.unit, p.typical or 1.0) for name, p in free.items())
+    return Candidate(identifier, title, coordinates, _put(list(free)), tuple(effects))
+
+
+def _causes(robot: Robot) -> list[Candidate]:
+    """What one cause moves together, and what has no parameter of its own in the robot."""
+    table, found = robot.parameters, []
+    load = [name for name in robot.mechanisms.get("payload_change", ()) if name in table]
+    if load:
+        found.append(_of_parameters(robot, load[0], _worded(robot, load[0]), load[:1]))
+    if len(load) > 1:
+        found.append(_of_parameters(robot, "payload", "payload", load[:2]))
+    if len(load) > 2:
+        found.append(_of_parameters(robot, "payload_off_centre", "payload, and where it lies", load))
+    gain = CommandGain()
+    if refusal(gain, robot) is None and robot.drive_inputs:
+        found.append(_of_effects(robot, "command_gain", "supply or command gain", [gain]))
+    mismatch = robot.mechanisms.get("wheel_radius_mismatch", ())
+    if robot.wheel_radius in table and len(mismatch) == 1:
+        for sign, side in zip((1.0, -1.0), robot.wheel_sides, strict=True):
+            name = f"radius_of_{side.replace(' ', '_')}"
+            move = _one_side(robot.wheel_radius, mismatch[0], sign)
+            found.append(Candidate(name, f"radius of the {side}", (Coordinate(name, "", 1.0),), move))
+    axes = robot.drive_axes
+    every = _friction(robot, "friction", "friction of all drive axes", [axes]) if axes else None
+    found += [every] if every else []
+    if len(axes) > 1:
+        each = [
+            _friction(
+                robot, f"friction_{_axis_word(robot, i).replace(' ', '_')}", f"friction {_axis_word(robot, i)}", [[i]]
+            )
+            for i in axes
+        ]
+        each.append(_friction(robot, "friction_of_each", "friction of each drive axis", [[i] for i in axes]))
+        found += [one for one in each if one is not None]
+    return found
+
+
+def _parameters(robot: Robot) -> list[Candidate]:
+    """Every number of the model, each by itself."""
+    return [_of_parameters(robot, name, _worded(robot, name), [name]) for name in robot.parameters]
+
+
+def of_mechanism(effect: Effect, robot: Robot, side: Side, start: Mapping[str, float] | None = None) -> Candidate:
+    """An effect of the catalogue that came (`side` after) or went (before)."""
+    word = "appeared" if side == "after" else "vanished"
+    found = _of_effects(robot, effect.id, f"{in_words(effect.id)} that {word}", [effect])
+    values = tuple((start or {}).get(c.name, 0.0) for c in found.coordinates)
+    return replace(found, side=side, start=values)
+
+
+def candidates_of(robot: Robot) -> list[Candidate]:
+    """Everything but the catalogue's mechanisms, causes first; one of each set of coordinates."""
+    found: dict[tuple[str, ...], Candidate] = {}
+    for candidate in (*_causes(robot), *_parameters(robot)):
+        found.setdefault(tuple(c.name for c in candidate.coordinates), candidate)
+    return list(found.values())
+
+
+def mechanisms_of(robot: Robot) -> list[Effect]:
+    """Mechanisms of the catalogue that the robot lacks and that are no parameters of its own; not those that repeat with the
+    wheels' angles, for which these would have to be prescribed."""
+    return [e for e in catalogue(robot) if not isinstance(e, OwnParameter) and not e.repeats]
+
+
+__all__ = ["Candidate", "Coordinate", "Side", "candidates_of", "mechanisms_of", "of_mechanism"]

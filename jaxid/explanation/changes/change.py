@@ -1,0 +1,228 @@
+"""What `explain_change` found, as one object: verdict, the change with its size, and what could have gone unnoticed."""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from ..._json import plain, write_json
+from ..._table import html_table, text_table
+from ...estimate.result import Estimate, Fit
+
+Verdict = Literal["unchanged", "named", "ambiguous", "unexplained"]
+POWER = 0.9
+"""Probability with which a change of the size that is called noticeable would have been noticed."""
+_SHOWN = 12
+
+
+@dataclass(frozen=True)
+class Difference:
+    """By how much one number differs: `size` is added to `before` to give `after` (a share where it has no unit)."""
+
+    before: float
+    after: float
+    size: Estimate
+
+    @property
+    def share(self) -> float:
+        """The size in units of what there was before; NaN where there was nothing."""
+        return self.size.value / abs(self.before) if self.before else math.nan
+
+    def to_dict(self) -> dict[str, Any]:
+        """As result files have it."""
+        return {"before": self.before, "after": self.after, "difference": self.size.to_dict()}
+
+
+@dataclass(frozen=True)
+class NamedChange:
+    """One thing that would explain the difference between the two sets of logs.
+
+    `differences` by name; `rms` is the error that it leaves on all logs of both sets, in units of the (whitened) noise. `same`
+    are other names of the very same model.
+    """
+
+    id: str
+    title: str
+    differences: dict[str, Difference]
+    rms: float
+    same: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """The title, with the names that mean the same model."""
+        return f"{self.title}, which is the same as {' or '.join(self.same)}" if self.same else self.title
+
+    @property
+    def sizes(self) -> str:
+        """Every difference with its 95 % interval, in words."""
+        return ", ".join(_sized(name, d) for name, d in self.differences.items())
+
+    def to_dict(self) -> dict[str, Any]:
+        """As result files have it."""
+        parameters = {name: d.to_dict() for name, d in self.differences.items()}
+        return {
+            "id": self.id,
+            "title": self.title,
+            "parameters": parameters,
+            "rms": self.rms,
+            "same_as": list(self.same),
+        }
+
+
+def _sized(name: str, d: Difference) -> str:
+    unit = f" {d.size.unit}" if d.size.unit else ""
+    low, high = d.size.ci95
+    if not math.isfinite(d.size.std_error):
+        return f"{name} {d.size.value:+.3g}{unit} (no interval)"
+    share = f", {100 * d.share:+.2g} %" if math.isfinite(d.share) else ""
+    return f"{name} {d.size.value:+.3g}{unit} (95 % {low:.3g} to {high:.3g}{share})"
+
+
+@dataclass(frozen=True)
+class Noticeable:
+    """The smallest change of one number of a candidate, all else the same, that these logs would have shown with a probability
+    of `POWER` (infinite: they show none)."""
+
+    id: str
+    title: str
+    name: str
+    size: float
+    unit: str
+    value: float
+
+    @property
+    def text(self) -> str:
+        """Name and size in words."""
+        unit = f" {self.unit}" if self.unit else ""
+        share = f" ({100 * self.size / abs(self.value):.2g} %)" if self.value else ""
+        return f"{self.name} by {self.size:.2g}{unit}{share}"
+
+
+@dataclass(frozen=True)
+class Looked:
+    """A candidate at the first look: the drop of the sum of squares that it promises and its probability by chance, for this
+    candidate alone."""
+
+    id: str
+    title: str
+    gain: float
+    p_value: float
+
+
+@dataclass(frozen=True, repr=False)
+class ExplainedChange:
+    """What changed between two sets of logs of one robot. `str()` has it for people, `to_dict()` for programs.
+
+    - `verdict`: "unchanged"; "named": one thing (`change`) explains the difference; "ambiguous": it or one of `equivalent`,
+      which these logs cannot tell apart; "unexplained": something changed that no single candidate explains (`doubts` say
+      why not; `change` is then the one that comes nearest).
+    - `p_value`: of two sets this different if nothing had changed, all candidates accounted for.
+    - `rms_unchanged` and `rms_separate`: error of one model for both sets and of two models, in units of the (whitened) noise.
+    - `noticeable`: the smallest changes that would have been noticed; `unseen`: what these logs do not show at all.
+    - `looked`: all candidates, the likeliest first. `held_out_gain`: drop of chi-squared on held-out logs by the change, NaN
+      without.
+    """
+
+    verdict: Verdict
+    change: NamedChange | None
+    equivalent: tuple[NamedChange, ...]
+    p_value: float
+    false_alarm: float
+    rms_unchanged: float
+    rms_separate: float
+    before: Fit = field(repr=False)
+    after: Fit = field(repr=False)
+    noticeable: tuple[Noticeable, ...] = ()
+    unseen: tuple[str, ...] = ()
+    looked: tuple[Looked, ...] = ()
+    held_out_gain: float = math.nan
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence."""
+        if self.verdict == "unchanged":
+            return f"Nothing changed that these logs show (p = {self.p_value:.2g})."
+        fall = ""
+        if self.change is not None:
+            fall = (
+                f"; the error of one model for both sets falls from {self.rms_unchanged:.3g} to {self.change.rms:.3g} times "
+                "the noise"
+            )
+        if self.verdict == "unexplained":
+            part = f" Nearest comes {self.change.title}: {self.change.sizes}{fall}." if self.change is not None else ""
+            why = (
+                f" It is not the answer, since {'; '.join(self.doubts)}."
+                if self.change is not None and self.doubts
+                else ""
+            )
+            return f"Something changed that no single thing explains (p = {self.p_value:.1e}).{part}{why}"
+        assert self.change is not None
+        others = ""
+        if self.equivalent:
+            others = (
+                " These logs cannot tell it from "
+                + " or ".join(f"{own.words} ({own.sizes})" for own in self.equivalent)
+                + "."
+            )
+        return f"Changed: {self.change.words}: {self.change.sizes}{fall}.{others}"
+
+    def _paragraphs(self) -> tuple[list[str], list[str]]:
+        after = []
+        if self.noticeable:
+            after.append(
+                f"With {100 * POWER:.0f} % probability a change on its own would have been noticed of "
+                + "; ".join(own.text for own in self.noticeable[:_SHOWN])
+                + "."
+            )
+        if self.unseen:
+            after.append(f"Not shown at all: {', '.join(self.unseen[:_SHOWN])}.")
+        return [self.sentence], [*after, *self.notes]
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        rows: list[tuple[str, ...]] = [("", "promises (chi-squared)", "p value alone")]
+        rows += [(own.title, f"{own.gain:.1f}", f"{own.p_value:.2g}") for own in self.looked[:_SHOWN]]
+        return rows
+
+    def __repr__(self) -> str:
+        return text_table(self._rows(), *self._paragraphs(), right=(1, 2))
+
+    def __str__(self) -> str:
+        return repr(self)
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows(), *self._paragraphs(), right=(1, 2))
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `change.json` holds; what is not a finite number is None."""
+        return plain(
+            {
+                "robot": self.before.robot.name,
+                "verdict": self.verdict,
+                "sentence": self.sentence,
+                "false_alarm": self.false_alarm,
+                "p_value": self.p_value,
+                "change": self.change.to_dict() if self.change is not None else None,
+                "equivalent_to": [own.to_dict() for own in self.equivalent],
+                "rms": {"unchanged": self.rms_unchanged, "separate": self.rms_separate},
+                "held_out_gain": self.held_out_gain,
+                "noticeable": [
+                    {"id": n.id, "parameter": n.name, "size": n.size, "unit": n.unit, "value": n.value}
+                    for n in self.noticeable
+                ],
+                "unseen": list(self.unseen),
+                "candidates": [
+                    {"id": c.id, "title": c.title, "gain": c.gain, "p_value": c.p_value} for c in self.looked
+                ],
+                "doubts": list(self.doubts),
+                "notes": list(self.notes),
+            }
+        )
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write `change.json` into `folder` (made if missing) and return its path. Raises `OSError` if it cannot be written."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(folder / "change.json", self.to_dict())
+        return [folder / "change.json"]

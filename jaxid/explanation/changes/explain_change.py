@@ -1,0 +1,311 @@
+"""What changed between two sets of logs of one robot: a battery, a load, a floor, a tyre, a gear?
+
+One model for both sets, of which one thing at a time may differ, is held against one in which nothing does. A change is said
+where that is unlikely by chance for any of the candidates, all of which are counted; it is named where its candidate leaves no
+more of the difference than two separate models would, and follows both sets alike.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..._compile import seldom_collected
+from ..._distributions import chi_squared_beyond, normal_beyond
+from ..._float64 import in_float64
+from ..._memory import bounded_memory
+from ...estimate.result import Estimate, Fit
+from ...logs import LogError, LogSet
+from ...parameters import ParameterError
+from ...robots.given import given_logs
+from ..level import FALSE_ALARM, checked_level
+from .candidates import Side
+from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
+from .first_look import FirstLook, Score, first_look
+from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
+from .judged import differ_at_all, follows_one_worse, noticed_from, predicted, told_apart
+from .sides import side_of
+
+_MOST, _ALWAYS, _FEW = 8, 3, 3
+_PROMISING = 0.3
+"""Share of the best candidate's promise below which mechanisms of the catalogue are not refitted, but for the first three."""
+_IN_THE_RUNNING, _FAR = 0.3, 100.0
+"""Candidates that come so near to the best one's gain in a few steps are refitted to the end."""
+_NEAR = 16.0
+"""Chi-squared by which two candidates must differ to be told apart, and standard errors of the difference."""
+_APART = 2.0
+_LEFT = 0.03
+"""Share of the difference that a change may leave, significant or not: how far the models themselves are from nature."""
+
+
+@dataclass(frozen=True)
+class _HeldOut:
+    """Held-out logs of both sides."""
+
+    logs: dict[Side, LogSet]
+
+    def residuals(self, pair: Pair, joint: Joint, colours: Colours) -> list[np.ndarray]:
+        """Whitened residuals of a refit's prediction."""
+        found: list[np.ndarray] = []
+        robot = with_candidate(pair.robot, joint.candidate)
+        for side, logs in self.logs.items():
+            numbers = numbers_on(side, robot, pair.free, joint.candidate, joint.theta, joint.delta)
+            names = logs.channels.measured
+            sigma = dict(zip(names, map(float, pair.sides[side].sigma), strict=True))
+            found += predicted(robot.with_values(**numbers), logs, sigma, dict(zip(names, colours[side], strict=True)))
+        return found
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A refitted candidate: its first score, its refit, the `total` of its squares and its price, whitened residuals to
+    compare."""
+
+    score: Score
+    joint: Joint
+    total: float
+    compared: list[np.ndarray]
+
+
+def _checked(before: Fit, after: Fit) -> None:
+    """Raise `ParameterError` where the two fits are not of one model."""
+    if before.robot.structure != after.robot.structure:
+        raise ParameterError(
+            f"the two fits are of different models ({before.robot.name} and {after.robot.name}, or other effects); fit the "
+            "same model to both sets of logs"
+        )
+    if before.free_names != after.free_names:
+        raise ParameterError(
+            f"the two fits estimate different parameters ({', '.join(before.free_names)}, and {', '.join(after.free_names)}); "
+            "free the same ones in both"
+        )
+    for name, parameter in before.robot.parameters.items():
+        other = after.robot.parameters[name].value
+        if name not in before.free_names and parameter.value != other:
+            raise ParameterError(
+                f"the two fits take {name} for {parameter.value:g} and {other:g}: what is known to differ is no change to be "
+                "found; give both the same value, or free it"
+            )
+    if (before.window is None) != (after.window is None):
+        raise ParameterError("one fit is by free simulation, the other in windows; fit both with the same `windows=`")
+
+
+def _colours_left(pair: Pair, joint: Joint) -> Colours:
+    return {side: pair.sides[side].colours(joint.residuals[side]) for side in SIDES}
+
+
+def _whitened(pair: Pair, joint: Joint, colours: Colours) -> list[np.ndarray]:
+    """Whitened residuals [T, ny] of every log."""
+    return [own for side in SIDES for own in pair.sides[side].whiten(joint.residuals[side], colours[side])]
+
+
+def _shortlist(look: FirstLook) -> list[Score]:
+    """The candidates worth a refit: all of the robot's own, since large changes are not what they promise to first order, and
+    the mechanisms that promise most."""
+    others = [score for score in look.scores if not score.own and score.gain > 0.0]
+    least = _PROMISING * max((score.gain for score in look.scores), default=0.0)
+    kept = [s for i, s in enumerate(others[:_MOST]) if i < _ALWAYS or s.gain > least]
+    return [*(score for score in look.scores if score.own), *kept]
+
+
+def _named(pair: Pair, trial: _Trial, rows: int) -> NamedChange:
+    """The change in words and numbers."""
+    candidate, joint = trial.score.candidate, trial.joint
+    robot = with_candidate(pair.robot, candidate)
+    numbers = {**robot.parameters.numbers, **dict(zip(pair.free, map(float, joint.theta), strict=True))}
+    errors = np.sqrt(np.maximum(np.diag(joint.covariance), 0.0))
+    found = {}
+    for c, size, error in zip(candidate.coordinates, joint.delta, errors, strict=True):
+        estimate = Estimate.of(float(size), float(error) if error > 0 else float("nan"), c.unit)
+        shared = numbers[c.of] if c.of else 0.0
+        found[c.name] = Difference(shared, shared + float(size), estimate)
+    if candidate.side == "before":
+        found = {name: Difference(d.after, d.before, d.size) for name, d in found.items()}
+    return NamedChange(candidate.id, candidate.title, found, float(np.sqrt(joint.squares / rows)), trial.score.same)
+
+
+def _noticeable(look: FirstLook, pair: Pair, chance: float) -> tuple[Noticeable, ...]:
+    """The smallest noticeable change of everything but the catalogue's mechanisms, causes first."""
+    found: dict[str, Noticeable] = {}
+    scores = {score.candidate: score for score in look.scores if score.own}
+    for candidate in (own for own in pair.own if own in scores):
+        for c, size in zip(candidate.coordinates, noticed_from(scores[candidate], chance), strict=True):
+            value = pair.robot.parameters[c.of].value if c.of else 0.0
+            if np.isfinite(size) and c.name not in found:
+                found[c.name] = Noticeable(candidate.id, candidate.title, c.name, float(size), c.unit, value)
+    return tuple(found.values())
+
+
+@in_float64
+@bounded_memory()
+@seldom_collected()
+def explain_change(
+    before: Fit,
+    after: Fit,
+    logs_before: LogSet,
+    logs_after: LogSet,
+    held_out_before: LogSet | None = None,
+    held_out_after: LogSet | None = None,
+    *,
+    false_alarm: float = FALSE_ALARM,
+    report: Callable[[str], None] = lambda message: None,
+) -> ExplainedChange:
+    """Say what changed between two sets of logs of one robot, given the output-error fit of each.
+
+    Both fits are of the same model with the same free parameters. Candidates are every parameter of the robot, fixed or free;
+    what one cause changes together (a payload, the gain of supply or driver, the friction of one drive axis or of all, the
+    radius of one wheel); and every mechanism of the catalogue, which may have appeared or vanished. `false_alarm` is how often
+    two sets between which nothing changed may be said to differ, by whichever candidate. With held-out logs of both sets, the
+    change that was found on the fitted ones has to explain these, too. `report` is called with a sentence whenever something
+    is done.
+
+    Noise may be coloured, and other in one set than in the other. What scatters between the logs of one set beyond their noise
+    widens what a change must exceed.
+
+    Raises `ParameterError` for fits of different models and `LogError` for logs of another robot, or held-out logs of one set
+    only; `ValueError` for a `false_alarm` that is no share below a half.
+    """
+    level = checked_level(false_alarm)
+    _checked(before, after)
+    if (held_out_before is None) != (held_out_after is None):
+        raise LogError("Held-out logs are given of one set only; give some of both, or none.")
+    logs_before, logs_after = given_logs(before.robot, logs_before), given_logs(after.robot, logs_after)
+    held_out = None
+    if held_out_before is not None and held_out_after is not None:
+        given = given_logs(before.robot, held_out_before), given_logs(after.robot, held_out_after)
+        held_out = _HeldOut({"before": given[0], "after": given[1]})
+    pair = Pair.of(
+        before.robot, before.free_names, {"before": side_of(before, logs_before), "after": side_of(after, logs_after)}
+    )
+    look = first_look(before.robot, pair, {"before": before.initial_states, "after": after.initial_states})
+    report("first look: " + ", ".join(f"{s.candidate.title} {s.gain:.0f}" for s in look.scores[:5]))
+    null, colours = refit(pair, None, look.colours, look.theta), look.colours
+    by_name = min([1.0, *(s.p_value * look.tried for s in look.scores)])
+    worse, ratio = follows_one_worse(pair, null.residuals)
+    p = min(2.0 * by_name, 4.0 * differ_at_all(before, after), 4.0 * worse, 1.0)
+    best, equivalent, doubts = None, [], []
+    if p < level:
+        trials, null, colours = _refitted(pair, look, null, held_out, report)
+        best, *equivalent = _simplest_first(trials)
+        worse, ratio = follows_one_worse(pair, best.joint.residuals)
+    rows = sum(int(own.there.sum()) for own in pair.sides.values())
+    separate = _separate(pair, after, colours)
+    if best is not None:
+        doubts = _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
+    verdict: Verdict = "unchanged"
+    if best is not None:
+        verdict = "unexplained" if doubts else "ambiguous" if equivalent else "named"
+    gain = float("nan")
+    if held_out is not None and best is not None:
+        gain = _held_out_gain(pair, held_out, null, best.joint, colours)
+    return ExplainedChange(
+        verdict=verdict,
+        change=_named(pair, best, rows) if best is not None else None,
+        equivalent=tuple(_named(pair, own, rows) for own in equivalent) if not doubts else (),
+        p_value=float(p),
+        false_alarm=level,
+        rms_unchanged=float(np.sqrt(null.squares / rows)),
+        rms_separate=float(np.sqrt(separate / rows)),
+        before=before,
+        after=after,
+        noticeable=_noticeable(look, pair, 0.5 * level / look.tried),
+        unseen=look.unseen,
+        looked=tuple(Looked(s.candidate.id, s.candidate.title, s.gain, s.p_value) for s in look.scores),
+        held_out_gain=gain,
+        doubts=tuple(doubts),
+    )
+
+
+def _separate(pair: Pair, after: Fit, colours: Colours) -> float:
+    """The whitened sum of squares that the two fits leave, each on its own logs."""
+    total = 0.0
+    for side in SIDES:
+        own = pair.sides[side]
+        change = {} if side == "before" else {n: after.robot.parameters[n].value for n in pair.free}
+        r = own.simulated(pair.robot, [change], own.nothing_moved)[0] - own.observed
+        total += float(np.sum(own.whiten(r, colours[side]) ** 2))
+    return total
+
+
+def _refitted(
+    pair: Pair, look: FirstLook, null: Joint, held_out: _HeldOut | None, report: Callable[[str], None]
+) -> tuple[list[_Trial], Joint, Colours]:
+    """The shortlist refitted, the best first; the model without any change; the colours of the noise that the best leaves."""
+    rows = float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
+    joints: list[tuple[Score, Joint]] = []
+    for score in _shortlist(look):
+        start = score.delta if np.all(np.isfinite(score.delta)) else None
+        joints.append((score, refit(pair, score.candidate, look.colours, look.theta, start, steps=_FEW)))
+    _, first = min(joints, key=lambda own: own[1].squares + rows * len(own[1].delta))
+    first = refit(pair, first.candidate, look.colours, first.theta, first.delta, first.states)
+    colours = _colours_left(pair, first)
+    nothing = weighed(pair, null, colours)
+    reached = weighed(pair, first, colours)
+    near = reached + max(_IN_THE_RUNNING * (nothing - reached), _FAR)
+
+    def again(joint: Joint) -> Joint:
+        squares = weighed(pair, joint, colours)
+        if squares < near:
+            return refit(pair, joint.candidate, colours, joint.theta, joint.delta, joint.states)
+        return replace(joint, squares=squares)
+
+    trials = []
+    for score, old in joints:
+        joint = again(old)
+        compared = held_out.residuals(pair, joint, colours) if held_out is not None else _whitened(pair, joint, colours)
+        total = joint.squares + rows * len(joint.delta)
+        total += sum(float(np.sum(r**2)) for r in compared) if held_out is not None else 0.0
+        trials.append(_Trial(score, joint, total, compared))
+    trials.sort(key=lambda trial: trial.total)
+    for trial in trials:
+        report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
+    return trials, refit(pair, None, colours, null.theta, None, null.states), colours
+
+
+def _simplest_first(trials: list[_Trial]) -> list[_Trial]:
+    """The best and those that the data cannot tell from it, the simplest first; none that says the same with more numbers."""
+    best = trials[0]
+    near = [best]
+    for trial in trials[1:]:
+        if trial.total - best.total < _NEAR and told_apart(best.compared, trial.compared) < _APART:
+            near.append(trial)
+    near.sort(key=lambda trial: (len(trial.joint.delta), trial.total))
+    kept: list[_Trial] = []
+    for trial in near:
+        simpler = (own for own in kept if len(own.joint.delta) < len(trial.joint.delta))
+        if not any(_says_the_same(own, trial) for own in simpler):
+            kept.append(trial)
+    return kept
+
+
+def _says_the_same(one: _Trial, other: _Trial) -> bool:
+    """Whether two refits predict the same but for what their coordinates take up of the noise."""
+    apart = sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.compared, other.compared, strict=True))
+    return apart < _NEAR + len(other.joint.delta) + len(one.joint.delta)
+
+
+def _held_out_gain(pair: Pair, held_out: _HeldOut, null: Joint, joint: Joint, colours: Colours) -> float:
+    one, other = (held_out.residuals(pair, own, colours) for own in (null, joint))
+    return float(sum(np.sum(a**2) - np.sum(b**2) for a, b in zip(one, other, strict=True)))
+
+
+def _doubts(
+    best: _Trial, null: Joint, separate: float, worse: float, ratio: float, by_name: float, level: float,
+    held_out: _HeldOut | None, colours: Colours, pair: Pair,
+) -> list[str]:  # fmt: skip
+    """Why the best candidate is not the answer, each reason in a sentence's part."""
+    doubts = []
+    if 2.0 * by_name >= level:
+        doubts.append("no candidate stands out from chance by itself")
+    left, gained = best.joint.squares - separate, null.squares - best.joint.squares
+    if left > float(chi_squared_beyond(level / 4.0, max(len(pair.free), 1))) and left > _LEFT * gained:
+        doubts.append(
+            f"two separate models follow the logs better (chi-squared by {left:.0f}, of {gained:.0f} that it gains)"
+        )
+    if 4.0 * worse < level:
+        doubts.append(f"even so the model follows one of the two sets {ratio:.2f} times less well than the other")
+    if held_out is not None:
+        gain = _held_out_gain(pair, held_out, null, best.joint, colours)
+        if gain <= float(normal_beyond(level / 2.0)) ** 2:
+            doubts.append(f"on held-out logs it gains nothing (chi-squared {gain:+.1f})")
+    return doubts

@@ -1,0 +1,189 @@
+"""What changed between two sets of logs: said and sized on data of the independent simulator, whose dry friction truly sticks,
+and silent where nothing did."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+from benchmarks.hidden.cases import MODEL, NOISE, REFERENCE  # noqa: E402
+from jaxid import Channels, Custom, Log, LogError, LogSet, Parameter, ParameterError, explain_change, output_error
+from reference import excitation  # noqa: E402
+from reference.logs import simulate_log  # noqa: E402
+
+KINDS = {"axis": ("prbs_reversing", "multilevel", "crawl")}
+MANY = ("prbs_forward", "prbs_reversing", "multilevel", "turning")
+
+
+def recorded(name, seed, times=(), gain=1.0, noise="white", kinds=None, samples=500, **hidden):
+    """Logs of a robot whose constants are so many `times` the usual ones, with a battery that gives `gain` times as much as is
+    logged."""
+    reference, model = REFERENCE[name], MODEL[name]()
+    reference = reference.with_parameters(
+        **{key: reference.parameters[key] * factor for key, factor in dict(times).items()}
+    )
+    found = []
+    for k, kind in enumerate(kinds or KINDS.get(name, MANY)):
+        inputs = excitation.experiment(name, kind, samples, 100 * seed + k)
+        table = simulate_log(reference, inputs, 0.02, NOISE[name], 100 * seed + k, noise_kind=noise, **hidden)
+        outputs = table[list(model.channels.outputs)].to_numpy()
+        found.append(Log.from_arrays(f"run {k}", table["t"].to_numpy(), inputs / gain, outputs, model))
+    return LogSet(found)
+
+
+def nominal(name):
+    """The model with the simulator's constants as known ones and starts."""
+    model = MODEL[name]()
+    return model.with_values(**{k: float(v) for k, v in REFERENCE[name].parameters.items() if k in model.parameters})
+
+
+@cache
+def usual(name, seed=0, noise="white"):
+    logs = recorded(name, seed, noise=noise)
+    return output_error(nominal(name), logs), logs
+
+
+def compared(name, logs, seed: int = 0, noise: str = "white", **options):
+    fit, before = usual(name, seed, noise)
+    return explain_change(fit, output_error(nominal(name), logs), before, logs, **options)
+
+
+def within(difference, true, errors=4.0):
+    return abs(difference.size.value - true) < errors * difference.size.std_error
+
+
+@pytest.mark.parametrize(("seed", "noise"), [(0, "white"), pytest.param(1, "coloured", marks=pytest.mark.slow)])
+def test_nothing_changed_and_what_would_have_been_seen(seed, noise):
+    found = compared("axis", recorded("axis", 50 + seed, noise=noise), seed, noise)
+    assert found.verdict == "unchanged" and found.p_value > 0.01 and found.change is None
+    mass = next(own for own in found.noticeable if own.name == "M")
+    # No fit of one set tells the mass better than two sets tell a change of it at 1 %, all candidates counted.
+    assert 5 * found.before["M"].std_error < mass.size < 0.1
+    assert "Nothing changed" in str(found) and "would have been noticed" in str(found)
+
+
+def test_a_payload_is_named_with_its_size_and_saved(tmp_path):
+    check = recorded("axis", 70, kinds=("arcs",)), recorded("axis", 71, {"J": 1.2}, kinds=("arcs",))
+    logs = recorded("axis", 50, {"J": 1.2})
+    found = compared("axis", logs, held_out_before=check[0], held_out_after=check[1])
+    assert found.verdict == "named" and found.change is not None and found.change.id == "M"
+    assert within(found.change.differences["M"], 0.2)
+    assert found.held_out_gain > 100 and found.rms_unchanged > 1.3 and found.change.rms == pytest.approx(1.0, abs=0.03)
+    (path,) = found.save(tmp_path / "new")
+    said = json.loads(path.read_text())
+    assert said["verdict"] == "named" and said["change"]["id"] == "M"
+    low, high = said["change"]["parameters"]["M"]["difference"]["ci95"]
+    assert low < 0.2 < high and said["change"]["parameters"]["M"]["after"] == pytest.approx(1.2, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("options", "name", "true"),
+    [
+        ({"gain": 1.08}, "command_gain", {"command_gain.gain": 0.08}),
+        pytest.param({"times": {"Cs": 1.3}}, "Fc", {"Fc": 0.15}, marks=pytest.mark.slow),
+        pytest.param(
+            {"effects": {"input_delay": {"delay": 0.04}}},
+            "input_delay",
+            {"input_delay.delay": 0.04},
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_battery_floor_and_delay_of_an_axis(options, name, true):
+    found = compared("axis", recorded("axis", 50, **options))
+    assert found.verdict in ("named", "ambiguous") and found.change is not None
+    named = {own.id: own for own in (found.change, *found.equivalent)}
+    assert name in named and len(named) <= 2
+    assert all(within(named[name].differences[key], size) for key, size in true.items())
+
+
+def test_what_has_no_name_is_said_to_have_none():
+    found = compared("axis", recorded("axis", 50, effects={"push": {"force": 3.0, "every": 2.0, "start": 1.0}}))
+    assert found.verdict == "unexplained" and found.doubts
+
+
+def dynamics(state, inputs, p):
+    return {"v": (p["K"] * inputs["u"] - state["v"]) / p["T"]}
+
+
+def lag(gain, T, seed):
+    """Logs of a first-order drive in closed form."""
+    rng, found = np.random.default_rng(seed), []
+    robot = Custom(
+        dynamics=dynamics,
+        state_names=("v",),
+        own_channels=Channels(("u",), ("v",), (), {"u": "V", "v": "m/s"}),
+        table={"T": Parameter(0.3, "s", lower=0.0, free=True), "K": Parameter(0.1, "m/(V s)", free=True)},
+    )
+    for k in range(2):
+        u, v, seen = np.repeat(rng.uniform(-10.0, 10.0, 20), 15), 0.0, []
+        for final in gain * 0.1 * u:
+            seen.append(v)
+            v = final + (v - final) * np.exp(-0.02 / T)
+        noisy = np.array(seen) + 0.005 * rng.normal(size=300)
+        found.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(300), u[:, None], noisy[:, None], robot.channels))
+    return robot, LogSet(found)
+
+
+def test_a_robot_of_ones_own():
+    """Its gain is the same model as a battery's, and as good as a sensor's scale; a slower drive is its time constant."""
+    robot, before = lag(1.0, 0.3, 0)
+    fit = output_error(robot, before)
+    for gain, T, name in ((0.95, 0.3, "K"), (1.0, 0.35, "T")):
+        _, after = lag(gain, T, 1)
+        found = explain_change(fit, output_error(robot, after), before, after)
+        assert found.verdict == ("ambiguous" if name == "K" else "named") and found.change is not None
+        named = {own.id: own for own in (found.change, *found.equivalent)}
+        if name == "T":
+            assert list(named) == ["T"] and within(named["T"].differences["T"], 0.05)
+        else:
+            assert named["command_gain"].same == ("K",) and "sensor_scale" in named
+            assert within(named["command_gain"].differences["command_gain.gain"], -0.05)
+
+
+def test_what_cannot_be_compared_is_refused_with_a_remedy():
+    fit, logs = usual("axis")
+    other = replace(fit, robot=fit.robot.with_values(gain=2.0))
+    with pytest.raises(ParameterError, match="take gain for 1 and 2"):
+        explain_change(fit, other, logs, logs)
+    with pytest.raises(ParameterError, match="estimate different parameters"):
+        explain_change(fit, replace(fit, free_names=("M",)), logs, logs)
+    with pytest.raises(LogError, match="of one set only"):
+        explain_change(fit, fit, logs, logs, logs)
+    with pytest.raises(ValueError, match="false_alarm"):
+        explain_change(fit, fit, logs, logs, false_alarm=0.7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "options", "identifier", "true"),
+    [
+        ("pioneer", {}, "", {}),
+        ("pioneer", {"noise": "coloured"}, "", {}),
+        ("pioneer", {"times": {"M": 1.2, "I0": 1.1}}, "payload", {"M": 3.1, "I0": 0.03}),
+        ("pioneer", {"gain": 1.08}, "command_gain", {"command_gain.gain": 0.08}),
+        (
+            "pioneer",
+            {"laws": {"wheel_radius_mismatch/one_wheel": {"mismatch": -0.02, "wheel": 1.0}}},
+            "radius_of_right_wheel",
+            {"radius_of_right_wheel": -0.02},
+        ),
+        ("pioneer", {"times": {"Cs": 1.3, "Cv": 1.15}}, "friction", {"friction.viscous_friction.viscous": 0.15}),
+        ("omni", {}, "", {}),
+        ("omni", {"times": {"M": 1.15, "J": 1.1}}, "payload", {"M": 5.25, "J": 0.1374}),
+        ("omni", {"gain": 1.08}, "command_gain", {"command_gain.gain": 0.08}),
+    ],
+)
+def test_robots_in_the_plane(name, options, identifier, true):
+    noise = options.get("noise", "white")
+    found = compared(name, recorded(name, 50, **options), noise=noise)
+    if not identifier:
+        assert found.verdict == "unchanged"
+        return
+    assert found.verdict in ("named", "ambiguous") and found.change is not None
+    named = {own.id: own for own in (found.change, *found.equivalent)}
+    assert identifier in named
+    assert all(within(named[identifier].differences[key], size) for key, size in true.items())
