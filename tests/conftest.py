@@ -47,7 +47,13 @@ gc.set_threshold(50_000, 20, 50)
 DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
 
 
-SHARED = ("test_explanation.py", "test_explanation_page.py", "test_cli_explain.py", "test_explained_fleet.py")
+SHARED = (
+    "test_explanation.py",
+    "test_explanation_page.py",
+    "test_pages.py",
+    "test_cli_explain.py",
+    "test_explained_fleet.py",
+)
 """Files that share the explanation `explained`."""
 LONGEST = ("test_notebooks", "tests/explanation", "tests/estimate", "test_cli", "tests/papers", "tests/fuzz")
 """What is begun first, so that no process is left with one of them at the end."""

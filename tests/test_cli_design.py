@@ -19,7 +19,9 @@ def test_a_design_is_written(jaxid, tmp_path):
         table = pd.read_csv(tmp_path / run["file"])
         assert list(table) == ["t", "u"] and len(table) == 200 and table["u"].abs().max() <= 4
     page = (tmp_path / "report.html").read_text()
-    assert found["sentence"] in page and page.count("<img") == 2  # what to drive and to expect, for each
+    assert (
+        found["sentence"] in page and page.count('<figure class="chart"') == 2
+    )  # what to drive and to expect, for each
 
 
 def test_what_cannot_be_designed_is_one_line(jaxid, tmp_path):

@@ -1,14 +1,13 @@
 """`jaxid design`: the experiment to drive next, as a file with time and inputs, and what it is worth."""
 
-import html
 from pathlib import Path
 
 from .._atomic import write_text
 from .._json import as_json
 from ..design import Design, DesignError, design_experiment
 from ..logs import LogSet, read_logs
-from ..report.design_figure import planned
-from ..report.figures import as_html
+from ..report.design_page import design_page
+from ..report.document import write_page
 from ..robots import Robot
 from .arguments import UnusableInput, load_effects
 from .cache import keep_compiled_programs
@@ -81,12 +80,6 @@ def run_design(
                 raise UnusableInput(str(error)) from None
         files = design.save(out / "experiment.csv")
         write_text(out / "design.json", _document(design, files))
-        title = html.escape(f"jaxid design {robot.name}")
-        pictures = "".join(f"<h3>{html.escape(run.name)}</h3>{as_html(planned(run), run.name)}" for run in design.runs)
-        write_text(
-            out / "report.html",
-            f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head>'
-            f'<body style="font-family:sans-serif"><h2>{title}</h2>{design._repr_html_()}{pictures}</body></html>\n',
-        )
+        write_page(out / "report.html", design_page(design, tuple(file.name for file in files)))
     show(repr(design))
     say(f"{out}: {', '.join(file.name for file in files)}, design.json, report.html")

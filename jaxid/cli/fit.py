@@ -1,13 +1,11 @@
 """`jaxid fit`: read, look, estimate by every method asked for, predict held-out logs; files for programs, tables for people."""
 
-import html
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from .._atomic import write_text
 from ..estimate.linear.instrumental_variables import instrumental_variables
 from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
@@ -19,7 +17,7 @@ from ..model_file import read_model
 from ..parameters import ParameterError
 from ..report import Comparison, compare
 from ..report.files import write_fit
-from ..report.tables import DOUBT, Cell, Table, title_of, to_html, to_text, value_cell, with_error
+from ..report.tables import DOUBT, Cell, Table, title_of, to_text, value_cell, with_error
 from ..robots import Effect, Robot, closed_loop
 from ..robots.closed_loop import Controller, Law
 from .arguments import UnusableInput, for_logs, load_controller, load_effects, load_robot
@@ -177,26 +175,24 @@ def write_results(
     out: Path, fits: Sequence[Fit], held_out: LogSet | None, fitted: LogSet, truth: Mapping[str, float] | None = None
 ) -> Comparison | None:
     """Everything a fit leaves in its folder, and its tables on stdout. Raises `OSError` if the folder cannot be written."""
-    name = fits[-1].robot.name
+    from ..report.comparison_page import comparison_page, fits_page  # and matplotlib with them, once there are results
+    from ..report.document import write_page
+
     if held_out is None:
         table = _estimates_table(fits)
         said = [f"{title_of(fit.method)}: {fit.judgement.sentence}" for fit in fits if fit.judgement]
-        page = "".join(f"<p><b>{html.escape(text)}</b></p>" for text in said) + to_html(table)
         comparison, text = None, to_text([table], said)
         write_fit(out, fits)
+        page = fits_page(fits)
     else:
         with step("Prediction of held-out logs"):
             comparison = compare(*fits, held_out=held_out, fit=fitted, truth=truth)
-        text, page = repr(comparison), comparison._repr_html_()
+        text = repr(comparison)
         write_fit(out, fits, comparison.predicted, comparison.ahead)
         with step("Pictures"):
             comparison.save(out)
-    title = html.escape(f"jaxid fit {name}")
-    write_text(
-        out / "report.html",
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head>'
-        f'<body style="font-family:sans-serif"><h2>{title}</h2>{page}</body></html>\n',
-    )
+        page = comparison_page(comparison, "fit")
+    write_page(out / "report.html", page)
     show(text)
     return comparison
 

@@ -13,13 +13,14 @@ from typing import Any
 from .._dask import Lost, of_scheduler, on_this_machine, worked_off
 from ..estimate.output_error.far_members import far_estimates
 from ..logs.formats import RECORDINGS
+from ..report.document import write_page
 from ..report.fleet_files import MEMBERS, Row, member_row, read_parts, with_distances, write_part, write_tables
 from ..report.tables import to_text
 from ..robots import Robot
 from .arguments import UnusableInput
 from .cache import keep_compiled_programs
 from .console import say, show, step
-from .fleet_page import Columns, identified, members_table, sentences, spread_table, write_page
+from .fleet_page import Columns, fleet_page, identified, members_table, sentences, spread_table
 from .fleet_work import Member, Work, fingerprint, parts_of, robot_of, worked
 from .folder import results_in
 
@@ -144,6 +145,7 @@ def _worked_off(
     write_tables(out, written)
     said, spread = sentences(tables, far), spread_table(members, estimates, far)
     show(to_text([spread], said))
-    write_page(out, robot, said, [spread, members_table(members, estimates, far, tables.get("explanations"))])
+    every = members_table(members, estimates, far, tables.get("explanations"))
+    write_page(out / "report.html", fleet_page(robot, said, [spread, every], "explanations" in tables))
     say(f"{out}: {', '.join([*written, 'report.html'])}")
     return members

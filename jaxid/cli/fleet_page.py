@@ -1,19 +1,18 @@
 """What people read of a fleet: sentences, the spread of every parameter, and a row for every member."""
 
-import html
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._atomic import write_text
 from ..estimate.output_error.far_members import FarMember, OneParameter
 from ..estimate.result import Estimate
 from ..explanation.fleet import summary
+from ..report.document import Listing, Page, Section, Tabled, texts
 from ..report.fleet_files import Columns
-from ..report.tables import DOUBT, Cell, Table, to_html, value_cell
+from ..report.tables import DOUBT, Cell, Table, value_cell
 from ..robots import Robot
 from ..robots.effect import in_words
 
@@ -142,12 +141,19 @@ def _own_cell(estimate: Estimate, sound: bool, far: bool) -> Cell:
     return Cell(f"{cell.text} far", "bad") if far else cell
 
 
-def write_page(out: Path, robot: Robot, said: Sequence[str], tables: Sequence[Table]) -> None:
-    """Write report.html. Raises `OSError`."""
-    title = html.escape(f"jaxid fleet {robot.name}")
-    body = "".join(f"<p><b>{html.escape(text)}</b></p>" for text in said) + "".join(map(to_html, tables))
-    write_text(
-        out / "report.html",
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head>'
-        f'<body style="font-family:sans-serif"><h2>{title}</h2>{body}</body></html>\n',
+def fleet_page(robot: Robot, said: Sequence[str], tables: Sequence[Table], explained: bool) -> Page:
+    """The page of a fleet: what stands out, then the spread and every member, then what to do."""
+    headline, *rest = said or (f"A fleet of {robot.name}.",)
+    doubt = any("bad" in cell.mark for table in tables for row in table.rows for cell in row)
+    items = ["Look first at members that are marked: their logs, then what `jaxid explain` says of each of them."]
+    items += [] if explained else ["What each robot lacks: the same command with --explain and --held-out."]
+    return Page(
+        title=f"jaxid fleet {robot.name}",
+        kind=f"jaxid fleet: {robot.name}",
+        verdict="Some to look at" if doubt else "Sound",
+        tone="open" if doubt else "good",
+        headline=headline,
+        lead=texts(rest),
+        sections=tuple(Section(table.title, (Tabled(replace(table, title="")),)) for table in tables),
+        next=(Listing(tuple(items)),),
     )

@@ -291,4 +291,5 @@ def design_experiment(
         before=by_name(std_errors(before) * magnitude),
         tried=judge.tried,
         doubt=_doubt(robot, already),
+        meanings={name: robot.parameters[name].meaning for name in names},
     )

@@ -1,7 +1,7 @@
 """What the design of experiments returns: inputs to drive and what they are worth."""
 
 import html
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,8 @@ from ..estimate.uncertainty import PRACTICAL
 from ..logs import Channels, Log, LogSet
 
 Array = NDArray[np.float64]
+_NO_DIFFERENCE = 1.05
+"""Ratio of two widths of intervals below which they are as good as the same."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,6 +71,7 @@ class Design:
       same length and energy; `before`: with what was known before alone.
     - `magnitudes`: the parameters' orders of magnitude, beside which an error counts as large.
     - `tried`: how many inputs were simulated.
+    - `meanings`: what the parameters stand for.
     - `doubt`: why the model that was designed for may not be the robot's, empty if nothing says so.
     """
 
@@ -84,6 +87,7 @@ class Design:
     before: dict[str, float]
     tried: int
     doubt: str = ""
+    meanings: dict[str, str] = field(default_factory=dict)
 
     @property
     def ratios(self) -> dict[str, float]:
@@ -122,11 +126,12 @@ class Design:
     def sentence(self) -> str:
         """What the design is worth."""
         worst = max(self.ratios, key=lambda name: self.ratios[name])
-        how = "narrower" if self.gain < 1 else "wider"
+        change = f"{'narrower' if self.gain < 1 else 'wider'} by a factor of {max(self.gain, 1 / self.gain):.1f}"
+        change = "no difference that counts" if max(self.gain, 1 / self.gain) < _NO_DIFFERENCE else change
         return (
             f"Intervals are {self.gain:.2f} times as wide as with {self.reference} (geometric mean over {len(self.values)} "
-            f"parameters; {worst} fares worst with {self.ratios[worst]:.2f}): {how} by a factor of "
-            f"{max(self.gain, 1 / self.gain):.1f}. {self.doubt}"
+            f"parameters; {worst} fares worst with {self.ratios[worst]:.2f}): {change}. "
+            f"{self.doubt}"
         ).rstrip()
 
     def _rows(self) -> list[tuple[str, str, str, str, str]]:

@@ -117,7 +117,7 @@ class Laboratory:
                 self.robot.structure, self.names, self._integrator, numbers, *map(jnp.asarray, given), thetas, full
             )
             found.append([np.asarray(x)[: len(part)] for x in trials])
-            if len(inputs) > LANES:
+            if len(inputs) > 2 * LANES:
                 self.report(f"{first + len(part)} of {len(inputs)} inputs simulated")
         return Trials(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 

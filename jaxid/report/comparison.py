@@ -1,6 +1,5 @@
 """One object that sets estimates side by side: parameters, and how well each model predicts held-out logs."""
 
-import html
 import re
 import warnings
 from collections.abc import Callable
@@ -212,7 +211,7 @@ class Comparison:
 
     @property
     def tables(self) -> tuple[Table, ...]:
-        """Prediction, logs, parameters, residual tests: `report.tables.to_text` and `to_html` render them."""
+        """Prediction, logs, parameters, residual tests: `report.tables.to_text` renders them."""
         units = {channel: self._unit(channel) for channel in self.channels}
         names = (*self._names[0], *self._names[1])
         estimates = {label: {name: self._estimate(label, name) for name in names} for label in self.fits}
@@ -284,19 +283,7 @@ class Comparison:
         return paths
 
     def _repr_html_(self) -> str:
-        from .figures import as_html
+        from .comparison_page import comparison_page
+        from .document import rendered
 
-        worst = self.worst_log
-        largest = max(
-            self.channels, key=lambda c: max(np.nan_to_num(v.rms[c]) / self.noise[c] for v in self.predicted.values())
-        )
-        notes = "".join(f"<li>{html.escape(note)}</li>" for note in self.notes)
-        held_out, logs, *parameters, tests = map(
-            tab.to_html, self.tables
-        )  # predictions ahead stand with the parameters
-        return (
-            f"<div><p><b>{html.escape(self.sentence)}</b></p>{f'<ul>{notes}</ul>' if notes else ''}{held_out}{logs}"
-            f"{as_html(self._picture(self._responses[worst]), 'response')}{''.join(parameters)}"
-            f"{as_html(self._picture('parameters'), 'parameters')}{tests}"
-            f"{as_html(self._picture(f'residuals_{largest}'), 'residuals')}</div>"
-        )
+        return rendered(comparison_page(self), whole=False)

@@ -1,7 +1,9 @@
 """Figure of a designed experiment: what to drive and what to expect of it."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from ..design import PlannedRun
 from .figures import COLOURS, _tidy
@@ -30,10 +32,22 @@ def planned(run: PlannedRun) -> Figure:
     figure.align_ylabels()
     if right is not None and run.path is not None:
         floor = right.subplots()
-        floor.plot(*run.path.T, color=COLOURS[2], lw=1.3)
-        floor.plot(*run.path[0], "o", color="0.3", ms=4)
-        floor.set_aspect("equal", adjustable="datalim")
-        floor.set(xlabel="x [m]", ylabel="y [m]")
+        _path(floor, run.path)
         floor.set_title("path from the dot", loc="left", fontsize="small")
-        _tidy(floor)
+    return figure
+
+
+def _path(ax: Axes, path: NDArray[np.float64]) -> None:
+    ax.plot(*path.T, color=COLOURS[2], lw=1.3)
+    ax.plot(*path[0], "o", color="0.3", ms=4)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set(xlabel="x [m]", ylabel="y [m]")
+    _tidy(ax)
+
+
+def floor_path(run: PlannedRun) -> Figure:
+    """The path on the floor alone."""
+    assert run.path is not None
+    figure = Figure(figsize=(5, 4), layout="constrained")
+    _path(figure.subplots(), run.path)
     return figure

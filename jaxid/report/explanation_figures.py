@@ -35,9 +35,14 @@ def states(found: Explanation) -> list[tuple[HeldOut, str, str]]:
     return [(found.before, AFTER if found.verdict == "adequate" else BEFORE, "model")]
 
 
+def size_of(residual: Array) -> float:
+    """Mean square of one log's residual [T, channels], zero where nothing was measured."""
+    return float(np.nanmean(residual**2)) if np.isfinite(residual).any() else 0.0
+
+
 def worst_log(found: Explanation) -> int:
     """Number of the held-out log with the largest error before."""
-    return int(np.argmax([np.nanmean(r**2) for r in found.before.residuals]))
+    return int(np.argmax([size_of(r) for r in found.before.residuals]))
 
 
 def worst_window(residual: Array, time: Array, length: float) -> tuple[float, float]:

@@ -1,46 +1,59 @@
-"""The page of an explanation: verdict, where, what, how sure, before and after, what next, in one file.
+"""The page of an explanation: verdict, what is missing as a picture, where, what, how sure, before and after, what next.
 
 The same body shows in a notebook. Imported when it is wanted (`page.Page`), since matplotlib takes long to import.
 """
 
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
 
-from jinja2 import Environment
-from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from .._atomic import replacing, write_text
+from .._atomic import replacing
 from ..explanation.explanation import Explanation
 from ..explanation.law_curves import LawCurve
 from ..robots.effect import in_words
 from . import explanation_figures as draw
 from . import explanation_tables as tab
-from .figures import as_html, as_png
+from .document import (
+    Bar,
+    Bars,
+    Block,
+    Charted,
+    Code,
+    Listing,
+    More,
+    Page,
+    Section,
+    Tabled,
+    Text,
+    Tone,
+    picture,
+    rendered,
+    texts,
+    write_page,
+)
+from .explanation_charts import before_after_chart, force_chart, next_chart, whiteness_alt
+from .figures import as_png
 from .law_figure import caption, curves_of, law_figure
 from .leads_figure import leads
 from .localisation_figures import localisation
 from .ranking_figure import ranking
-from .tables import Table, to_html
 
-_TEMPLATE = "explanation.html.jinja"
 _DPI = 130
-ALT = {
-    "law": "What is missing: every named effect as a function of what it depends on, before and after",
-    "localisation": "The missing force over time, and when it acts",
-    "leads": "The missing force against speed, heading, place and time",
-    "ranking": "Candidates: promised share of the gap, and error after a refit",
-    "before_after": "Residual before and after on the worst held-out log",
-    "whiteness": "Correlation and spectrum of the residual before and after",
-    "moved": "The robot's own parameters before and after",
-    "next_experiment": "Inputs of the proposed experiment",
+_CONDITIONS, _CANDIDATES, _LOGS = 8, 10, 6
+"""Bars and charts that are shown, the first of them."""
+PICTURES = ("law", "localisation", "leads", "ranking", "before_after", "whiteness", "moved", "next_experiment")
+"""Names of the pictures beside the page."""
+_VERDICTS: dict[str, tuple[str, Tone]] = {
+    "named": ("Named", "good"),
+    "adequate": ("Nothing missing", "good"),
+    "ambiguous": ("Named, but open", "open"),
+    "unexplained": ("Unexplained", "bad"),
 }
-"""Every picture's name and what it shows."""
 
 
 def figures(found: Explanation) -> dict[str, Figure]:
-    """The figures that apply, by the names of `ALT`."""
+    """The figures that apply, by the names of `PICTURES`."""
     return _figures(found, curves_of(found))
 
 
@@ -48,7 +61,6 @@ def _figures(found: Explanation, curves: Mapping[str, tuple[LawCurve, ...]]) -> 
     made: dict[str, Figure | None] = {"law": law_figure(curves)}
     if found.localisation is not None:
         made["localisation"] = localisation(found.localisation, found.held_out)
-        made["localisation"].suptitle("")  # the page says the same sentence above the picture
         if found.verdict == "unexplained":
             made["leads"] = leads(found)
     made["ranking"] = ranking(found)
@@ -60,55 +72,243 @@ def _figures(found: Explanation, curves: Mapping[str, tuple[LawCurve, ...]]) -> 
     return {name: figure for name, figure in made.items() if figure is not None}
 
 
-def _drawn(found: Explanation) -> tuple[dict[str, bytes], str]:
-    """The figures as PNG files, drawn once for the page and the files beside it (that takes most of the page's time), and
-    what the first of them shows in words."""
-    curves = curves_of(found)
-    return {name: as_png(figure, _DPI) for name, figure in _figures(found, curves).items()}, caption(found, curves)
+# -- parts of the page -------------------------------------------------------------------------------------------------
+def _errors(found: Explanation) -> Bars:
+    rows = [("error " + label if found.effects else "error", state.normalised_rms, "after" if label == "after" else "before")
+            for state, _, label in draw.states(found)]  # fmt: skip
+    if found.verdict == "adequate":
+        rows = [(name, value, "after") for name, value, _ in rows]
+    rows.append(("noise alone" if found.noise_floor == 1.0 else "coloured noise", found.noise_floor, ""))
+    top = max(value for _, value, _ in rows)
+    bars = tuple(Bar(name, 100.0 * value / top, f"{value:.2f}", colour) for name, value, colour in rows)
+    note = "Error: simulated minus measured on logs that were not fitted (RMS), in units of the measurement noise."
+    return Bars("", bars, note)
 
 
-def _markup(table: Table) -> Markup:
-    return Markup(to_html(table))
+def _law(found: Explanation, curves: Mapping[str, tuple[LawCurve, ...]]) -> tuple[Block, ...]:
+    figure, said = law_figure(curves), caption(found, curves)
+    if figure is None:
+        return ()
+    note = (
+        f"{said} Dashed: the model without it, as it was fitted; green: with it, and the 95 % band by the errors of its "
+        "parameters. Grey, where there is any: what the measured motion asks for, smoothed over time, so that what acts for a "
+        "moment only shows less there."
+    )
+    panels = sum(ax.get_visible() for ax in figure.axes)
+    return (picture(figure, "law", said, note, min(panels, 3)),)
 
 
-def _render(found: Explanation, pictures: dict[str, bytes], shown: str, whole: bool) -> str:
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(files("jaxid.report").joinpath(_TEMPLATE).read_text(encoding="utf-8"))
-    bars = [("error " + label if found.effects else "error", state.normalised_rms, colour)
-            for state, colour, label in draw.states(found)]  # fmt: skip
-    bars.append(("noise floor" if found.noise_floor == 1.0 else "coloured noise", found.noise_floor, "#8c8c8c"))
-    top = max(value for _, value, _ in bars)
-    alt = ALT | ({"law": shown} if shown else {})
-    return template.render(
-        whole=whole,
-        found=found,
-        bars=[(name, value, 80.0 * value / top, colour) for name, value, colour in bars],
-        pictures={name: Markup(as_html(picture, escape(alt[name]))) for name, picture in pictures.items()},
-        caption=shown,
-        effects=_markup(tab.effects_table(found)),
-        evidence=_markup(tab.evidence_table(found)),
-        channels=_markup(tab.channel_table(found)),
-        moved=_markup(tab.moved_table(found)),
-        false_alarm=found.before.false_alarm,
-        words=in_words,
+def _where(found: Explanation) -> Section | None:
+    place = found.localisation
+    if place is None:
+        return None
+    blocks: list[Block] = [Text(place.sentence)]
+    if place.forces:
+        blocks.append(Charted(force_chart(place, found.held_out)))
+    bars: list[Block] = []
+    if place.conditions:
+        shown = sorted(place.conditions[:_CONDITIONS], key=lambda c: -c.ratio)
+        top = max(2.0, *(c.ratio for c in shown))
+        rows = tuple(
+            Bar(c.name, 100 * c.ratio / top, f"{100 * c.share:.0f} % in {100 * c.time_share:.0f} % of the time",
+                "before" if c.stands_out else "", c.stands_out)
+            for c in shown
+        )  # fmt: skip
+        note = "How many times as much of the missing force acts there as at random moments (dashed: as much)."
+        bars.append(Bars("When it acts", rows, note, line=100 / top))
+    if place.patterns:
+        rows = tuple(
+            Bar(p.name, 100 * min(max(p.share, 0.0), 1.0), f"{100 * max(p.share, 0.0):.0f} %",
+                "before" if p.stands_out else "", p.stands_out)
+            for p in place.patterns
+        )  # fmt: skip
+        bars.append(Bars("What it follows", rows, "The share of the missing force that each reproduces."))
+    sure = any(c.stands_out for c in place.conditions) or any(p.stands_out for p in place.patterns)
+    blocks += bars if sure or not bars else [More("When it acts and what it follows: nothing stands out", tuple(bars))]
+    figure = leads(found) if found.verdict == "unexplained" else None
+    if figure is not None:
+        note = (
+            "The missing force of all held-out logs against what it may depend on (black: median). A line that is not flat is "
+            "a lead."
+        )
+        blocks.append(picture(figure, "leads", place.sentence, note, len(figure.axes)))
+    return Section("Where?", tuple(blocks))
+
+
+def _candidates(found: Explanation) -> tuple[Block, ...]:
+    """What each candidate promised, and what was left with those that were refitted."""
+    blocks: list[Block] = []
+    for number, step in enumerate(found.search.steps, start=1):
+        refitted = {trial.id: trial.held_out.normalised_rms for trial in step.trials}
+        promised = {c.effect.id: min(max(c.share, 0.0), 1.0) for c in step.screened}
+        names = list(refitted) + [name for name in promised if name not in refitted and promised[name] > 0.005]
+        names = names[: max(_CANDIDATES, len(refitted))]
+        colour = {name: "alike" for name in step.equivalent} | {step.chosen.id: "after"}
+        which = f", effect {number} of {len(found.search.steps)}" if len(found.search.steps) > 1 else ""
+        rows = [
+            Bar(in_words(n), 100 * promised.get(n, 0.0), f"{100 * promised.get(n, 0.0):.0f} %", colour.get(n, ""),
+                n == step.chosen.id)
+            for n in names
+        ]  # fmt: skip
+        note = "The share of the gap that each promised before anything was refitted. Green: added."
+        if step.equivalent:
+            note += " Light green: this data cannot tell it from that."
+        blocks.append(Bars(f"First look at all candidates{which}", tuple(rows), note))
+        before = step.before.held_out.normalised_rms
+        top = max(before, *(min(error, 1.2 * before) for error in refitted.values()))
+        after = [
+            Bar(in_words(n), 100 * min(error, top) / top, f"{error:.2f}", colour.get(n, ""), n == step.chosen.id)
+            for n, error in refitted.items()
+        ]
+        after.append(Bar("without any", 100 * before / top, f"{before:.2f}", "before"))
+        floor = "Held-out error with each, all parameters refitted, in units of the noise (dashed: noise alone)."
+        blocks.append(Bars(f"Refitted{which}", tuple(after), floor, line=100 / top))
+    first = [c for c in found.search.first_look if c.share > 0.0][:_CANDIDATES]
+    if not found.search.steps and first:
+        rows = [Bar(in_words(c.effect.id), 100 * min(c.share, 1.0), f"{100 * min(c.share, 1.0):.0f} %") for c in first]
+        blocks.append(Bars("First look at all candidates", tuple(rows), "The share of the gap that each promised."))
+    return tuple(blocks)
+
+
+def _what(found: Explanation) -> Section | None:
+    candidates = _candidates(found)
+    if not (found.effects or candidates):
+        return None
+    blocks: list[Block] = [Text(effect.sentence) for effect in found.effects]
+    if found.effects:
+        blocks.append(Tabled(tab.effects_table(found)))
+    else:
+        blocks.append(
+            Text("No candidate explains enough: each must close at least 5 % of the gap on the held-out logs.")
+        )
+    return Section("What?", (*blocks, *candidates))
+
+
+def _names(names: tuple[str, ...]) -> str:
+    return " or ".join(map(in_words, names))
+
+
+def _sure(found: Explanation) -> Section:
+    items = []
+    for effect in found.effects:
+        if effect.equivalent_to:
+            items.append(f"{effect.title} cannot be told from {_names(effect.equivalent_to)} on this data.")
+        else:
+            items.append(
+                f"{effect.title}: every other name that was refitted predicts worse, on the fitted or on the held-out logs."
+            )
+        if effect.laws_alike:
+            items.append(
+                f"Of its laws, {in_words(effect.law)} cannot be told from {_names(effect.laws_alike)} on this data."
+            )
+        elif effect.shapes:
+            items.append("None of its laws with a formula that were refitted predicts as well as the curve.")
+    blocks: list[Block] = [Listing(tuple(items)), Tabled(tab.evidence_table(found))] if items else []
+    return Section("How sure?", (*blocks, *texts(_chances(found))))
+
+
+def _cases(p: float) -> str:
+    """A probability as how often chance does as much."""
+    return "in less than 1 case in 10,000" if p < 1e-4 else f"in {100 * p:.2g} % of cases"
+
+
+def _chances(found: Explanation) -> list[str]:
+    alarm = found.before.false_alarm
+    if found.verdict == "adequate" and found.colour:
+        return [
+            "The residual is not white, but it follows neither the inputs nor the motion, every log has as much of it as its "
+            "own neighbouring samples say, and no candidate explains any of it once it is whitened."
+        ]
+    if found.verdict == "adequate":
+        return [
+            "No pattern is left: if there were nothing but noise, residuals with at least this much structure would come up "
+            f"{_cases(found.before.p_white)}. Something is called missing below {50 * alarm:g} %."
+        ]
+    said = (
+        f"A complete model is taken for an incomplete one in {100 * alarm:g} % of cases (the level that was asked for; it is "
+        "shared among the tests of size, correlation and, where the noise is coloured, shape)."
+    )
+    if not found.effects:
+        return [said]
+    noise = "no pattern is left" if found.after.adequate else "there is coloured noise" if found.noise_floor > 1 else ""
+    left = f"After the last step {noise or 'a pattern is still left'}: noise alone would have as much structure"
+    return [said, f"{left} {_cases(found.after.p_white)}."]
+
+
+def _before_and_after(found: Explanation) -> Section:
+    order = sorted(range(len(found.held_out)), key=lambda e: -draw.size_of(found.before.residuals[e]))
+    blocks: list[Block] = [Tabled(tab.channel_table(found))]
+    for k, e in enumerate(order[:_LOGS]):
+        chart = Charted(before_after_chart(found, e))
+        name = found.held_out[e].name
+        worst = f"{name}, the held-out log that was predicted worst before." if len(order) > 1 else f"{name}."
+        blocks += [Text(worst), chart] if k == 0 else [More(name, (chart,))]
+    figure = draw.whiteness(found)
+    note = (
+        "Left: how much neighbouring residuals are alike; noise stays in the grey band. Right: the residual's power at every "
+        "frequency, in units of the noise's; noise is flat at one."
+    )
+    blocks.append(
+        More("Correlation and spectrum of the residual", (picture(figure, "whiteness", whiteness_alt(found), note, 2),))
+    )
+    if found.effects:
+        blocks.append(Tabled(tab.moved_table(found, drawn=True)))
+    return Section("Before and after" if found.effects else "The residual", tuple(blocks))
+
+
+def _next(found: Explanation) -> tuple[Block, ...]:
+    name = found.model.name
+    simulate = Code(f"jaxid simulate {name} --log LOG --model model.toml --out predicted.csv")
+    if found.next_experiment is not None:
+        chart = Charted(next_chart(found.next_experiment, found.model.channels.units))
+        return Text(f"{found.next_experiment.sentence} The inputs are in next_experiment.csv."), chart
+    if found.verdict == "adequate":
+        return Text(
+            "Use the model. Logs of driving that these lack (other speeds, loads or floors) would test it further."
+        ), simulate
+    if found.verdict == "unexplained":
+        lead = (
+            "Look at the missing force under Where?: what it follows, and at which moments it acts, is the lead. An effect of "
+            "your own is tried beside the listed ones:"
+        )
+        return Text(lead), Code(
+            f"jaxid explain {name} --fit LOGS --held-out OTHER_LOGS --effects module:attribute --out again"
+        )
+    return Text("Use the model with what was added: model.toml goes into every other command."), simulate
+
+
+def page_of(found: Explanation) -> Page:
+    """The whole page as data."""
+    verdict, tone = _VERDICTS[found.verdict]
+    sections = (_where(found), _what(found), _sure(found), _before_and_after(found))
+    held_out = f"{len(found.held_out)} log{'s' * (len(found.held_out) > 1)} held out"
+    return Page(
+        title=f"jaxid explain {found.model.name}",
+        kind=f"jaxid explain: {found.model.name}, {held_out}",
+        verdict=verdict,
+        tone=tone,
+        headline=found.sentence,
+        lead=(*texts(found.notes), _errors(found), *_law(found, curves_of(found))),
+        sections=tuple(section for section in sections if section is not None),
+        next=_next(found),
     )
 
 
 def body(found: Explanation) -> str:
     """HTML for a notebook."""
-    return _render(found, *_drawn(found), whole=False)
+    return rendered(page_of(found), whole=False)
 
 
 def save(found: Explanation, folder: Path) -> list[Path]:
-    """Write the page and its pictures into `folder` and return their paths."""
-    pictures, shown = _drawn(found)
+    """Write the page, and its pictures as PNG files, into `folder` and return their paths."""
     written = [folder / "report.html"]
-    write_text(written[0], _render(found, pictures, shown, whole=True))
-    for name, picture in pictures.items():
+    write_page(written[0], page_of(found))
+    pictures = figures(found)
+    for name, figure in pictures.items():
         written.append(folder / f"{name}.png")
         with replacing(written[-1]) as temporary:
-            temporary.write_bytes(picture)
+            temporary.write_bytes(as_png(figure, _DPI))
     # What an earlier explanation left here would pass for this one's.
-    for name in ALT.keys() - pictures.keys():
+    for name in set(PICTURES) - pictures.keys():
         (folder / f"{name}.png").unlink(missing_ok=True)
     return written

@@ -6,6 +6,7 @@ from ..estimate.result import Estimate
 from ..explanation.explanation import Explanation
 from ..explanation.localise import channel_name
 from ..robots.effect import in_words
+from .intervals import intervals
 from .tables import Cell, Table, number, percent, to_text, with_error
 
 _MOVED = 2.0
@@ -78,9 +79,10 @@ def channel_table(found: Explanation) -> Table:
     return Table("Error on held-out logs, in units of the noise (RMS)", header, tuple(rows), notes if coloured else ())
 
 
-def moved_table(found: Explanation) -> Table:
-    """The robot's own parameters before and after, and how far each moved."""
+def moved_table(found: Explanation, drawn: bool = False) -> Table:
+    """The robot's own parameters before and after, and how far each moved; `drawn`: with what they mean and their intervals."""
     rows = []
+    table = found.model.parameters
     for name, (before, after) in found.moved.items():
         step = after.value - before.value
         relative = percent(100.0 * step / abs(before.value)) if before.value else "-"
@@ -88,15 +90,16 @@ def moved_table(found: Explanation) -> Table:
         mark = "bad" if errors > _MOVED else ""
         rows.append(
             (
-                Cell(name),
-                Cell(after.unit, "dim"),
-                Cell(with_error(before.value, before.std_error)),
-                Cell(with_error(after.value, after.std_error)),
-                Cell(relative, mark),
+                Cell(name, detail=table[name].meaning if drawn and name in table else ""),
+                Cell(after.unit, "words"),
+                Cell(with_error(before.value, before.std_error), "value"),
+                Cell(with_error(after.value, after.std_error), "value"),
+                Cell(relative, f"{mark} value".strip()),
                 Cell("-" if math.isnan(errors) else f"{errors:.1f}", mark),
+                *([intervals(name, {"before": before, "after": after}, ("before", "after"))] if drawn else ()),
             )
         )
-    header = ("parameter", "unit", "before", "after", "moved", "in std errors")
+    header = ("parameter", "unit", "before", "after", "moved", "in std errors", *(("95 % intervals",) if drawn else ()))
     notes = ("In std errors: of the fit before, which could not know of its own bias.",)
     return Table("How the robot's own parameters moved", header, tuple(rows), notes)
 

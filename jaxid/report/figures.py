@@ -3,7 +3,6 @@
 No pyplot: nothing global changes, and figures can be made on any thread. A method has the same colour in all of them.
 """
 
-import base64
 import io
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -274,9 +273,3 @@ def as_png(figure: Figure, dpi: int = 110) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi, pil_kwargs={"compress_level": 3})
     return buffer.getvalue()
-
-
-def as_html(picture: Figure | bytes, caption: str, dpi: int = 110) -> str:
-    """An `<img>` that carries the figure, or its PNG, with it."""
-    data = base64.b64encode(picture if isinstance(picture, bytes) else as_png(picture, dpi)).decode()
-    return f'<img alt="{caption}" style="max-width:100%;background:white" src="data:image/png;base64,{data}">'

@@ -1,10 +1,10 @@
-"""Tables of a report: one description, rendered for a terminal (rich) and for a notebook or page (HTML)."""
+"""Tables of a report: one description, rendered for a terminal here and for pages and notebooks by `page.html.jinja`."""
 
-import html
 import io
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from rich import box
 from rich.console import Console
@@ -16,11 +16,7 @@ from ..estimate.confidence.agreement import Agreement
 from ..estimate.residual_tests import FALSE_ALARM, ResidualTest
 from ..estimate.result import Estimate
 
-_MARKS = {
-    "good": ("green", "color:#1a7f37"),
-    "bad": ("bold red", "color:#cf222e;font-weight:600"),
-    "dim": ("dim", "opacity:.55"),
-}
+_STYLES = {"good": "green", "bad": "bold red", "dim": "dim"}
 _STATUS = {"not_identifiable": "not identifiable", "at_bound": "at its bound", "fixed": "fixed"}
 _REJECTED = (
     "Not white: dynamics are missing, or the sensor's noise is coloured. Follows an input: part of what that input "
@@ -31,11 +27,33 @@ Estimates = Mapping[str, Mapping[str, Estimate | None]]
 
 
 @dataclass(frozen=True)
+class Mark:
+    """An estimate in a drawn interval: `low`, `value` and `high` across it [%], how far down it stands, and its colour."""
+
+    low: float
+    value: float
+    high: float
+    at: float
+    colour: str
+
+
+@dataclass(frozen=True)
+class Interval:
+    """95 % intervals drawn side by side, and in words."""
+
+    marks: tuple[Mark, ...]
+    words: str
+
+
+@dataclass(frozen=True)
 class Cell:
-    """Text with a `mark`: "good", "bad", "dim" or nothing."""
+    """Text with a `mark`: "good", "bad" or "dim", with "value" (never wrapped) or "words" (aligned left), or nothing. Pages
+    show `detail` below it, small, and an `interval` in its place."""
 
     text: str
     mark: str = ""
+    detail: str = ""
+    interval: Interval | None = None
 
 
 @dataclass(frozen=True)
@@ -103,34 +121,14 @@ def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int | No
             # Names must stay whole: a wrapped symbol cannot be read.
             shown.add_column(Text(name), justify="right" if position else "left", no_wrap=position == 0)
         for row in table.rows:
-            shown.add_row(*(Text(cell.text, style=_MARKS[cell.mark][0] if cell.mark else "") for cell in row))
+            shown.add_row(
+                *(Text(cell.text, style=" ".join(_STYLES.get(mark, "") for mark in cell.mark.split())) for cell in row)
+            )
         console.print(shown)
         for note in table.notes:
             console.print(Text(note))
     lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
     return "\n".join(line.rstrip() for line in lines)
-
-
-def to_html(table: Table) -> str:
-    """A `<table>` that takes the page's own colours."""
-    cell_style = "padding:.15em .8em;text-align:"
-    head = "".join(
-        f'<th style="{cell_style}{"right" if i else "left"};border-bottom:1px solid">{html.escape(name)}</th>'
-        for i, name in enumerate(table.header)
-    )
-    body = ""
-    for row in table.rows:
-        cells = ""
-        for i, cell in enumerate(row):
-            mark = f";{_MARKS[cell.mark][1]}" if cell.mark else ""
-            cells += f'<td style="{cell_style}{"right" if i else "left"}{mark}">{html.escape(cell.text)}</td>'
-        body += f"<tr>{cells}</tr>"
-    notes = "".join(f"<li>{html.escape(note)}</li>" for note in table.notes)
-    return (
-        f"<h4>{html.escape(table.title)}</h4>"
-        f'<table style="border-collapse:collapse;font-variant-numeric:tabular-nums"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table>" + (f"<ul>{notes}</ul>" if notes else "")
-    )
 
 
 def value_cell(e: Estimate | None, doubtful: bool = False) -> Cell:
@@ -254,24 +252,31 @@ def ahead_table(ahead: Mapping[str, Mapping[int, Agreement]], held_out: Mapping[
     return Table("Normalised RMS of predictions of the held-out logs", header, tuple(rows), (note,))
 
 
-def _test(test: ResidualTest) -> Cell:
-    p = test.p_value
-    if math.isnan(p):
-        return Cell("-", "dim")
-    text = "<1e-4" if p < 1e-4 else f"{p:.1g}" if p < 0.01 else f"{p:.2f}"
-    return Cell(f"{text} no", "bad") if test.rejected else Cell(f"{text} ok", "good")
+def chance(p: float) -> str:
+    """A p value: "p 0.40", "p < 0.0001"."""
+    return "" if math.isnan(p) else "p < 0.0001" if p < 1e-4 else f"p {p:.1g}" if p < 0.01 else f"p {p:.2f}"
 
 
-def test_table(held_out: Mapping[str, Agreement]) -> Table:
-    """p values of the residual tests by method and channel; what was rejected in words below."""
+def _test(test: ResidualTest, left: str, none: str) -> Cell:
+    """A test's outcome in words: what is `left` where it was rejected."""
+    if math.isnan(test.p_value):
+        return Cell("not tested", "dim")
+    return Cell(left, "bad", chance(test.p_value)) if test.rejected else Cell(none, "good", chance(test.p_value))
+
+
+def test_table(held_out: Mapping[str, Agreement], words: Mapping[str, str] = MappingProxyType({})) -> Table:
+    """What the residual tests say, by method and channel, in words; what was rejected at length below. `words`: of channels."""
     rows, notes, inputs = [], [], []
     for label, v in held_out.items():
         for channel, tests in v.tests.items():
             inputs = list(tests.cross_correlation)
-            rows.append((Cell(title_of(label)), Cell(channel), *map(_test, tests.all)))
+            cells = [_test(tests.whiteness, "a pattern is left", "no pattern left")]
+            cells += [_test(test, f"follows {name}", "no") for name, test in tests.cross_correlation.items()]
+            cells.append(_test(tests.normality, "not Gaussian", "like noise"))
+            rows.append((Cell(title_of(label)), Cell(channel, detail=words.get(channel, "")), *cells))
             if found := tests.summary:
                 notes.append(f"{title_of(label)}: the residual of {channel} {found}.")
-    header = ("method", "residual of", "white?", *(f"free of {name}?" for name in inputs), "Gaussian?")
-    first = f"p values; every test alone rejects pure noise in {100 * FALSE_ALARM:g} % of cases."
+    header = ("method", "residual of", "over time", *(f"follows {name}?" for name in inputs), "its sizes")
+    first = f"Every test alone finds something in pure noise in {100 * FALSE_ALARM:g} % of cases."
     notes += [_REJECTED] if notes else []
     return Table("Is the residual nothing but noise?", header, tuple(rows), (first, *notes))
