@@ -3,19 +3,18 @@
 Exit status: 0 with a result, 1 for input that cannot be used (one line on stderr), 2 for wrong arguments.
 """
 
-import errno
 import os
 import sys
-from collections.abc import Callable, Sequence
-from functools import wraps
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from .arguments import UnusableInput, repeat_flags, window_option
-from .console import complain
+from .arguments import repeat_flags, window_option
+from .errors import one_line_errors
 from .options import (
+    MANY,
     BetweenSamples,
     Candidates,
     ClockOffset,
@@ -30,14 +29,6 @@ from .options import (
     RobotArgument,
     Windows,
 )
-
-MANY = (
-    "--fit", "--held-out", "--check", "--method", "--limit", "--noise", "--already", "--speed", "--floor", "--before",
-    "--after", "--held-out-before", "--held-out-after",
-)  # fmt: skip
-"""Flags that take every value up to the next flag."""
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
-"""Reasons why the results cannot be printed; other errors without a file are bugs."""
 
 app = typer.Typer(
     name="jaxid",
@@ -63,32 +54,6 @@ def check_loop(controller: str | None, intersample: str) -> None:
         raise typer.BadParameter("--intersample linear is for measured inputs; a --controller holds its commands.")
 
 
-def _one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
-    """Input that cannot be used is one line on stderr and exit status 1; anything else is a bug and keeps its traceback."""
-
-    @wraps(command)
-    def run(*args: Any, **options: Any) -> None:
-        from ..logs import LogError
-        from ..model_file import ModelFileError
-        from ..parameters import ParameterError
-
-        try:
-            command(*args, **options)
-        except (LogError, ParameterError, ModelFileError, UnusableInput) as error:
-            complain(str(error))
-            raise typer.Exit(1) from None
-        except BrokenPipeError:
-            raise
-        except OSError as error:
-            if error.filename is None and error.errno not in _DISK:
-                raise
-            place = error.filename or "Standard output"
-            complain(f"{place} cannot be used ({error.strerror}); check the path, its permissions and the disk.")
-            raise typer.Exit(1) from None
-
-    return run
-
-
 def _print_version(wanted: bool) -> bool:
     if wanted:
         from importlib.metadata import version
@@ -108,7 +73,7 @@ def _jaxid(
 
 
 @app.command()
-@_one_line_errors
+@one_line_errors
 def fit(
     robot: RobotArgument,
     fit: Annotated[list[str], typer.Option("--fit", metavar="LOG...", help="Logs to identify from; patterns work.")],
@@ -163,7 +128,7 @@ def fit(
 
 
 @app.command()
-@_one_line_errors
+@one_line_errors
 def explain(
     robot: RobotArgument,
     fit: Annotated[list[str], typer.Option("--fit", metavar="LOG...", help="Logs to identify from; patterns work.")],
@@ -216,7 +181,7 @@ def explain(
 
 
 @app.command()
-@_one_line_errors
+@one_line_errors
 def change(
     robot: RobotArgument,
     before: Annotated[
@@ -269,7 +234,7 @@ def change(
 
 
 @app.command()
-@_one_line_errors
+@one_line_errors
 def fleet(
     robot: RobotArgument,
     folder: Annotated[
@@ -322,7 +287,7 @@ def fleet(
 
 
 @app.command()
-@_one_line_errors
+@one_line_errors
 def look(
     file: Annotated[str, typer.Argument(metavar="FILE", help="A log: bag, data log, MATLAB file, CSV, Parquet.")],
     robot: Annotated[
@@ -340,7 +305,7 @@ def look(
 
 
 @app.command()
-@_one_line_errors
+@one_line_errors
 def simulate(
     robot: RobotArgument,
     log: Annotated[str, typer.Option("--log", metavar="LOG", help="Log whose inputs drive the model.")],
@@ -356,7 +321,7 @@ def simulate(
 
 
 @app.command()
-@_one_line_errors
+@one_line_errors
 def design(
     robot: RobotArgument,
     out: Annotated[
@@ -411,7 +376,7 @@ def design(
 
 
 @app.command()
-@_one_line_errors
+@one_line_errors
 def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for fit.json and pictures.")] = Path(
         "jaxid-demo"

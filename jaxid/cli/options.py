@@ -6,6 +6,12 @@ from typing import Annotated, Literal
 
 import typer
 
+MANY = (
+    "--fit", "--held-out", "--check", "--method", "--limit", "--noise", "--already", "--speed", "--floor", "--before",
+    "--after", "--held-out-before", "--held-out-after",
+)  # fmt: skip
+"""Flags that take every value up to the next flag."""
+
 
 def _robots(begun: str) -> list[str]:
     """Built-in robots whose names begin so, for the shell to complete."""
