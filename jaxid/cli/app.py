@@ -297,11 +297,12 @@ def look(
         Path | None, typer.Option("--write", metavar="MAPPING.toml", help="Write the proposal there, to be edited.")
     ] = None,
     mapping: Mapping = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Look at a file: its topics, rates, gaps, delays and fields, what is odd, and what could be what for a robot."""
     from .look import run_look
 
-    run_look(file, robot, mapping, write)
+    run_look(file, robot, mapping, write, overwrite)
 
 
 @app.command()

@@ -99,7 +99,7 @@ def _words(robot: Robot) -> Mapping[str, str]:
     return {**sides, **robot.words}
 
 
-def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | None) -> None:
+def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | None, overwrite: bool = False) -> None:
     """Print the file's streams, fields and, for a robot, proposals; write these to `write` as a mapping."""
     paths = files_of(file)
     if len(paths) > 1:
@@ -107,6 +107,10 @@ def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | No
     if write is not None and spec is None:
         raise UnusableInput(
             "--write needs the robot whose channels are to be mapped; give --robot, such as --robot pioneer."
+        )
+    if write is not None and write.exists() and not overwrite:
+        raise UnusableInput(
+            f"{write} is there already, and may have been edited; name another file, or give --overwrite."
         )
     robot = load_robot(spec) if spec is not None else None
     seen = look(paths[0], _time_field(mapping))

@@ -24,7 +24,7 @@ class Proposal(NamedTuple):
 
 
 # What people call things, by the words that a channel's meaning holds.
-_SIDES = {"right": ("right", "_r", ".r", "rr", "fr"), "left": ("left", "_l", ".l", "rl", "fl")}
+_SIDES = {"right": ("r", "rr", "fr", "rh"), "left": ("l", "rl", "fl", "lh")}
 _MEANINGS: Mapping[str, tuple[str, ...]] = {
     "m/s": ("twist.linear.x", "linear.x", "velocity", "speed", "vx"),
     "rad/s": ("angular_velocity.z", "twist.angular.z", "angular.z", "yaw_rate", "gyro", "omega"),
@@ -37,11 +37,26 @@ _MEANINGS: Mapping[str, tuple[str, ...]] = {
 _COMMANDS = ("cmd", "command", "volt", "motor", "duty", "pwm", "control", "ref", "input", "output")
 
 
+def _of_side(side: str, name: str) -> bool:
+    return side in name or any(part in _SIDES[side] for part in re.split(r"[^a-z0-9]+", name))
+
+
+def _side_score(said: str, name: str) -> float:
+    """Whether a path bears the side that a channel is of, the other one, or (for the channel of a side) none."""
+    for side, other in (("right", "left"), ("left", "right")):
+        if side in said:
+            own, wrong = _of_side(side, name), _of_side(other, name)
+            return 3.0 if own and not wrong else -3.0 if wrong and not own else -1.0
+    return 0.0
+
+
 def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, place: int) -> float:
     """How well a signal fits a channel: by its name, its promised unit, and the words in its path."""
     name, said = series.name.lower(), f"{channel} {wanted}".lower()
     score = 0.0
-    if re.split(r"[./\[\]]", series.name)[-1] == channel or series.name == channel:
+    last = re.split(r"[./\[\]]", series.name)[-1]
+    # The w of a quaternion is no yaw rate.
+    if series.name == channel or (last == channel and (len(channel) > 1 or not series.name.startswith("/"))):
         return 100.0
     units = [one for one in unit.split(" or ") if one]
     if series.unit and any(one in series.unit.split(" or ") for one in units):
@@ -53,11 +68,7 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
     score += 0.0 if found is None else 3.0 - 0.2 * found
     commanded = any(word in name for word in _COMMANDS)
     score += (2.0 if commanded else -1.0) if command else (-3.0 if commanded else 0.0)
-    for side, marks in _SIDES.items():
-        if side in said:
-            score += 3.0 if any(mark in name for mark in marks) else 0.0
-            other = _SIDES["left" if side == "right" else "right"]
-            score -= 3.0 if any(mark in name for mark in other) and not any(mark in name for mark in marks) else 0.0
+    score += _side_score(said, name)
     index = re.search(r"\[(\d+)\]$", series.name)
     if index and command:
         score += 1.0 if int(index[1]) == place else -0.5

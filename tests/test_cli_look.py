@@ -1,0 +1,120 @@
+"""`jaxid look`: what stands in a file, what is odd in it, and a mapping that reads it."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxid import read_logs
+from jaxid.logs.look import look
+from tests.recordings import Ros, ns, write_mat
+
+DEMO = Path(__file__).parents[1] / "jaxid/demo_logs"
+TIMES = np.round(np.arange(200) * 0.02, 6)
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """A differential drive: a voltage for each side, wheels 2 ms late with a gap, odometry, a gyro that freezes."""
+    pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
+    ros, rng = Ros(), np.random.default_rng(3)
+    wheels = ["wheel_left_joint", "wheel_right_joint"]
+    noise = rng.normal(size=(200, 4))
+    topics = {
+        "/left/voltage": [(ns(t), ros.number(k % 9)) for k, t in enumerate(TIMES)],
+        "/right/voltage": [(ns(t), ros.number(k % 7)) for k, t in enumerate(TIMES)],
+        "/joint_states": [
+            (ns(t) + 2_000_000, ros.joints(ns(t), wheels, noise[k, :2]))
+            for k, t in enumerate(TIMES)
+            if not 60 <= k < 80
+        ],
+        "/odom": [(ns(t), ros.odometry(ns(t), *noise[k, 2:])) for k, t in enumerate(TIMES)],
+        "/gyro": [(ns(t), ros.imu(ns(t), 0.1 if k > 150 else noise[k, 0])) for k, t in enumerate(TIMES)],
+        "/said": [(ns(0), ros.text("go"))],
+        "/silent": "std_msgs/msg/Float64",
+    }
+    return ros.write(tmp_path / "run", topics)
+
+
+def test_streams_are_told_by_rate_gaps_and_delay(bag):
+    streams = {stream.topic.name: stream for stream in look(bag).streams}
+    wheels = streams["/joint_states"]
+    assert (wheels.topic.messages, wheels.fields, wheels.gaps) == (180, 2, 1)
+    np.testing.assert_allclose(
+        [wheels.interval, wheels.longest, wheels.late, wheels.latest], [0.02, 0.42, 0.002, 0.002]
+    )
+    assert wheels.jitter < 1e-6 and np.isnan(streams["/left/voltage"].late)
+    doubts = look(bag).doubts
+    assert list(doubts) == ["/gyro.angular_velocity.z"]
+    assert "stays the same for 49 messages" in doubts["/gyro.angular_velocity.z"]
+
+
+def test_a_look_prints_and_proposes_a_mapping_that_reads_the_bag(jaxid, bag, tmp_path):
+    out = tmp_path / "run_map.toml"
+    status, said, remarks = jaxid("look", bag, "--robot", "differential", "--write", out)
+    assert status == 0 and str(out) in remarks
+    for words in (
+        "/joint_states",
+        "50 Hz",
+        "(longest",
+        "/silent: no messages",
+        "/said: no numbers",
+        "Constant:",
+    ):
+        assert words in said, words
+    proposed = {name: entry["field"] for name, entry in tomllib.loads(out.read_text()).items()}
+    assert proposed == {
+        "u_right": "/right/voltage.data",
+        "u_left": "/left/voltage.data",
+        "v": "/odom.twist.twist.linear.x",
+        "w": "/odom.twist.twist.angular.z",
+    }
+    assert len(read_logs(bag, "differential", mapping=out)[0]) == 200
+    # A mapping that somebody has edited is not lost.
+    status, _, remarks = jaxid("look", bag, "--robot", "differential", "--write", out)
+    assert status == 1 and "--overwrite" in remarks
+    assert jaxid("look", bag, "--robot", "differential", "--write", out, "--overwrite")[0] == 0
+
+
+def test_sides_are_told_apart_by_the_names_of_topics_and_joints(jaxid, bag, tmp_path):
+    """Of a robot that measures its wheels: their joints, not the body's speed."""
+    from jaxid.logs import DIFFERENTIAL_WHEELS
+    from jaxid.logs.propose import propose
+
+    words = {"v_right": "right wheel's speed", "v_left": "left wheel's speed"}
+    found = {one.channel: one.field for one in propose(look(bag), DIFFERENTIAL_WHEELS, words)}
+    assert found["v_right"] == "/joint_states.velocity[wheel_right_joint]"
+    assert found["v_left"] == "/joint_states.velocity[wheel_left_joint]"
+
+
+def test_tables_and_matlab_files_are_looked_at_alike(jaxid, tmp_path):
+    status, said, _ = jaxid("look", DEMO / "omni/fit_steps.csv", "--robot", "omni")
+    assert status == 0 and "50 Hz" in said and "sideways speed" in said
+    path = write_mat(tmp_path / "run.mat", {"clock": TIMES, "V2": TIMES % 3, "eta1": np.sin(TIMES)})
+    status, said, remarks = jaxid("look", path)
+    assert status == 1 and "no vectors with a time" in remarks
+    (tmp_path / "map.toml").write_text('t = "clock"\n')
+    status, said, _ = jaxid("look", path, "--map", tmp_path / "map.toml")
+    assert status == 0 and "eta1" in said and "50 Hz" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["nothing.mcap"], "does not exist"),
+        (["empty.mcap"], "is empty"),
+        (["words.csv"], "no column of times .*close: 'T'"),
+        (["words.csv", "--write", "map.toml"], "--write needs the robot"),
+        (["*.csv"], "matches 2 files"),
+    ],
+)
+def test_what_cannot_be_looked_at_is_one_line(jaxid, tmp_path, monkeypatch, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    Path("empty.mcap").touch()
+    Path("words.csv").write_text("T,a\n0,1\n1,2\n")
+    Path("other.csv").write_text("t,a\n0,1\n1,2\n")
+    status, said, remarks = jaxid("look", *arguments)
+    assert (status, said) == (1, "") and len(remarks.splitlines()) == 1
+    assert re.search(says, remarks), remarks
