@@ -93,7 +93,13 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
         command = channel in channels.inputs
         place = channels.inputs.index(channel) if command else 0
         unit, wanted = channels.units.get(channel, ""), words.get(channel, "")
-        scored = [(_score(channel, unit, wanted, command, series, place), series) for series in usable]
+        scored = [
+            (
+                _score(channel, unit, wanted, command, series, place) - (2.0 if series.name in seen.doubts else 0.0),
+                series,
+            )
+            for series in usable
+        ]
         ranked = sorted(scored, key=lambda pair: (-pair[0], -len(pair[1]), pair[1].name))
         good = [(score, series) for score, series in ranked if score >= _LEAST and series.name not in taken]
         if not good:
