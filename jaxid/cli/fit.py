@@ -11,11 +11,12 @@ from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
 from ..estimate.prediction_error.prediction_error import prediction_error
 from ..estimate.result import Fit
-from ..logs import LogError, LogSet, read_logs
+from ..logs import LogError, LogSet, noise_scale, read_logs
 from ..logs.intersample import Intersample, between_samples
 from ..model_file import read_model
 from ..parameters import ParameterError
 from ..report import Comparison, compare
+from ..report.comparing import on_fitted
 from ..report.files import write_fit
 from ..report.tables import DOUBT, Cell, Table, title_of, to_text, value_cell, with_error
 from ..robots import Effect, Robot, closed_loop
@@ -183,7 +184,10 @@ def write_results(
         said = [f"{title_of(fit.method)}: {fit.judgement.sentence}" for fit in fits if fit.judgement]
         comparison, text = None, to_text([table], said)
         write_fit(out, fits)
-        page = fits_page(fits)
+        with step("Simulation of the fitted logs"):
+            noise = noise_scale(fitted)
+            seen = on_fitted({fit.method: fit for fit in fits}, fitted, noise)
+        page = fits_page(fits, fitted, seen, noise)
     else:
         with step("Prediction of held-out logs"):
             comparison = compare(*fits, held_out=held_out, fit=fitted, truth=truth)

@@ -43,6 +43,15 @@ def _fitted_start(fit: Fit, logs: LogSet) -> dict[str, np.ndarray] | None:
     return {name: np.array([fit.initial_states[log.name][name] for log in logs]) for name in fit.robot.states}
 
 
+def on_fitted(fits: Mapping[str, Fit], logs: LogSet, noise: Mapping[str, float]) -> dict[str, list[np.ndarray]]:
+    """What every fit simulates of the logs that were fitted, outputs [samples, channels.measured] of each: in windows, where a
+    fit needed them, else from the initial states that it estimated."""
+    windows = [fit.window for fit in fits.values() if fit.window is not None]
+    if windows:
+        return {label: followed(f.robot, logs, min(windows), noise) for label, f in fits.items()}
+    return {label: simulate(f.robot, logs, start=_fitted_start(f, logs)) for label, f in fits.items()}
+
+
 def _published(fits: Sequence[Fit]) -> dict[str, float]:
     """Defaults of the robots' tables that come from a publication; none if the owner knows that it is not of this robot."""
     found: dict[str, float] = {}
@@ -136,12 +145,7 @@ def compare(
     }
     if fit is not None:
         level = noise_scale(fit)
-        for label, f in named.items():
-            if windows:
-                seen = followed(f.robot, fit, min(windows), level)
-            else:
-                seen = simulate(f.robot, fit, start=_fitted_start(f, fit))
-            fitted[label] = agreement(fit, seen, level)
+        fitted = {label: agreement(fit, seen, level) for label, seen in on_fitted(named, fit, level).items()}
     references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)
     for found in reversed(fits) if references else ():
         fixed = {n: v for n, v in found.robot.parameters.numbers.items() if n not in found.free_names}

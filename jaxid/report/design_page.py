@@ -80,6 +80,18 @@ def _verdict(design: Design) -> tuple[str, Tone]:
     return ("Worth driving", "good") if design.gain < _LITTLE else ("Little better than a PRBS", "open")
 
 
+def _headline(design: Design, files: tuple[str, ...]) -> str:
+    """What to drive, and what it brings beside what is known and beside a PRBS."""
+    what = " and ".join(files) or "these inputs"
+    known = [design.std_errors[n] / e for n, e in design.before.items() if e <= PRACTICAL * design.magnitudes[n]]
+    beside = f"{design.gain:.2f} of what a PRBS of the same length and energy would leave"
+    if len(known) < len(design.before):
+        new = len(design.before) - len(known)
+        return f"Drive {what}: it determines {new} parameters that nothing known so far does, with errors of {beside}."
+    share = float(np.exp(np.mean(np.log(known))))
+    return f"Drive {what}: standard errors fall to {share:.2f} of what is known so far, and to {beside}."
+
+
 def design_page(design: Design, files: tuple[str, ...] = ()) -> Page:
     """The page of a design; `files` are the names under which its runs were saved."""
     verdict, tone = _verdict(design)
@@ -101,8 +113,8 @@ def design_page(design: Design, files: tuple[str, ...] = ()) -> Page:
         kind=f"jaxid design: {design.robot}, {design.tried} inputs tried",
         verdict=verdict,
         tone=tone,
-        headline=design.sentence.removesuffix(design.doubt).strip(),
-        lead=texts([design.doubt]),
+        headline=_headline(design, files),
+        lead=texts([design.sentence]),
         sections=tuple(sections),
         next=next_,
     )

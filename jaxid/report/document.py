@@ -175,6 +175,9 @@ def picture(figure: Figure, name: str, alt: str, caption: str = "", columns: int
     text = text[text.index("<svg") :]
     text = re.sub(r' xmlns(:xlink)?="[^"]*"', "", text).replace("xlink:href", "href")
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)
+    # Its style sheet would hold for the whole page.
+    text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.S)
+    text = text.replace("<svg ", '<svg stroke-linejoin="round" stroke-linecap="butt" ', 1)
     text = re.sub(r'(<svg[^>]*?) (?:height|width)="[^"]*"', r"\1", text)
     text = re.sub(r'(<svg[^>]*?) (?:height|width)="[^"]*"', r"\1", text, count=1)
     text = re.sub(r"#([0-9a-f]{6})\b", _themed, text)

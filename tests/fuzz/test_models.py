@@ -89,7 +89,8 @@ def test_nothing_in_the_package_runs_data_as_code():
             elif isinstance(node, ast.Call):
                 # As methods, `compile` belongs to regular expressions and to JAX.
                 name = getattr(node.func, "id", getattr(node.func, "attr", "").replace("compile", ""))
-                called.add((name, where))
+                if not (node.args and isinstance(node.args[0], ast.Constant)):  # a module named in the code is no data
+                    called.add((name, where))
                 assert not any(keyword.arg == "allow_pickle" for keyword in node.keywords), where
     assert not {entry for entry in imported if entry[0] in RUNS_CODE}
     assert {entry for entry in called if entry[0] in CALLS_CODE} == {("import_module", "cli/arguments.py")}

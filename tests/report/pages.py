@@ -82,5 +82,6 @@ def check(page: str) -> Structure:
     assert levels[0] == 1 and levels.count(1) == 1
     assert all(b <= a + 1 for a, b in zip(levels, levels[1:], strict=False)), levels
     assert read.sections[-1] == "What next?"
+    assert not re.search(r"(^|\})\s*\*\s*\{", read.styles), "a style for everything on the page"
     assert "prefers-color-scheme: dark" in read.styles and "@media print" in read.styles
     return read
