@@ -7,9 +7,12 @@ models compute with, are a plain dictionary (`table.numbers`).
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ._table import html_table, text_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class ParameterError(ValueError):
@@ -124,6 +127,14 @@ class ParameterTable(Mapping[str, Parameter]):
     def merge(self, other: Mapping[str, Parameter]) -> "ParameterTable":
         """The table with further parameters appended."""
         return ParameterTable({**self._parameters, **other})
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """A row for every parameter by symbol: `value`, `unit`, `free`, `lower`, `upper`, `prior`, `source`, `meaning`."""
+        import pandas as pd  # robots and model files need no tables
+
+        fields = ["value", "unit", "free", "lower", "upper", "prior", "source", "meaning"]
+        rows = {name: [getattr(p, field) for field in fields] for name, p in self.items()}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=fields).rename_axis("parameter")
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows = [(n, f"{p.value:.6g}", p.unit, "free" if p.free else "fixed", p.meaning) for n, p in self.items()]

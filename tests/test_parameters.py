@@ -97,3 +97,12 @@ def test_a_robot_shows_its_channels_effects_and_table():
     assert len(rows) == len(robot.parameters) and max(map(len, rows)) < 100
     assert {row[header.index("unit") :].split()[0] for row in rows} >= {"kg", "N"}  # columns stay columns
     assert "with Stribeck friction" in page and page.count("<tr>") == 1 + len(rows)
+
+
+def test_a_table_becomes_a_data_frame_with_everything_that_it_says():
+    table = Pioneer().parameters.change("Cs", prior=(0.3, 0.1))
+    frame = table.to_pandas()
+    assert list(frame.index) == list(table) and frame.index.name == "parameter"
+    assert frame["value"].to_dict() == table.numbers
+    assert tuple(frame.index[frame["free"]]) == table.free_names
+    assert frame.loc["Cs", "prior"] == (0.3, 0.1) and frame.loc["Cs", "unit"] == "N m" and frame.loc["Cs", "meaning"]

@@ -141,11 +141,22 @@ def _own_cell(estimate: Estimate, sound: bool, far: bool) -> Cell:
     return Cell(f"{cell.text} far", "bad") if far else cell
 
 
+def _with_meanings(table: Table, robot: Robot) -> Table:
+    """The table with what every parameter stands for below its symbol."""
+
+    def named(cell: Cell) -> Cell:
+        known = robot.parameters[cell.text].meaning if cell.text in robot.parameters else ""
+        return replace(cell, detail=known)
+
+    return replace(table, rows=tuple((named(row[0]), *row[1:]) for row in table.rows))
+
+
 def fleet_page(robot: Robot, said: Sequence[str], tables: Sequence[Table], explained: bool) -> Page:
     """The page of a fleet: what stands out, then the spread and every member, then what to do."""
     headline, *rest = said or (f"A fleet of {robot.name}.",)
+    tables = [_with_meanings(tables[0], robot), *tables[1:]]
     doubt = any("bad" in cell.mark for table in tables for row in table.rows for cell in row)
-    items = ["Look first at members that are marked: their logs, then what `jaxid explain` says of each of them."]
+    items = ["Look first at members that are marked: their logs, then what `jaxid explain` says of each."]
     items += [] if explained else ["What each robot lacks: the same command with --explain and --held-out."]
     return Page(
         title=f"jaxid fleet {robot.name}",

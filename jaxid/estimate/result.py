@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
 
 from .._table import html_table, text_table
@@ -193,6 +194,17 @@ class Fit:
         if self.judgement.verdict in ("poor", "failed"):
             return f"{status}, of a poor model"
         return f"{status}, biased by noise" if name in self.judgement.biased else status
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every parameter, then combination, by symbol: `value`, `std_error`, `ci95_low` and `ci95_high` (NaN where
+        there are none), `unit`, `status` and `meaning`."""
+        table, combined = self.robot.parameters, self.robot.combinations
+        rows = {}
+        for name, e in {**self.parameters, **self.combinations}.items():
+            meaning = table[name].meaning if name in table else combined[name][2] if name in combined else ""
+            rows[name] = (e.value, e.std_error, *e.ci95, e.unit, e.status, meaning)
+        columns = ["value", "std_error", "ci95_low", "ci95_high", "unit", "status", "meaning"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 
     def _rows(self) -> list[tuple[str, str, str, str, str]]:
         rows = [("", "value", "std error", "unit", "status")]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from jinja2 import Environment, Template
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -139,11 +139,16 @@ def units(text: str) -> str:
     )
 
 
+def said(text: str) -> Markup:
+    """A sentence as HTML: units as powers, and what stands between backticks as what one types."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(units(text)))))
+
+
 @lru_cache(1)
 def _parts() -> tuple[Template, Markup, Markup]:
     here = files("jaxid.report")
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["units"] = units
+    environment.filters |= {"units": units, "said": said}
     template, css, js = (
         here.joinpath(f"page.{end}").read_text(encoding="utf-8") for end in ("html.jinja", "css", "js")
     )

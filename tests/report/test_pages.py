@@ -11,7 +11,7 @@ from jaxid.report import document
 from jaxid.report.chart import Chart, Panel, Trace
 from jaxid.report.comparison_page import comparison_page, fits_page
 from jaxid.report.design_page import design_page
-from jaxid.report.document import Charted, Page, Section, Tabled, Text, rendered, units
+from jaxid.report.document import Charted, Page, Section, Tabled, Text, rendered, said, units
 from jaxid.report.explanation_page import page_of
 from jaxid.report.tables import Cell, Table
 from tests.report import browser
@@ -91,6 +91,11 @@ def test_colours_can_be_told_from_the_paper(dark):
 
 def test_units_are_printed_as_powers():
     assert units("kg m^2 and N s^-1, x^12, e^(-x)") == "kg m² and N s⁻¹, x^12, e^(-x)"
+
+
+def test_what_one_types_looks_like_it_and_stays_escaped():
+    assert said("`jaxid fit <a>` of 3 m^2 & more") == "<code>jaxid fit &lt;a&gt;</code> of 3 m² &amp; more"
+    assert said("a ` alone") == "a ` alone"
 
 
 def test_what_users_name_is_escaped():

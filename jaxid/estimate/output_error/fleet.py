@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 from jaxtyping import Array, Float, Int
 
 from ..._compile import compiled
@@ -141,6 +142,15 @@ class Fleet:
             if doubted
             else f"{text}."
         )
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every member and parameter, indexed by both: the columns of `Fit.to_pandas`, and `verdict`, what the
+        member's residual says of its fit. Members without a fit are in `failed`."""
+        parts = {
+            member: fit.to_pandas().assign(verdict=fit.judgement.verdict if fit.judgement else "")
+            for member, fit in self.fits.items()
+        }
+        return pd.concat(parts, names=["member"]) if parts else pd.DataFrame()
 
     def _rows(self) -> list[tuple[str, ...]]:
         if not self.fits:

@@ -40,6 +40,13 @@ def test_every_member_gets_what_it_gets_alone(fleet):
             assert fit[symbol].std_error == pytest.approx(alone[symbol].std_error, rel=0.02)
         assert abs(fit["M"].value - MASSES[name]) < 4 * fit["M"].std_error
         assert name in repr(found)
+    frame = found.to_pandas()
+    assert list(frame.index.names) == ["member", "parameter"] and set(frame["verdict"]) == {"sound"}
+    for name, fit in found.fits.items():
+        row = frame.loc[(name, "M")]
+        assert (row["value"], row["std_error"]) == (fit["M"].value, fit["M"].std_error)
+        assert (row["ci95_low"], row["ci95_high"]) == fit["M"].ci95 and row["unit"] == "kg" and row["meaning"]
+        assert frame.loc[(name, "offset"), "status"] == "fixed" and np.isnan(frame.loc[(name, "offset"), "std_error"])
 
 
 @pytest.mark.parametrize("places, most", [(64, 3), (2, 2)])
