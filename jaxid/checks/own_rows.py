@@ -27,7 +27,7 @@ def as_measured(log: Log, name: str) -> tuple[Log, NDArray[np.int64]] | None:
         return None
     mixing = {name: log.channels.mixing[name]} if name in log.channels.mixing else {}
     channels = Channels(log.channels.inputs, (name,), units=log.channels.units, mixing=mixing)
-    return Log(log.name, log.time[rows], log.inputs[rows], log.output(name)[rows], channels), rows
+    return Log(log.name, log.time[rows], log.inputs[rows], log.output(name)[rows, None], channels), rows
 
 
 def nothing_else_changes(log: Log, name: str, rows: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from ..logs.series import Series
 from ..report.tables import Cell, Table, to_text
 from ..robots import Robot
 from .arguments import UnusableInput, load_robot
-from .console import say, show
+from .console import say, show, step
 
 _FIELDS = 60
 """Fields that are listed one by one."""
@@ -113,7 +113,8 @@ def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | No
             f"{write} is there already, and may have been edited; name another file, or give --overwrite."
         )
     robot = load_robot(spec) if spec is not None else None
-    seen = look(paths[0], _time_field(mapping))
+    with step(f"Reading {paths[0]}"):
+        seen = look(paths[0], _time_field(mapping))
     tables = [_streams(seen), _fields(seen)]
     if robot is not None:
         robot = robot.for_columns(seen.recording.series)

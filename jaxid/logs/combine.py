@@ -138,7 +138,7 @@ def _span(inputs: dict[str, Signal], outputs: dict[str, Signal], needed: set[str
         late = next(n for n, s in {**inputs, **outputs}.items() if s.time[0] == start and (n in inputs or n in needed))
         text = f"the first {lost:.3g} s are left out, since {late!r} begins only then"
         notes.append(("note", "cut_start", late, text))
-    return start, stop, notes
+    return int(start), int(stop), notes
 
 
 def combine(inputs: dict[str, Signal], outputs: dict[str, Signal], needed: set[str]) -> Rows:

@@ -169,10 +169,13 @@ def _recording(reader: Any, path: Path, fields: Collection[str] | None) -> Recor
     for topic in sorted(wanted - set(kinds)):
         listed = ", ".join(sorted(kinds))
         raise LogError(f"{path} has no topic {topic!r}{did_you_mean(topic, kinds)}; it has {listed:.400}: correct it.")
-    chosen = [connection for connection in reader.connections if connection.topic in wanted]
+    known = set(reader.typestore.fielddefs)
+    unknown = {topic for topic, kind in kinds.items() if kind not in known}
+    chosen = [c for c in reader.connections if c.topic in wanted and c.topic not in unknown]
     columns = {topic: _Columns(topic, kinds[topic]) for topic in wanted}
     large: dict[str, int] = {}
-    for connection, received, data in reader.messages(connections=chosen):
+    # Of no connections at all rosbags would hand out the messages of every one.
+    for connection, received, data in reader.messages(connections=chosen) if chosen else ():
         topic = connection.topic
         if len(data) > _LARGE or topic in large:
             large[topic] = max(large.get(topic, 0), len(data))
@@ -192,6 +195,8 @@ def _recording(reader: Any, path: Path, fields: Collection[str] | None) -> Recor
         remark = ""
         if not counts[topic]:
             remark = "no messages"
+        elif topic in unknown:
+            remark = "a type of which the bag holds no definition, as those of ROS 2 Humble and older do not"
         elif topic in large:
             remark = f"messages of {large[topic]:,} bytes, not looked into"
         elif topic in wanted and topic not in with_numbers:

@@ -8,6 +8,7 @@ import pytest
 
 from jaxid.logs import LogError
 from jaxid.logs.formats import read_recording
+from jaxid.logs.recorded import found
 from tests.recordings import Ros, ns
 
 pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
@@ -135,6 +136,27 @@ def test_a_type_that_is_no_name_is_never_made_a_class(tmp_path):
     base.close()
     with pytest.raises(LogError, match="which is no message type"):
         read_recording(file)
+
+
+def test_bags_of_humble_hold_no_definitions(tmp_path):
+    """Standard messages are read all the same; a type of one's own is named, and the others are read beside it."""
+    import sqlite3
+
+    ros = Ros(2, extra=[("our_robot/msg/Motors", "float32 amperes")])
+    motors = ros.make("our_robot/msg/Motors", amperes=1.0)
+    file = ros.write(
+        tmp_path / "run", {"/motors": [(ns(0), motors)], "/odom": [(ns(0), ros.odometry(ns(0), 1, 2))]}, "sqlite3"
+    )
+    with sqlite3.connect(file) as base:
+        base.execute("DROP TABLE message_definitions")
+        base.execute("UPDATE schema SET schema_version = 3")
+        base.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
+    base.close()
+    recording = read_recording(file)
+    assert recording.series["/odom.twist.twist.angular.z"].values == [2.0]
+    assert "holds no definition" in recording.topics["/motors"].remark
+    with pytest.raises(LogError, match="'/motors' .* has a type of which the bag holds no definition"):
+        found(read_recording(file, ["/motors.amperes"]), "/motors.amperes", "u", file)
 
 
 def test_without_rosbags_the_remedy_is_the_install(tmp_path, monkeypatch):
