@@ -33,26 +33,31 @@ def complain(message: str) -> None:
 
 
 @contextmanager
+def spinner(title: str) -> Iterator[Callable[[str], None]]:
+    """On a terminal, a line that turns with the seconds so far while something lasts, and goes when it ends. Yields a function
+    that changes what it says."""
+    shown = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
+    turning = Progress(
+        SpinnerColumn(), shown, TimeElapsedColumn(), console=_REMARKS, transient=True, disable=not _REMARKS.is_terminal
+    )
+    with turning:
+        task = turning.add_task(title, total=None)
+        yield lambda description: turning.update(task, description=description)
+
+
+@contextmanager
 def step(title: str) -> Iterator[Callable[[str], None]]:
-    """One stage of the work: on a terminal a spinner with what is being done and the seconds so far, and a line with its
-    seconds at the end.
+    """One stage of the work: a spinner with what is being done, and a line with its seconds at the end.
 
     Yields a function that reports a sentence from inside the stage, which stays as a line of its own; of counts such as
     "3 of 60 rounds" in quick succession only some do.
     """
-    began = perf_counter()
-    shown = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
-    spinner = Progress(
-        SpinnerColumn(), shown, TimeElapsedColumn(), console=_REMARKS, transient=True, disable=not _REMARKS.is_terminal
-    )
-    with spinner:
-        task = spinner.add_task(title, total=None)
-
-        last = -_SELDOM
+    began, last = perf_counter(), -_SELDOM
+    with spinner(title) as turn:
 
         def report(message: str) -> None:
             nonlocal last
-            spinner.update(task, description=f"{title}: {message}")
+            turn(f"{title}: {message}")
             now, count = perf_counter() - began, _COUNT.search(message)
             if now - last < _SELDOM and count and count[1] != count[2]:
                 return

@@ -8,7 +8,7 @@ from typing import Any
 import typer
 
 from .arguments import UnusableInput
-from .console import complain
+from .console import complain, spinner
 
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """Reasons why the results cannot be printed; other errors without a file are bugs."""
@@ -19,9 +19,10 @@ def one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def run(*args: Any, **options: Any) -> None:
-        from ..logs import LogError
-        from ..model_file import ModelFileError
-        from ..parameters import ParameterError
+        with spinner("Starting"):
+            from ..logs import LogError
+            from ..model_file import ModelFileError  # and JAX with it, which takes seconds
+            from ..parameters import ParameterError
 
         try:
             command(*args, **options)
