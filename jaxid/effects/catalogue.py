@@ -18,10 +18,11 @@ from .actuator import (
     motor_strength,
     saturation,
 )
-from .body import coriolis, drag, lateral_com, slope
+from .body import coriolis, drag, lateral_com, payload, slope
 from .drivetrain import (
     asymmetric_friction,
     asymmetric_viscous_friction,
+    backlash,
     cogging_torque,
     load_dependent_friction,
     stribeck_friction,
@@ -59,6 +60,8 @@ MECHANISMS: tuple[tuple[Effect, ...], ...] = (
     slope.LAWS,
     lateral_com.LAWS,
     coriolis.LAWS,
+    backlash.LAWS,
+    payload.LAWS,
 )
 """The laws of every mechanism, the usual one first."""
 ALL: tuple[Effect, ...] = tuple(laws[0] for laws in MECHANISMS)

@@ -135,6 +135,10 @@ class Effect:
         """Whole commanded signals -> signals that reach the motors, on the integration grid [T, nu]."""
         return inputs
 
+    def numbers(self, p: Numbers, state: State, robot: "Robot") -> Numbers:
+        """The model's parameters as they are in this state, such as the mass of what loses its load."""
+        return p
+
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: "Robot") -> Scalars:
         """Motor voltages [V], given the currents [A] they would cause."""
         return volts
@@ -156,7 +160,8 @@ class Effect:
         return forces
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: "Robot") -> State:
-        """Time derivatives of the effect's own states, and of no others."""
+        """Time derivatives of the effect's own states, and of no others. One that takes an argument `torques`, too, is given
+        the drive torques before any effect on them."""
         return {}
 
     def measure(

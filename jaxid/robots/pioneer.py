@@ -79,7 +79,7 @@ class Pioneer(Robot):
     turning: ClassVar[str] = "eta2"
     in_plane: ClassVar[bool] = True
     winding: ClassVar[str] = "Ra"
-    supply_voltage: ClassVar[float] = 12.0
+    supply_voltage: ClassVar[str] = "supply"
     steps_per_time_constant: ClassVar[float] = 19.0  # the caster turns faster than the speeds change
     nominal: ClassVar[Scales] = Scales(
         input=10.0, speed=1.0, torque=4.7, friction=5.0, force=56.0, time=0.19, acceleration=6.0
@@ -134,6 +134,7 @@ class Pioneer(Robot):
             "tr": parameter(19.7, "", "gear ratio", maker),
             "mu": parameter(0.73, "", "gearbox efficiency", maker),
             "tau_fr": parameter(5.6e-3, "N m", "friction torque of the motor", maker),
+            "supply": parameter(12.0, "V", "supply voltage: that of the battery", maker),
             "radius_mismatch": parameter(
                 0.0,
                 "",

@@ -287,11 +287,12 @@ class Robot:
         return self.gear(self.motor(volts, state, p), volts, state, p) if "torque" in self.traits else ()
 
     def compliance(self, state: State, p: Numbers) -> tuple[Scalars, ...]:
-        """The Delassus matrix: -d(rubbing acceleration i) / d(dry-friction torque j), positive semidefinite."""
+        """The Delassus matrix: -d(rubbing acceleration i) / d(dry-friction torque j), positive semidefinite. `p` are the
+        parameters as they are in this state."""
         no_input = (0.0,) * len(self.channels.inputs)
 
         def speeds_after(dry: Scalars) -> Scalars:
-            rates = self.rates(state, no_input, dry, p)
+            rates = signal_path.rates_with(self, state, no_input, dry, p)
             return self.rubbing_rates(state, rates, p)
 
         axes = len(self.rubbing(state, p))

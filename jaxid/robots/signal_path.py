@@ -28,8 +28,8 @@ def overrides(kind: type[Effect], stage: str) -> bool:
 
 
 @cache
-def _asks(kind: type[Effect], stage: str) -> bool:
-    return "robot" in signature(getattr(kind, stage)).parameters
+def _asks(kind: type[Effect], stage: str, name: str = "robot") -> bool:
+    return name in signature(getattr(kind, stage)).parameters
 
 
 def acting(robot: "Robot", stage: str) -> Iterator[Any]:
@@ -48,6 +48,11 @@ def passed(robot: "Robot", stage: str, signal: Any, *others: Any) -> Any:
     return signal
 
 
+def numbers(robot: "Robot", state: State, p: Numbers) -> Numbers:
+    """The parameters as they are in this state."""
+    return passed(robot, "numbers", p, state)
+
+
 def powered(robot: "Robot", inputs: Scalars, state: State, p: Numbers) -> tuple[Scalars, Scalars]:
     """Voltages and currents of the motors at the commanded `inputs`: driver, supply and motor."""
     volts = robot.driver(inputs, state, p)
@@ -60,6 +65,7 @@ def powered(robot: "Robot", inputs: Scalars, state: State, p: Numbers) -> tuple[
 
 def coulomb(robot: "Robot", state: State, p: Numbers) -> Levels:
     """(backward, forward) Coulomb levels of the rubbing axes."""
+    p = numbers(robot, state, p)
     levels = robot.own_coulomb(state, p)
     if any(overrides(type(effect), "dry") for effect in robot.effects):
         levels = passed(robot, "dry", levels, robot.rubbing(state, p), state, p)
@@ -68,15 +74,21 @@ def coulomb(robot: "Robot", state: State, p: Numbers) -> Levels:
 
 def rates(robot: "Robot", state: State, inputs: Scalars, dry: Scalars, p: Numbers) -> State:
     """Time derivative of every state under the given inputs and dry-friction torques (positive resists positive speed)."""
+    return rates_with(robot, state, inputs, dry, numbers(robot, state, p))
+
+
+def rates_with(robot: "Robot", state: State, inputs: Scalars, dry: Scalars, p: Numbers) -> State:
+    """The same with parameters that are those of this state already."""
     volts, currents = powered(robot, inputs, state, p)
-    torques = passed(robot, "torque", robot.gear(currents, volts, state, p), state, p)
+    driving = robot.gear(currents, volts, state, p)
+    torques = passed(robot, "torque", driving, state, p)
     speeds = robot.rubbing(state, p)
     resistance = passed(robot, "viscous", robot.own_viscous(speeds, state, p), speeds, state, p)
     forces = passed(robot, "force", robot.own_forces(state, p), state, p)
     resisting = tuple(r + d for r, d in zip(resistance, dry, strict=True))
     found = dict(robot.motion(state, volts, torques, resisting, forces, p))
     found |= kinematics(robot, state, p)
-    return found | _own_rates(robot, found, state, currents, p)
+    return found | _own_rates(robot, state, currents, driving, p)
 
 
 def kinematics(robot: "Robot", state: State, p: Numbers) -> State:
@@ -100,12 +112,13 @@ def _products(*pairs: tuple[Any, Any]) -> Any:
     return sum(kept[1:], kept[0]) if kept else 0.0
 
 
-def _own_rates(robot: "Robot", found: State, state: State, currents: Scalars, p: Numbers) -> State:
+def _own_rates(robot: "Robot", state: State, currents: Scalars, torques: Scalars, p: Numbers) -> State:
     added: State = {}
     for effect in robot.effects:
         own = effect.states_on(robot)
-        asks = _asks(type(effect), "rates")
-        rates = effect.rates(state, currents, p, robot) if asks else effect.rates(state, currents, p)  # type: ignore[call-arg]
+        asked = {"robot": robot, "torques": torques}
+        asked = {name: value for name, value in asked.items() if _asks(type(effect), "rates", name)}
+        rates = effect.rates(state, currents, p, **asked)  # type: ignore[call-arg]
         foreign = sorted(set(rates) - set(own))
         if foreign:
             raise EffectError(
@@ -126,5 +139,6 @@ def names_clash(robot: "Robot", effect: Effect) -> str | None:
 
 
 __all__ = [
-    "POSE_STATES", "STAGES", "acting", "coulomb", "kinematics", "names_clash", "overrides", "passed", "powered", "rates",
+    "POSE_STATES", "STAGES", "acting", "coulomb", "kinematics", "names_clash", "numbers", "overrides", "passed", "powered",
+    "rates", "rates_with",
 ]  # fmt: skip

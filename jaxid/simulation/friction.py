@@ -14,6 +14,7 @@ import jax.numpy as jnp
 
 from ..robots.effect import Numbers, Scalars, State
 from ..robots.robot import Robot
+from ..robots.signal_path import numbers
 
 _TINY = 1e-30
 
@@ -54,7 +55,7 @@ class Sticking:
         free = robot.rates(state, inputs, (0.0,) * len(speeds), p)
         moved = robot.rubbing_rates(state, free, p)
         slip = [speeds[i] + h * moved[i] for i in axes]  # rubbing speeds at the end of the step, friction apart
-        compliance = robot.compliance(state, p)
+        compliance = robot.compliance(state, numbers(robot, state, p))
         torques = [0.0 * s for s in slip]
         for _ in range(self.sweeps if len(speeds) > 1 else 1):
             for i in axes:

@@ -59,7 +59,7 @@ class _Seen(Mapping[str, Any]):
 
 def on_records_alone(effect: Effect, robot: Robot) -> bool:
     """Whether the effect acts on commands or sensors and nowhere else."""
-    inside = any(overrides(type(effect), stage) for stage in (*STAGES, "rates"))
+    inside = any(overrides(type(effect), stage) for stage in (*STAGES, "numbers", "rates"))
     return not inside and not effect.states_on(robot)
 
 

@@ -78,6 +78,8 @@ LAWS = {
         "",
         {"share_eta1_of_eta2": 0.1},
     ),
+    "backlash/command": ({"width": 1.5}, "command", {"width": 1.5}),
+    "payload_change/leaking": ({"mass": 4.0, "time": 6.0}, "leaking", {"mass": 4.0, "time": 6.0}),
     "cogging_torque/by_current": (
         {"share": 0.3, "periods": 4.0},
         "share_of_torque",

@@ -148,6 +148,7 @@ def like_an_axis():
         axes={"slide": DriveAxis("v", "Fc", "Fv", torque=lambda s, u, p: p["gain"] * u["u"], angle="q")},
         forces={"v": "M"},
         motor_currents=lambda s, u, p: u,
+        mechanisms={"payload_change": ("M",)},
         title="like an axis",
     )
 
@@ -164,6 +165,9 @@ def test_every_effect_acts_on_a_users_axis_as_on_the_built_in_one():
         "sensor_bias.bias_v": 0.1,
         "motor_lag.time_constant": 0.05,
         "actuator_dead_zone.threshold": 0.2,
+        "backlash.impulse": 0.1,
+        "payload_change.mass": 0.5,
+        "payload_change.moment": 2.0,
     }
     mine, theirs = like_an_axis(), Axis()
     shared = [effect.id for effect in catalogue(theirs)]

@@ -3,6 +3,15 @@
 from .coriolis import CoriolisCoupling
 from .drag import QuadraticDrag, drag_unit
 from .lateral_com import LateralCentreOfMass
+from .payload import FromAMoment
 from .slope import GRAVITY, GroundSlope
 
-__all__ = ["GRAVITY", "CoriolisCoupling", "GroundSlope", "LateralCentreOfMass", "QuadraticDrag", "drag_unit"]
+__all__ = [
+    "GRAVITY",
+    "CoriolisCoupling",
+    "FromAMoment",
+    "GroundSlope",
+    "LateralCentreOfMass",
+    "QuadraticDrag",
+    "drag_unit",
+]

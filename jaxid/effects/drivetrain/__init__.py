@@ -2,6 +2,7 @@
 
 from .asymmetric_friction import AsymmetricFriction
 from .asymmetric_viscous_friction import AsymmetricViscousFriction
+from .backlash import GearPlay
 from .cogging_torque import CoggingTorque
 from .load_dependent_friction import LoadDependentFriction
 from .stribeck_friction import StribeckFriction, risen
@@ -11,6 +12,7 @@ __all__ = [
     "AsymmetricFriction",
     "AsymmetricViscousFriction",
     "CoggingTorque",
+    "GearPlay",
     "LoadDependentFriction",
     "StribeckFriction",
     "SublinearViscousFriction",

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._compile import seldom_collected
-from ..._distributions import chi_squared_beyond, normal_beyond
+from ..._distributions import chi_squared_beyond, chi_squared_tail, normal_beyond
 from ..._float64 import in_float64
 from ..._memory import bounded_memory
 from ...estimate.result import Estimate, Fit
@@ -182,7 +182,10 @@ def explain_change(
     null, colours = refit(pair, None, look.colours, look.theta), look.colours
     by_name = min([1.0, *(s.p_value * look.tried for s in look.scores)])
     worse, ratio = follows_one_worse(pair, null.residuals)
-    p = min(2.0 * by_name, 4.0 * differ_at_all(before, after), 4.0 * worse, 1.0)
+    # By their covariances and by what two models leave: where one parameter hides behind others, either may be far off.
+    likelier = chi_squared_tail(null.squares - _separate(pair, after, colours), len(pair.free))
+    apart = max(differ_at_all(before, after), float(likelier))
+    p = min(2.0 * by_name, 4.0 * apart, 4.0 * worse, 1.0)
     best, equivalent, doubts = None, [], []
     if p < level:
         trials, null, colours = _refitted(pair, look, null, held_out, report)

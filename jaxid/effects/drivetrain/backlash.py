@@ -1,0 +1,141 @@
+"""Play between motor and wheel: Nordin and Gutman, Automatica 38 (2002).
+
+While the teeth do not touch no torque passes, and the motor, whose own inertia is small, turns at once as fast as it would
+without a load: faster than the wheel by torque over d, where d is the slope of torque by speed. The play is crossed when
+the time integral of that torque reaches d times the width of the play, the `impulse`. Robots whose motors' inertia counts more
+than their back-EMF cross it a little later.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
+from ...robots.probe import Probe, Seen, one_by_one
+from ...robots.robot import Robot
+from ..actuator.drives import drive_names, input_unit, on_drives, one_torque_each
+from ..effect_parameters import positive
+
+_SOFT = 0.4
+"""Share of half the play within which the teeth take up the torque, so that it differentiates."""
+_FASTEST = 0.25
+"""Sampling intervals that half the play takes at least."""
+_TINY = 1e-30
+_SHARES = (0.01, 0.03, 0.1, 0.3)
+"""Impulses that are tried, in units of the largest torque for one time constant of the robot, and widths in units of the
+largest input."""
+
+
+@dataclass(frozen=True)
+class GearPlay(Effect):
+    """Every drive has a play, which a torque crosses by an `impulse` [torque times s] before it arrives.
+
+    The states are where in its play each drive is: -1 and 1 where the teeth touch, the middle at the start.
+    """
+
+    id: ClassVar[str] = "backlash"
+    law: ClassVar[str] = "gear_play"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "torque' = torque where |q| = 1, else 0; impulse * dq/dt = 2 torque within |q| < 1"
+    finer: ClassVar[float] = 2.0
+
+    def refusal(self, robot: Robot) -> str | None:
+        if one_torque_each(robot):
+            return None
+        return (
+            f"{robot.name!r} has not one drive torque for every drive input, so that {self.title} has none to hold back"
+        )
+
+    def states_on(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(self.own(f"play_{name}") for name in drive_names(robot))
+
+    def names(self, robot: Robot) -> list[str]:
+        """The parameter that is each drive's impulse."""
+        return [self.key("impulse") for _ in drive_names(robot)]
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        typical = 0.1 * robot.scales.torque * robot.scales.time
+        found: dict[str, Parameter] = {}
+        for name in self.names(robot):
+            found |= positive(self, name.removeprefix(self.key("")), f"{robot.torque_unit} s", typical)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names, impulse = dict.fromkeys(self.names(robot)), robot.scales.torque * robot.scales.time
+        return tuple(Probe(dict.fromkeys(names, share * impulse), out_of=len(_SHARES)) for share in _SHARES)
+
+    def _crossing(self, torque: Scalar, place: Scalar, impulse: Scalar, robot: Robot) -> tuple[Scalar, Scalar, Scalar]:
+        """Whether the teeth touch in the torque's direction, the rate of the place in the play, and how much of a play there
+        is: none where it is crossed within a step."""
+        least = 2.0 * jnp.abs(torque) * _FASTEST * robot.scales.interval + _TINY
+        touch = jnp.clip((place * jnp.sign(torque) - (1.0 - _SOFT)) / _SOFT, 0.0, 1.0)
+        return touch, 2.0 * torque / (impulse + least) * (1.0 - touch), impulse / (impulse + least)
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        changed = []
+        for t, name, place in zip(torques, self.names(robot), self.states_on(robot), strict=True):
+            touch, _, play = self._crossing(t, state[place], p[name], robot)
+            changed.append(t * (1.0 - play * (1.0 - touch)))
+        return tuple(changed)
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot, torques: Scalars = ()) -> State:
+        found = {}
+        for t, name, place in zip(torques, self.names(robot), self.states_on(robot), strict=True):
+            found[place] = self._crossing(t, state[place], p[name], robot)[1]
+        return found
+
+
+@dataclass(frozen=True)
+class PlayOfEach(GearPlay):
+    """Every drive with a play of its own."""
+
+    law: ClassVar[str] = "per_drive"
+    formula: ClassVar[str] = (
+        "torque_i' = torque_i where |q_i| = 1, else 0; impulse_i * dq_i/dt = 2 torque_i within |q_i| < 1"
+    )
+
+    def refusal(self, robot: Robot) -> str | None:
+        if len(robot.drive_inputs) < 2:
+            return f"{robot.name!r} has one drive, of which {self.id} has a law"
+        return super().refusal(robot)
+
+    def names(self, robot: Robot) -> list[str]:
+        return [self.key(f"impulse_{name}") for name in drive_names(robot)]
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        impulse = robot.scales.torque * robot.scales.time
+        sizes = [share * impulse for share in _SHARES]
+        return tuple(Probe(dict.fromkeys(self.names(robot), size), out_of=len(sizes)) for size in sizes)
+
+
+def _narrower(earlier, later):
+    """Two steps of the play operator as one: to clip between a and b and then between c and d is to clip once."""
+    (a, b), (c, d) = earlier, later
+    return jnp.clip(a, c, d), jnp.clip(b, c, d)
+
+
+@dataclass(frozen=True)
+class PlayOfCommands(Effect):
+    """The play operator on every command, which follows its input at a distance of at most half the `width`; from zero."""
+
+    id: ClassVar[str] = "backlash"
+    law: ClassVar[str] = "command"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "u' = clip(u' before, u - width / 2, u + width / 2)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "width", input_unit(robot), 0.1 * robot.scales.input)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("width"), tuple(share * seen.largest_input for share in _SHARES))
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        half = 0.5 * p[self.key("width")]
+        low, high = jax.lax.associative_scan(_narrower, (inputs - half, inputs + half))
+        return on_drives(robot, inputs, jnp.clip(0.0, low, high))
+
+
+LAWS: tuple[Effect, ...] = (GearPlay(), PlayOfEach(), PlayOfCommands())

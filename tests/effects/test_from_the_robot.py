@@ -1,0 +1,70 @@
+"""What effects know of a robot they take from the robot: its supply, what a load changes, and no number of their own."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("numba")
+from benchmarks.hidden.cases import MODEL, NOISE, REFERENCE  # noqa: E402
+from jaxid import Integrator, Log, LogSet
+from jaxid.effects import effect_by_id, laws_of
+from jaxid.simulation.simulate import simulate
+from reference import excitation  # noqa: E402
+from reference.logs import simulate_log  # noqa: E402
+
+N, DT = 400, 0.02
+
+
+def compared(name, model, effects, kind="multilevel"):
+    """What the simulator's effect changes, and what the model lacks of it, in units of the noise."""
+    reference, inputs = REFERENCE[name], excitation.experiment(name, kind, N, 11)
+    known = {k: float(v) for k, v in reference.parameters.items() if k in model.parameters and k != "supply"}
+    model = model.with_values(**known)
+    names = list(model.channels.outputs)
+    without, true = (simulate_log(reference, inputs, DT, 0.0, 0, effects=e)[names].to_numpy() for e in ({}, effects))
+    log = Log.from_arrays("one", DT * np.arange(N), inputs, np.zeros((N, len(names))), model)
+    (found,) = simulate(model, LogSet([log]), integrator=Integrator(6))
+    size, left = (np.sqrt(np.mean((e / NOISE[name]) ** 2)) for e in (true - without, found[:, : len(names)] - true))
+    assert size > 1.0
+    return size, left
+
+
+@pytest.mark.parametrize("name", ["pioneer", "omni"])
+@pytest.mark.parametrize("supply", [9.0, 24.0])
+def test_a_supply_sags_from_the_robots_own_voltage(name, supply):
+    model = MODEL[name]().with_values(supply=supply)
+    effect = effect_by_id(model, "battery_sag")
+    model = (model + effect).with_values(**{effect.key("resistance"): 0.3})
+    hidden = {"battery_sag": {"resistance": 0.3, "nominal": supply}}
+    if name == "omni" and supply < 12.0:  # the omni's driver cannot give more than its supply
+        hidden["voltage_saturation"] = {"limit": supply}
+    size, left = compared(name, model, hidden)
+    assert left < 0.1 * size
+
+
+@pytest.mark.parametrize("name", ["pioneer", "omni"])
+def test_every_law_of_the_supply_asks_the_robot_for_its_voltage(name):
+    """Twice the voltage: another motion under the same sag."""
+    inputs = excitation.experiment(name, "multilevel", 120, 11)
+    for law in laws_of(MODEL[name](), "battery_sag"):
+        found = []
+        for supply in (24.0, 48.0):
+            model = MODEL[name]().with_values(supply=supply) + law
+            typical = {k: p.typical or 1.0 for k, p in law.parameters(model).items() if p.free}
+            model = model.with_values(**typical)
+            still = np.zeros((120, len(model.channels.outputs)))
+            log = Log.from_arrays("one", DT * np.arange(120), inputs, still, model)
+            found.append(simulate(model, LogSet([log]), integrator=Integrator(4))[0])
+        assert np.max(np.abs(found[0] - found[1])) > 1e-4, law.title
+
+
+@pytest.mark.parametrize(("name", "mass"), [("pioneer", 4.0), ("omni", 8.0), ("axis", 0.3)])
+def test_a_load_that_is_dropped_changes_the_mass_that_the_robot_names(name, mass):
+    model = MODEL[name]()
+    effect = effect_by_id(model, "payload_change", "from_a_moment")
+    gone = {effect.key("mass"): -mass, effect.key("moment"): 4.0}
+    names = {"J": "M", "Cv": "Fv", "Cs": "Fc", "k": "gain"} if name == "axis" else {}
+    known = {ours: float(REFERENCE[name].parameters[theirs]) for theirs, ours in names.items()}
+    size, left = compared(
+        name, (model + effect).with_values(**known, **gone), {"payload_drop": {"mass": mass, "time": 4.0}}
+    )
+    assert left < 0.1 * size

@@ -1,0 +1,54 @@
+"""Play between motor and wheel against `reference/gear_play.py`: two masses with stiff teeth, by SciPy's integrator."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Integrator, Log, LogSet, Omni, Pioneer, output_error
+from jaxid.effects import effect_by_id, laws_of
+from jaxid.simulation.simulate import simulate
+from reference.gear_play import speeds
+
+P = {"M": 2.0, "Fv": 1.0, "gain": 4.0, "back_emf": 1.5}
+MOTOR, WIDTH, DT, N = 0.02, 0.08, 0.02, 240
+AXIS = Axis().with_values(Fc=0.0, offset=0.0, **(P | {"M": P["M"] + MOTOR}))
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """Inputs, and what the two masses do with and without play."""
+    u = np.repeat(np.random.default_rng(3).uniform(-4.0, 4.0, N // 12), 12)
+    return u, speeds(P, WIDTH, MOTOR, u, DT), speeds(P, 0.0, MOTOR, u, DT)
+
+
+def logs(u, v):
+    return LogSet([Log.from_arrays("one", DT * np.arange(len(u)), u[:, None], v[:, None], AXIS)])
+
+
+def test_gear_play_moves_an_axis_as_two_masses_with_teeth(driven):
+    """The impulse is the slope of torque by speed times the width: nothing is fitted."""
+    u, with_play, without = driven
+    effect = effect_by_id(AXIS, "backlash", "gear_play")
+    robot = (AXIS + effect).with_values(**{effect.key("impulse"): P["gain"] * P["back_emf"] * WIDTH})
+    (found,) = simulate(robot, logs(u, with_play), integrator=Integrator(8))
+    (plain,) = simulate(AXIS, logs(u, with_play), integrator=Integrator(8))
+    size = np.sqrt(np.mean((with_play - without) ** 2))
+    assert size > 0.05 and np.sqrt(np.mean((plain[:, 0] - without) ** 2)) < 0.1 * size
+    assert np.sqrt(np.mean((found[:, 0] - with_play) ** 2)) < 0.15 * size
+
+
+def test_a_fit_finds_the_width_of_the_play(driven):
+    u, with_play, _ = driven
+    effect = effect_by_id(AXIS, "backlash")
+    robot = AXIS.change("Fc", free=False).change("offset", free=False) + effect
+    noisy = with_play + 0.005 * np.random.default_rng(4).normal(size=N)
+    impulse = P["gain"] * P["back_emf"] * WIDTH
+    fit = output_error(robot, logs(u, noisy), start={effect.key("impulse"): 0.5 * impulse}, windows=None)
+    assert fit[effect.key("impulse")].value == pytest.approx(impulse, rel=0.1)
+    assert fit["M"].value == pytest.approx(P["M"] + MOTOR, rel=0.02)
+
+
+def test_each_drive_can_have_its_own_play():
+    assert [law.law for law in laws_of(Pioneer(), "backlash")] == ["gear_play", "per_drive", "command"]
+    own = (Omni() + effect_by_id(Omni(), "backlash", "per_drive")).parameters
+    assert [name for name in own if name.startswith("backlash.")] == [f"backlash.impulse_u{k}" for k in range(1, 5)]
+    assert [law.law for law in laws_of(AXIS, "backlash")] == ["gear_play", "command"]
