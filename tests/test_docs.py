@@ -1,12 +1,15 @@
-"""The pages name files and commands that exist."""
+"""The pages name files and commands that exist, and print what they say."""
 
+import ast
 import re
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "benchmarks/README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "benchmarks/README.md")]
+PAGES += sorted((ROOT / "docs").rglob("*.md"))
+HOW_TO = ("record", "robot", "effect", "bad_fit")
 FILES = r"(?<![\w/.])((?:tests|jaxid|benchmarks|reference|notebooks)/[\w./-]*\.(?:py|ipynb))"
 
 
@@ -36,3 +39,33 @@ def test_the_programs_of_the_page_on_programs_run(axis_log):
         exec(code, names)
     errors = np.sqrt(np.diag(np.asarray(names["fit"].covariance)))
     assert np.all(np.abs(names["scatter"] / errors - 1) < 0.25)
+
+
+def run_as_in_a_notebook(code: str, names: dict) -> None:
+    """Run one block; what its last line is worth is printed."""
+    tree = ast.parse(code)
+    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    exec(compile(tree, "<page>", "exec"), names)
+    if last is not None:
+        value = eval(compile(ast.Expression(last.value), "<page>", "eval"), names)
+        if value is not None:
+            print(value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["README.md", "docs/quickstart.md", *(f"docs/howto/{page}.md" for page in HOW_TO)])
+def test_what_a_page_tells_to_type_prints_what_it_says(name, tmp_path, monkeypatch, capsys):
+    """Every block of Python, one after the other; the block of text before the next one has what was printed."""
+    monkeypatch.syspath_prepend(tmp_path)
+    text, names = (ROOT / name).read_text(encoding="utf-8"), {"__name__": "__main__"}
+    blocks = re.findall(r"(?:`(\w+\.py)`:\n\n)?```(python|text)\n(.*?)```", text, re.S)
+    assert any(kind == "python" for _, kind, _ in blocks)
+    printed = ""
+    for file, kind, block in blocks:
+        if file:
+            (tmp_path / file).write_text(block, encoding="utf-8")
+        if kind == "python":
+            run_as_in_a_notebook(block, names)
+            printed = capsys.readouterr().out
+        else:
+            assert block.splitlines()[0] in printed

@@ -6,8 +6,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
 from ..estimate.linear.instrumental_variables import instrumental_variables
 from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
@@ -174,17 +172,6 @@ def _estimates_table(fits: Sequence[Fit]) -> Table:
     return Table("Parameters", header, tuple(rows), ("± is one standard error.", *doubt, *notes, UNCHECKED))
 
 
-def _simulated(fits: Sequence[Fit], logs: LogSet) -> tuple[dict[str, list[np.ndarray]], dict[str, float]]:
-    """What every fit simulates of the logs that it was fitted to, and their noise; nothing where a simulation fails."""
-    with step("Simulation of the fitted logs"):
-        try:
-            noise = noise_scale(logs)
-            return on_fitted({fit.method: fit for fit in fits}, logs, noise), noise
-        except (ParameterError, LogError) as error:
-            say(f"warning: the page has no charts: {error}", style="yellow")
-    return {}, {}
-
-
 def write_results(
     out: Path, fits: Sequence[Fit], held_out: LogSet | None, fitted: LogSet, truth: Mapping[str, float] | None = None
 ) -> Comparison | None:
@@ -197,7 +184,10 @@ def write_results(
         said = [f"{title_of(fit.method)}: {fit.judgement.sentence}" for fit in fits if fit.judgement]
         comparison, text = None, to_text([table], said)
         write_fit(out, fits)
-        page = fits_page(fits, fitted, *_simulated(fits, fitted))
+        with step("Simulation of the fitted logs"):
+            noise = noise_scale(fitted)
+            seen = on_fitted({fit.method: fit for fit in fits}, fitted, noise)
+        page = fits_page(fits, fitted, seen, noise)
     else:
         with step("Prediction of held-out logs"):
             comparison = compare(*fits, held_out=held_out, fit=fitted, truth=truth)

@@ -1,4 +1,4 @@
-"""What the README and the page on misprints say about the papers is what the notebooks print and the tests hold."""
+"""What the pages on results and misprints say about the papers is what the notebooks print and the tests hold."""
 
 import re
 from pathlib import Path
@@ -29,8 +29,8 @@ def printed(notebook):
     return {name: cells for name, *cells in rows}
 
 
-def test_the_pioneers_table_in_the_readme_is_the_notebooks():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_pioneers_table_on_the_page_of_results_is_the_notebooks():
+    text = (ROOT / "docs/results.md").read_text(encoding="utf-8")
     found = printed("notebooks/pioneer_paper.ipynb")
     assert len(found) == 10
     for name, (_, true, *numbers) in found.items():
@@ -39,8 +39,8 @@ def test_the_pioneers_table_in_the_readme_is_the_notebooks():
         assert float(shown) == pytest.approx(float(true)) and cells == numbers, name
 
 
-def test_the_omnis_numbers_in_the_readme_are_the_notebooks():
-    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+def test_the_omnis_numbers_on_the_page_of_results_are_the_notebooks():
+    text = " ".join((ROOT / "docs/results.md").read_text(encoding="utf-8").split())
     found = printed("notebooks/omni_paper.ipynb")
     assert len(found) == 7
     for name, (_, true, _, _, by_output_error, _) in found.items():
