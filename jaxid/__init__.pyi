@@ -37,7 +37,7 @@ from .explanation.changes.explain_change import explain_change
 from .explanation.explain import explain
 from .explanation.explanation import Explanation
 from .explanation.fleet import ExplainedFleet, explain_fleet
-from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, noise_level, read_logs
+from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, LogWarning, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
 from .robots import (
@@ -87,6 +87,7 @@ __all__ = [
     "Log",
     "LogError",
     "LogSet",
+    "LogWarning",
     "Loss",
     "Minimum",
     "MovingWindow",

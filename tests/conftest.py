@@ -77,6 +77,8 @@ LEFT_OUT = pytest.StashKey[set[str]]()
 
 
 def pytest_configure(config):
+    # Most logs of the tests are short or have a fault on purpose; the tests of warnings ask for them.
+    config.addinivalue_line("filterwarnings", "ignore::jaxid.logs.finding.LogWarning")
     config.stash[LEFT_OUT] = set()
 
 

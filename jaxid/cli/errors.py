@@ -1,6 +1,7 @@
 """Errors of the command line: input that cannot be used is one line; anything else is a bug and keeps its traceback."""
 
 import errno
+import warnings
 from collections.abc import Callable
 from functools import wraps
 from typing import Any
@@ -20,12 +21,14 @@ def one_line_errors(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def run(*args: Any, **options: Any) -> None:
         with spinner("Starting"):
-            from ..logs import LogError
+            from ..logs import LogError, LogWarning
             from ..model_file import ModelFileError  # and JAX with it, which takes seconds
             from ..parameters import ParameterError
 
         try:
-            command(*args, **options)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", LogWarning)  # `findings` prints what they say, a line each
+                command(*args, **options)
         except (LogError, ParameterError, ModelFileError, UnusableInput) as error:
             complain(str(error))
             raise typer.Exit(1) from None

@@ -3,6 +3,7 @@
 import hashlib
 import sys
 import sysconfig
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
@@ -18,7 +19,7 @@ from ..estimate.output_error.fleet import fit_fleet
 from ..estimate.result import Fit
 from ..explanation.explain import explain
 from ..explanation.explanation import Explanation
-from ..logs import LogError, LogSet, read_logs
+from ..logs import LogError, LogSet, LogWarning, read_logs
 from ..parameters import ParameterError
 from ..report.fleet_files import Row, member_row
 from ..robots import Robot
@@ -103,8 +104,10 @@ def _read(robot: Robot, paths: Sequence[Path], work: Work) -> tuple[LogSet, LogS
         raise UnusableInput(
             f"{paths[0].parent} has no log {what} (--held-out {' '.join(work.held_out)}); give it some, or other patterns."
         )
-    logs = read_logs(fit, robot, mapping=work.mapping)
-    return logs, read_logs(apart, robot, mapping=work.mapping) if apart else None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # they stand in the members' notes
+        logs = read_logs(fit, robot, mapping=work.mapping)
+        return logs, read_logs(apart, robot, mapping=work.mapping) if apart else None
 
 
 def _started(robot: Robot, logs: LogSet) -> Fit | None:

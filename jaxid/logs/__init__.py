@@ -3,7 +3,7 @@
 from . import signals
 from .batch import Batch
 from .channels import AXIS, DIFFERENTIAL, DIFFERENTIAL_WHEELS, OMNI, PIONEER, Channels
-from .finding import Finding, LogError
+from .finding import Finding, LogError, LogWarning
 from .log import Log, LogSet, channels_of
 from .noise import noise_level, noise_scale
 from .prepare import Removed, prepare
@@ -21,6 +21,7 @@ __all__ = [
     "Log",
     "LogError",
     "LogSet",
+    "LogWarning",
     "Removed",
     "channels_of",
     "noise_level",

@@ -10,6 +10,10 @@ class LogError(ValueError):
     """A log, or a request about logs, that cannot be used. The message is one sentence that ends with the remedy."""
 
 
+class LogWarning(UserWarning):
+    """What pre-flight finds doubtful in a log that has been read: look before you trust an estimate from it."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """One thing that pre-flight (or the reader) saw in a log.

@@ -10,6 +10,7 @@ Decisions taken here, each leaving a finding that pre-flight repeats:
 """
 
 import glob
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from .channels import POSE, Channels
-from .finding import Finding, LogError
+from .finding import Finding, LogError, LogWarning
 from .formats import format_of, is_bag_folder, read_recording
 from .log import ABSURD, Log, LogSet, channels_of, did_you_mean
 from .mapping import Source, read_mapping
@@ -283,12 +284,16 @@ def read_logs(
 
     Raises `LogError`, one sentence with file, column, sample and remedy, for whatever cannot be used: a missing,
     empty or binary file, no header, a missing or non-numeric column, a time that does not increase, unknown commands.
-    What is merely doubtful becomes a finding (`LogSet.preflight`).
+    What is merely doubtful becomes a finding (`LogSet.preflight`), and a `LogWarning` if it is more than a note.
     """
     channels = channels_of(robot)
     sources = read_mapping(mapping, channels)
     found = files_of(paths)
-    return LogSet(_read(path, name, channels, sources) for path, name in zip(found, _names(found), strict=True))
+    logs = LogSet(_read(path, name, channels, sources) for path, name in zip(found, _names(found), strict=True))
+    for finding in logs.preflight():
+        if finding.severity != "note":
+            warnings.warn(str(finding), LogWarning, stacklevel=2)
+    return logs
 
 
 def first_columns(paths: PathLike | Iterable[PathLike]) -> tuple[str, ...]:

@@ -1,12 +1,13 @@
 """jaxid/logs/read.py and table.py: every dialect a log may come in, and the ways in which a file may be broken."""
 
 import gzip
+import warnings
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from jaxid.logs import Channels, LogError, read_logs
+from jaxid.logs import Channels, LogError, LogWarning, read_logs
 
 HEADER = "t,V2,V3,eta1,eta2"
 ROWS = ["0.00,0,0,0,0", "0.02,6,6,0,0", "0.04,6,6,0.1,0.01", "0.06,6,-6.5,0.25,0.02", "0.08,1e-1,-6,0.3,0.1"]
@@ -51,6 +52,21 @@ def test_dialects_of_csv_give_the_same_log(tmp_path, content):
     log = read_logs(_write(tmp_path / "run.csv", content), "pioneer")["run.csv"]
     _same(log)
     assert not log.findings and not len(log.extra.columns)
+
+
+def test_what_is_doubtful_warns_and_what_is_good_does_not(tmp_path, demo_logs):
+    """Each finding that is more than a note, once, at the line that reads the log."""
+    long = "\n".join(
+        [HEADER, *(f"{0.02 * k:.2f},{k % 7},{-k % 5},{k % 11},{99 if k == 200 else k % 13}" for k in range(400))]
+    )
+    path = _write(tmp_path / "run.csv", long)
+    with pytest.warns(LogWarning, match="'eta2', sample 200 .*spike") as said:
+        logs = read_logs(path, "pioneer")
+    assert [str(one.message) for one in said] == [str(f) for f in logs.preflight() if f.severity != "note"]
+    assert {one.filename for one in said} == {__file__}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        demo_logs("pioneer", "check_*")
 
 
 def test_a_degree_sign_of_another_encoding_does_no_harm(tmp_path):
