@@ -12,7 +12,7 @@ from ..logs import Log
 from . import tables as tab
 from .chart import Chart, Panel, Trace, reach_of
 from .comparison import Comparison
-from .document import Block, Charted, Code, Listing, More, Page, Section, Tabled, Text, Tone
+from .document import Block, Charted, Code, Listing, More, Page, Section, Tabled, Text, Tone, texts
 from .intervals import intervals
 from .tables import Cell, Table
 
@@ -182,10 +182,9 @@ def advice(fits: Sequence[Fit], held_out: bool, command: bool) -> tuple[Block, .
     elif judgement is not None and judgement.better:
         items.append(judgement.better)
     open_ = [name for name in fit.free_names if fit[name].status == "not_identifiable"]
-    wide = [
-        name for name in fit.free_names
-        if fit[name].status == "identified" and fit[name].value and fit[name].std_error > 0.1 * abs(fit[name].value)
-    ]  # fmt: skip
+    # Of what may be zero, such as an offset, no share can be known.
+    away = [n for n in fit.free_names if fit[n].status == "identified" and abs(fit[n].value) > 2.0 * fit[n].std_error]
+    wide = [n for n in away if fit[n].std_error > 0.1 * abs(fit[n].value)]
     if open_ or wide:
         what = (
             f"do not determine {', '.join(open_)}" if open_ else f"determine {', '.join(wide)} to no better than 10 %"
@@ -211,6 +210,19 @@ def _split(sentence: str) -> tuple[str, str]:
     if not rest:
         return sentence, ""
     return f"{head}.", f"{rest[0].upper()}{rest[1:]}"
+
+
+def _judged(fit: Fit) -> tuple[str, str]:
+    """What the residual says of a fit first, and the rest of it."""
+    title = tab.title_of(fit.method)
+    if fit.judgement is None:
+        return f"{title.capitalize()} of {fit.robot.name}.", ""
+    if not fit.judgement.sentences:
+        size = fit.judgement.normalised_rms
+        white = " and has no pattern" if fit.judgement.white else ""
+        return f"{title.capitalize()} leaves {size:.2f} times the noise{white}.", fit.judgement.better
+    first, *others = fit.judgement.sentences
+    return f"{title.capitalize()}: {first}", " ".join([*others, fit.judgement.better]).strip()
 
 
 def _noted(notes: Sequence[str]) -> tuple[Block, ...]:
@@ -259,11 +271,11 @@ def fits_page(fits: Sequence[Fit], logs: Sequence[Log] = (), simulated: Mapping[
     named = {fit.method: fit for fit in fits}
     verdict, tone = verdict_of(last)
     names = list(dict.fromkeys(name for fit in fits for name in (*fit.free_names, *fit.combinations)))
-    said = [f"{tab.title_of(fit.method)}: {fit.judgement.sentence}" for fit in fits if fit.judgement]
+    said = [f"{tab.title_of(fit.method)}: {fit.judgement.sentence}" for fit in fits[:-1] if fit.judgement]
     stands = {fit.judgement.sentence for fit in fits if fit.judgement}
     notes = [f"{tab.title_of(fit.method)}: {note}" for fit in fits for note in fit.notes if note not in stands]
     notes += [f"{tab.title_of(fit.method)}: {fit.reason}." for fit in fits if not (fit.converged or fit.failed)]
-    head = said[-1] if said else f"{tab.title_of(last.method).capitalize()} of {last.robot.name}."
+    headline, rest = _judged(last)
     sections = [Section("Parameters", (Tabled(parameter_table(named, names, {}, "published")),))]
     if logs and simulated and noise:
         sections.append(Section("Measured and simulated", _fitted_charts(last, logs, simulated, noise)))
@@ -272,8 +284,8 @@ def fits_page(fits: Sequence[Fit], logs: Sequence[Log] = (), simulated: Mapping[
         kind=f"jaxid fit: {last.robot.name}, no logs held out",
         verdict=verdict,
         tone=tone,
-        headline=f"{head[0].upper()}{head[1:]}",
-        lead=(*([Listing(tuple(said[:-1]))] if said[:-1] else []), *_noted(notes)),
+        headline=headline,
+        lead=(*texts([rest]), *([Listing(tuple(said))] if said else []), *_noted(notes)),
         sections=tuple(sections),
         next=advice(fits, False, True),
     )
