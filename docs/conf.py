@@ -23,6 +23,8 @@ html_theme = "furo"
 html_title = "jaxid"
 html_additional_pages = {"index": "to_the_first_page.html"}  # the site's root, which is above docs/
 templates_path = ["templates"]
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 
 nb_execution_mode = "off"  # notebooks are shown as they were committed
 nb_merge_streams = True
@@ -32,6 +34,9 @@ myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 maximum_signature_line_length = 88
+
+
+_ARRAY_LIKE = re.compile(r"(?:~?[\w.]+\.)?_Buffer \| .*?complex \| bytes \| str \| .*?complex \| bytes \| str\]")
 
 
 def _in_rest(text: str) -> str:
@@ -59,5 +64,12 @@ def _docstring(app, what, name, obj, options, lines: list[str]) -> None:
     lines[:] = written
 
 
+def _signature(app, what, name, obj, options, signature, returns):
+    """NumPy's ArrayLike by its name, and defaults that are made anew as `...`, so that Sphinx lays the rest out."""
+    short = [text and _ARRAY_LIKE.sub("ArrayLike", text).replace("<factory>", "...") for text in (signature, returns)]
+    return short[0], short[1]
+
+
 def setup(app) -> None:
     app.connect("autodoc-process-docstring", _docstring)
+    app.connect("autodoc-process-signature", _signature)

@@ -38,7 +38,8 @@ def test_the_reference_has_every_public_name_once():
 def test_the_first_page_leads_to_every_page():
     """By a table of contents, which is the site's menu, and by a link, which works on a code host, too."""
     blocks = "\n".join(re.findall(r"```\{toctree\}\n(.*?)```", (DOCS / "index.md").read_text(encoding="utf-8"), re.S))
-    in_menu = {(DOCS / f"{line}.md").resolve() for line in blocks.splitlines() if line and not line.startswith(":")}
+    entries = [re.sub(r".*<(.*)>", r"\1", line) for line in blocks.splitlines() if line and line[0] != ":"]
+    in_menu = {(DOCS / f"{entry}.md").resolve() for entry in entries}
     assert in_menu | {DOCS / "index.md"} == set(PAGES)
     linked = set(re.findall(r"\]\(([^)#\s]+)\)", (DOCS / "index.md").read_text(encoding="utf-8")))
     assert {named(page) for page in DOCS.rglob("*.md") if page.name != "index.md"} <= {
