@@ -131,7 +131,7 @@ def _next(found: Search, logs: LogSet) -> NextExperiment | None:
             continue
         other = open_[0]
         two = (best.id, best.robot), (other.id, other.robot)
-        proposal = propose(*two, logs, best.held_out.noise, differ(best, other))
+        proposal = propose(*two, logs, best.held_out.noise, differ(best.held_out, other.held_out))
         if proposal:
             return proposal
     return None

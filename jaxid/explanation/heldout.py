@@ -116,14 +116,19 @@ def held_out_state(
     noise = dict(noise or noise_scale(logs))
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
     start = estimated_start(robot, logs, noise, angles)
-    every = _simulated(robot, logs, start, angles)
-    residuals = scaled_residuals(logs, every, {name: noise[name] for name in channels})
+    return state_left(logs, _simulated(robot, logs, start, angles), {name: noise[name] for name in channels})
+
+
+def state_left(logs: LogSet, every: Sequence[NDArray[np.float64]], noise: Mapping[str, float]) -> HeldOut:
+    """What simulations of `logs`, `every` one [T, channels.measured], leave of the channels whose `noise` is given."""
+    channels = list(noise)
+    residuals = scaled_residuals(logs, every, noise)
     pooled = np.concatenate(residuals)
     return HeldOut(
         normalised_rms=rms(pooled),
         by_channel={c: rms(pooled[:, i]) for i, c in enumerate(channels)},
         residuals=tuple(residuals),
-        noise={c: noise[c] for c in channels},
+        noise=dict(noise),
         p_white=whiteness(residuals),
         noise_error=_noise_error(logs, residuals, channels),
         diverged=diverging(logs, every, noise),
@@ -159,12 +164,12 @@ def _simulated(
 def scaled_residuals(
     logs: LogSet, every: Sequence[NDArray[np.float64]], noise: Mapping[str, float]
 ) -> list[NDArray[np.float64]]:
-    """Simulated minus measured in units of the noise, NaN where nothing was measured."""
+    """Simulated minus measured in units of the `noise`, whose channels count; NaN where nothing was measured."""
     residuals, channels = [], list(noise)
     for log, simulated in zip(logs, every, strict=True):
         errors = errors_of(log, np.nan_to_num(simulated, nan=np.inf, posinf=np.inf, neginf=-np.inf))
         scaled = np.full((len(log), len(channels)), np.nan)
-        for name, error in errors.items():
-            scaled[:, channels.index(name)] = np.clip(error / noise[name], -_FARTHEST, _FARTHEST)
+        for name in [name for name in errors if name in noise]:
+            scaled[:, channels.index(name)] = np.clip(errors[name] / noise[name], -_FARTHEST, _FARTHEST)
         residuals.append(scaled)
     return residuals

@@ -42,7 +42,7 @@ def by_law(
     where the law that was tried came to `nothing`, the score without any effect.
     """
     ranked = sorted(trials, key=lambda trial: trial.score)
-    settled = ranked[0].held_out.adequate
+    settled = ranked[0].fitted.adequate
     running = [trial for trial in ranked if trial.score < near][:_MOST_MECHANISMS]
     open_ = ranked[:1] if settled else running + [trial for trial in ranked if trial.score >= max(near, nothing)]
     first = {candidate.effect.id: candidate for candidate in candidates}

@@ -7,20 +7,20 @@ import numpy as np
 
 from .._arrays import array
 from .._float64 import in_float64
-from ..estimate.output_error.conclude import Covariance
+from ..estimate.output_error.conclude import Covariance, simulated_at
 from ..estimate.output_error.from_optimum import initial_states_at
 from ..estimate.output_error.in_turns import compile_ahead
 from ..estimate.output_error.losses import Loss
 from ..estimate.output_error.optimum import Optimum
 from ..estimate.output_error.output_error import output_error
-from ..estimate.output_error.problem import Unknowns
+from ..estimate.output_error.problem import Problem, Structure, Unknowns
 from ..estimate.output_error.setup import build
 from ..estimate.output_error.solvers import minimise_compiled
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.robot import Robot
 from ..simulation.integrated_angles import integrated_angles
-from .heldout import HeldOut
+from .heldout import HeldOut, state_left
 from .prescribed_angles import (
     PRESCRIBED_STEPS,
     by_name,
@@ -43,14 +43,18 @@ FEW_STEPS = 8
 
 @dataclass(frozen=True)
 class Trial:
-    """A model refitted with its effects. `id` is the effect that the trial is about, `squares` chi-squared on the logs
-    it was fitted to. `angles` are those of the wheels in these logs, if they have to be prescribed. `in_colour` is its score
-    among others once coloured noise is whitened (`coloured.py`)."""
+    """A model refitted with its effects.
+
+    `id` is the effect that the trial is about, `squares` chi-squared on the logs it was fitted to, `fitted` what it leaves of
+    these and `held_out` of the others. `angles` are those of the wheels in these logs, if they have to be prescribed.
+    `in_colour` is its score among others once coloured noise is whitened (`coloured.py`).
+    """
 
     id: str
     robot: Robot
     squares: float
     free: int
+    fitted: HeldOut
     held_out: HeldOut
     initial_states: dict[str, dict[str, float]]
     angles: Angles | None = None
@@ -70,11 +74,11 @@ class Trial:
     def score(self) -> float:
         """What candidates are ranked by (smaller is better).
 
-        The Bayesian information criterion on the logs fitted, plus chi-squared on those held out.
+        The Bayesian information criterion on the logs fitted: those held out are there to judge, and choose nothing.
         """
         if self.in_colour is not None:
             return self.in_colour
-        total = self.squares + self.free * float(np.log(self.held_out.samples)) + self.held_out.squares
+        total = self.squares + self.free * float(np.log(max(self.fitted.samples, 1)))
         return total if np.isfinite(total) else np.inf
 
 
@@ -140,10 +144,19 @@ def refit(
         robot=found,
         squares=chi_squared(problem, optimum, free),
         free=len(structure.names),
+        fitted=_fitted(structure, problem, optimum, logs),
         held_out=predicted(found, held_out, noise),
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         angles=problem.prescribed or None,
     )
+
+
+def _fitted(structure: Structure, problem: Problem, optimum: Optimum, logs: LogSet) -> HeldOut:
+    """What an optimum leaves on the logs that it was fitted to, of the channels that counted."""
+    counted = np.any(np.asarray(problem.mask), axis=(0, 1))
+    sigma = np.asarray(problem.sigma)
+    noise = {n: float(sigma[i]) for i, n in enumerate(logs.channels.measured) if bool(counted[i])}
+    return state_left(logs, simulated_at(structure, problem, optimum.unknowns, logs), noise)
 
 
 def continued(trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:

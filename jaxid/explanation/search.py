@@ -1,4 +1,8 @@
-"""Naming: refit the shortlist, rank by likelihood on all logs, go on until nothing but noise is left or nothing helps."""
+"""Naming: refit the shortlist, rank by likelihood on the fitted logs, go on until nothing but noise is left or nothing helps.
+
+Which names compare with which, and which is best, the fitted logs say alone. The held-out logs judge: whether anything is
+missing, and whether what ranked first is believed.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -213,7 +217,7 @@ def name_next(
     shortlist += [c for c in _explaining(screened)[:_FROM_COLOUR] if c not in shortlist]
     trials = _all_added(base, shortlist[:_FIRST_TRIALS], logs, held_out, noise, say)
     leader, best = _best(shortlist, trials)
-    least = _RIVAL * leader.gain if best.held_out.adequate else -np.inf
+    least = _RIVAL * leader.gain if best.fitted.adequate else -np.inf
     shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
     trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise, say)
     leader, _ = _best(shortlist, trials)
@@ -240,9 +244,9 @@ def name_next(
     in_colour = _ranked_in_colour(base, trials, tried, logs, held_out, noise)
     if in_colour is None:
         # Where a curve is the answer, its few points are no evidence against another mechanism's.
-        closed = trials[0].held_out.gap < NEARLY_ALL * base.held_out.gap
+        closed = trials[0].fitted.gap < NEARLY_ALL * base.fitted.gap
         share, most = COARSE_CURVE if closed and trials[0].law == SHAPE else (0.0, 0.0)
-        equivalent = not_told_apart(trials, min(share * base.held_out.gap, most))
+        equivalent = not_told_apart(trials, min(share * base.fitted.gap, most))
         worth = worth_it(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour

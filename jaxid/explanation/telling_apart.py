@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .heldout import HeldOut
 from .refit import Trial
 
 SEPARATED = 2.0
@@ -17,42 +19,63 @@ _INTERPOLATED = 0.1
 _BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
 
 
-def told_apart(one: Trial, other: Trial) -> float:
-    """Vuong's statistic: how many standard errors `one` predicts the held-out logs better than `other`."""
+def _blocks(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums [blocks, ...] over stretches of the samples [T, ...]; a log that is shorter is a block."""
+    size = max(min(_BLOCK, len(values)), 1)
+    n = max(len(values) // size, 1)
+    return values[: n * size].reshape(n, -1, *values.shape[1:]).sum(axis=1)
+
+
+def told_apart(one: HeldOut, other: HeldOut) -> float:
+    """Vuong's statistic: how many standard errors better `one` is than `other`, another model's state on the same logs."""
     blocks = []
-    for a, b in zip(one.held_out.residuals, other.held_out.residuals, strict=True):
-        difference = np.nansum(b**2 - a**2, axis=1)
-        n = max(len(difference) // _BLOCK, 1)  # a window that is shorter is a block
-        size = min(_BLOCK, len(difference))
-        blocks.append(difference[: n * size].reshape(n, size).sum(axis=1))
+    for a, b in zip(one.residuals, other.residuals, strict=True):
+        blocks.append(_blocks(np.nansum(b**2 - a**2, axis=1)))
     values = np.concatenate(blocks)
     spread = float(np.std(values)) * np.sqrt(values.size)
     return float(values.sum()) / spread if spread > 0 else 0.0
 
 
+def _chance(state: HeldOut) -> NDArray[np.float64]:
+    """By channel, how much more than white noise of the usual size what is left may add up to: its long-run variance (batch
+    means), at least one. Whatever two models differ in, chance makes them differ in likelihood by that much more."""
+    squares, samples = np.zeros(len(state.by_channel)), np.zeros(len(state.by_channel))
+    for residual in state.residuals:
+        squares += np.sum(_blocks(np.nan_to_num(residual)) ** 2, axis=0)
+        samples += np.count_nonzero(np.isfinite(residual), axis=0)
+    return np.maximum(squares / np.maximum(samples, 1), 1.0)
+
+
+def _worse(best: Trial, trial: Trial) -> float:
+    """By how much `trial` is less likely (twice the logarithm), parameters paid for, in units of what chance makes of it."""
+    chance = _chance(best.fitted)
+    pairs = zip(best.fitted.residuals, trial.fitted.residuals, strict=True)
+    difference = sum(float(np.sum(np.nansum(b**2 - a**2, axis=0) / chance)) for a, b in pairs)
+    return difference + (trial.free - best.free) * float(np.log(max(best.fitted.samples, 1)))
+
+
 def told_apart_from(best: Trial, trial: Trial) -> bool:
-    """Whether `trial` is less likely than `best` by more than chance, on the fitted logs or on the held-out ones."""
+    """Whether `trial` is less likely than `best` by more than chance, on the fitted logs."""
     # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).
-    worse = max(trial.score - best.score, 0.0)
-    return not (worse < (2 * SEPARATED) ** 2 and told_apart(best, trial) < SEPARATED)
+    return _worse(best, trial) >= (2 * SEPARATED) ** 2 or told_apart(best.fitted, trial.fitted) >= SEPARATED
 
 
-def differ(one: Trial, other: Trial, skip: int = 0) -> float:
-    """RMS difference of two predictions of the held-out logs, times the noise; the first samples of each log left out."""
-    pairs = zip(one.held_out.residuals, other.held_out.residuals, strict=True)
+def differ(one: HeldOut, other: HeldOut, skip: int = 0) -> float:
+    """RMS difference of two models' outputs on the same logs, times the noise; the first samples of each log left out."""
+    pairs = zip(one.residuals, other.residuals, strict=True)
     return float(np.sqrt(np.nanmean(np.concatenate([(a - b)[skip:].ravel() for a, b in pairs]) ** 2)))
 
 
 def alike(trials: Sequence[Trial], slack: float = 0.0) -> list[Trial]:
-    """Those that the data cannot tell from the first: about as likely on the fitted logs and on the held-out ones, or no more
-    than `slack` times the noise worse on these."""
+    """Those that the data cannot tell from the first: about as likely on the fitted logs, or no more than `slack` times the
+    noise worse on these."""
     best = trials[0]
     found = []
     for trial in trials[1:]:
-        if {best.id, trial.id} == _SAME_BUT_LATER and differ(best, trial, _UNKNOWN_PAST) < _INTERPOLATED:
+        if {best.id, trial.id} == _SAME_BUT_LATER and differ(best.fitted, trial.fitted, _UNKNOWN_PAST) < _INTERPOLATED:
             found.append(trial)
             continue
-        near = slack > 0 and trial.held_out.normalised_rms - best.held_out.normalised_rms < slack
+        near = slack > 0 and trial.fitted.normalised_rms - best.fitted.normalised_rms < slack
         if near or not told_apart_from(best, trial):
             found.append(trial)
     return found

@@ -33,13 +33,15 @@ def worth_it(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
     """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
     gain = before.held_out.normalised_rms - after.held_out.normalised_rms
     # Where nearly all of the gap is closed, that was no chance, on however few stretches it was.
-    closed = after.held_out.gap < NEARLY_ALL * before.held_out.gap or told_apart(after, before) > SEPARATED
+    closed = (
+        after.held_out.gap < NEARLY_ALL * before.held_out.gap or told_apart(after.held_out, before.held_out) > SEPARATED
+    )
     return gain >= least_gain(before, first) and closed and likelier(before, after, tried)
 
 
 def likelier(before: Trial, after: Trial, tried: int) -> bool:
     """Whether an effect explains more of the fitted logs than chance does."""
-    price = (after.free - before.free) * np.log(before.held_out.samples) + 2 * np.log(tried)
+    price = (after.free - before.free) * np.log(before.fitted.samples) + 2 * np.log(tried)
     return bool(before.squares - after.squares > price)
 
 

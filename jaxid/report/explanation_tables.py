@@ -55,7 +55,7 @@ def evidence_table(found: Explanation) -> Table:
         )
     header = ("effect", "held-out error", "refitted", "runner-up", "behind by", "not told apart from")
     notes = (
-        "Held-out error in units of the noise. Behind by: chi-squared on all logs, parameters counted; two models that "
+        "Held-out error in units of the noise. Behind by: chi-squared on the fitted logs, parameters counted; two models that "
         "are equally good differ by a few.",
     )
     return Table("How sure", header, tuple(rows), notes)

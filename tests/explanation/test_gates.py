@@ -72,7 +72,7 @@ def named(sure=True):
 
 
 def verdict(fit, before, after, effect):
-    without, with_it = (Trial("", fit.robot, 0.0, 1, state(rms), {}) for rms in (before, after))
+    without, with_it = (Trial("", fit.robot, 0.0, 1, state(rms), state(rms), {}) for rms in (before, after))
     found = Search(state(before), state(after), None, (Step((with_it,), (), (), without, with_it),), ())
     doubts = _doubts(found, fit, [effect], found.after)
     return _verdict(found, [effect], 3, doubts), doubts

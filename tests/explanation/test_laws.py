@@ -54,7 +54,8 @@ def test_what_is_no_published_law_is_answered_by_its_shape(explained):
     assert shape["unit"] == "N" and max(shape["values"]) > 0.1
 
 
-STATE = HeldOut(2.0, {"v": 2.0}, (np.full((100, 1), 2.0),), {"v": 1.0}, 0.0)
+SAMPLES = 100
+STATE = HeldOut(2.0, {"v": 2.0}, (np.full((SAMPLES, 1), 2.0),), {"v": 1.0}, 0.0)
 NOISE_ONLY = replace(STATE, normalised_rms=1.0, p_white=0.5)
 
 
@@ -63,7 +64,9 @@ def candidate(effect, gain, laws=()):
 
 
 def trial(robot, effect, squares, state=STATE):
-    return Trial(effect.id, robot + effect, squares, 3, state, {})
+    signs = np.random.default_rng(3).choice([-1.0, 1.0], size=(SAMPLES, 1))
+    fitted = replace(state, residuals=(np.sqrt(squares / SAMPLES) * signs,))
+    return Trial(effect.id, robot + effect, squares, 3, fitted, state, {})
 
 
 def test_other_mechanisms_laws_are_tried_while_none_leaves_only_noise():

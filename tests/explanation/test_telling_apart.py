@@ -13,7 +13,7 @@ from jaxid.explanation.telling_apart import differ, not_told_apart
 
 def trial(name: str, residual: np.ndarray) -> Trial:
     held_out = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 0.01}, 0.5)
-    return Trial(name, Axis(), float(2 * np.sum(residual**2)), 5, held_out, {})
+    return Trial(name, Axis(), float(2 * np.sum(residual**2)), 5, held_out, held_out, {})
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def residuals():
 def test_delays_of_a_robot_that_starts_at_rest_are_one_model(residuals):
     right, other = residuals
     first, second = trial("input_delay", right), trial("sensor_delay", other)
-    assert differ(first, second) == pytest.approx(0.07, rel=1e-3) and second.score - first.score > 100
+    assert differ(first.held_out, second.held_out) == pytest.approx(0.07, rel=1e-3) and second.score - first.score > 100
     assert not_told_apart([first, second]) == ("sensor_delay",)
 
 

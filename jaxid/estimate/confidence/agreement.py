@@ -85,10 +85,10 @@ def diverging(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, floa
     order, found = logs.channels.measured, []
     largest = {
         name: max(float(np.nanmax(np.abs(log.output(name)))) for log in logs if name in counted_channels(log))
-        for name in {name for log in logs for name in counted_channels(log)}
+        for name in {name for log in logs for name in counted_channels(log) if name in noise}
     }
     for log, outputs in zip(logs, simulated, strict=True):
-        own = {name: np.abs(np.asarray(outputs)[:, order.index(name)]).max() for name in counted_channels(log)}
+        own = {n: np.abs(np.asarray(outputs)[:, order.index(n)]).max() for n in counted_channels(log) if n in noise}
         if not all(top <= _DIVERGED * max(largest[name], noise[name]) for name, top in own.items()):
             found.append(log.name)
     return tuple(found)
