@@ -37,6 +37,7 @@ import tomli_w
 from ._atomic import write_text
 from ._toml import read_toml, shown
 from .effects import catalogue, effect_by_id, laws_of
+from .effects.curve import Curve
 from .logs.log import did_you_mean
 from .parameters import Parameter, ParameterError, ParameterTable
 from .robots import Effect, EffectError, Robot
@@ -45,6 +46,8 @@ _TOP = ("robot", "method", "longest_step", "parameters", "effects")
 _READ = ("value", "free", "lower", "upper", "prior")
 _WRITTEN = ("unit", "std_error", "meaning")
 """Keys that say something to the reader and change nothing (`unit` must be the robot's own)."""
+_DENSEST = 7
+"""Most points that a curve may have between two of its usual ones."""
 _SIZES = (1e-100, 1e30)
 """Sizes of numbers that are not zero; an estimate may end next to zero."""
 
@@ -142,8 +145,9 @@ def _check_zeros(robot: Robot, own: ParameterTable, path: Path) -> None:
 
 
 def _names_effect(entry: Any) -> bool:
-    """Whether an entry of `effects` is a table with an id and at most a law, in words."""
-    return isinstance(entry, dict) and isinstance(entry.get("id"), str) and isinstance(entry.get("law", ""), str)
+    """Whether an entry of `effects` is a table with an id and at most a law, in words, and how dense a curve of it is."""
+    words = isinstance(entry, dict) and isinstance(entry.get("id"), str) and isinstance(entry.get("law", ""), str)
+    return words and type(entry.get("between", 0)) is int and 0 <= entry.get("between", 0) <= _DENSEST
 
 
 def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path, given: Sequence[Effect]) -> Robot:
@@ -151,7 +155,8 @@ def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path, given: 
     effects = document.get("effects", [])
     if not isinstance(effects, list) or not all(_names_effect(entry) for entry in effects):
         raise ModelFileError(
-            f'{path}: effects is no list of tables with an id (and a law) in words; write [[effects]] and id = "...".'
+            f"{path}: effects is no list of tables with an id (and a law) in words, and for a curve the number of points "
+            f'between its usual ones (between, 0 to {_DENSEST}); write [[effects]] and id = "...".'
         )
     named = [effect["id"] for effect in effects]
     laws = [effect.get("law", "") for effect in effects]
@@ -161,12 +166,14 @@ def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path, given: 
             f"{path}: effects names {shown(', '.join(named))}, but the robot {robot.name!r} has {', '.join(own) or 'none'}; "
             "give the robot with these effects (package.module:attribute) or take them out of the file."
         )
-    for identifier, law in list(zip(named, laws, strict=True))[len(own) :]:
+    between = [effect.get("between", 0) for effect in effects]
+    for identifier, law, dense in list(zip(named, laws, between, strict=True))[len(own) :]:
         if identifier in [effect.id for effect in robot.effects]:
             raise ModelFileError(f"{path}: effects names {identifier} twice; take one of them out.")
         mine = next((effect for effect in given if (effect.id, effect.law) == (identifier, law)), None)
         try:
-            robot = robot + (mine or effect_by_id(robot, identifier, law))
+            effect = mine or effect_by_id(robot, identifier, law)
+            robot = robot + (replace(effect, between=dense) if isinstance(effect, Curve) else effect)
         except EffectError as error:
             raise ModelFileError(f"{path}: effects names {identifier}, but {error}; take it out.") from None
         except KeyError:
@@ -237,6 +244,12 @@ def read_model(path: str | Path, robot: Robot, effects: Sequence[Effect] = ()) -
     return changed
 
 
+def _effect_entry(effect: Effect) -> dict[str, Any]:
+    """What a file says of an effect besides its parameters."""
+    entry: dict[str, Any] = {"id": effect.id} | ({"law": effect.law} if effect.law else {})
+    return entry | ({"between": effect.between} if isinstance(effect, Curve) and effect.between else {})
+
+
 def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, method: str = "") -> str:
     """The robot's parameters as the text of a model file, numbers to the last digit.
 
@@ -269,7 +282,7 @@ def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, meth
     if math.isfinite(robot.longest_step):
         document["longest_step"] = float(robot.longest_step)
     if robot.effects:
-        document["effects"] = [{"id": e.id} | ({"law": e.law} if e.law else {}) for e in robot.effects]
+        document["effects"] = [_effect_entry(effect) for effect in robot.effects]
     return tomli_w.dumps({**document, "parameters": parameters})
 
 

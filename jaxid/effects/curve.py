@@ -1,8 +1,8 @@
 """A law without a formula: a smooth curve through a few heights, of the mechanism's own variable."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 
@@ -38,12 +38,15 @@ def curve(x: Scalar, knots: Sequence[float], heights: Sequence[Scalar], reach: S
 
 @dataclass(frozen=True)
 class Curve(Effect):
-    """A mechanism's curve, or one of each of several things (`each`): heights `at_1`, `at_2` ... at `knots`, shares of the
+    """A mechanism's curve, or one of each of several things (`each`): heights `at_1`, `at_2` ... at `places`, shares of the
     fixed `reach`.
 
-    `free` are the places among the knots whose heights are estimated; the others are zero. `variable` says of what it is a
-    curve, for people.
+    A mechanism gives few `knots` and says at which of them (`free`) the heights are estimated; at the others they are zero.
+    `between` every two of them stand so many further ones, where few are not enough. `variable` says of what it is a curve,
+    for people.
     """
+
+    between: int = field(default=0, kw_only=True)
 
     law: ClassVar[str] = SHAPE
     knots: ClassVar[tuple[float, ...]] = ()
@@ -51,6 +54,24 @@ class Curve(Effect):
     variable: ClassVar[str] = ""
     reaches: ClassVar[tuple[float, ...]] = (1.0,)
     """Reaches that a first look tries, in units of the usual one: where a curve bends within little of its variable."""
+
+    @property
+    def places(self) -> tuple[float, ...]:
+        """Where the heights are, as shares of the reach."""
+        n = self.between + 1
+        inner = [a + (b - a) * i / n for a, b in zip(self.knots, self.knots[1:], strict=False) for i in range(n)]
+        return (*inner, self.knots[-1])
+
+    @property
+    def varying(self) -> tuple[int, ...]:
+        """Those of the places whose heights are estimated."""
+        zero = {place * (self.between + 1) for place in range(len(self.knots)) if place not in self.free}
+        return tuple(place for place in range(len(self.places)) if place not in zero)
+
+    @property
+    def denser(self) -> Self:
+        """The same with one more height between every two."""
+        return replace(self, between=2 * self.between + 1)
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         table, reach = robot.parameters, self.key("reach")
@@ -63,17 +84,17 @@ class Curve(Effect):
 
     def height(self, place: int, name: str = "") -> str:
         """Name of the parameter that is the height at the knot `place` of the curve of `name`."""
-        return self.key(f"at_{self.free.index(place) + 1}" + (f"_{name}" if name else ""))
+        return self.key(f"at_{self.varying.index(place) + 1}" + (f"_{name}" if name else ""))
 
     def heights_and_reach(self, robot: Robot, unit: str, typical: float, of: str, reach: float) -> dict[str, Parameter]:
         """The parameters: heights in `unit` of about `typical`, and the reach in the unit `of`."""
         found: dict[str, Parameter] = {}
         for name in self.each(robot):
-            for place in self.free:
+            for place in self.varying:
                 found |= signed(self, self.height(place, name).removeprefix(self.key("")), unit, typical)
         return found | shape(self, "reach", of, reach, free=False)
 
     def at(self, x: Scalar, p: Numbers, name: str = "") -> Scalar:
         """The curve (of `name`) at `x` >= 0."""
-        heights = [p[self.height(k, name)] if k in self.free else 0.0 for k in range(len(self.knots))]
-        return curve(x, self.knots, heights, p[self.key("reach")])
+        heights = [p[self.height(k, name)] if k in self.varying else 0.0 for k in range(len(self.places))]
+        return curve(x, self.places, heights, p[self.key("reach")])

@@ -50,13 +50,14 @@ def by_law(
     found = {trial.id: [trial] for trial in ranked}
     for trial in refits(further) if further else []:
         found[trial.id].append(trial)
-    each = [_simplest_first(sorted(own, key=lambda trial: trial.score)) for own in found.values()]
+    each = [best_first(own) for own in found.values()]
     return sorted(each, key=lambda own: own[0].score)
 
 
-def _simplest_first(own: list[Trial]) -> list[Trial]:
+def best_first(own: Sequence[Trial]) -> list[Trial]:
     """Trials of one mechanism's laws, best first; of those that the data cannot tell from the best, the simplest comes first,
     and of equally simple ones the more usual."""
+    own = sorted(own, key=lambda trial: trial.score)
     if len(own) < 2:
         return own
     usual = next(([law.law for law in laws] for laws in MECHANISMS if laws[0].id == own[0].id), [])

@@ -20,15 +20,16 @@ from ..robots.robot import Robot
 from ..simulation.scaled import scaled_to, scales_of
 from .absorbed import less_absorbed
 from .coloured import GATES, OnlyColour, colours_of, only_colour
+from .denser import densest
 from .heldout import HeldOut, held_out_state
 from .in_colour import generalised, in_colour
-from .laws import by_law
+from .laws import best_first, by_law
 from .level import current_level
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
 from .telling_apart import alike, not_told_apart
 from .within_errors import within_errors
-from .worth import COARSE_CURVE, NEARLY_ALL, least_gain, worth_in_colour, worth_it
+from .worth import COARSE_CURVE, NEARLY_ALL, could_matter, least_gain, matters, worth_in_colour, worth_it
 
 SHORTLIST = 5
 """Most candidates, no two of which explain alike, that are refitted; then those alike to the best."""
@@ -155,7 +156,13 @@ def _generalised(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, 
 
 
 def _ranked_in_colour(
-    base: Trial, trials: Sequence[Trial], tried: int, logs: LogSet, held_out: LogSet, noise: dict[str, float]
+    base: Trial,
+    trials: Sequence[Trial],
+    first: Trial,
+    tried: int,
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
 ) -> tuple[list[Trial], tuple[str, ...], bool] | None:
     """The trials ranked anew, those that cannot be told from the best, and whether that one is worth its price, where all that
     the best leaves is coloured noise: samples of it are related, so that chi-squared promises too much. Else None."""
@@ -167,7 +174,8 @@ def _ranked_in_colour(
     ranked = sorted(trials, key=lambda trial: white[trial.id].score)
     ranked = [replace(trial, in_colour=white[trial.id].score) for trial in ranked]
     before, after = in_colour(base, colours, logs, held_out, noise), white[ranked[0].id]
-    return ranked, not_told_apart([white[trial.id] for trial in ranked]), worth_in_colour(before, after, tried)
+    worth = matters(base, ranked[0], first) and worth_in_colour(before, after, tried)
+    return ranked, not_told_apart([white[trial.id] for trial in ranked]), worth
 
 
 def _explaining(screened: Sequence[Candidate]) -> list[Candidate]:
@@ -238,10 +246,19 @@ def name_next(
     def added(further: Sequence[Candidate]) -> list[Trial]:
         return to_the_end(_all_added(base, further, logs, held_out, noise, say))
 
+    def again(robot: Robot, like: Trial) -> Trial:
+        start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=like.angles)
+
     mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
+    if not mechanisms[0][0].fitted.adequate:
+        mechanisms = [
+            [densest(t, again) if t.law == SHAPE and t.score < near else t for t in own] for own in mechanisms
+        ]
+        mechanisms = sorted((best_first(own) for own in mechanisms), key=lambda own: own[0].score)
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])
-    in_colour = _ranked_in_colour(base, trials, tried, logs, held_out, noise)
+    in_colour = _ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
     if in_colour is None:
         # Where a curve is the answer, its few points are no evidence against another mechanism's.
         closed = trials[0].fitted.gap < NEARLY_ALL * base.fitted.gap
@@ -369,7 +386,9 @@ def search(
     colour = None
     while not current.held_out.adequate:
         colour = _colour(current, logs, held_out, noise)
-        if len(steps) >= most and colour is None:
+        if not could_matter(current, baseline):
+            colour = None  # too little to be looked at any further
+        if colour is None and (len(steps) >= most or not could_matter(current, baseline)):
             break
         present = {effect.id for effect in current.robot.effects}
         own = [law for effect in catalogue(current.robot) for law in laws_of(current.robot, effect.id)]

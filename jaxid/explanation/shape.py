@@ -47,16 +47,16 @@ def shapes_of(curve: Curve, robot: Robot, found: Mapping[str, Estimate]) -> tupl
     reach = found[curve.key("reach")]
     shapes = []
     for name in curve.each(robot):
-        unit = found[curve.height(curve.free[0], name)].unit
+        unit = found[curve.height(curve.varying[0], name)].unit
         none = Estimate(0.0, 0.0, (0.0, 0.0), unit, "fixed")
-        every = [found[curve.height(k, name)] if k in curve.free else none for k in range(len(curve.knots))]
+        every = [found[curve.height(k, name)] if k in curve.varying else none for k in range(len(curve.places))]
         shapes.append(
             Shape(
                 name=name,
                 variable=curve.variable,
                 of=reach.unit,
                 unit=unit,
-                points=tuple(share * reach.value for share in curve.knots),
+                points=tuple(share * reach.value for share in curve.places),
                 values=tuple(e.value for e in every),
                 band=tuple((float(e.ci95[0]), float(e.ci95[1])) for e in every),
             )

@@ -29,6 +29,21 @@ def least_gain(before: Trial, first: Trial) -> float:
     return max(LEAST_GAIN * before.held_out.gap, _LEAST_OF_FIRST * gap, min(share * gap, most))
 
 
+def _added(before: Trial, first: Trial) -> bool:
+    return len(before.robot.effects) > len(first.robot.effects)
+
+
+def could_matter(before: Trial, first: Trial) -> bool:
+    """Whether anything that is still missing could close enough of the gap to matter, beside what has been added already."""
+    return not _added(before, first) or before.held_out.gap >= least_gain(before, first)
+
+
+def matters(before: Trial, after: Trial, first: Trial) -> bool:
+    """Whether a further effect closes enough of the gap to be more than the imprecision of what was added before it."""
+    gain = before.held_out.normalised_rms - after.held_out.normalised_rms
+    return not _added(before, first) or gain >= least_gain(before, first)
+
+
 def worth_it(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
     """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
     gain = before.held_out.normalised_rms - after.held_out.normalised_rms

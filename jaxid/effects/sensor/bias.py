@@ -69,7 +69,7 @@ class BiasCurves(Curve):
         found: dict[str, Parameter] = {}
         for name in self.each(robot):
             unit, typical = robot.channels.units.get(name, ""), 0.02 * robot.scales.output(name)
-            for k in range(len(self.free)):
+            for k in range(len(self.varying)):
                 found |= signed(self, f"at_{k + 1}_{name}", unit, typical)
         return found | shape(self, "reach", "s", robot.scales.duration, free=False)
 

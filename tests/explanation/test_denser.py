@@ -1,0 +1,67 @@
+"""Curves through more points: the same curve at first, what was held still held, and taken only where it tells more."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jaxid import Pioneer
+from jaxid.effects import effect_by_id
+from jaxid.explanation.denser import densest, with_denser_curve
+from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.refit import Trial
+from jaxid.model_file import read_model, write_model
+
+
+@pytest.fixture
+def robot():
+    """A Pioneer whose gyro warms up: five heights over 25 s for each channel, one of them held."""
+    found = Pioneer() + effect_by_id(Pioneer(), "quadratic_drag") + effect_by_id(Pioneer(), "sensor_bias", "shape")
+    heights = {f"sensor_bias.at_{k}_eta2": value for k, value in enumerate((0.0, 0.05, -0.02, 0.04, 0.01), start=1)}
+    return found.with_values(**heights, **{"sensor_bias.reach": 30.0}).change("sensor_bias.at_5_eta1", free=False)
+
+
+def offsets(robot):
+    time = np.linspace(0.0, 35.0, 701)
+    numbers = robot.parameters.numbers
+    effect = next(effect for effect in robot.effects if effect.id == "sensor_bias")
+    return np.asarray(effect.measure(np.zeros((701, 2)), time, numbers, robot))
+
+
+def test_the_denser_curve_is_the_same_curve_nearly_and_at_its_points_exactly(robot):
+    dense = with_denser_curve(robot, "sensor_bias")
+    assert len([n for n in dense.parameters if n.startswith("sensor_bias.at_")]) == 18
+    assert dense.parameters["sensor_bias.at_3_eta2"].value == robot.parameters["sensor_bias.at_2_eta2"].value
+    # Through the same points, with slopes of parabolas through nearer neighbours: what differs falls with their distance.
+    assert np.abs(offsets(dense) - offsets(robot)).max() < 0.1 * np.abs(offsets(robot)).max()
+    denser = with_denser_curve(dense, "sensor_bias")
+    assert np.abs(offsets(denser) - offsets(dense)).max() < 0.5 * np.abs(offsets(dense) - offsets(robot)).max()
+    assert dense.parameters["sensor_bias.reach"].value == 30.0
+    held = {n for n, p in dense.parameters.items() if n.startswith("sensor_bias.at_") and not p.free}
+    assert held == {"sensor_bias.at_9_eta1"}
+    assert [effect.id for effect in dense.effects] == ["quadratic_drag", "sensor_bias"]
+
+
+def test_a_denser_model_is_written_and_read(robot, tmp_path):
+    dense = with_denser_curve(with_denser_curve(robot, "sensor_bias"), "sensor_bias")
+    write_model(tmp_path / "model.toml", dense)
+    again = read_model(tmp_path / "model.toml", Pioneer())
+    assert again.effects == dense.effects
+    assert np.array_equal(offsets(again), offsets(dense))
+
+
+def trial(robot, residual, free):
+    state = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 1.0}, 0.0)
+    return Trial("sensor_bias", robot, float(np.sum(residual**2)), free, state, state, {})
+
+
+def test_points_that_tell_nothing_are_not_added(robot):
+    noise = np.random.default_rng(0).normal(size=5000)
+    wave = np.sin(np.arange(5000) / 300)
+    coarse = trial(robot, noise + 0.5 * wave, 10)
+    better = densest(coarse, lambda model, like: trial(model, noise + 0.1 * wave, 18))
+    assert len(next(e for e in better.robot.effects if e.id == "sensor_bias").places) == 9
+    same = densest(coarse, lambda model, like: trial(model, noise + 0.499 * wave, 18))
+    assert same is coarse
+    done = replace(coarse, fitted=replace(coarse.fitted, p_white=0.5, normalised_rms=1.0))
+    assert densest(done, lambda model, like: pytest.fail("nothing is left to follow")) is done
