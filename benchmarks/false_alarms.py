@@ -22,7 +22,7 @@ from benchmarks.cases.robots import families as every_family
 from benchmarks.false_alarms_page import write
 from benchmarks.sensor_noise import KINDS, Exact
 from benchmarks.silent import append, code_version, rows_of
-from jaxid.explanation.heldout import NEGLIGIBLE, held_out_state
+from jaxid.explanation.heldout import held_out_state
 from jaxid.explanation.level import FALSE_ALARM, at_level
 from jaxid.explanation.search import Search, search
 
@@ -210,7 +210,7 @@ def alarms(found: Search, fit: jaxid.Fit, logs: jaxid.LogSet, held_out: jaxid.Lo
     """Whether something is called missing at every one of `LEVELS`, where `found` is at the usual one."""
     before, usual, every = found.before, alarm(found), {}
     for level in LEVELS:
-        same = level == FALSE_ALARM or before.normalised_rms < NEGLIGIBLE or before.p_value >= max(LEVELS)
+        same = level == FALSE_ALARM or before.normalised_rms < before.negligible or before.p_value >= max(LEVELS)
         if same:
             every[str(level)] = usual
         elif found.colour is not None and found.colour.simple and before.p_value < min(LEVELS):

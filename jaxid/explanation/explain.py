@@ -25,6 +25,7 @@ from .localise import localise, without_place
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .passing_jumps import without_passing_jumps
+from .policy import Policy, current_policy, keeps_policy
 from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, search
@@ -33,12 +34,6 @@ from .table_constants import sentence_of
 from .telling_apart import differ
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
-_LEFT_OVER = 0.15
-"""Share of the gap that may remain under a name."""
-_SMALL = 1.03
-"""Normalised RMS up to which what remains is left to the added effect's own imprecision."""
-MANY = 2.0
-"""Normalised RMS on held-out logs above which what was added is no answer, whatever it brought."""
 _WEAK = 100.0
 """Lead over the runner-up (chi-squared) below which an experiment is proposed to confirm a name."""
 
@@ -90,7 +85,7 @@ def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: Held
     doubts = []
     if after.diverged:
         doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
-    elif after.normalised_rms > MANY and not _all_noise(found):
+    elif after.normalised_rms > current_policy().many and not _all_noise(found):
         doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
     if final.judgement is not None and final.failed:
         doubts.append(
@@ -114,7 +109,8 @@ def _verdict(found: Search, named: Sequence[NamedEffect], most: int, doubts: Seq
         return "adequate"
     if doubts:
         return "unexplained"
-    left = after.gap > _LEFT_OVER * before.gap and after.normalised_rms > _SMALL
+    policy = current_policy()
+    left = after.gap > policy.unexplained * before.gap and after.normalised_rms > policy.small
     # As many effects as may be added and still not noise: they stand in for something else.
     used_up = len(named) >= most > 1
     if not named or (not enough and (left or used_up)):
@@ -194,6 +190,7 @@ def without_windows(
 @bounded_memory()
 @seldom_collected()
 @keeps_level
+@keeps_policy
 def explain(
     fit: Fit,
     logs: LogSet,
@@ -205,6 +202,7 @@ def explain(
     covariance: Covariance = "auto",
     windows: Windows = "auto",
     false_alarm: float = FALSE_ALARM,
+    policy: Policy | None = None,
     report: Callable[[str], None] = lambda message: None,
 ) -> Explanation:
     """Say what is missing in `fit`, an output-error fit to `logs`, judged on logs that were not fitted (`held_out`).
@@ -216,10 +214,15 @@ def explain(
     with a sentence whenever something is done. Of compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
 
     Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. `false_alarm` is the share
-    of complete models of which it may be said that something is missing (`docs/false_alarms.md` shows how well it is kept).
+    of complete models of which it may be said that something is missing (`docs/false_alarms.md` shows how well it is kept);
+    `policy` holds the other numbers by which it decides.
+
+    Which effects are refitted, and which is best, the fitted `logs` say alone; the `held_out` logs judge whether anything is
+    missing and whether what ranked first is believed.
+
     What is coloured, follows nothing that drove the robot and no candidate explains (in whitened samples) is the sensors'
     noise, or said to be open (`colour`): nothing is missing for it.
-    No name is the answer that leaves more than `MANY` times the noise, or whose own parameters are not identified: the
+    No name is the answer that leaves more than `policy.many` times the noise, or whose own parameters are not identified: the
     verdict is then "unexplained", with the `doubts` why. A robot that does not say which of its states forces accelerate
     is explained without `localisation`. A fit in windows of a plant that is not unstable is repeated without
     (`without_windows`).

@@ -15,11 +15,10 @@ from ..logs.noise import noise_error, usual_size
 from ..robots.robot import Robot
 from ..simulation.simulate import integrator_for, simulate
 from .level import current_level
+from .policy import current_policy
 from .smoothed_angles import Angles
 
 _LAGS = 20
-NEGLIGIBLE = 1.005
-"""Normalised RMS below which a gap is too small to matter, whatever its significance."""
 _FARTHEST = 1e6
 
 
@@ -33,7 +32,8 @@ class HeldOut:
     `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
     `noise_error`: standard deviation of the unit itself, the estimated noise, as a share of it. `within_errors`: whether what
     is left is what the standard errors of the parameters let expect (`within_errors.py`). `false_alarm`: how often a complete
-    model may be called incomplete by it (`level.py`).
+    model may be called incomplete by it (`level.py`), `negligible` the RMS below which a gap matters to nobody
+    (`policy.py`).
     """
 
     normalised_rms: float
@@ -46,6 +46,7 @@ class HeldOut:
     noise_error: float = 0.0
     within_errors: bool = False
     false_alarm: float = field(default_factory=current_level)
+    negligible: float = field(default_factory=lambda: current_policy().negligible)
 
     @property
     def squares(self) -> float:
@@ -60,7 +61,7 @@ class HeldOut:
     @property
     def adequate(self) -> bool:
         """Whether nothing but noise is left: white residuals at the noise floor, or a gap too small to matter."""
-        return bool(self.p_value >= self.false_alarm or self.normalised_rms < NEGLIGIBLE or self.within_errors)
+        return bool(self.p_value >= self.false_alarm or self.normalised_rms < self.negligible or self.within_errors)
 
     @property
     def p_large(self) -> float:

@@ -10,26 +10,21 @@ import numpy as np
 
 from ..effects.catalogue import MECHANISMS
 from ..effects.curve import SHAPE
+from .policy import current_policy
 from .refit import Trial
 from .screen import Candidate
 from .telling_apart import alike
-
-MOST_LAWS = 3
-"""Most other laws of a mechanism that are refitted."""
-_MOST_MECHANISMS = 3
-"""Mechanisms whose other laws are refitted while no law leaves only noise."""
-_PROMISING = 0.6
-"""Share of the first law's promise below which a formula is not refitted."""
 
 Refits = Callable[[list[Candidate]], list[Trial]]
 
 
 def other_laws(candidate: Candidate, curve: bool) -> list[Candidate]:
     """The laws of a mechanism that are worth a refit beside the `candidate`'s own; its `curve` only if asked for."""
-    least = max(_PROMISING * candidate.gain, 0.0) if candidate.effect.law != SHAPE else 0.0
+    policy = current_policy()
+    least = max(policy.formula * candidate.gain, 0.0) if candidate.effect.law != SHAPE else 0.0
     formulas = [c for c in candidate.laws if c.effect.law != SHAPE and c.gain > least]
     curves = [c for c in candidate.laws if c.effect.law == SHAPE and c.gain > candidate.gain]
-    return formulas[:MOST_LAWS] + (curves if curve else [])
+    return formulas[: policy.most_laws] + (curves if curve else [])
 
 
 def by_law(
@@ -43,7 +38,7 @@ def by_law(
     """
     ranked = sorted(trials, key=lambda trial: trial.score)
     settled = ranked[0].fitted.adequate
-    running = [trial for trial in ranked if trial.score < near][:_MOST_MECHANISMS]
+    running = [trial for trial in ranked if trial.score < near][: current_policy().most_mechanisms]
     open_ = ranked[:1] if settled else running + [trial for trial in ranked if trial.score >= max(near, nothing)]
     first = {candidate.effect.id: candidate for candidate in candidates}
     further = [law for trial in open_ for law in other_laws(first[trial.id], curve=not settled)]

@@ -18,6 +18,7 @@ from ..estimate.output_error.setup import build
 from ..estimate.output_error.solvers import minimise_compiled
 from ..estimate.result import Fit
 from ..logs import LogSet
+from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulation.integrated_angles import integrated_angles
 from .heldout import HeldOut, state_left
@@ -61,9 +62,14 @@ class Trial:
     in_colour: float | None = None
 
     @property
+    def effect(self) -> Effect | None:
+        """The effect that the trial is about, None where its model has none."""
+        return next((effect for effect in self.robot.effects if effect.id == self.id), None)
+
+    @property
     def law(self) -> str:
         """The law by which the effect that the trial is about was added."""
-        return next((effect.law for effect in self.robot.effects if effect.id == self.id), "")
+        return self.effect.law if self.effect is not None else ""
 
     @property
     def title(self) -> str:

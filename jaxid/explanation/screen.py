@@ -17,15 +17,13 @@ from ..estimate.noise_colour import colour_of
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from .policy import current_policy
 from .probed import Group, probed
 from .probes import seen_in, standing_together
 from .smoothed_angles import Angles
 
 _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
-_ALIKE = 0.9
-_FORMULA = 0.5
-"""Share of its curve's promise from which a mechanism is tried by its best formula first."""
 _SAME = 1e-3
 """Smallest singular value of changes of length one below which a curve is held at one of its heights."""
 _STEP = 1e-3
@@ -56,7 +54,7 @@ class Candidate:
 
     def like(self, other: "Candidate") -> bool:
         """Whether the two explain by the same change, so that only refits can tell them apart."""
-        return abs(float(self.direction @ other.direction)) > _ALIKE
+        return abs(float(self.direction @ other.direction)) > current_policy().alike
 
 
 @in_float64
@@ -130,13 +128,14 @@ def screen(
 def _by_mechanism(candidates: Sequence[Candidate]) -> list[Candidate]:
     """One candidate for every mechanism, with the others of its laws, best first."""
     laws: dict[str, list[Candidate]] = {}
+    least = current_policy().formula
     for candidate in candidates:
         laws.setdefault(candidate.effect.id, []).append(candidate)
     first = []
     for own in laws.values():
         own.sort(key=lambda c: -c.gain)
         # A formula comes before the curve, unless it promises much less.
-        formula = next((c for c in own if c.effect.law != SHAPE and c.gain > _FORMULA * own[0].gain), own[0])
+        formula = next((c for c in own if c.effect.law != SHAPE and c.gain > least * own[0].gain), own[0])
         own.remove(formula)
         own.insert(0, formula)
         coloured = max(c.in_colour for c in own)

@@ -25,26 +25,18 @@ from .heldout import HeldOut, held_out_state
 from .in_colour import generalised, in_colour
 from .laws import best_first, by_law
 from .level import current_level
+from .policy import current_policy
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
 from .telling_apart import alike, not_told_apart
 from .within_errors import within_errors
-from .worth import COARSE_CURVE, NEARLY_ALL, could_matter, least_gain, matters, worth_in_colour, worth_it
+from .worth import coarseness, could_matter, least_gain, matters, worth_in_colour, worth_it
 
-SHORTLIST = 5
-"""Most candidates, no two of which explain alike, that are refitted; then those alike to the best."""
-_ALWAYS = 3
-_PROMISING = 0.2
-"""Share of the first candidate's promise below which others are refitted only if they are among the first three."""
 _MOST_ALIKE = 4
 _FIRST_TRIALS = 2
-_RIVAL = 0.5
-"""Share of the promise of a candidate that leaves only noise below which others are not refitted any more."""
 MOST_EFFECTS = 3
 _FROM_COLOUR = 2
 """Most candidates that are refitted only because they explain the whitened residual."""
-_IN_THE_RUNNING = 0.1
-"""Candidates that lack less than this share of the best one's gain after a few steps are refitted to the end."""
 
 Report = Callable[[str], None]
 
@@ -94,13 +86,14 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
     prescribed = [candidate for candidate in likely if candidate.effect.repeats]
     others = [candidate for candidate in likely if candidate not in prescribed]
     chosen: list[Candidate] = []
+    policy = current_policy()
     for candidate in others:
-        enough = len(chosen) >= _ALWAYS and candidate.gain < _PROMISING * others[0].gain
-        if enough or len(chosen) == SHORTLIST:
+        enough = len(chosen) >= policy.first_refits and candidate.gain < policy.promising * others[0].gain
+        if enough or len(chosen) == policy.most_refits:
             break
         if not any(candidate.like(other) for other in chosen):
             chosen.append(candidate)
-    return chosen + [candidate for candidate in prescribed if candidate.gain >= _PROMISING * likely[0].gain]
+    return chosen + [candidate for candidate in prescribed if candidate.gain >= policy.promising * likely[0].gain]
 
 
 def _with_candidate(robot: Robot, candidate: Candidate) -> Robot:
@@ -225,14 +218,15 @@ def name_next(
     shortlist += [c for c in _explaining(screened)[:_FROM_COLOUR] if c not in shortlist]
     trials = _all_added(base, shortlist[:_FIRST_TRIALS], logs, held_out, noise, say)
     leader, best = _best(shortlist, trials)
-    least = _RIVAL * leader.gain if best.fitted.adequate else -np.inf
+    policy = current_policy()
+    least = policy.rival * leader.gain if best.fitted.adequate else -np.inf
     shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
     trials += _all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise, say)
     leader, _ = _best(shortlist, trials)
     alike_to_it = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
     trials += _all_added(base, alike_to_it, logs, held_out, noise, say)
     best = min(trials, key=lambda t: t.score)
-    near = best.score + max(100.0, _IN_THE_RUNNING * (base.score - best.score))
+    near = best.score + max(100.0, policy.in_the_running * (base.score - best.score))
     promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * least_gain(base, first)
 
     def to_the_end(tried: Sequence[Trial]) -> list[Trial]:
@@ -261,9 +255,9 @@ def name_next(
     in_colour = _ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
     if in_colour is None:
         # Where a curve is the answer, its few points are no evidence against another mechanism's.
-        closed = trials[0].fitted.gap < NEARLY_ALL * base.fitted.gap
-        share, most = COARSE_CURVE if closed and trials[0].law == SHAPE else (0.0, 0.0)
-        equivalent = not_told_apart(trials, min(share * base.fitted.gap, most))
+        closed = trials[0].fitted.gap < policy.unexplained * base.fitted.gap
+        slack = coarseness(True, base.fitted) if closed and trials[0].law == SHAPE else 0.0
+        equivalent = not_told_apart(trials, slack)
         worth = worth_it(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour

@@ -6,16 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .heldout import HeldOut
+from .policy import current_policy
 from .refit import Trial
 
-SEPARATED = 2.0
-"""Standard errors of the log-likelihood difference beyond which two names are told apart (Vuong 1989)."""
-_SAME_BUT_LATER = {"input_delay", "sensor_delay"}
-"""One model by two names: the same motion, later; but for what was commanded before a log began."""
 _UNKNOWN_PAST = 10
 """First samples of a log, which show what was commanded before it began."""
-_INTERPOLATED = 0.1
-"""Difference of two predictions (RMS, times the noise) that may be due to how they interpolate between samples."""
 _BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
 
 
@@ -57,7 +52,14 @@ def _worse(best: Trial, trial: Trial) -> float:
 def told_apart_from(best: Trial, trial: Trial) -> bool:
     """Whether `trial` is less likely than `best` by more than chance, on the fitted logs."""
     # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).
-    return _worse(best, trial) >= (2 * SEPARATED) ** 2 or told_apart(best.fitted, trial.fitted) >= SEPARATED
+    separated = current_policy().separated
+    return _worse(best, trial) >= (2 * separated) ** 2 or told_apart(best.fitted, trial.fitted) >= separated
+
+
+def _same_but_later(one: Trial, other: Trial) -> bool:
+    """Whether both are one model by two names, the same motion later; but for what was commanded before a log began."""
+    both = all(trial.effect is not None and trial.effect.only_later for trial in (one, other))
+    return both and differ(one.fitted, other.fitted, _UNKNOWN_PAST) < current_policy().same_motion
 
 
 def differ(one: HeldOut, other: HeldOut, skip: int = 0) -> float:
@@ -72,7 +74,7 @@ def alike(trials: Sequence[Trial], slack: float = 0.0) -> list[Trial]:
     best = trials[0]
     found = []
     for trial in trials[1:]:
-        if {best.id, trial.id} == _SAME_BUT_LATER and differ(best.fitted, trial.fitted, _UNKNOWN_PAST) < _INTERPOLATED:
+        if _same_but_later(best, trial):
             found.append(trial)
             continue
         near = slack > 0 and trial.fitted.normalised_rms - best.fitted.normalised_rms < slack

@@ -4,17 +4,10 @@ import numpy as np
 
 from .._distributions import normal_beyond
 from ..effects.curve import SHAPE
+from .heldout import HeldOut
+from .policy import current_policy
 from .refit import Trial
-from .telling_apart import SEPARATED, told_apart
-
-LEAST_GAIN = 0.05
-"""Share of the held-out gap below which an effect explains nothing."""
-_LEAST_OF_FIRST = 0.02
-"""Share of the first gap that a further effect must close: below, it may be the first effect's own imprecision."""
-COARSE_LAW, COARSE_CURVE = (0.05, 0.08), (0.1, 0.15)
-"""The same, and the RMS that is enough at any rate, for what an added formula or an added curve may have left of its own."""
-NEARLY_ALL = 0.15
-"""Share of the held-out gap up to which what is left of it says that an effect explains it, on however few stretches."""
+from .telling_apart import told_apart
 
 
 def least_gain(before: Trial, first: Trial) -> float:
@@ -23,10 +16,17 @@ def least_gain(before: Trial, first: Trial) -> float:
     After a first effect, less may be how far that one's law is from nature's: more so where it is a curve through few points.
     """
     added = before.robot.effects[len(first.robot.effects) :]
-    coarse = COARSE_CURVE if any(effect.law == SHAPE for effect in added) else COARSE_LAW
-    share, most = coarse if added else (0.0, 0.0)
-    gap = first.held_out.gap
-    return max(LEAST_GAIN * before.held_out.gap, _LEAST_OF_FIRST * gap, min(share * gap, most))
+    policy = current_policy()
+    least = max(policy.least_gain * before.held_out.gap, policy.least_of_first * first.held_out.gap)
+    return max(least, coarseness(any(effect.law == SHAPE for effect in added), first.held_out)) if added else least
+
+
+def coarseness(curve: bool, first: HeldOut) -> float:
+    """What of the `first` gap an added formula, or an added `curve` through few points, may have left of its own."""
+    policy = current_policy()
+    if curve:
+        return min(2.0 * policy.coarse_share * first.gap, policy.coarse_curve - 1.0)
+    return min(policy.coarse_share * first.gap, policy.coarse_law - 1.0)
 
 
 def _added(before: Trial, first: Trial) -> bool:
@@ -46,10 +46,12 @@ def matters(before: Trial, after: Trial, first: Trial) -> bool:
 
 def worth_it(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
     """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
+    policy = current_policy()
     gain = before.held_out.normalised_rms - after.held_out.normalised_rms
     # Where nearly all of the gap is closed, that was no chance, on however few stretches it was.
     closed = (
-        after.held_out.gap < NEARLY_ALL * before.held_out.gap or told_apart(after.held_out, before.held_out) > SEPARATED
+        after.held_out.gap < policy.unexplained * before.held_out.gap
+        or told_apart(after.held_out, before.held_out) > policy.separated
     )
     return gain >= least_gain(before, first) and closed and likelier(before, after, tried)
 

@@ -60,6 +60,8 @@ class Effect:
     formula: ClassVar[str] = ""
     states: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
+    only_later: ClassVar[bool] = False
+    """Whether all it does is that the same motion is seen later."""
     finer: ClassVar[float] = 1.0
     """How many times shorter than the robot's the integration steps must be for the effect's own parameters."""
 

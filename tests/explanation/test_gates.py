@@ -9,9 +9,10 @@ import pytest
 from jaxid import Axis, Custom, Log, LogError, LogSet, Parameter, compare, explain, output_error
 from jaxid.effects.catalogue import effect_by_id
 from jaxid.estimate.result import Estimate
-from jaxid.explanation.explain import MANY, _doubts, _verdict
+from jaxid.explanation.explain import _doubts, _verdict
 from jaxid.explanation.explanation import Evidence, NamedEffect, differs_from_nothing
 from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.policy import Policy
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.search import Search, Step
 from jaxid.logs import Channels
@@ -83,7 +84,7 @@ def test_a_name_that_leaves_many_times_the_noise_is_not_given(heavy_tailed):
     found, doubts = verdict(fit, 260_000.0, 1024.0, named())  # closes 99.6 % of the gap
     assert found == "unexplained" and "1.02e+03 times the noise" in doubts[0]
     assert verdict(fit, 10.0, 1.01, named())[0] == "named"
-    assert verdict(fit, 1000.0, MANY + 0.1, named())[0] == "unexplained"
+    assert verdict(fit, 1000.0, Policy().many + 0.1, named())[0] == "unexplained"
 
 
 def test_a_name_that_may_be_nothing_is_not_given(heavy_tailed):
@@ -176,7 +177,7 @@ def test_a_robot_without_velocities_is_told_so_first_and_explained_without_a_pla
         and found.verdict in ("named", "ambiguous", "unexplained")
     )
     assert "velocities" in found.notes[0] and "velocities" in repr(found)
-    assert found.after.normalised_rms < MANY or found.verdict == "unexplained"
+    assert found.after.normalised_rms < Policy().many or found.verdict == "unexplained"
 
 
 def test_an_error_below_the_noise_that_is_not_white_is_not_said_to_be(heavy_tailed):

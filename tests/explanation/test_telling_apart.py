@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis
+from jaxid.effects import effect_by_id
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.telling_apart import differ, not_told_apart
@@ -13,7 +14,7 @@ from jaxid.explanation.telling_apart import differ, not_told_apart
 
 def trial(name: str, residual: np.ndarray) -> Trial:
     held_out = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 0.01}, 0.5)
-    return Trial(name, Axis(), float(2 * np.sum(residual**2)), 5, held_out, held_out, {})
+    return Trial(name, Axis() + effect_by_id(Axis(), name), float(2 * np.sum(residual**2)), 5, held_out, held_out, {})
 
 
 @pytest.fixture

@@ -33,6 +33,7 @@ class InputDelay(Effect):
     law: ClassVar[str] = "constant"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u'(t) = u(t - delay)"
+    only_later: ClassVar[bool] = True
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "delay", "s", 0.1 * robot.scales.time)

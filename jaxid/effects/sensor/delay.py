@@ -30,6 +30,7 @@ class SensorDelay(Effect):
     law: ClassVar[str] = "constant"
     where: ClassVar[str] = "sensor"
     formula: ClassVar[str] = "y'(t) = y(t - delay)"
+    only_later: ClassVar[bool] = True
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "delay", "s", 0.1 * robot.scales.time)
