@@ -9,7 +9,9 @@ import jax.numpy as jnp
 from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
+from ..curve import Curve
 from ..effect_parameters import signed
+from .asymmetric_viscous_friction import WAYS
 
 
 @dataclass(frozen=True)
@@ -79,4 +81,38 @@ class AsymmetryOfTheBody(Effect):
         return (forces[0] - p[self.key("difference")] * (1.0 - jnp.exp(-(v**2))), *forces[1:])
 
 
-LAWS: tuple[Effect, ...] = (AsymmetricFriction(), AsymmetryOfEach(), AsymmetryOfTheBody())
+@dataclass(frozen=True)
+class DryAsymmetryCurve(Curve):
+    """What dry friction has more of, a curve of the speed at the rim for either way.
+
+    What of it is the same at all speeds and both ways is the Coulomb friction's, where that is estimated.
+    """
+
+    id: ClassVar[str] = "asymmetric_friction"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "C' = C + more_way(|s|), the way being forward or backward"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.3, 0.6, 1.0)
+    free: ClassVar[tuple[int, ...]] = (0, 1, 2, 3)
+    variable: ClassVar[str] = "|speed|"
+
+    def each(self, robot: Robot) -> tuple[str, ...]:
+        return WAYS
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, typical = robot.friction_unit, 0.02 * robot.scales.friction
+        return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.speed)
+
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
+        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
+        first = levers[robot.drive_axes[0]]
+        for axis in robot.drive_axes:
+            ahead, back = (self.at(jnp.abs(rims[axis]), p, way) for way in WAYS)
+            if levers[axis] is not first:
+                ahead, back = ahead * (levers[axis] / first), back * (levers[axis] / first)
+            backward, forward = levels[axis]
+            changed[axis] = (jnp.maximum(backward + back, 0.0), jnp.maximum(forward + ahead, 0.0))
+        return tuple(changed)
+
+
+LAWS: tuple[Effect, ...] = (AsymmetricFriction(), AsymmetryOfEach(), AsymmetryOfTheBody(), DryAsymmetryCurve())

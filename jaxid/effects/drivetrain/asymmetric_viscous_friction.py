@@ -11,6 +11,8 @@ from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import signed
 
+WAYS = ("forward", "backward")
+
 
 @dataclass(frozen=True)
 class AsymmetricViscousFriction(Effect):
@@ -57,15 +59,18 @@ class ViscousAsymmetryOfEach(AsymmetricViscousFriction):
 
 @dataclass(frozen=True)
 class AsymmetryCurve(Curve):
-    """What forward motion has more of friction, and backward motion less, as a curve of the speed at the rim."""
+    """What friction has more of than its straight line, a curve of the speed at the rim for either way."""
 
     id: ClassVar[str] = "asymmetric_viscous_friction"
     where: ClassVar[str] = "drivetrain"
-    formula: ClassVar[str] = "F = B s + difference(|s|)"
+    formula: ClassVar[str] = "F = B s + more_way(|s|) sgn s, the way being forward or backward"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.4, 0.7, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|speed|"
+
+    def each(self, robot: Robot) -> tuple[str, ...]:
+        return WAYS
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.01 * robot.scales.friction
@@ -75,7 +80,8 @@ class AsymmetryCurve(Curve):
         rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(resistance)
         first = levers[robot.drive_axes[0]]
         for axis in robot.drive_axes:
-            more = self.at(jnp.abs(rims[axis]), p)
+            forward, backward = (self.at(jnp.abs(rims[axis]), p, way) for way in WAYS)
+            more = jnp.where(rims[axis] > 0.0, forward, -backward)
             changed[axis] = resistance[axis] + (more if levers[axis] is first else more * (levers[axis] / first))
         return tuple(changed)
 
