@@ -37,6 +37,7 @@ from .explanation.changes.explain_change import explain_change
 from .explanation.explain import explain
 from .explanation.explanation import Explanation
 from .explanation.fleet import ExplainedFleet, explain_fleet
+from .explanation.policy import Policy
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, LogWarning, noise_level, read_logs
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
@@ -100,6 +101,7 @@ __all__ = [
     "ParameterError",
     "ParameterTable",
     "Pioneer",
+    "Policy",
     "Posterior",
     "Profiles",
     "Repeatability",
