@@ -52,16 +52,23 @@ _STEP = 1e-6
 """Step of the central differences; at rest the rates are all but linear."""
 
 
-@lru_cache(512)
-@in_float64
 def time_constant(robot: "Robot") -> float:
     """The shortest time constant of the robot's own motion at rest, without dry friction and without its effects.
 
     One over the largest magnitude among the eigenvalues of its linearised rates; infinite for what only coasts.
     """
-    bare = replace(robot.alone, effects=())
+    # Models that differ in their effects alone have one; looked up by what it depends on.
+    of_effects = tuple(effect.key("") for effect in robot.effects)
+    numbers = robot.parameters.numbers.items()
+    own = tuple((name, float(value)) for name, value in numbers if not name.startswith(of_effects))
+    return _time_constant(replace(robot.alone, effects=()).structure, own)
+
+
+@lru_cache(512)
+@in_float64
+def _time_constant(bare: "Robot", numbers: tuple[tuple[str, float], ...]) -> float:
     # NumPy's numbers: a mass of zero makes infinity, which is looked for, and no error.
-    p = {name: np.float64(value) for name, value in bare.parameters.numbers.items()}
+    p = {name: np.float64(value) for name, value in numbers}
     names, rest = bare.own_states, bare.initial_state()
     idle = (0.0,) * len(bare.channels.inputs)
     dry = (0.0,) * len(bare.rubbing(rest, p))
