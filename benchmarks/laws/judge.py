@@ -79,6 +79,8 @@ UNLISTED = {
     "wheel_radius_mismatch/one_wheel",
 }
 """Laws whose name is not asked for: no common name, or the only one of their mechanism."""
+CONSTANTS = "table_constants"
+"""What stands among the names where wrong constants of the table would do the same; right where they are wrong."""
 
 
 def accepted(law: str) -> set[str]:
@@ -95,6 +97,9 @@ def names_right(entry: Entry) -> bool:
     """Every hidden law has a name, and every name a hidden law."""
     found = answers(entry)
     wanted = [accepted(law) for law in entry["hidden"]]
+    found = [
+        ids for ids in found if not (entry.get("off") and CONSTANTS in ids) or any(ids & right for right in wanted)
+    ]
     return (
         bool(found)
         and all(any(ids & right for ids in found) for right in wanted)
@@ -105,13 +110,13 @@ def names_right(entry: Entry) -> bool:
 def right(entry: Entry) -> bool:
     """The names are right and believed; nothing hidden: adequate."""
     if not entry["hidden"]:
-        return entry["verdict"] == "adequate"
+        return entry["verdict"] == "adequate" or (entry["verdict"] == "ambiguous" and not wrong_as_fact(entry))
     return entry["verdict"] in ("named", "ambiguous") and names_right(entry)
 
 
 def wrong_as_fact(entry: Entry) -> bool:
     """A believed name that is no hidden mechanism's."""
-    everything = set().union(*(accepted(law) for law in entry["hidden"]), set())
+    everything = set().union(*(accepted(law) for law in entry["hidden"]), {CONSTANTS} if entry.get("off") else set())
     return entry["verdict"] in ("named", "ambiguous") and not all(ids & everything for ids in answers(entry))
 
 

@@ -143,7 +143,8 @@ Constants, noise level, excitation and what is not strength are drawn from the s
 25 s at 50 Hz. The strength is found on each case: weak, medium and strong are 1.5, 3 and 8 times the noise on held-out
 logs once the baseline has absorbed what it can.
 
-A case is right if the verdict is `named` or `ambiguous`, every hidden mechanism is named, exactly or in a declared set,
+A case is right if the verdict is `named` or `ambiguous`, every hidden mechanism is named, exactly or in a declared set (where
+known constants are off, one that holds wrong constants of the table is right, too),
 and nothing else is. Names that are right besides the mechanism's own: {same}. Neighbours, which do not count as right:
 {rows}. `right, not believed`: only right names, but the verdict is `unexplained`; `right among others`: a right name beside
 wrong ones, and the verdict `unexplained`. The gap closed is that of all single cases that show, right or not. Intervals are

@@ -30,7 +30,7 @@ from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, search
 from .shape import shapes_of
-from .table_constants import sentence_of
+from .table_constants import Shares, constants_like, in_a_sentence
 from .telling_apart import differ
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
@@ -258,11 +258,14 @@ def explain(
     verdict = _verdict(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not _all_noise(found) else ""
     still = still_doubted(final) if verdict in ("named", "ambiguous") and named else ""
-    tables = ()
+    constants: dict[str, list[Shares]] = {}
     if verdict in ("named", "ambiguous"):
-        present = {effect.id for effect in final.robot.effects}
-        report("looking whether a constant of the table explains as much")
-        tables = tuple(sentence_of(step, logs, held_out) for step in found.steps if step.chosen.id in present)
+        report("looking whether constants of the table explain as much")
+        steps = {step.chosen.id: step for step in found.steps}
+        constants = {effect.id: constants_like(steps[effect.id], logs, held_out) for effect in named}
+        named = tuple(effect.or_constants(constants[effect.id]) for effect in named)
+        verdict = _verdict(found, named, most, doubts)
+    tables = tuple(in_a_sentence(identifier, sets) for identifier, sets in constants.items() if sets)
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
     open_ = found.colour is not None and not found.steps

@@ -1,7 +1,7 @@
 """What `explain` found, as one object: verdict, names with their evidence, and the gap before and after."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -24,6 +24,8 @@ from .next_experiment import NextExperiment
 from .search import Search
 from .shape import Shape
 
+TABLE_CONSTANTS = "table_constants"
+"""What stands among the names that the data cannot tell from an effect where wrong constants of the table would do the same."""
 _SIGNIFICANT = 2.0
 """Standard errors by which an effect's strength must differ from none."""
 Verdict = Literal["named", "adequate", "ambiguous", "unexplained"]
@@ -55,6 +57,9 @@ class NamedEffect:
     `law` is the law of the mechanism that explains best ("shape" for a curve without a formula, whose points `shapes` holds;
     "" where the mechanism has one law only) and `laws_alike` are those that this data cannot tell from it.
 
+    `constants` are sets of constants of the robot's table, each with the share of its value, that would do the same if they
+    were wrong by it; "table_constants" then stands in `equivalent_to`.
+
     `identified`: whether the data says that it is there, by the errors of its strengths (`differs_from_nothing`).
     """
 
@@ -68,6 +73,12 @@ class NamedEffect:
     law: str = ""
     laws_alike: tuple[str, ...] = ()
     shapes: tuple[Shape, ...] = ()
+    constants: tuple[Mapping[str, float], ...] = ()
+
+    def or_constants(self, found: Sequence[Mapping[str, float]]) -> "NamedEffect":
+        """The same, not told apart from wrong `constants` of the table where any are found: by how much, as shares."""
+        others = (*self.equivalent_to, TABLE_CONSTANTS) if found else self.equivalent_to
+        return replace(self, equivalent_to=others, constants=tuple(found))
 
     @property
     def title(self) -> str:
@@ -326,6 +337,7 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "laws_alike": list(effect.laws_alike),
         "shape": [shape.to_dict() for shape in effect.shapes],
         "equivalent_to": list(effect.equivalent_to),
+        "constants": [dict(own) for own in effect.constants],
         "parameters": {name: estimate.to_dict() for name, estimate in effect.parameters.items()},
         "evidence": {
             "held_out_before": evidence.before,
