@@ -33,11 +33,12 @@ def by_law(
     """The trials of each mechanism, best first, and mechanisms by their best; `refits` tries further candidates.
 
     `candidates` are those that the `trials` are of. `near` is the score up to which a mechanism is in the running. Where the
-    best leaves only noise, the question is only by which formula; else other mechanisms' laws may be better, and curves, also
-    where the law that was tried came to `nothing`, the score without any effect.
+    best is a formula that leaves only noise, the question is only by which; else other mechanisms' laws may be better, and
+    curves, also where the law that was tried came to `nothing`, the score without any effect.
     """
     ranked = sorted(trials, key=lambda trial: trial.score)
-    settled = ranked[0].fitted.adequate
+    # A curve follows other mechanisms' formulas, too, which are then tried first.
+    settled = ranked[0].fitted.adequate and ranked[0].law != SHAPE
     running = [trial for trial in ranked if trial.score < near][: current_policy().most_mechanisms]
     open_ = ranked[:1] if settled else running + [trial for trial in ranked if trial.score >= max(near, nothing)]
     first = {candidate.effect.id: candidate for candidate in candidates}

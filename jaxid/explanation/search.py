@@ -28,7 +28,7 @@ from .level import current_level
 from .policy import current_policy
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
-from .telling_apart import alike, not_told_apart
+from .telling_apart import alike, not_told_apart, simplest_first, supersets
 from .within_errors import within_errors
 from .worth import coarseness, could_matter, least_gain, matters, worth_in_colour, worth_it
 
@@ -256,7 +256,8 @@ def name_next(
         # Where a curve is the answer, its few points are no evidence against another mechanism's.
         closed = trials[0].fitted.gap < policy.unexplained * base.fitted.gap
         slack = coarseness(True, base.fitted) if closed and trials[0].law == SHAPE else 0.0
-        equivalent = not_told_apart(trials, slack)
+        trials = simplest_first(trials)
+        equivalent = tuple(name for name in not_told_apart(trials, slack) if name not in supersets(trials))
         worth = worth_it(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects.curve import SHAPE
 from .heldout import HeldOut
 from .policy import current_policy
 from .refit import Trial
@@ -86,3 +87,18 @@ def alike(trials: Sequence[Trial], slack: float = 0.0) -> list[Trial]:
 def not_told_apart(trials: Sequence[Trial], slack: float = 0.0) -> tuple[str, ...]:
     """The ids of those that the data cannot tell from the first."""
     return tuple(trial.id for trial in alike(trials, slack))
+
+
+def simplest_first(trials: Sequence[Trial]) -> list[Trial]:
+    """Trials of several mechanisms, best first; where a curve is best and the data cannot tell a formula of fewer parameters
+    from it, that one comes first."""
+    best = trials[0]
+    plain = [t for t in alike(trials) if t.law != SHAPE and t.free < best.free] if best.law == SHAPE else []
+    first = min(plain, key=lambda trial: trial.free, default=best)
+    return [first, *(trial for trial in trials if trial is not first)]
+
+
+def supersets(trials: Sequence[Trial]) -> set[str]:
+    """Ids of the curves of more parameters than the first trial's formula: that they can follow it is no evidence for them."""
+    first = trials[0]
+    return {t.id for t in trials[1:] if first.law != SHAPE and t.law == SHAPE and t.free > first.free}

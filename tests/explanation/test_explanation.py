@@ -73,7 +73,7 @@ def test_a_proposed_experiment_is_a_log_ready_file_and_goes_with_its_explanation
     np.testing.assert_allclose(table.to_numpy(), np.column_stack((proposed.time, proposed.inputs)), rtol=1e-5)
     assert all(path.exists() for path in paths)
     # The next explanation in this folder proposes nothing and leaves no file that says otherwise.
-    explained.save(tmp_path)
+    replace(explained, next_experiment=None).save(tmp_path)
     assert not (tmp_path / "next_experiment.csv").exists() and not (tmp_path / "next_experiment.png").exists()
 
 

@@ -9,7 +9,7 @@ from jaxid import Axis
 from jaxid.effects import effect_by_id
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.refit import Trial
-from jaxid.explanation.telling_apart import differ, not_told_apart
+from jaxid.explanation.telling_apart import differ, not_told_apart, simplest_first, supersets
 
 
 def trial(name: str, residual: np.ndarray) -> Trial:
@@ -47,3 +47,20 @@ def test_equally_likely_names_are_one_set(residuals):
     first = trial("motor_lag", right)
     again = right + 0.02 * np.random.default_rng(5).standard_normal(right.size)
     assert not_told_apart([first, replace(trial("sensor_lag", again), squares=first.squares)]) == ("sensor_lag",)
+
+
+def test_a_formula_that_does_as_well_comes_before_a_curve_of_more_parameters_which_is_no_rival(residuals):
+    noise, _ = residuals
+    robot = Axis()
+    curve, formula = (
+        robot + effect_by_id(robot, *own) for own in (("stribeck_friction", "shape"), ("quadratic_drag",))
+    )
+    follows = replace(trial("stribeck_friction", noise), robot=curve, free=9)
+    again = noise + 0.02 * np.random.default_rng(5).standard_normal(noise.size)
+    plain = replace(trial("quadratic_drag", again), robot=formula, free=6)
+    ranked = simplest_first([follows, plain])
+    assert [t.id for t in ranked] == ["quadratic_drag", "stribeck_friction"]
+    assert supersets(ranked) == {"stribeck_friction"}
+    # Where the curve does better by more than chance, it is the answer, and no formula is kept from it.
+    worse = replace(plain, fitted=trial("quadratic_drag", noise + 0.1 * np.sign(again)).fitted)
+    assert simplest_first([follows, worse])[0] is follows and supersets([follows, worse]) == set()
