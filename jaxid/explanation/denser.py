@@ -42,10 +42,10 @@ def with_denser_curve(robot: Robot, identifier: str) -> Robot:
 
 
 def densest(trial: Trial, again: Callable[[Robot, Trial], Trial]) -> Trial:
-    """The trial, or one with more points in the curve that it is about, as long as these tell more than chance; `again` refits
-    a robot from its own values, and from the initial states of a trial."""
+    """The trial, or one with more points in the curve that it is about, if it is about one, as long as these tell more than
+    chance; `again` refits a robot from its own values, and from the initial states of a trial."""
     for _ in range(_MOST):
-        if trial.fitted.adequate or not np.isfinite(trial.score):
+        if not isinstance(trial.effect, Curve) or trial.fitted.adequate or not np.isfinite(trial.score):
             break
         dense = replace(again(with_denser_curve(trial.robot, trial.id), trial), id=trial.id)
         if not (dense.score < trial.score and told_apart_from(dense, trial)):

@@ -247,7 +247,7 @@ def name_next(
     mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
     if not mechanisms[0][0].fitted.adequate:
         leading, others = mechanisms[:_FIRST_TRIALS], mechanisms[_FIRST_TRIALS:]
-        leading = [[densest(t, again) if t.law == SHAPE else t for t in own] for own in leading]
+        leading = [[densest(trial, again) for trial in own] for own in leading]
         mechanisms = sorted((best_first(own) for own in [*leading, *others]), key=lambda own: own[0].score)
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])

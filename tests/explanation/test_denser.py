@@ -65,3 +65,11 @@ def test_points_that_tell_nothing_are_not_added(robot):
     assert same is coarse
     done = replace(coarse, fitted=replace(coarse.fitted, p_white=0.5, normalised_rms=1.0))
     assert densest(done, lambda model, like: pytest.fail("nothing is left to follow")) is done
+
+
+@pytest.mark.parametrize("law", ["shape", "first_order"])
+def test_what_is_no_curve_through_points_is_left_as_it_is(law):
+    """A step response in four drawn steps is a law without a formula, too."""
+    model = Pioneer() + effect_by_id(Pioneer(), "motor_lag", law)
+    lag = replace(trial(model, np.ones(500), 10), id="motor_lag")
+    assert densest(lag, lambda other, like: pytest.fail("there are no points")) is lag
