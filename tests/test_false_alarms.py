@@ -18,7 +18,7 @@ def cases(robot, hidden=False, count=2):
     return [found[kind] for kind in sorted(found)][:count]
 
 
-@pytest.mark.parametrize("robot", ["axis", "two masses"])
+@pytest.mark.parametrize("robot", ["axis", pytest.param("two masses", marks=pytest.mark.slow)])
 def test_complete_models_are_complete_whatever_the_noise(robot):
     rows = [run(case) for case in cases(robot, count=4)]
     assert len({row["kind"] for row in rows}) == 4

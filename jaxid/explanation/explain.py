@@ -31,7 +31,7 @@ from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, search
 from .shape import shapes_of
 from .table_constants import Shares, constants_like, in_a_sentence
-from .telling_apart import differ
+from .telling_apart import differ, supersets
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _WEAK = 100.0
@@ -122,7 +122,8 @@ def _next(found: Search, logs: LogSet) -> NextExperiment | None:
     """An experiment for the first pair of names that this data leaves open or tells apart by little only."""
     for step in found.steps:
         best = step.chosen
-        open_ = [t for t in step.trials[1:] if t.id in step.equivalent or t.score - best.score < _WEAK]
+        rivals = [t for t in step.trials[1:] if t.id not in supersets(step.trials)]
+        open_ = [t for t in rivals if t.id in step.equivalent or t.score - best.score < _WEAK]
         if not open_:
             continue
         other = open_[0]

@@ -292,6 +292,8 @@ class Robot:
         no_input = (0.0,) * len(self.channels.inputs)
 
         def speeds_after(dry: Scalars) -> Scalars:
+            if type(self).rates is not Robot.rates:  # a robot that states its rates itself
+                return self.rubbing_rates(state, self.rates(state, no_input, dry, p), p)
             rates = signal_path.rates_with(self, state, no_input, dry, p)
             return self.rubbing_rates(state, rates, p)
 

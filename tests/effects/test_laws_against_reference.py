@@ -120,7 +120,11 @@ def test_law_moves_the_robot_as_the_simulator_says(plain, law):
     assert rms(found[:, :2] - truth, "pioneer") < 0.1 * size
 
 
-@pytest.mark.parametrize("robot", [MODEL["pioneer"](), MODEL["omni"](), MODEL["axis"]()], ids=lambda robot: robot.name)
+@pytest.mark.parametrize(
+    "robot",
+    [MODEL["pioneer"](), pytest.param(MODEL["omni"](), marks=pytest.mark.slow), MODEL["axis"]()],
+    ids=lambda robot: robot.name,
+)
 def test_every_law_at_its_first_values_is_no_effect(robot):
     """Within what its finer integration steps change."""
     inputs = excitation.experiment(robot.name, "multilevel", 150, 11)

@@ -48,6 +48,7 @@ def test_a_delay_of_input_or_sensor_is_one_set():
     assert found["after"] < 1.03
 
 
+@pytest.mark.slow
 def test_pushes_are_in_no_catalogue():
     found = explained({"push": 15.0})
     assert found["verdict"] == "unexplained"
