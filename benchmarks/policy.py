@@ -3,7 +3,7 @@
 Cases are tuning cases of `benchmarks.laws` (laws that others wrote) and complete models with noise of several kinds. Every
 case is explained with the usual numbers, then with each number times 1.5 and divided by 1.5; refits and first looks of the
 same model from the same start are done once. A verdict is what is said, the names, and the sets declared alike. Results are
-appended to `benchmarks/results/policy.jsonl`, one line a case; `--report` writes `docs/policy.md` from it.
+appended to `benchmarks/results/policy.jsonl`, one line a case; `--report` prints a page about it.
 """
 
 import argparse
@@ -19,7 +19,6 @@ from typing import Any
 from benchmarks.silent import append
 
 RESULTS = Path(__file__).parent / "results" / "policy.jsonl"
-PAGE = Path(__file__).parents[1] / "docs" / "policy.md"
 TIMES = 1.5
 CASES = (
     "axis/quick/stribeck_friction", "pioneer/quick/surface_change", "omni/quick/motor_lag/one_motor",
@@ -152,13 +151,13 @@ def _what(entry: dict[str, Any]) -> str:
 
 
 def page(results: list[dict[str, Any]]) -> str:
-    """docs/policy.md."""
+    """What came of it, in Markdown."""
     from jaxid.explanation.policy import Policy
 
     lines = [
         "# The numbers by which an explanation decides", "",
-        "Written by `python -m benchmarks.policy --report` from `benchmarks/results/policy.jsonl`, to which "
-        "`python -m benchmarks.policy` appends. `explain(..., policy=Policy(...))` takes other numbers; "
+        "By `python -m benchmarks.policy --report` from `benchmarks/results/policy.jsonl`. `explain(..., policy=Policy(...))` "
+        "takes other numbers; "
         "what each means stands at `jaxid.explanation.policy.Policy`.", "",
         f"{len(results)} cases, each explained with the usual numbers and with every one times and divided by {TIMES} "
         "(what lies above one, as a normalised RMS does, by its distance from one). `same` counts the cases in which the "
@@ -192,10 +191,10 @@ def main() -> None:
     """Run what is not there yet, or report."""
     parser = argparse.ArgumentParser(description="How much verdicts hang on the numbers of Policy.")
     parser.add_argument("--only", default="", help="cases whose name contains this")
-    parser.add_argument("--report", action="store_true", help="write docs/policy.md")
+    parser.add_argument("--report", action="store_true", help="print what came of it")
     arguments = parser.parse_args()
     if arguments.report:
-        PAGE.write_text(page(results()), encoding="utf-8")
+        print(page(results()))
         return
     from benchmarks.laws.plans import plans
 

@@ -39,7 +39,7 @@ class Policy:
       end.
     - `most_laws`, `most_mechanisms`: further laws of a mechanism, and mechanisms whose further laws are refitted.
 
-    `docs/policy.md` shows which verdicts change when each is half as large again, or smaller by that.
+    `python -m benchmarks.policy` finds which verdicts change when each is half as large again, or smaller by that.
     """
 
     separated: float = 2.0
