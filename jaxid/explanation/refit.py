@@ -7,6 +7,7 @@ import numpy as np
 
 from .._arrays import array
 from .._float64 import in_float64
+from ..estimate.confidence.agreement import rms
 from ..estimate.output_error.conclude import Covariance, simulated_at
 from ..estimate.output_error.from_optimum import initial_states_at
 from ..estimate.output_error.in_turns import compile_ahead
@@ -150,19 +151,25 @@ def refit(
         robot=found,
         squares=chi_squared(problem, optimum, free),
         free=len(structure.names),
-        fitted=_fitted(structure, problem, optimum, logs),
+        fitted=_fitted(structure, problem, optimum, logs, free),
         held_out=predicted(found, held_out, noise),
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         angles=problem.prescribed or None,
     )
 
 
-def _fitted(structure: Structure, problem: Problem, optimum: Optimum, logs: LogSet) -> HeldOut:
-    """What an optimum leaves on the logs that it was fitted to, of the channels that counted."""
-    counted = np.any(np.asarray(problem.mask), axis=(0, 1))
-    sigma = np.asarray(problem.sigma)
-    noise = {n: float(sigma[i]) for i, n in enumerate(logs.channels.measured) if bool(counted[i])}
-    return state_left(logs, simulated_at(structure, problem, optimum.unknowns, logs), noise)
+def _fitted(structure: Structure, problem: Problem, optimum: Optimum, logs: LogSet, free: Problem) -> HeldOut:
+    """What an optimum leaves on the logs that it was fitted to: of all channels that count in `free`, so that models compare,
+    those that measure a prescribed angle not a number."""
+    counts, counted = (np.any(np.asarray(own.mask), axis=(0, 1)) for own in (free, problem))
+    sigma, names = np.asarray(problem.sigma), logs.channels.measured
+    noise = {n: float(sigma[i]) for i, n in enumerate(names) if bool(counts[i])}
+    state = state_left(logs, simulated_at(structure, problem, optimum.unknowns, logs), noise)
+    shown = np.array([bool(counted[names.index(n)]) for n in noise])
+    if shown.all():
+        return state
+    residuals = tuple(np.where(shown, own, np.nan) for own in state.residuals)
+    return replace(state, residuals=residuals, normalised_rms=rms(np.concatenate(residuals)))
 
 
 def continued(trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:

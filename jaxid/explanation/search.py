@@ -253,10 +253,10 @@ def name_next(
     tried = _looked_at(screened, trials[0])
     in_colour = _ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
     if in_colour is None:
+        trials = simplest_first(trials)
         # Where a curve is the answer, its few points are no evidence against another mechanism's.
         closed = trials[0].fitted.gap < policy.unexplained * base.fitted.gap
         slack = coarseness(True, base.fitted) if closed and trials[0].law == SHAPE else 0.0
-        trials = simplest_first(trials)
         equivalent = tuple(name for name in not_told_apart(trials, slack) if name not in supersets(trials))
         worth = worth_it(base, trials[0], first, tried)
     else:
