@@ -382,7 +382,8 @@ def search(
         colour = _colour(current, logs, held_out, noise)
         if not could_matter(current, baseline):
             colour = None  # too little to be looked at any further
-        if colour is None and (len(steps) >= most or not could_matter(current, baseline)):
+            break
+        if colour is None and len(steps) >= most:
             break
         present = {effect.id for effect in current.robot.effects}
         own = [law for effect in catalogue(current.robot) for law in laws_of(current.robot, effect.id)]
