@@ -22,14 +22,17 @@ def _blocks(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return values[: n * size].reshape(n, -1, *values.shape[1:]).sum(axis=1)
 
 
-def told_apart(one: HeldOut, other: HeldOut) -> float:
-    """Vuong's statistic: how many standard errors better `one` is than `other`, another model's state on the same logs."""
-    blocks = []
-    for a, b in zip(one.residuals, other.residuals, strict=True):
-        blocks.append(_blocks(np.nansum(b**2 - a**2, axis=1)))
-    values = np.concatenate(blocks)
+def vuong(one: Sequence[NDArray[np.float64]], other: Sequence[NDArray[np.float64]]) -> float:
+    """Vuong's statistic (Econometrica 57, 1989): by how many standard errors the residuals [T, channels] of `one` are less."""
+    differences = (np.nansum(b**2 - a**2, axis=-1).ravel() for a, b in zip(one, other, strict=True))
+    values = np.concatenate([_blocks(own) for own in differences])
     spread = float(np.std(values)) * np.sqrt(values.size)
     return float(values.sum()) / spread if spread > 0 else 0.0
+
+
+def told_apart(one: HeldOut, other: HeldOut) -> float:
+    """How many standard errors better `one` is than `other`, another model's state on the same logs."""
+    return vuong(one.residuals, other.residuals)
 
 
 def _chance(state: HeldOut) -> NDArray[np.float64]:

@@ -19,11 +19,12 @@ from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.given import given_logs
 from ..level import FALSE_ALARM, checked_level
+from ..telling_apart import vuong
 from .candidates import Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
 from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
-from .judged import differ_at_all, follows_one_worse, noticed_from, predicted, told_apart
+from .judged import differ_at_all, follows_one_worse, noticed_from, predicted
 from .sides import side_of
 
 _MOST, _ALWAYS, _FEW = 8, 3, 3
@@ -270,7 +271,7 @@ def _simplest_first(trials: list[_Trial]) -> list[_Trial]:
     best = trials[0]
     near = [best]
     for trial in trials[1:]:
-        if trial.total - best.total < _NEAR and told_apart(best.compared, trial.compared) < _APART:
+        if trial.total - best.total < _NEAR and vuong(best.compared, trial.compared) < _APART:
             near.append(trial)
     near.sort(key=lambda trial: (len(trial.joint.delta), trial.total))
     kept: list[_Trial] = []

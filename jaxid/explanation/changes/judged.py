@@ -1,6 +1,6 @@
 """Whether two sets of logs differ at all, and which of several refits are told apart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,6 @@ from .first_look import Score
 from .joint import SIDES, Pair
 
 Array = NDArray[np.float64]
-_BLOCK = 25
-"""Rows over which differences of squared residuals are summed, since neighbours are correlated."""
 _LARGER = 1.1
 """Ratio of two sets' residuals below which it is no news that one model follows one of them less well."""
 
@@ -82,19 +80,6 @@ def noticed_from(score: Score, chance: float) -> Array:
     k = len(score.errors)
     shift = float(chndtrinc(chi_squared_beyond(chance, k), k, 1.0 - POWER))
     return np.sqrt(shift) * score.errors
-
-
-def told_apart(one: Sequence[Array], other: Sequence[Array]) -> float:
-    """Vuong's statistic (Econometrica 57, 1989): by how many standard errors the whitened residuals of `one` are smaller."""
-    blocks = []
-    for a, b in zip(one, other, strict=True):
-        difference = np.sum(b**2 - a**2, axis=-1).ravel()
-        count = max(len(difference) // _BLOCK, 1)
-        size = min(_BLOCK, len(difference))
-        blocks.append(difference[: count * size].reshape(count, size).sum(axis=1))
-    values = np.concatenate(blocks)
-    spread = float(np.std(values)) * np.sqrt(values.size)
-    return float(values.sum()) / spread if spread > 0 else 0.0
 
 
 def predicted(robot: Robot, logs: LogSet, sigma: Mapping[str, float], colours: Mapping[str, Colour]) -> list[Array]:
