@@ -31,7 +31,7 @@ def __getattr__(name: str) -> Any:
     if name == "__version__":
         from importlib.metadata import version
 
-        return version("jaxid")
+        return version("jaxid-robots")  # the name `jaxid` on the public package index is another package's
     raise AttributeError(f"module 'jaxid' has no attribute {name!r}")
 
 

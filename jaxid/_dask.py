@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from distributed import Client
 
-_NEEDED = "a fleet on several processes needs Dask; install it with: pip install jaxid[fleet]"
+_NEEDED = "a fleet on several processes needs Dask; install it with: pip install jaxid-robots[fleet]"
 _ONE_THREAD = dict.fromkeys(("PJRT_NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """What makes a process one thread: jaxid's work is long loops of small operations."""
 _AHEAD = 2

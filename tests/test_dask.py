@@ -72,5 +72,5 @@ def test_without_dask_the_remedy_is_said(monkeypatch):
         return imported(name, *rest, **named)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(ImportError, match=r"pip install jaxid\[fleet\]"), on_this_machine(1):
+    with pytest.raises(ImportError, match=r"pip install jaxid-robots\[fleet\]"), on_this_machine(1):
         pass

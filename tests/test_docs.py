@@ -24,6 +24,14 @@ def test_what_a_page_names_exists(page):
     assert not missing
 
 
+def test_what_is_to_be_installed_is_this_package():
+    """`jaxid` alone is a stranger's distribution on the public package index; ours is `jaxid-robots`."""
+    code = [path for path in (ROOT / "jaxid").rglob("*") if path.suffix in (".py", ".pyi", ".jinja", ".js", ".md")]
+    for page in [*PAGES, *code, *(ROOT / "notebooks").glob("*.ipynb"), ROOT / "pyproject.toml"]:
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"pip install[^\n`&]*\bjaxid(?![-\w./])|jaxid\[\w+[\],]", text), page.name
+
+
 @pytest.mark.slow
 def test_the_programs_of_the_page_on_programs_run(axis_log):
     """With the scatter of two hundred fits as the standard errors say."""

@@ -56,9 +56,9 @@ def check_loop(controller: str | None, intersample: str) -> None:
 
 def _print_version(wanted: bool) -> bool:
     if wanted:
-        from importlib.metadata import version
+        from .. import __version__
 
-        typer.echo(f"jaxid {version('jaxid')}")
+        typer.echo(f"jaxid {__version__}")
         raise typer.Exit
     return wanted
 

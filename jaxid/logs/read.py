@@ -264,8 +264,8 @@ def read_logs(
     *,
     mapping: Mapping[str, Any] | PathLike | None = None,
 ) -> LogSet:
-    """Read the logs of one robot: CSV, Parquet, ROS 1 and ROS 2 bags (`pip install jaxid[bags]`), WPILib data logs
-    (`pip install jaxid[wpilog]`) and MATLAB files.
+    """Read the logs of one robot: CSV, Parquet, ROS 1 and ROS 2 bags (`pip install jaxid-robots[bags]`), WPILib data logs
+    (`pip install jaxid-robots[wpilog]`) and MATLAB files.
 
     **Arguments:**
 

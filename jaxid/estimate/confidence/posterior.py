@@ -156,13 +156,13 @@ def posterior(
 ) -> Posterior:
     """Draw from the posterior of an output-error fit's free parameters and initial states.
 
-    `logs`, `initial_states` and `integrator` are those of the fit. Needs blackjax (`pip install jaxid[posterior]`);
+    `logs`, `initial_states` and `integrator` are those of the fit. Needs blackjax (`pip install jaxid-robots[posterior]`);
     raises `ImportError` without it.
     """
     try:
         from blackjax.diagnostics import effective_sample_size, potential_scale_reduction
     except ImportError:
-        raise ImportError("posterior() needs blackjax; install it with: pip install jaxid[posterior]") from None
+        raise ImportError("posterior() needs blackjax; install it with: pip install jaxid-robots[posterior]") from None
     logs = given_logs(fit.robot, logs)
     structure, problem, unknowns = at_fit(fit, logs, initial=initial_states, integrator=integrator)
     optimum = minimise_compiled(structure, problem, unknowns)

@@ -19,7 +19,7 @@ from .messages import LONGEST_ARRAY, Part, parts, unit_of
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
-_NEEDED = "needs the package rosbags; install it with: pip install jaxid[bags]"
+_NEEDED = "needs the package rosbags; install it with: pip install jaxid-robots[bags]"
 _LARGE = 65_536
 """Bytes of a message above which it is an image, a scan or a map, and not looked into."""
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)+")

@@ -13,7 +13,7 @@ from ..finding import LogError
 from ..series import Recording, Series, Topic
 from .structs import Struct, StructError, struct_of
 
-_NEEDED = "needs the package robotpy-wpiutil; install it with: pip install jaxid[wpilog]"
+_NEEDED = "needs the package robotpy-wpiutil; install it with: pip install jaxid-robots[wpilog]"
 _SCALARS = {"double": "getDouble", "float": "getFloat", "int64": "getInteger", "boolean": "getBoolean"}
 _ARRAYS = {
     "double[]": "getDoubleArray",

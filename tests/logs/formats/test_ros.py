@@ -163,7 +163,7 @@ def test_without_rosbags_the_remedy_is_the_install(tmp_path, monkeypatch):
     ros = Ros()
     file = ros.write(tmp_path / "run", {"/a": [(ns(0), ros.number(1.0))]})
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    with pytest.raises(LogError, match=r"pip install jaxid\[bags\]"):
+    with pytest.raises(LogError, match=r"pip install jaxid-robots\[bags\]"):
         read_recording(file)
 
 

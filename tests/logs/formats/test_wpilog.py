@@ -81,5 +81,5 @@ def test_schemas_that_are_none(schema):
 def test_without_the_library_the_remedy_is_the_install(tmp_path, monkeypatch):
     path = write_wpilog(tmp_path / "run.wpilog", entries()[1])
     monkeypatch.setitem(sys.modules, "wpiutil.log", None)
-    with pytest.raises(LogError, match=r"pip install jaxid\[wpilog\]"):
+    with pytest.raises(LogError, match=r"pip install jaxid-robots\[wpilog\]"):
         read_recording(path)
