@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ..design import PlannedRun
-from .figures import COLOURS, _tidy
+from .style import COLOURS, tidy
 
 
 def planned(run: PlannedRun) -> Figure:
@@ -25,7 +25,7 @@ def planned(run: PlannedRun) -> Figure:
         unit = run.channels.units.get(name, "")
         ax.set_ylabel(f"{name}\n[{unit}]" if unit else name, fontsize="small")
         ax.margins(x=0.01)
-        _tidy(ax)
+        tidy(ax)
     axes[0].set_title("to drive", loc="left", fontsize="small")
     axes[driven].set_title("to expect", loc="left", fontsize="small")
     axes[-1].set_xlabel("time [s]")
@@ -42,7 +42,7 @@ def _path(ax: Axes, path: NDArray[np.float64]) -> None:
     ax.plot(*path[0], "o", color="0.3", ms=4)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel="x [m]", ylabel="y [m]")
-    _tidy(ax)
+    tidy(ax)
 
 
 def floor_path(run: PlannedRun) -> Figure:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..explanation.explanation import Explanation
 from ..explanation.heldout import HeldOut
 from ..explanation.next_experiment import NextExperiment
-from .figures import COLOURS, _tidy
+from .style import COLOURS, tidy
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def before_after(found: Explanation) -> Figure:
         ax.axvspan(*window, fill=False, ec="0.2", lw=1.2, zorder=4)
     _enlarged(found, list(grid[:, 1]), e, window, channels)
     for ax in grid.ravel():
-        _tidy(ax)
+        tidy(ax)
         ax.margins(x=0.01)
     grid[-1, 0].set_xlabel(f"time in {found.held_out[e].name} [s]")
     grid[-1, 1].set_xlabel("time [s]")
@@ -166,7 +166,7 @@ def whiteness(found: Explanation) -> Figure:
         auto.set_ylabel(f"{name}\ncorrelation [-]")
         power.set_ylabel("power\n[times the noise's]")
         for ax in (auto, power):
-            _tidy(ax)
+            tidy(ax)
     grid[0, 0].set_title("residual's correlation with itself", loc="left", fontsize="small", fontweight="bold")
     grid[0, 1].set_title("residual's spectrum", loc="left", fontsize="small", fontweight="bold")
     grid[-1, 0].set_xlabel("lag [s]")
@@ -203,7 +203,7 @@ def moved(found: Explanation) -> Figure | None:
     reach = min(1.12 * farthest, 120.0)
     ax.set_xlim(-reach, reach)
     ax.set_xlabel("difference from the value after [% of the larger of the two]")
-    _tidy(ax)
+    tidy(ax)
     ax.grid(axis="y", visible=False)
     handles = [Line2D([], [], color=c, marker="o", lw=2, label=n) for c, n in ((BEFORE, "before"), (AFTER, "after"))]
     if any(e.status != "identified" for pair in pairs.values() for e in pair):
@@ -225,6 +225,6 @@ def next_inputs(proposed: NextExperiment, units: Mapping[str, str]) -> Figure:
         unit = units.get(name, "")
         ax.set_ylabel(f"{name} [{unit}]" if unit else name)
         ax.margins(x=0.01)
-        _tidy(ax)
+        tidy(ax)
     axes[-1].set_xlabel("time [s]")
     return figure

@@ -8,20 +8,17 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from .._distributions import normal_density
 from ..estimate.residual_tests import ChannelTests
 from ..logs import Log
+from .style import COLOURS, MEASURED, NOISE, tidy
 from .tables import number, title_of
 
 Array = NDArray[np.float64]
 
-# Okabe & Ito's colours: told apart by colour-blind readers and on paper.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_MEASURED, _NOISE = "0.55", "0.88"
 _TIME = "time [s]"
 _LETTER = 0.6
 """Width of a letter in units of the font's size."""
@@ -45,12 +42,6 @@ def colours(labels: Sequence[str]) -> dict[str, str]:
 def _quantity(log: Log, name: str) -> str:
     unit = log.channels.units.get(name, "")
     return f"{name} [{unit}]" if unit else name
-
-
-def _tidy(ax: Axes) -> None:
-    ax.grid(alpha=0.25, lw=0.6)
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.tick_params(labelsize="small")
 
 
 def response(
@@ -83,9 +74,9 @@ def response(
         upper, lower = axes[1 + 2 * j], axes[2 + 2 * j]
         column = log.channels.measured.index(name)
         y = log.output(name)
-        upper.plot(log.time, y, ".", ms=2.5, color=_MEASURED, label="measured")
+        upper.plot(log.time, y, ".", ms=2.5, color=MEASURED, label="measured")
         half = 1.96 * noise[name]
-        lower.axhspan(-half, half, color=_NOISE, lw=0, label="95 % of noise")
+        lower.axhspan(-half, half, color=NOISE, lw=0, label="95 % of noise")
         low, high = float(np.nanmin(y)), float(np.nanmax(y))
         reach, sizes, drawn = 0.0, {}, {}
         for label, outputs in simulated.items():
@@ -111,7 +102,7 @@ def response(
         unit = log.channels.units.get(name, "")
         lower.set_ylabel("residual" + (f"\n[{unit}]" if unit else ""), fontsize="small")
     for ax in axes:
-        _tidy(ax)
+        tidy(ax)
         ax.margins(x=0.01)
     axes[-1].set_xlabel(_TIME)
     figure.align_ylabels(axes)
@@ -158,7 +149,7 @@ def residuals(
         for name in times.keys() - parts[label].keys():
             middle = float(times[name][0] + times[name][-1]) / 2 + begins[name]
             over.text(middle, 0.0, "diverges", ha="center", va="center", fontsize="small", color=colour[label])
-        over.axhspan(-1.96 * noise, 1.96 * noise, color=_NOISE, lw=0, zorder=0)
+        over.axhspan(-1.96 * noise, 1.96 * noise, color=NOISE, lw=0, zorder=0)
         over.set_ylim(-limit, limit if row else 1.22 * limit)
         over.set_ylabel(f"residual{suffix}")
         over.set_title(title_of(label), loc="left", fontsize="small", color=colour[label], fontweight="bold")
@@ -169,7 +160,7 @@ def residuals(
         spread.set_title(f"mean {number(own.mean(), 2)}, std {number(own.std(), 3)}{suffix}", fontsize="small")
         spread.set_yticks([])
         rho, band = tests[label].autocorrelation, tests[label].band95
-        auto.axhspan(-band, band, color=_NOISE, lw=0, label="95 % of white noise")
+        auto.axhspan(-band, band, color=NOISE, lw=0, label="95 % of white noise")
         auto.vlines(np.arange(len(rho)), 0.0, rho, color=colour[label], lw=1.5)
         auto.plot(np.arange(len(rho)), rho, "o", ms=3, color=colour[label])
         auto.axhline(0.0, color="0.3", lw=0.6)
@@ -178,7 +169,7 @@ def residuals(
         verdict = "not tested" if np.isnan(test.p_value) else "not white" if test.rejected else "white"
         auto.set_title(f"autocorrelation: {verdict}", fontsize="small")
         for ax in (over, spread, auto):
-            _tidy(ax)
+            tidy(ax)
         if row == 0:
             for name in times:
                 at = times[name][0] + begins[name], 1.2 * limit
@@ -245,7 +236,7 @@ def parameters(
     ax.set_xlim(1.0 - half, 1.0 + half)
     note = f"    (no ratio: {', '.join(left_out)}, {reference} 0)" if left_out else ""
     ax.set_xlabel(f"estimate with 95 % interval / {reference}{note}")
-    _tidy(ax)
+    tidy(ax)
     ax.grid(axis="y", visible=False)
     figure.legend(loc="outside upper center", ncols=3, fontsize="small", frameon=False)
     return figure

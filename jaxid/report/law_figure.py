@@ -17,7 +17,7 @@ from ..explanation.explanation import Explanation
 from ..explanation.law_curves import LawCurve, law_curves
 from ..robots.effect import in_words
 from .explanation_figures import AFTER, BEFORE
-from .figures import _tidy
+from .style import tidy
 from .tables import number
 
 Array = NDArray[np.float64]
@@ -169,7 +169,7 @@ def _draw(ax: Axes, curve: LawCurve) -> None:
     ax.axhline(0.0, color="0.3", lw=0.6, zorder=0)
     ax.set_xlabel(f"{curve.variable} [{curve.of}]" if curve.of else curve.variable)
     ax.locator_params(axis="x", nbins=6)
-    _tidy(ax)
+    tidy(ax)
 
 
 def _map(figure: Figure, ax: Axes, curve: LawCurve) -> None:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from ..explanation.conditions import motions
 from ..explanation.explanation import Explanation
-from .figures import COLOURS, _tidy
+from .style import COLOURS, tidy
 
 Array = NDArray[np.float64]
 
@@ -52,6 +52,6 @@ def leads(found: Explanation) -> Figure | None:
         ax.plot((edges[:-1] + edges[1:]) / 2, middle, color="0.1", lw=2.0)
         ax.axhline(0.0, color="0.3", lw=0.8)
         ax.set_xlabel(label)
-        _tidy(ax)
+        tidy(ax)
     axes[0].set_ylabel(f"missing in {name} [{place.units[name]}]")
     return figure

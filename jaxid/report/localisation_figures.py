@@ -9,7 +9,7 @@ from ..explanation.localise import Localisation
 from ..explanation.missing_force import ForceHistory
 from ..explanation.patterns import Pattern
 from ..logs import Log, LogSet
-from .figures import COLOURS, _tidy
+from .style import COLOURS, tidy
 
 _BARS = 8
 _MARK = "#F0E442"
@@ -116,7 +116,7 @@ def localisation(found: Localisation, logs: LogSet) -> Figure:
         axes[0].axvspan(np.nan, np.nan, color=_MARK, alpha=0.45, lw=0, label=best.phrase)
     axes[0].legend(fontsize="x-small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, borderpad=0)
     for ax in axes:
-        _tidy(ax)
+        tidy(ax)
         ax.margins(x=0.01)
     axes[-1].set_xlabel(f"time in {log.name} [s]")
     left.align_ylabels(axes)
@@ -126,7 +126,7 @@ def localisation(found: Localisation, logs: LogSet) -> Figure:
         _conditions(panels[0], shown)
         _patterns(panels[1], found.patterns)
         for ax in panels:
-            _tidy(ax)
+            tidy(ax)
             ax.grid(axis="y", visible=False)
     else:
         right.text(0.5, 0.5, "no force above its own uncertainty", ha="center", va="center", color="0.35")

@@ -10,7 +10,7 @@ from ..explanation.explanation import Explanation
 from ..explanation.search import Step
 from ..robots.effect import in_words
 from .explanation_figures import AFTER, BEFORE
-from .figures import _tidy
+from .style import tidy
 
 ALIKE, OTHER = "#8fd3bd", "0.75"
 """Colours of candidates that the data cannot tell from the chosen one, and of all others."""
@@ -68,7 +68,7 @@ def _step(axes: Sequence[Axes], step: Step, before: float) -> None:
     axes[1].set_yticks(range(len(names)), [""] * len(names))
     for ax in axes:
         ax.set_ylim(len(names) - 0.4, -0.9)
-        _tidy(ax)
+        tidy(ax)
         ax.grid(axis="y", visible=False)
 
 
@@ -94,7 +94,7 @@ def ranking(found: Explanation) -> Figure | None:
         _bars(ax, [c.share for c in first], [OTHER] * len(first))
         ax.set_yticks(range(len(first)), [in_words(c.effect.id) for c in first])
         ax.set_ylim(len(first) - 0.4, -0.6)
-        _tidy(ax)
+        tidy(ax)
         ax.grid(axis="y", visible=False)
         return figure
     counts = [_rows(step) for step in steps]

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...logs import Log
+from ...report.style import COLOURS, tidy
 from ...robots.omni import Omni
 from .closed_loop import LARGEST_DUTY, ClosedLoop
 from .experiments import CoastDown, SteadyState
@@ -18,7 +19,8 @@ _SPEED = {"V": "V [m/s]", "Vn": "Vn [m/s]", "W": "W [rad/s]"}
 _FORCE = {"V": "Fv [N]", "Vn": "Fvn [N]", "W": "Gamma [N m]"}
 _ACCELERATION = {"V": "dV/dt [m/s²]", "Vn": "dVn/dt [m/s²]", "W": "dW/dt [rad/s²]"}
 _MOTORS = {"V": (2, 4), "Vn": (1, 3), "W": (1, 2, 3, 4)}
-_COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:red")
+_PAPER, _REAL, _USED = "0.4", "0.6", "0.9"
+"""Greys of what the paper printed, of what was measured, and of the stretch that counts."""
 _TIME = "time [s]"
 
 
@@ -30,9 +32,9 @@ def _panels(rows: int, columns: int, width: float, height: float) -> tuple[Figur
 def _label(ax: Axes, x: str, y: str, legend: bool = False) -> None:
     ax.set_xlabel(x)
     ax.set_ylabel(y)
-    ax.grid(alpha=0.3)
+    tidy(ax)
     if legend:
-        ax.legend(fontsize="small")
+        ax.legend(fontsize="small", frameon=False)
 
 
 def steady_run(log: Log, first: SteadyState, robot: Omni | None = None) -> Figure:
@@ -41,18 +43,18 @@ def steady_run(log: Log, first: SteadyState, robot: Omni | None = None) -> Figur
     axis = own[0].axis if own else AXES[int(np.argmax(np.nanmean(np.abs(log.outputs[:, :3]), axis=0)))]
     figure, panels = _panels(1, 2, 9, 3)
     speed, current = panels[0]
-    speed.plot(log.time, log.output(axis), lw=1)
+    speed.plot(log.time, log.output(axis), lw=1, color=COLOURS[0])
     speed.set_ylim(bottom=min(0.0, float(np.nanmin(log.output(axis)))), top=1.4 * float(np.nanmean(log.output(axis))))
     values, measured = currents(log, robot)
     for motor in _MOTORS[axis]:
-        current.plot(log.time, values[:, motor - 1], lw=0.8, color=_COLOURS[motor - 1], label=f"i{motor}")
+        current.plot(log.time, values[:, motor - 1], lw=0.8, color=COLOURS[motor - 1], label=f"i{motor}")
     for ax in (speed, current):
         for point in own:
-            ax.axvspan(point.start, point.stop, color="0.5", alpha=0.15, lw=0)
+            ax.axvspan(point.start, point.stop, color=_USED, lw=0, zorder=0)
     _label(speed, _TIME, _SPEED[axis])
     _label(current, _TIME, "current [A]" if measured else "current by the motor model [A]")
-    current.legend(fontsize="small", ncols=2)
-    figure.suptitle(f"{log.name}: the shaded part counts as steady", fontsize="medium")
+    current.legend(fontsize="small", ncols=2, frameon=False)
+    figure.suptitle(f"{log.name}: the shaded part counts as steady", fontsize="medium", x=0.01, ha="left")
     return figure
 
 
@@ -63,13 +65,13 @@ def friction_lines(friction: Mapping[Axis, Friction] | None = None) -> Figure:
         speeds, forces = TABLE_1[axis]
         reach = np.array([0.5, 1.3])
         viscous, coulomb = TABLE_2[axis]
-        ax.plot(speeds, forces, "o", color="0.4", label="paper, Table 1")
-        ax.plot(reach, viscous * reach + coulomb, "--", color="0.4", label=f"paper: {viscous:.2f} x + {coulomb:.2f}")
+        ax.plot(speeds, forces, "o", color=_PAPER, label="paper, Table 1")
+        ax.plot(reach, viscous * reach + coulomb, "--", color=_PAPER, label=f"paper: {viscous:.2f} x + {coulomb:.2f}")
         found = (friction or {}).get(axis)
         if found is not None:
             B, C = found.viscous.value, found.coulomb.value
-            ax.plot(np.abs(found.x), np.abs(found.y), "s", color="tab:blue", label="logs")
-            ax.plot(reach, B * reach + C, color="tab:blue", label=f"logs: {B:.2f} x + {C:.2f}")
+            ax.plot(np.abs(found.x), np.abs(found.y), "s", color=COLOURS[0], label="logs")
+            ax.plot(reach, B * reach + C, color=COLOURS[0], label=f"logs: {B:.2f} x + {C:.2f}")
         _label(ax, _SPEED[axis], _FORCE[axis], legend=True)
     return figure
 
@@ -79,15 +81,18 @@ def coast_down(log: Log, second: CoastDown) -> Figure:
     axis, start, stop = second.stretches[log.name]
     figure, panels = _panels(1, 2, 9, 3)
     whole, part = panels[0]
-    whole.plot(log.time, log.output(axis), lw=1)
-    whole.axvspan(start, stop, color="0.5", alpha=0.15, lw=0)
+    whole.plot(log.time, log.output(axis), lw=1, color=COLOURS[0])
+    whole.axvspan(start, stop, color=_USED, lw=0, zorder=0)
     _label(whole, _TIME, _SPEED[axis])
     inside = (log.time >= start) & (log.time <= stop)
     t, v = log.time[inside], log.output(axis)[inside]
-    part.plot(t, v, label=_SPEED[axis])
-    part.plot(t[:-1], np.diff(v) / np.diff(t), lw=0.8, color="tab:orange", label=f"{_ACCELERATION[axis]} (Euler)")
-    _label(part, _TIME, f"{_SPEED[axis]}, {_ACCELERATION[axis]}", legend=True)
-    figure.suptitle(f"{log.name}: without traction from {start:.2f} s to {stop:.2f} s", fontsize="medium")
+    part.plot(t, v, color=COLOURS[0], label=_SPEED[axis])
+    part.plot(t[:-1], np.diff(v) / np.diff(t), lw=0.8, color=COLOURS[1], label=f"{_ACCELERATION[axis]} (Euler)")
+    _label(part, _TIME, f"{_SPEED[axis]}, {_ACCELERATION[axis]}")
+    part.legend(fontsize="small", frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0)
+    figure.suptitle(
+        f"{log.name}: without traction from {start:.2f} s to {stop:.2f} s", fontsize="medium", x=0.01, ha="left"
+    )
     return figure
 
 
@@ -101,13 +106,15 @@ def hanging(log: Log, found: Inertia) -> Figure:
     line = np.polyfit(since, theta - 0.5 * alpha * since**2, 1)
     figure, panels = _panels(1, 2, 9, 3)
     angle, rate = panels[0]
-    angle.plot(t, theta, ".", ms=3, label="measured")
-    angle.plot(t, 0.5 * alpha * since**2 + np.polyval(line, since), label="fit")
+    angle.plot(t, theta, ".", ms=3, color=_REAL, label="measured")
+    angle.plot(t, 0.5 * alpha * since**2 + np.polyval(line, since), color=COLOURS[1], label="fit")
     _label(angle, _TIME, "theta [rad]", legend=True)
-    rate.plot(0.5 * (t[1:] + t[:-1]), np.diff(theta) / np.diff(t), ".", ms=3, label="Euler differences")
-    rate.plot(t, alpha * since + line[0], label=f"slope {alpha:.4f} rad/s²")
+    rate.plot(0.5 * (t[1:] + t[:-1]), np.diff(theta) / np.diff(t), ".", ms=3, color=_REAL, label="Euler differences")
+    rate.plot(t, alpha * since + line[0], color=COLOURS[1], label=f"slope {alpha:.4f} rad/s²")
     _label(rate, _TIME, "W [rad/s]", legend=True)
-    figure.suptitle(f"{log.name}: J = {found.J.value:.4f} ± {found.J.std_error:.4f} kg m²", fontsize="medium")
+    figure.suptitle(
+        f"{log.name}: J = {found.J.value:.4f} ± {found.J.std_error:.4f} kg m²", fontsize="medium", x=0.01, ha="left"
+    )
     return figure
 
 
@@ -127,9 +134,9 @@ def closed_loop(run: ClosedLoop, axis: Axis, real: Log, robot: Omni | None = Non
 
     def both(ax: Axes, title: str, log: np.ndarray, simulated: np.ndarray, held: bool) -> None:
         style = "steps-post" if held else "default"
-        ax.plot(real.time, log, color="0.6", lw=1.8, label="real", drawstyle=style)
-        ax.plot(run.time, simulated, color="tab:red", lw=1.0, label="simulated", drawstyle=style)
-        ax.set_title(title, fontsize="medium")
+        ax.plot(real.time, log, color=_REAL, lw=1.8, label="real", drawstyle=style)
+        ax.plot(run.time, simulated, color=COLOURS[1], lw=1.0, label="simulated", drawstyle=style)
+        ax.set_title(title, fontsize="medium", loc="left")
 
     speed = panels["speed"]
     speed.plot(run.time, run.reference[:, j], "--", color="0.3", lw=0.8, label="reference")
@@ -156,7 +163,7 @@ def measured_and_simulated(log: Log, simulated: Mapping[str, np.ndarray]) -> Fig
     figure, panels = _panels(3, 1, 9, 5.5)
     for j, (ax, axis) in enumerate(zip(panels[:, 0], AXES, strict=True)):
         ax.plot(log.time, log.output(axis), color="0.75", lw=3.5, label="measured")
-        for label, outputs in simulated.items():
-            ax.plot(log.time, outputs[:, j], lw=1, label=label)
+        for (label, outputs), colour in zip(simulated.items(), COLOURS, strict=False):
+            ax.plot(log.time, outputs[:, j], lw=1, color=colour, label=label)
         _label(ax, _TIME, _SPEED[axis], legend=j == 0)
     return figure

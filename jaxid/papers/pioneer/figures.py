@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ...logs import Log, LogSet
 from ...report import figures
+from ...report.style import COLOURS, tidy
 from ...robots.effect import Numbers, Scalars, State
 from ...robots.pioneer import Pioneer
 from ...robots.pioneer_closed_form import traction
@@ -32,8 +33,7 @@ def _panels(rows: int, height: float) -> tuple[Figure, np.ndarray]:
     figure = Figure(figsize=(9, height), layout="constrained")
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     for ax in panels:
-        ax.grid(alpha=0.25, lw=0.6)
-        ax.spines[["top", "right"]].set_visible(False)
+        tidy(ax)
         ax.margins(x=0.01)
     panels[-1].set_xlabel(_TIME)
     return figure, panels
@@ -44,7 +44,7 @@ def figure_2(log: Log, robot: Pioneer | None = None) -> Figure:
     p = (robot or Pioneer()).parameters.numbers
     force, _ = traction(log.input("V2"), log.input("V3"), p)
     figure, (volts, push, speed) = _panels(3, 5)
-    colour = figures.COLOURS[0]
+    colour = COLOURS[0]
     volts.step(log.time, log.input("V2"), where="post", lw=2.4, color="0.6", label="V2 (right)")
     volts.step(log.time, log.input("V3"), "--", where="post", lw=1.2, color="0.15", label="V3 (left)")
     volts.legend(fontsize="small", frameon=False)
@@ -90,7 +90,7 @@ def turn_on_the_spot(log: Log, robot: Pioneer | None = None) -> Figure:
     watched = _Watched(robot.parameters, robot.effects, robot.pose, robot.wheel_angles)
     outputs, beta = simulate(robot, LogSet([log]))[0], simulate(watched, LogSet([log]))[0][:, 0]
     figure, panels = _panels(3, 5.5)
-    colour = figures.COLOURS[1]
+    colour = COLOURS[1]
     for ax, name, j in zip(panels[:2], ("eta2", "eta1"), (1, 0), strict=True):
         ax.plot(log.time, log.output(name), ".", ms=2, color="0.6", label="measured")
         ax.plot(log.time, outputs[:, j], lw=1.4, color=colour, label="coupled model")

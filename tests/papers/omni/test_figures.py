@@ -55,7 +55,7 @@ def test_closed_loop_figures_show_both_curves_of_every_motor_that_drives_the_axi
         run, real = closed_loop(reference, duration=0.4), read_logs(DEMO / f"control_{axis}.csv", robot="omni")[0]
         figure = omni_figures.closed_loop(run, axis, real)
         labelled(figure, 1 + 2 * len(motors))
-        panels = {ax.get_title(): ax for ax in figure.axes}
+        panels = {ax.get_title("left"): ax for ax in figure.axes}
         logged, simulated = panels[f"speed {axis}"].lines[1:]
         assert (logged.get_label(), simulated.get_label()) == ("real", "simulated")
         np.testing.assert_array_equal(logged.get_ydata(), real.output(axis))
