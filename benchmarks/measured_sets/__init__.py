@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jaxid import Fit
+from jaxid.report.style import HOUSE
 
 matplotlib.use("Agg")
+matplotlib.rcParams.update(HOUSE)
 PICTURE_WIDTH = 9.0  # inches; at 110 dpi what a page shows without scaling
 DPI = 110
 
@@ -84,6 +86,5 @@ def values(fit: Fit) -> dict[str, dict[str, Any]]:
 def save(figure: Any, pictures: Path, name: str) -> str:
     """Write a picture and return the Markdown that shows it, with its path relative to the page."""
     pictures.mkdir(parents=True, exist_ok=True)
-    figure.tight_layout()
     figure.savefig(pictures / name, dpi=DPI)
     return f"![{name}]({pictures.name}/{name})"

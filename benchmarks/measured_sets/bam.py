@@ -16,6 +16,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from jaxid import Channels, Custom, Effect, Fit, Integrator, Log, LogSet, Parameter, output_error, simulate
+from jaxid.report.style import MEASURED
 
 from . import PICTURE_WIDTH, Row, Section, errors_told, fit_percent, save, table, values
 
@@ -171,13 +172,13 @@ def _picture(logs: list[Log], fits: dict[str, Fit], scores, pictures: Path) -> s
     figure, axes = plt.subplots(len(logs), 1, figsize=(PICTURE_WIDTH, 2.1 * len(logs)))
     seen = {name: simulate(fit.robot, LogSet(logs), integrator=_STEP) for name, fit in fits.items()}
     for k, (ax, log) in enumerate(zip(axes, logs, strict=True)):
-        ax.plot(log.time, log.output("q"), "k", lw=1.8, label="measured")
+        ax.plot(log.time, log.output("q"), color=MEASURED, lw=2.4, label="measured")
         for name, runs in seen.items():
             ax.plot(log.time, runs[k][:, 0], lw=1.0, label=name)
         shares = " / ".join(f"{scores[name][log.name][1]:.0f}" for name in fits)
-        ax.set_title(f"{log.name} (held out): fit {shares} %", fontsize=10)
+        ax.set_title(f"{log.name} (held out): fit {shares} %")
         ax.set_ylabel("angle [rad]")
-    axes[2].legend(fontsize=7, loc="upper left", ncol=2)
+    axes[2].legend(loc="upper left", ncol=2)
     axes[2].set_ylim(-1.4, 2.2)
     axes[-1].set_xlabel("time [s]")
     return save(figure, pictures, "bam.png")

@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 
 from jaxid import AXIS, Axis, Fit, Log, LogSet, integral_least_squares, output_error
 from jaxid.logs.intersample import between_samples
+from jaxid.report.style import MEASURED
 
 from . import PICTURE_WIDTH, Row, Section, save, table, values
 from .emps_loop import CUTOFF, FIRST, SAMPLING, Array, Record, closed_loop, controller_error, load, simulation
@@ -85,16 +86,16 @@ def _picture(record: Record, check: Record, seen: Array, seen_check: Array, pict
     for column, (own, simulated, name) in enumerate(((record, seen, "estimation"), (check, seen_check, "validation"))):
         t, force = own.t[FIRST:], own.gain * own.vir[FIRST:]
         shown = (t > 3.0) & (t < 6.0)
-        axes[0, column].plot(t[shown], force[shown], "k", lw=1.6, label="measured")
-        axes[0, column].plot(t[shown], own.gain * simulated[shown, 0], "C1", lw=0.8, label="simulated closed loop")
-        axes[0, column].set_title(f"{name} record, 3 to 6 s", fontsize=10)
-        axes[1, column].plot(t[shown], 1e6 * (own.q[FIRST:] - simulated[:, 1])[shown], lw=0.8, color="C3")
+        axes[0, column].plot(t[shown], force[shown], color=MEASURED, lw=2.4, label="measured")
+        axes[0, column].plot(t[shown], own.gain * simulated[shown, 0], "C0", lw=0.8, label="simulated closed loop")
+        axes[0, column].set_title(f"{name} record, 3 to 6 s")
+        axes[1, column].plot(t[shown], 1e6 * (own.q[FIRST:] - simulated[:, 1])[shown], lw=0.8, color="C1")
         axes[1, column].axhline(0.0, color="k", lw=0.5)
         axes[1, column].set_xlabel("time [s]")
     axes[0, 0].set_ylabel("force [N]")
     axes[1, 0].set_ylabel("position error [µm]")
     axes[0, 0].set_ylim(-160, 160)
-    axes[0, 0].legend(loc="upper right", fontsize=8)
+    axes[0, 0].legend(loc="upper right")
     return save(figure, pictures, "emps.png")
 
 

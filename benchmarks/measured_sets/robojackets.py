@@ -89,13 +89,13 @@ def _picture(logs: list[Log], fit: Fit, pictures: Path) -> str:
     axes[0].plot(w, BOOK_SLOPE * w + c * np.sign(w) + o, "k--", lw=0.8, label=f"book slope {BOOK_SLOPE:.4f}")
     axes[0].set_xlabel("wheel speed [rad/s]")
     axes[0].set_ylabel("voltage [V]")
-    axes[0].set_title("grey: all driven samples", fontsize=10)
-    axes[0].legend(fontsize=6.5)
+    axes[0].set_title("grey: all driven samples")
+    axes[0].legend()
     gyro = np.asarray(logs[0].extra["gyro_w"], float)
     axes[1].plot(logs[0].output("W"), gyro, ".", ms=2)
     axes[1].set_xlabel("yaw rate from the encoders [rad/s]")
     axes[1].set_ylabel("gyro_w as logged")
-    axes[1].set_title(f"{logs[0].name}: the gyro's column is noise", fontsize=10)
+    axes[1].set_title(f"{logs[0].name}: the gyro's column is noise")
     return save(figure, pictures, "robojackets.png")
 
 

@@ -14,6 +14,7 @@ from jaxid import AXIS, Axis, Fit, Log, LogSet, output_error, simulate
 from jaxid.checks.preflight import preflight
 from jaxid.effects import effect_by_id
 from jaxid.logs.prepare import prepare
+from jaxid.report.style import MEASURED
 
 from . import PICTURE_WIDTH, Row, Section, errors_told, fit_percent, save, table, values
 from .robotrace_disturbed import ODD, SAMPLING, STEP, STRETCHES, WINDOW, Array, disturbed, disturbed_picture
@@ -120,14 +121,14 @@ def _clean_picture(runs, pictures: Path) -> str:
     figure, axes = plt.subplots(len(runs), 1, figsize=(PICTURE_WIDTH, 2.0 * len(runs)))
     for ax, (recording, log, simulated) in zip(axes, runs, strict=True):
         shown = log.time >= border(log)
-        ax.plot(log.time[shown], log.output("v")[shown], "k", lw=1.5, label="measured")
-        ax.plot(log.time[shown], simulated[shown], "C1", lw=0.8, label="free run")
-        ax.plot(log.time[shown], (log.output("v") - simulated)[shown], "C3", lw=0.7, label="difference")
+        ax.plot(log.time[shown], log.output("v")[shown], color=MEASURED, lw=2.2, label="measured")
+        ax.plot(log.time[shown], simulated[shown], "C0", lw=1.0, label="free run")
+        ax.plot(log.time[shown], (log.output("v") - simulated)[shown], "C1", lw=0.7, label="difference")
         ax.axhline(0.0, color="0.7", lw=0.5, zorder=0)
         score = held_out_fit(log, simulated)
-        ax.set_title(f"{recording.name}, held-out stretch: fit {score:.1f} %", fontsize=10)
+        ax.set_title(f"{recording.name}, held-out stretch: fit {score:.1f} %")
         ax.set_ylabel(f"[{recording.unit}]")
-    axes[0].legend(loc="upper right", fontsize=7, ncol=3)
+    axes[0].legend(loc="upper right", ncol=3)
     axes[0].set_ylim(-1.5, 2.2)
     axes[-1].set_xlabel("time [s]")
     return save(figure, pictures, "robotrace.png")

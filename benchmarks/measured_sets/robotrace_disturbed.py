@@ -54,7 +54,7 @@ def disturbed_picture(log: Log, simulated: Array, starts: Array, errors: Array, 
     axes[0].plot(log.time, simulated, lw=0.9, label="free run, fitted without the shaded")
     axes[0].set_ylabel("speed [m/s]")
     axes[0].set_ylim(-2.6, 3.4)
-    axes[1].bar(starts + WINDOW / 2, errors, width=0.9 * WINDOW, color="C3")
+    axes[1].bar(starts + WINDOW / 2, errors, width=0.9 * WINDOW, color="C1")
     axes[1].axhline(ODD * np.median(errors), color="k", lw=0.8)
     axes[1].set_ylabel("error of a window [m/s]")
     axes[1].set_xlabel("time [s]")
@@ -63,5 +63,5 @@ def disturbed_picture(log: Log, simulated: Array, starts: Array, errors: Array, 
     for a, b in found:
         for ax in axes:
             ax.axvspan(a, b, color="0.85", zorder=0)
-    axes[0].legend(loc="upper right", fontsize=8, ncol=3)
+    axes[0].legend(loc="upper right", ncol=3)
     return save(figure, pictures, "robotrace_disturbed.png")
