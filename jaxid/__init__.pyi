@@ -12,6 +12,7 @@ from . import report as report
 from . import robots as robots
 from . import simulation as simulation
 from ._float64 import float64
+from ._origin import Origin
 from .design import Design, DesignError, design_experiment
 from .effects import catalogue
 from .estimate.confidence.identifiability import Identifiability, identifiability
@@ -54,6 +55,7 @@ from .robots import (
     Robot,
     closed_loop,
 )
+from .saved_results import ResultFileError, load, save
 from .simulation.friction import Smooth, Sticking
 from .simulation.rollout import Integrator
 from .simulation.simulate import simulate
@@ -94,6 +96,7 @@ __all__ = [
     "MovingWindow",
     "MultiStart",
     "Omni",
+    "Origin",
     "Outcome",
     "Outlier",
     "OutputErrorProblem",
@@ -106,6 +109,7 @@ __all__ = [
     "Profiles",
     "Repeatability",
     "RecursiveLeastSquares",
+    "ResultFileError",
     "Robot",
     "Smooth",
     "Squares",
@@ -125,6 +129,7 @@ __all__ = [
     "identifiability",
     "instrumental_variables",
     "integral_least_squares",
+    "load",
     "minimise",
     "multi_start",
     "noise_level",
@@ -136,6 +141,7 @@ __all__ = [
     "read_logs",
     "recursive_least_squares",
     "repeatability",
+    "save",
     "simulate",
 ]
 

@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .._origin import with_origin
 from ..estimate.confidence.agreement import agreement
 from ..estimate.judge import POOR
 from ..estimate.result import Fit
@@ -190,6 +191,7 @@ def _usual_times(robot: Robot, already: Fit | LogSet | None) -> tuple[float, flo
     return _TIME_CONSTANTS * _A_TIME_CONSTANT * interval, interval
 
 
+@with_origin
 def design_experiment(
     robot: Robot,
     *,

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from .._origin import Origin
 from .._atomic import replacing
 from ..estimate.uncertainty import PRACTICAL
 from ..logs import Channels, Log, LogSet
@@ -88,6 +89,7 @@ class Design:
     tried: int
     doubt: str = ""
     meanings: dict[str, str] = field(default_factory=dict)
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def ratios(self) -> dict[str, float]:

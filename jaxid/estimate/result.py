@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from .._origin import Origin
 from .._table import html_table, text_table
 from ..robots.robot import Robot
 from .judgement import Judgement
@@ -152,6 +153,7 @@ class Fit:
     - `window`: length [s] of the windows in which output error simulated, None for free simulation. `initial_states` are
       then those of the windows (`logs.windows.in_windows`).
     - `disturbance`: process noise beside sensor noise, where the estimator tells them apart (prediction error).
+    - `origin`: the function and arguments that gave it, the logs by their hashes, versions (`Origin`).
     """
 
     method: str
@@ -175,6 +177,7 @@ class Fit:
     disturbance: Disturbance | None = None
     cost: float = float("nan")
     start_cost: float = float("nan")
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def trustworthy(self) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from .._origin import with_origin
 from .._compile import seldom_collected
 from .._memory import bounded_memory
 from .._renamed import renamed
@@ -188,6 +189,7 @@ def without_windows(
 
 
 @renamed(check="held_out")
+@with_origin
 @bounded_memory()
 @seldom_collected()
 @keeps_level

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .._origin import Origin
 from .._distributions import chi_squared_tail, normal_tail
 from .._json import plain, write_json
 from ..estimate.judge import ABOVE, TAILS
@@ -143,6 +144,7 @@ class Explanation:
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     colour: OnlyColour | None = None
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def model(self) -> Robot:

@@ -5,12 +5,13 @@ One after another: as lanes of one batch, as fits are, they took as much process
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import pandas as pd
 
+from .._origin import Origin, with_origin
 from .._table import html_table, text_table
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.fleet import Fleet, fit_fleet
@@ -116,6 +117,7 @@ class ExplainedFleet:
 
     explanations: dict[str, Explanation]
     failed: dict[str, str]
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @cached_property
     def _documents(self) -> dict[str, dict[str, Any]]:
@@ -175,6 +177,7 @@ def _fitted(
     return fit_fleet(robots, logs, report=report, **options) if robots else Fleet(own, {})
 
 
+@with_origin
 def explain_fleet(
     fits: Fleet | Mapping[str, Fit] | Robot | Mapping[str, Robot],
     logs: Mapping[str, LogSet],

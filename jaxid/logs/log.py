@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._renamed import renamed
 from .channels import Channels
+from .content_hash import content_hash
 from .finding import Finding, LogError
 
 if TYPE_CHECKING:
@@ -204,6 +205,11 @@ class Log:
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def sha256(self) -> str:
+        """SHA-256 of the content (`content_hash`): logs of one hash give the same estimates."""
+        return content_hash(self)
 
     def input(self, name: str) -> Float[np.ndarray, " T"]:
         """One input channel, `[T]`; raises `LogError` for an unknown name."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from .._origin import with_origin
 from .._float64 import in_float64
 from .._renamed import renamed
 from ..estimate.confidence.agreement import agreement
@@ -95,6 +96,7 @@ def _set(logs: Sequence[Log]) -> LogSet:
 
 
 @renamed(check="held_out")
+@with_origin
 @in_float64
 def compare(
     *fits: Fit, held_out: LogSet | Log, fit: LogSet | None = None, truth: Mapping[str, float] | None = None

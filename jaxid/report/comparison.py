@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from .._origin import Origin
 from .._table import WIDTH, columns
 from ..estimate.confidence.agreement import Agreement
 from ..estimate.result import Estimate, Fit
@@ -50,6 +51,7 @@ class Comparison:
     references: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     ahead: dict[str, dict[int, Agreement]] = field(default_factory=dict)
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def validations(self) -> dict[str, Agreement]:

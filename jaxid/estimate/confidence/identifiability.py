@@ -5,12 +5,13 @@ the simulation are free: structurally if nothing could tell, practically if the 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._origin import Origin, with_origin
 from ..._arrays import array
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
@@ -69,6 +70,7 @@ class Identifiability:
     condition: float
     free_directions: tuple[FreeDirection, ...]
     combinations: dict[str, Estimate]
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def identifiable(self) -> bool:
@@ -117,6 +119,7 @@ def _directions(
     return sorted(free, key=lambda direction: -direction.std_error), singular
 
 
+@with_origin
 @in_float64
 def identifiability(
     robot: Robot,

@@ -6,7 +6,7 @@ the optimum is a unit ball, so that hardly anything needs to be tuned.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Float
 
+from ..._origin import Origin, with_origin
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
@@ -53,6 +54,7 @@ class Posterior:
     effective: dict[str, float]
     divergences: int
     caveat: str = ""
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def sentence(self) -> str:
@@ -141,6 +143,7 @@ def _chains(structure: Structure, problem: Problem, centre: Unknowns, W, keys, *
     return jax.vmap(chain)(keys)
 
 
+@with_origin
 @in_float64
 def posterior(
     fit: Fit,

@@ -7,12 +7,13 @@ practice. All points of all profiles are minimised side by side.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._origin import Origin, with_origin
 from ..._arrays import array
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
@@ -73,6 +74,7 @@ class Profiles:
 
     profiles: dict[str, Profile]
     caveat: str = ""
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     def __getitem__(self, name: str) -> Profile:
         return self.profiles[name]
@@ -132,6 +134,7 @@ def _closed(points: dict[float, float], side: float, limits: tuple[float, float]
     return _end(points, side) is None and any(value in limits for value in points)
 
 
+@with_origin
 @in_float64
 def profile_likelihood(
     fit: Fit,

@@ -5,10 +5,11 @@ covariances. A recording that cannot be fitted is named and the others stand.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..._origin import Origin, with_origin
 from ..._distributions import chi_squared_tail
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
@@ -43,6 +44,7 @@ class Repeatability:
     p_values: dict[str, float]
     furthest: dict[str, tuple[str, float]]
     failed: dict[str, str]
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def disagreeing(self) -> tuple[str, ...]:
@@ -126,6 +128,7 @@ def _not_followed(fits: Mapping[str, Fit]) -> dict[str, str]:
     return found
 
 
+@with_origin
 def repeatability(
     robot: Robot,
     logs: LogSet,

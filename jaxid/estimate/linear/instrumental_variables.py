@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr as pivoted_qr
 
+from ..._origin import with_origin
 from ..._distributions import chi_squared_beyond
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
@@ -253,6 +254,7 @@ def _errors(found: Instruments, theta: Array, speeds: tuple[str, ...]) -> dict[s
     return parts
 
 
+@with_origin
 @in_float64
 def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None = None) -> Fit:
     """Fit the free parameters of `robot` to `logs` by refined instrumental variables.

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..._origin import with_origin
 from ..._float64 import in_float64
 from ...logs import Log, LogError, LogSet
 from ...robots.given import check_free, check_given
@@ -70,6 +71,7 @@ def linear_estimate(
     return fit, solution, equations
 
 
+@with_origin
 @in_float64
 def integral_least_squares(
     robot: Robot,

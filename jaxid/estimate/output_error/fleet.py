@@ -6,7 +6,7 @@ all recordings but one.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Array, Float, Int
 
+from ..._origin import Origin, with_origin
 from ..._compile import compiled
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
@@ -126,6 +127,7 @@ class Fleet:
 
     fits: dict[str, Fit]
     failed: dict[str, str]
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @cached_property
     def far(self) -> tuple[FarMember, ...]:
@@ -198,6 +200,7 @@ def check_fleet(
         check_free(own)
 
 
+@with_origin
 @in_float64
 def fit_fleet(
     robot: Robot | Mapping[str, Robot],

@@ -5,6 +5,7 @@ from contextlib import nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ..._origin import with_origin
 from ..._dask import Lost, on_this_machine, worked_off
 from ..._float64 import in_float64
 from ...logs import LogSet
@@ -40,6 +41,7 @@ def _fitted(members: Sequence[_Member], options: Mapping[str, Any]) -> list[Fit 
     return [fleet.fits[one.name] if one.name in fleet.fits else fleet.failed[one.name] for one in members]
 
 
+@with_origin
 @in_float64
 def fit_fleet_with_dask(
     robot: Robot | Mapping[str, Robot],

@@ -5,10 +5,11 @@ minimised side by side; those that end at the same cost are one basin.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..._origin import Origin, with_origin
 from ..._float64 import in_float64
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
@@ -46,6 +47,7 @@ class MultiStart:
     fit: Fit
     basins: tuple[Basin, ...]
     lost: int
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def share(self) -> float:
@@ -75,6 +77,7 @@ class MultiStart:
         return html_table(self._rows(), [self.sentence])
 
 
+@with_origin
 @in_float64
 def multi_start(
     robot: Robot,

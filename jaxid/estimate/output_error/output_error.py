@@ -8,6 +8,7 @@ logged inputs only; no measurement is fed back, so noise on the outputs biases n
 from collections.abc import Callable
 from typing import Literal
 
+from ..._origin import with_origin
 from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ...logs import LogSet
@@ -31,6 +32,7 @@ def _silent(message: str) -> None:
     pass
 
 
+@with_origin
 @in_float64
 @seldom_collected()
 def output_error(

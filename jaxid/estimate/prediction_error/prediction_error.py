@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
+from ..._origin import with_origin
 from ..._arrays import AnyArray, array
 from ..._compile import seldom_collected
 from ..._float64 import in_float64
@@ -182,6 +183,7 @@ def _status(logs: LogSet, problem: Problem, found: Whitened) -> dict[str, str]:
     return said
 
 
+@with_origin
 @in_float64
 @seldom_collected()
 def prediction_error(

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from ..._origin import Origin
 from ..._json import plain, write_json
 from ..._table import html_table, text_table
 from ...estimate.result import Estimate, Fit
@@ -138,6 +139,7 @@ class ExplainedChange:
     held_out_gain: float = math.nan
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def sentence(self) -> str:

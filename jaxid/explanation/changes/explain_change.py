@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..._origin import with_origin
 from ..._compile import seldom_collected
 from ..._distributions import chi_squared_beyond, chi_squared_tail, normal_beyond
 from ..._float64 import in_float64
@@ -137,6 +138,7 @@ def _noticeable(look: FirstLook, pair: Pair, chance: float) -> tuple[Noticeable,
     return tuple(found.values())
 
 
+@with_origin
 @in_float64
 @bounded_memory()
 @seldom_collected()

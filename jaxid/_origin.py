@@ -1,0 +1,120 @@
+"""Where a result came from: the function that returned it, its arguments, the logs by their hashes, and the versions of what
+computed it. With the logs at hand, that is enough to compute it again.
+"""
+
+import inspect
+import platform
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, is_dataclass, replace
+from functools import cache, wraps
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+_PACKAGES = ("jaxid", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "llvmlite", "blackjax")
+_LEFT_OUT = ("report", "solver")
+"""Arguments that say how to work and not on what."""
+
+
+@dataclass(frozen=True)
+class LogHash:
+    """A log that was used: its `name`, the SHA-256 of its content (`Log.sha256`), the file it was read from, its samples."""
+
+    name: str
+    sha256: str
+    source: str
+    samples: int
+
+
+@dataclass(frozen=True)
+class Origin:
+    """How a result was computed.
+
+    - `function`: its public name, such as "output_error"; `arguments`: what it was given, defaults and seeds included, but
+      for logs and functions.
+    - `logs`: those it was given, by argument (those of a fleet: by argument and member).
+    - `versions`: of Python and of the packages that took part.
+    """
+
+    function: str
+    arguments: dict[str, Any]
+    logs: dict[str, tuple[LogHash, ...]]
+    versions: dict[str, str]
+
+    def differences(self, **logs: Iterable[Any]) -> tuple[str, ...]:
+        """What is not the same in `logs` (by argument, such as `logs=` or `held_out=`) as when the result was computed.
+
+        A sentence for every log that is missing, that is new, or whose content differs; none where the result was computed
+        from just these.
+        """
+        found = []
+        for argument, own in logs.items():
+            now = {log.name: log.sha256 for log in own}
+            then = {log.name: log for log in self.logs.get(argument, ())}
+            found += [f"{argument}: {name} is missing." for name in then if name not in now]
+            found += [f"{argument}: {name} was not used." for name in now if name not in then]
+            found += [
+                f"{argument}: {name} has another content than when it was used (it was read from {log.source or 'memory'})."
+                for name, log in then.items()
+                if name in now and now[name] != log.sha256
+            ]
+        return tuple(found)
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that compute, those that are installed."""
+    found = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _is_log(value: Any) -> bool:
+    return hasattr(value, "sha256") and hasattr(value, "sampling_interval")
+
+
+def _hashes(value: Any) -> tuple[LogHash, ...]:
+    """The hashes of a log or of several; none for anything else."""
+    several = (value,) if _is_log(value) else value if hasattr(value, "channels") or type(value) in (list, tuple) else ()
+    if not isinstance(several, Iterable) or not all(map(_is_log, several)):
+        return ()
+    return tuple(LogHash(log.name, log.sha256, log.source, len(log)) for log in several)
+
+
+def _logs_of(arguments: Mapping[str, Any]) -> dict[str, tuple[LogHash, ...]]:
+    found = {}
+    for name, value in arguments.items():
+        if isinstance(value, Mapping):
+            found |= {f"{name}: {member}": own for member, logs in value.items() if (own := _hashes(logs))}
+        elif own := _hashes(value):
+            found[name] = own
+    return found
+
+
+def _kept(name: str, value: Any) -> bool:
+    """Whether an argument is kept as it is: neither logs nor what only says how to work."""
+    inside = value.values() if isinstance(value, Mapping) else (value,)
+    function = callable(value) and not is_dataclass(value)
+    return name not in _LEFT_OUT and not function and not any(_hashes(own) for own in inside)
+
+
+def with_origin(function: Callable[P, R]) -> Callable[P, R]:
+    """The same function; the result, a dataclass with a field `origin`, remembers how it was computed."""
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def run(*arguments: P.args, **named: P.kwargs) -> R:
+        result: Any = function(*arguments, **named)
+        bound = signature.bind(*arguments, **named)
+        bound.apply_defaults()
+        given = bound.arguments | bound.arguments.get("options", {})
+        given.pop("options", None)
+        kept = {name: value for name, value in given.items() if _kept(name, value)}
+        return replace(result, origin=Origin(function.__name__, kept, _logs_of(given), versions()))
+
+    return run
