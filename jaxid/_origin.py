@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
-_PACKAGES = ("jaxid", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "llvmlite", "blackjax")
+_PACKAGES = ("jaxid-robots", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "llvmlite", "blackjax")
 _LEFT_OUT = ("report", "solver")
 """Arguments that say how to work and not on what."""
 
@@ -68,7 +68,7 @@ def versions() -> dict[str, str]:
     found = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:
-            found[name] = version(name)
+            found[name.removesuffix("-robots")] = version(name)
         except PackageNotFoundError:
             continue
     return found
@@ -80,7 +80,9 @@ def _is_log(value: Any) -> bool:
 
 def _hashes(value: Any) -> tuple[LogHash, ...]:
     """The hashes of a log or of several; none for anything else."""
-    several = (value,) if _is_log(value) else value if hasattr(value, "channels") or type(value) in (list, tuple) else ()
+    several = (
+        (value,) if _is_log(value) else value if hasattr(value, "channels") or type(value) in (list, tuple) else ()
+    )
     if not isinstance(several, Iterable) or not all(map(_is_log, several)):
         return ()
     return tuple(LogHash(log.name, log.sha256, log.source, len(log)) for log in several)

@@ -107,7 +107,7 @@ class Writer:
         elif dataclasses.is_dataclass(value):
             fields = {f.name: self.value(getattr(value, f.name)) for f in dataclasses.fields(value)}
         elif isinstance(value, tuple) and hasattr(value, "_fields"):
-            fields = {name: self.value(own) for name, own in zip(value._fields, value, strict=True)}
+            fields = {name: self.value(own) for name, own in value._asdict().items()}  # type: ignore[attr-defined]
         else:
             raise StoredError(f"it holds a {of.__name__} ({name_of(of)}), which is no result and no dataclass")
         self.objects.append({"class": self._class(of), "fields": fields})
@@ -187,7 +187,7 @@ class Reader:
             self._arrays[held] = np.load(io.BytesIO(self._files[held]), allow_pickle=False)
         return self._arrays[held]
 
-    def _scalar_of(self, held: str) -> np.generic:
+    def _scalar_of(self, held: str) -> Any:
         return self._numpy_of(held)[()]
 
     def _jax_of(self, held: str) -> jax.Array:
@@ -198,15 +198,16 @@ class Reader:
         return pd.read_parquet(io.BytesIO(self._files[held]))
 
     def _object(self, name: str, fields: dict[str, Any]) -> Any:
-        of, own = self._class(name), {field: self.value(value) for field, value in fields.items()}
+        of: Any = self._class(name)
+        own = {field: self.value(value) for field, value in fields.items()}
         if of in _AS_ONE:
             return of(own[""])
-        if not dataclasses.is_dataclass(of):
+        if issubclass(of, tuple):
             return of(**own)
         made = {field.name: field.init for field in dataclasses.fields(of)}
         strange = next((field for field in own if field not in made), None)
         if strange is not None:
-            raise StoredError(f"has a {of.__name__} with {strange!r}, which this version's has not")
+            raise StoredError(f"has a {name} with {strange!r}, which this version's has not")
         found = of(**{field: value for field, value in own.items() if made[field]})
         for field in (field for field in own if not made[field]):
             object.__setattr__(found, field, own[field])
@@ -253,7 +254,9 @@ def _allowed(found: Any, module: str, qualname: str) -> bool:
     top = module.split(".")[0]
     if isinstance(found, type):
         bases = [base for base in found.__mro__ if base.__module__.split(".")[0] == "jaxid"]
-        return bool(bases) and (dataclasses.is_dataclass(found) or issubclass(found, tuple | enum.Enum) or found in _AS_ONE)
+        return bool(bases) and (
+            dataclasses.is_dataclass(found) or issubclass(found, tuple | enum.Enum) or found in _AS_ONE
+        )
     if top == "jaxid" and module.split(".")[1:2] not in (["robots"], ["effects"], ["papers"]):
         return False
     return isinstance(inspect.unwrap(found), FunctionType) and top not in sys.stdlib_module_names

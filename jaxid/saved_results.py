@@ -44,7 +44,9 @@ def save(result: Any, path: str | Path) -> Path:
     try:
         content = writer.value(result)
         if set(content if isinstance(content, dict) else ()) != {"object"}:
-            raise StoredError(f"a {type(result).__name__} is no result of jaxid's; give what one of its functions returned")
+            raise StoredError(
+                f"a {type(result).__name__} is no result of jaxid's; give what one of its functions returned"
+            )
     except StoredError as error:
         raise ResultFileError(f"{path}: the {type(result).__name__} cannot be saved: {error}.") from None
     header = {
@@ -56,7 +58,10 @@ def save(result: Any, path: str | Path) -> Path:
         "objects": writer.objects,
     }
     text = json.dumps(header, ensure_ascii=False, allow_nan=False)
-    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
+    with (
+        replacing(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive,
+    ):
         for name, data in {_HEADER: text.encode(), **writer.files}.items():
             archive.writestr(zipfile.ZipInfo(name, _BEGINNING), data, zipfile.ZIP_DEFLATED)
     return path
@@ -93,7 +98,7 @@ def load(path: str | Path, *, known: Iterable[Any] = ()) -> Any:
     if version != _VERSION:
         raise ResultFileError(
             f"{path} is in format {version!r:.20}, written by jaxid {wrote}; this jaxid reads format {_VERSION}: install a "
-            "newer one (pip install --upgrade jaxid)."
+            "newer one (pip install --upgrade jaxid-robots)."
         )
     jaxid = import_module("jaxid")
     for name in jaxid.__all__:  # whatever a result may hold is looked up, not imported

@@ -53,6 +53,7 @@ SHARED = (
     "test_pages.py",
     "test_cli_explain.py",
     "test_explained_fleet.py",
+    "test_saved_results.py",
 )
 """Files that share the explanation `explained`."""
 LONGEST = ("test_notebooks", "tests/explanation", "tests/estimate", "test_cli", "tests/papers", "tests/fuzz")

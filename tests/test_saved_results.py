@@ -1,4 +1,4 @@
-"""Results that are saved and loaded: the same numbers, the same words, ready for what comes next; and files that are not ours."""
+"""Results that are saved and loaded: the same numbers, the same words, ready for what comes next; files that are not ours."""
 
 import json
 import sys
@@ -101,7 +101,7 @@ def test_a_result_knows_its_logs_arguments_seeds_and_versions(results, logs, tmp
     origin = back(results["MultiStart"], tmp_path / "a.jaxid").origin
     assert origin.function == "multi_start" and origin.arguments["seed"] == 5 and origin.arguments["starts"] == 4
     assert [own.sha256 for own in origin.logs["logs"]] == [log.sha256 for log in logs[:2]]
-    assert {"python", "jax", "optimistix", "numpy"} <= origin.versions.keys()
+    assert {"python", "jaxid", "jax", "optimistix", "numpy"} <= origin.versions.keys()
     again = getattr(jaxid, origin.function)(logs=logs[:2], **origin.arguments)
     assert again.basins == results["MultiStart"].basins
     assert results["Design"].origin.arguments["seed"] == 2
@@ -142,7 +142,10 @@ def rover(dynamics=falling):
 def module_of_ones_own(name):
     """As if somebody had written a module with `falling` in it, and imported it."""
     module = types.ModuleType(name)
-    exec("def falling(state, given, p):\n    return {'v': (given['u'] - p['drag'] * state['v']) / p['mass']}", vars(module))
+    exec(
+        "def falling(state, given, p):\n    return {'v': (given['u'] - p['drag'] * state['v']) / p['mass']}",
+        vars(module),
+    )
     return module
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .._origin import Origin
 from .._atomic import replacing
+from .._origin import Origin
 from ..estimate.uncertainty import PRACTICAL
 from ..logs import Channels, Log, LogSet
 

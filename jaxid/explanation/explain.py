@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from .._origin import with_origin
 from .._compile import seldom_collected
 from .._memory import bounded_memory
+from .._origin import with_origin
 from .._renamed import renamed
 from ..effects.curve import Curve
 from ..estimate.judgement import LOOK_FURTHER

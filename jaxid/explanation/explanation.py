@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .._origin import Origin
 from .._distributions import chi_squared_tail, normal_tail
 from .._json import plain, write_json
+from .._origin import Origin
 from ..estimate.judge import ABOVE, TAILS
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.result import Estimate, Fit

@@ -20,9 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 from .._renamed import renamed
 from .channels import Channels
 from .content_hash import content_hash
+from .dataset import log_dataset
 from .finding import Finding, LogError
 
 if TYPE_CHECKING:
+    import xarray
+
     from .batch import Batch
 
 Array = NDArray[np.float64]
@@ -258,6 +261,10 @@ class Log:
         columns |= {name: self.output(name) for name in self.measured}
         frame = pd.DataFrame(columns)
         return pd.concat([frame, self.extra], axis=1) if len(self.extra.columns) else frame
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The columns of `to_frame` over `t`, the channels with their units as attributes (`log_dataset`)."""
+        return log_dataset(self)
 
     def to_csv(self, path: str | Path) -> None:
         """Write `to_frame` as CSV that `read_logs` reads back to the same numbers (shortest exact decimals)."""

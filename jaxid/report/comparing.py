@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .._origin import with_origin
 from .._float64 import in_float64
+from .._origin import with_origin
 from .._renamed import renamed
 from ..estimate.confidence.agreement import agreement
 from ..estimate.confidence.prediction_spread import prediction_sentence

@@ -109,3 +109,15 @@ def test_table_lists_every_log_and_its_warnings():
     text, page = repr(LogSet([log])), LogSet([log])._repr_html_()
     assert "<b>.csv" in text and "100" in text and "1.98" in text and "moving_start" in text
     assert "&lt;b&gt;.csv" in page and "<b>" not in page
+
+
+def test_a_log_is_a_data_set_with_units():
+    """Its numbers are those of the frame, and xarray finds a sample by its time."""
+    pytest.importorskip("xarray", reason="to_xarray needs xarray (extra `xarray`)")
+    time = np.arange(5) * 0.1
+    log = Log.from_arrays("a.csv", time, {"u": time}, {"v": 2 * time}, AXIS, {"lamp": ["on"] * 5})
+    found = log.to_xarray()
+    assert found["u"].attrs == {"units": AXIS.units["u"]} and found["t"].attrs == {"units": "s"}
+    assert float(found["v"].sel(t=0.3, method="nearest")) == pytest.approx(0.6) and "q" not in found
+    assert list(found["lamp"].to_numpy()) == ["on"] * 5 and found.attrs["sha256"] == log.sha256
+    assert found.to_dataframe().reset_index()[["t", "u", "v"]].equals(log.to_frame()[["t", "u", "v"]])

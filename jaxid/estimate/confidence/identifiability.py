@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._origin import Origin, with_origin
 from ..._arrays import array
 from ..._float64 import in_float64
+from ..._origin import Origin, with_origin
 from ..._table import html_table, text_table
 from ...logs import LogSet
 from ...robots.given import given_logs

@@ -5,20 +5,22 @@ parameter within its bounds, times the table's own priors. Chains run as lanes i
 the optimum is a unit ball, so that hardly anything needs to be tuned.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from ..._origin import Origin, with_origin
 from ..._compile import compiled
 from ..._float64 import in_float64
+from ..._labelled import labelled
+from ..._origin import Origin, with_origin
 from ..._table import html_table, text_table
 from ...logs import LogSet
 from ...robots.given import given_logs
@@ -29,6 +31,10 @@ from ..output_error.setup import InitialStates, at_fit
 from ..output_error.solvers import minimise_compiled
 from ..result import Fit
 from .white_noise import not_white
+
+if TYPE_CHECKING:
+    import arviz
+    import xarray
 
 _STEP = 0.5
 """First step of the integrator, in standard deviations."""
@@ -45,8 +51,9 @@ class Posterior:
     """Draws of the parameters: `samples[name]` [chains, draws].
 
     `r_hat` compares the chains (near 1 when they agree) and `effective` is the number of independent draws that they are
-    worth, both by parameter; `divergences` counts steps at which the integrator failed. `caveat` says where the fit's residual
-    is not the white noise that the likelihood is of.
+    worth, both by parameter; `divergences` counts steps at which the integrator failed, and `diverging` [chains, draws] says
+    which. `caveat` says where the fit's residual is not the white noise that the likelihood is of. `units` and `meanings` of
+    the parameters by name.
     """
 
     samples: dict[str, Float[np.ndarray, "chains draws"]]
@@ -54,6 +61,9 @@ class Posterior:
     effective: dict[str, float]
     divergences: int
     caveat: str = ""
+    units: dict[str, str] = field(default_factory=dict)
+    meanings: dict[str, str] = field(default_factory=dict)
+    diverging: Bool[np.ndarray, "chains draws"] | None = None
     origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
@@ -71,6 +81,32 @@ class Posterior:
         """Central 95 % interval of a parameter."""
         low, high = np.quantile(self.samples[name], (0.025, 0.975))
         return float(low), float(high)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The draws by parameter over `chain` and `draw`, each with its `units` and what it means (`long_name`). Needs xarray
+        (`pip install jaxid-robots[xarray]`); raises `ImportError` without it."""
+        chains, draws = next(iter(self.samples.values())).shape if self.samples else (0, 0)
+        over = {"chain": np.arange(chains), "draw": np.arange(draws)}
+        columns = {name: (tuple(over), values, self._labels(name)) for name, values in self.samples.items()}
+        return labelled(over, columns, attributes={"inference_library": "jaxid"})
+
+    def to_arviz(self) -> "arviz.InferenceData":
+        """The draws as ArviZ has them: the group `posterior` by parameter, with units and meanings as attributes, and which
+        steps failed in `sample_stats`. Needs ArviZ (`pip install jaxid-robots[arviz]`); raises `ImportError` without it."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", FutureWarning)  # once a day ArviZ announces its next version
+                import arviz
+        except ImportError:
+            raise ImportError("to_arviz() needs ArviZ; install it with: pip install jaxid-robots[arviz]") from None
+        groups: dict[str, Any] = {"posterior": self.to_xarray()}
+        if self.diverging is not None:
+            over = {name: groups["posterior"][name].to_numpy() for name in ("chain", "draw")}
+            groups["sample_stats"] = labelled(over, {"diverging": (("chain", "draw"), self.diverging, {})})
+        return arviz.InferenceData(**groups)
+
+    def _labels(self, name: str) -> dict[str, str]:
+        return {"units": self.units.get(name, ""), "long_name": self.meanings.get(name, "")}
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "mean", "2.5 %", "97.5 %", "r_hat", "effective")]
@@ -181,4 +217,7 @@ def posterior(
         effective={name: float(effective(x)) for name, x in samples.items()},
         divergences=int(np.sum(divergent)),
         caveat=not_white(fit),
+        units={name: fit.robot.parameters[name].unit for name in samples},
+        meanings={name: fit.robot.parameters[name].meaning for name in samples},
+        diverging=np.asarray(divergent),
     )

@@ -13,9 +13,9 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._origin import Origin, with_origin
 from ..._arrays import array
 from ..._float64 import in_float64
+from ..._origin import Origin, with_origin
 from ..._table import html_table, text_table
 from ...logs import LogSet
 from ...parameters import ParameterError

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..._origin import Origin, with_origin
 from ..._distributions import chi_squared_tail
+from ..._origin import Origin, with_origin
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...robots.robot import Robot

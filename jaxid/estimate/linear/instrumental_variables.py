@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr as pivoted_qr
 
-from ..._origin import with_origin
 from ..._distributions import chi_squared_beyond
 from ..._float64 import in_float64
+from ..._origin import with_origin
 from ...logs import Log, LogError, LogSet
 from ...robots.given import check_free, check_given
 from ...robots.robot import Robot

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..._origin import with_origin
 from ..._float64 import in_float64
+from ..._origin import with_origin
 from ...logs import Log, LogError, LogSet
 from ...robots.given import check_free, check_given
 from ...robots.robot import Robot

@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Array, Float, Int
 
-from ..._origin import Origin, with_origin
 from ..._compile import compiled
 from ..._float64 import in_float64
+from ..._origin import Origin, with_origin
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError

@@ -5,9 +5,9 @@ from contextlib import nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..._origin import with_origin
 from ..._dask import Lost, on_this_machine, worked_off
 from ..._float64 import in_float64
+from ..._origin import with_origin
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..result import Fit

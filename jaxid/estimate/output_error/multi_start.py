@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..._origin import Origin, with_origin
 from ..._float64 import in_float64
+from ..._origin import Origin, with_origin
 from ..._table import html_table, text_table
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError

@@ -8,9 +8,9 @@ logged inputs only; no measurement is fed back, so noise on the outputs biases n
 from collections.abc import Callable
 from typing import Literal
 
-from ..._origin import with_origin
 from ..._compile import seldom_collected
 from ..._float64 import in_float64
+from ..._origin import with_origin
 from ...logs import LogSet
 from ...robots.closed_loop import Controller, Law, closed_loop
 from ...robots.given import check_choice, check_free, given_logs

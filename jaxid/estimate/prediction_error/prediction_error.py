@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
 
-from ..._origin import with_origin
 from ..._arrays import AnyArray, array
 from ..._compile import seldom_collected
 from ..._float64 import in_float64
+from ..._origin import with_origin
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.given import check_choice, given_logs

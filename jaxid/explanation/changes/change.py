@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from ..._origin import Origin
 from ..._json import plain, write_json
+from ..._origin import Origin
 from ..._table import html_table, text_table
 from ...estimate.result import Estimate, Fit
 

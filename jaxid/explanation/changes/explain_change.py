@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._origin import with_origin
 from ..._compile import seldom_collected
 from ..._distributions import chi_squared_beyond, chi_squared_tail, normal_beyond
 from ..._float64 import in_float64
 from ..._memory import bounded_memory
+from ..._origin import with_origin
 from ...estimate.result import Estimate, Fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
