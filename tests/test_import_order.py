@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1] / "jaxid"
 ORDER = (
     "kernel", "logs", "checks", "robots", "effects", "simulation", "estimate", "design", "explanation", "report",
-    "papers", "cli",
+    "papers", "live", "cli",
 )  # fmt: skip
 
 

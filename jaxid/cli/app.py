@@ -288,6 +288,30 @@ def fleet(
 
 @app.command()
 @one_line_errors
+def serve(
+    robot: RobotArgument,
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder to follow; made if it is missing.")],
+    held_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--held-out",
+            "--check",
+            metavar="PATTERN...",
+            help="Names of the logs that are not fitted, on which the model is judged ('check_*' by default).",
+        ),
+    ] = None,
+    model: Model = None,
+    mapping: Mapping = None,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0: any that is free.")] = 8765,
+) -> None:
+    """Follow a folder of logs on a page in the browser: findings, fit, gap and the missing effect as they are found."""
+    from .serve import run_serve
+
+    run_serve(robot, folder, held_out or ["check_*"], model, mapping, port)
+
+
+@app.command()
+@one_line_errors
 def look(
     file: Annotated[str, typer.Argument(metavar="FILE", help="A log: bag, data log, MATLAB file, CSV, Parquet.")],
     robot: Annotated[

@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from jinja2 import Environment, Template
+from jinja2 import Environment, FunctionLoader
 from markupsafe import Markup, escape
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -145,20 +145,22 @@ def said(text: str) -> Markup:
 
 
 @lru_cache(1)
-def _parts() -> tuple[Template, Markup, Markup]:
-    here = files("jaxid.report")
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+def templates() -> Environment:
+    """The templates of all pages, by their paths inside the package ("report/page.html.jinja"); what they show is escaped."""
+    environment = Environment(loader=FunctionLoader(package_text), autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"units": units, "said": said}
-    template, css, js = (
-        here.joinpath(f"page.{end}").read_text(encoding="utf-8") for end in ("html.jinja", "css", "js")
-    )
-    return environment.from_string(template), Markup(css), Markup(js)
+    return environment
+
+
+def package_text(path: str) -> str:
+    """A file of the package, such as "report/page.css"."""
+    return files("jaxid").joinpath(path).read_text(encoding="utf-8")
 
 
 def rendered(page: Page, whole: bool = True) -> str:
     """The page as one HTML file that needs nothing else, or, where it is not `whole`, as a part of a notebook's."""
-    template, css, js = _parts()
-    text = template.render(page=page, whole=whole, css=css, js=js)
+    css, js = Markup(package_text("report/page.css")), Markup(package_text("report/page.js"))
+    text = templates().get_template("report/page.html.jinja").render(page=page, whole=whole, css=css, js=js)
     return re.sub(r"\n\s*\n+", "\n", text).strip() + "\n"
 
 

@@ -58,6 +58,7 @@
       return [low - margin, high + margin];
     };
     const draw = () => {
+      if (!chart.isConnected) return;
       const whole = from <= 0 && to >= X;
       panels.forEach((panel, k) => {
         let low = 0, high = Y;
@@ -121,8 +122,10 @@
     addEventListener("resize", draw);
     draw();
   };
-  document.querySelectorAll(".jaxid-page .chart").forEach(setUp);
-  document.querySelectorAll(".jaxid-page details").forEach(d => d.addEventListener("toggle", () => dispatchEvent(new Event("resize"))));
+  const setUpAll = () => document.querySelectorAll(".jaxid-page .chart").forEach(setUp);
+  setUpAll();
+  addEventListener("jaxid-drawn", setUpAll);  // a page that grows says so
+  document.addEventListener("toggle", event => { if (event.target.closest(".jaxid-page")) dispatchEvent(new Event("resize")); }, true);
   const opened = [];
   addEventListener("beforeprint", () => document.querySelectorAll(".jaxid-page details:not([open])").forEach(d => { d.open = true; opened.push(d); }));
   addEventListener("afterprint", () => opened.splice(0).forEach(d => { d.open = false; }));
