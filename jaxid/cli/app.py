@@ -202,7 +202,7 @@ def change(
             "--held-out-after", metavar="LOG...", help="Logs of the second set on which the answer is judged."
         ),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for change.json.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for change.json and report.html.")] = None,
     model: Model = None,
     false_alarm: Annotated[
         float,

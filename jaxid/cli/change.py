@@ -42,7 +42,7 @@ def run_change(
     own_effects: str | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Print what changed, and write change.json to `out` where one is given."""
+    """Print what changed, and write change.json and report.html to `out` where one is given."""
     keep_compiled_programs()
     if bool(held_out_before) != bool(held_out_after):
         raise UnusableInput(
@@ -64,6 +64,10 @@ def run_change(
             found = explain_change(*fits, *sets, *held_out, false_alarm=false_alarm, report=report)
         show(str(found))
         if out is not None:
+            from ..report.change_page import change_page  # and matplotlib with it
+            from ..report.document import write_page
+
             found.save(out)
+            write_page(out / "report.html", change_page(found))
     if out is not None:
-        say(f"{out}: change.json")
+        say(f"{out}: change.json, report.html")

@@ -39,6 +39,8 @@ def test_a_load_is_named_and_written(jaxid, tmp_path):
     assert said.startswith("Changed: moving mass (inertia) (M): M +0.") and "Traceback" not in remarks
     document = json.loads((out / "change.json").read_text())
     low, high = document["change"]["parameters"]["M"]["difference"]["ci95"]
+    page = (out / "report.html").read_text()
+    assert "jaxid change: axis" in page and "Moving mass" in page and "Each set on its own" in page
     assert document["verdict"] == "named" and low - 0.01 < 0.3 < high + 0.01 and high - low < 0.1
 
     code, _, remarks = jaxid("change", "axis", *sets, "--held-out-after", tmp_path / "b0.csv")

@@ -8,6 +8,7 @@ import pytest
 
 import jaxid
 from jaxid.report import document
+from jaxid.report.change_page import change_page
 from jaxid.report.chart import Chart, Panel, Trace
 from jaxid.report.comparison_page import comparison_page, fits_page
 from jaxid.report.design_page import design_page
@@ -33,7 +34,29 @@ def designed():
 
 
 @pytest.fixture(scope="module")
-def pages(explained, compared, designed):
+def changed(axis_log):
+    """Two sets of logs of an axis, the second with half as much mass again."""
+    inputs, fits, sets = np.repeat([3.0, -2.0, 4.0, 0.5, -4.0], 40), [], []
+    for mass in (1.0, 1.5):
+        logs = jaxid.LogSet(
+            [axis_log(f"{mass} {k}", np.roll(inputs, 40 * k), 0.01, k, position=False, M=mass) for k in (0, 1)]
+        )
+        sets.append(logs)
+        fits.append(jaxid.output_error(jaxid.Axis(), logs, start=jaxid.integral_least_squares(jaxid.Axis(), logs)))
+    return jaxid.explain_change(*fits, *sets)
+
+
+def test_a_change_has_its_size_and_what_would_have_shown(changed):
+    page = change_page(changed)
+    assert changed.verdict in ("named", "ambiguous") and page.verdict.startswith("Named")
+    text = rendered(page)
+    for name, own in changed.change.differences.items():
+        assert name in text and f"{100 * own.share:+.1f} %" in text
+    assert "0.5" in text and "noticed from" in text and "one model for both sets" in text
+
+
+@pytest.fixture(scope="module")
+def pages(explained, compared, designed, changed):
     """Every kind of page, by name."""
     found = {
         "fit": comparison_page(compared, "fit"),
@@ -41,11 +64,12 @@ def pages(explained, compared, designed):
         "compare": comparison_page(compared),
         "explain": page_of(explained),
         "design": design_page(designed, ("experiment.csv",)),
+        "change": change_page(changed),
     }
     return {name: rendered(page) for name, page in found.items()}
 
 
-KINDS = ["fit", "fit without held-out logs", "compare", "explain", "design"]
+KINDS = ["fit", "fit without held-out logs", "compare", "explain", "design", "change"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
