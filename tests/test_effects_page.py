@@ -1,4 +1,4 @@
-"""docs/effects.md is what the catalogue says of itself."""
+"""docs/effects.md is what the catalogue says of itself; `python tests/test_effects_page.py` writes it anew."""
 
 import importlib
 import re
@@ -10,6 +10,7 @@ from jaxid.robots.effect import Effect, in_words
 from jaxid.robots.traits import refusal
 
 PAGE = Path(__file__).parents[1] / "docs/effects.md"
+MARK = "<!-- mechanisms -->\n"
 ROBOTS = (Pioneer(), Omni(), Axis(), DifferentialDrive())
 
 
@@ -29,7 +30,9 @@ def section(laws: tuple[Effect, ...]) -> str:
     """One mechanism: its place, what it is, a row for each law."""
     first = laws[0]
     title = in_words(first.id)
-    rows = [f"### {title[0].upper()}{title[1:]} (`{first.id}`)\n", f"{source(first)}\n"]
+    title = f"{title[0].upper()}{title[1:]}"
+    rows = [f"### {title} (`{first.id}`)\n", f"{source(first)}\n"]
+    rows.append(f"![{title}: the motion with and without it, and what is missing without it](effects/{first.id}.svg)\n")
     rows += ["| law | formula | built-in robots that can have it |", "| --- | --- | --- |"]
     for law in laws:
         formula = law.formula.replace("|", "\\|")
@@ -47,8 +50,19 @@ def mechanisms() -> str:
     return "\n".join(parts)
 
 
+def page() -> str:
+    """The page, its part below the mark written anew."""
+    return PAGE.read_text(encoding="utf-8").split(MARK)[0] + MARK + mechanisms()
+
+
 def test_the_page_has_every_mechanism_and_law():
-    assert PAGE.read_text(encoding="utf-8").endswith("<!-- mechanisms -->\n" + mechanisms())
+    assert PAGE.read_text(encoding="utf-8") == page()
+
+
+def test_every_mechanism_has_a_light_picture():
+    pictures = {path.stem: path.stat().st_size for path in (PAGE.parent / "effects").iterdir()}
+    assert set(pictures) == {laws[0].id for laws in MECHANISMS}
+    assert max(pictures.values()) < 40_000
 
 
 def test_every_mechanism_says_what_it_is_and_is_somebody_s():
@@ -57,3 +71,7 @@ def test_every_mechanism_says_what_it_is_and_is_somebody_s():
         assert any(who(law) != "none" for law in laws), laws[0].id
         names = [law.law for law in laws]
         assert len(set(names)) == len(names) and all(re.fullmatch(r"[a-z_]*", name) for name in names)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
