@@ -75,7 +75,7 @@ def versions() -> dict[str, str]:
 
 
 def _is_log(value: Any) -> bool:
-    return hasattr(value, "sha256") and hasattr(value, "sampling_interval")
+    return hasattr(type(value), "sha256") and hasattr(value, "channels")  # and not `LogHash`
 
 
 def _hashes(value: Any) -> tuple[LogHash, ...]:

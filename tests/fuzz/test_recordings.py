@@ -100,10 +100,10 @@ def test_files_that_break_off(tmp_path, sound, kind):
         log = outcome(path, mapping)
         if log is None:
             continue
-        if len(log) == len(whole):  # an SQLite file without its last page, which nothing stood on
+        if len(log) == len(whole):  # an SQLite file without its last page, which nothing stood on; MCAP without its index
             np.testing.assert_array_equal(log.outputs, whole.outputs)
             continue
-        # Only of a data log is a part left; one that ends between two records is a shorter log.
+        # Of this one chunk of MCAP all is left or nothing. One that ends between two records is a shorter data log.
         cut = "truncated" in {finding.check for finding in log.findings}
         assert kind == "wpilog" and (cut or length in ends_of_records(data))
         np.testing.assert_array_equal(log.output("v"), whole.output("v")[: len(log)])

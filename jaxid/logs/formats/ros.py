@@ -6,6 +6,7 @@ standard ones of that time.
 
 import re
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from ..finding import LogError
 from ..log import did_you_mean
 from ..series import Recording, Series, Topic
+from .cut_mcap import CutMcap, whole_records
 from .messages import LONGEST_ARRAY, Part, parts, unit_of
 
 if TYPE_CHECKING:
@@ -22,6 +24,10 @@ if TYPE_CHECKING:
 _NEEDED = "needs the package rosbags; install it with: pip install jaxid-robots[bags]"
 _LARGE = 65_536
 """Bytes of a message above which it is an image, a scan or a map, and not looked into."""
+_CUT = (
+    "the file breaks off, as when its recorder is stopped hard, and was read up to its last whole chunk; check that the "
+    "recording ended where you think"
+)
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)+")
 _NEW = "ros2 bag reindex FOLDER"
 
@@ -129,6 +135,8 @@ def _older_types() -> Any:
 def read_ros(path: Path, fields: Collection[str] | None = None) -> Recording:
     """The numeric signals of a bag; of `fields`, only the topics that these are of.
 
+    An MCAP file that breaks off is read up to its last whole chunk, which a note says.
+
     Raises `LogError`, one sentence with file and remedy, without rosbags and for a bag that is damaged, not indexed,
     empty, or lacks one of the `fields`' topics.
     """
@@ -139,10 +147,15 @@ def read_ros(path: Path, fields: Collection[str] | None = None) -> Recording:
     except ImportError:
         raise LogError(f"{path} is a ROS bag, and reading it {_NEEDED}.") from None
     try:
-        with (Reader1 if path.suffix == ".bag" else Reader2)(path) as plain:
+        cut = whole_records(path) if path.suffix == ".mcap" else None
+        source: Any = path if cut is None else CutMcap(path, cut)
+        with (Reader1 if path.suffix == ".bag" else Reader2)(source) as plain:
             _check_types(plain.connections, path)
-        with AnyReader([path], default_typestore=_older_types()) as reader:
-            return _recording(reader, path, fields)
+            if cut is not None and not plain.message_count:
+                raise LogError(f"{path} breaks off before its first chunk of messages is whole; record it again.")
+        with AnyReader([source], default_typestore=_older_types()) as reader:
+            found = _recording(reader, path, fields)
+        return found if cut is None else replace(found, notes=(*found.notes, ("truncated", _CUT)))
     except LogError:
         raise
     except PermissionError as error:

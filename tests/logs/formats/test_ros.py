@@ -186,8 +186,24 @@ def test_a_bag_of_another_name_says_which_it_needs(tmp_path):
 
 
 def test_a_recorder_that_was_stopped_hard(tmp_path):
+    """What is whole of an MCAP file is read: all of it without its end, no more than the chunks that are whole."""
     ros = Ros()
-    file = ros.write(tmp_path / "run", {"/a": [(ns(k), ros.number(1.0)) for k in range(50)]})
-    file.write_bytes(file.read_bytes()[:-100])
-    with pytest.raises(LogError, match="mcap recover"):
+    times = [ns(0.01 * k) for k in range(2000)]  # 1.4 MB, in chunks of 1 MB
+    file = ros.write(tmp_path / "run", {"/odom": [(t, ros.odometry(t, k, -k)) for k, t in enumerate(times)]})
+    data, whole = file.read_bytes(), read_recording(file)
+    speed = "/odom.twist.twist.linear.x"
+    assert not whole.notes and len(whole.series[speed]) == 2000
+    for left, all_of_it in ((len(data) - 100, True), (len(data) - 3, True), (len(data) * 9 // 10, False)):
+        file.write_bytes(data[:left])
+        found = read_recording(file)
+        ((check, said),) = found.notes
+        assert check == "truncated" and "last whole chunk" in said
+        values = found.series[speed].values
+        assert (len(values) == 2000) is all_of_it and len(values) > 1000
+        np.testing.assert_array_equal(values, whole.series[speed].values[: len(values)])
+        np.testing.assert_array_equal(found.series[speed].received, whole.series[speed].received[: len(values)])
+    file.write_bytes(data[: len(data) // 2])
+    with pytest.raises(
+        LogError, match="run.mcap breaks off before its first chunk of messages is whole; record it again"
+    ):
         read_recording(file)
