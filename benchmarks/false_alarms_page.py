@@ -12,6 +12,7 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.sensor_noise import FAMILIES
+from jaxid.report.style import HOUSE
 
 Rows = Sequence[dict]
 _SIZES = (0.5, 1.5, 3.0)
@@ -59,6 +60,7 @@ def _calibration(rows: Rows, levels: Sequence[float]) -> str:
     return "\n".join(lines)
 
 
+@plt.rc_context(HOUSE)
 def _curve(rows: Rows, levels: Sequence[float], path: Path) -> None:
     """Share of complete models called incomplete against the level asked for."""
     hits = [sum(row["alarms"][str(level)] for row in rows) for level in levels]

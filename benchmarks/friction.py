@@ -26,6 +26,8 @@ from jaxid import Fit, Integrator, Log, LogSet, Pioneer, Smooth, Sticking, float
 from jaxid.estimate.output_error.problem import parameters_at
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.solvers import minimise_compiled
+from jaxid.report.style import COLOURS as HOUSE_COLOURS
+from jaxid.report.style import HOUSE
 from reference.logs import simulate as exact_run
 from reference.pioneer import PARAMETERS as TRUTH
 from reference.pioneer import PIONEER
@@ -157,6 +159,7 @@ def study(quick: bool) -> dict[str, Any]:
 COLOURS = dict(zip(WIDTHS, ("#b2182b", "#ef8a62", "#67a9cf", "#2166ac"), strict=True))
 
 
+@plt.rc_context(HOUSE)
 def error_figure(rows: list[dict[str, Any]], path: Path) -> None:
     """Simulation error over the step, one line a law."""
     figure, axes = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
@@ -174,20 +177,20 @@ def error_figure(rows: list[dict[str, Any]], path: Path) -> None:
     axes.set(xlabel="integration step [ms]", ylabel="RMS error [standard deviations of the noise]", ylim=(1e-4, 20))
     axes.set_xticks([1.25, 2.5, 5, 10, 20], ["1.25", "2.5", "5", "10", "20"])
     axes.minorticks_off()
-    axes.set_title("Simulation with the true parameters; noise 0.005 m/s and 0.01 rad/s", fontsize=10)
-    axes.grid(True, which="major", lw=0.4)
-    axes.legend(fontsize=8)
+    axes.set_title("Simulation with the true parameters; noise 0.005 m/s and 0.01 rad/s")
+    axes.legend()
     figure.savefig(path, dpi=150)
     plt.close(figure)
 
 
+@plt.rc_context(HOUSE)
 def trace_figure(path: Path) -> None:
     """A stretch of the creeping held-out log: the truth and both laws, and their errors."""
     log = read_logs(DEMO / "check_crawl.csv", robot="pioneer")
     exact = exact_run(PIONEER, log[0].inputs, 0.02).speeds
     robot = Pioneer().with_values(**TRUTH)
     laws = {"smooth, 0.02 m/s": (smooth(0.02), COLOURS[0.02]), "smooth, 0.005 m/s": (smooth(0.005), COLOURS[0.005])}
-    laws["true sticking"] = (Sticking(), "tab:green")
+    laws["true sticking"] = (Sticking(), HOUSE_COLOURS[2])
     time_ = log[0].time
     window = (time_ >= 7.0) & (time_ <= 13.0)
     figure, axes = plt.subplots(2, 2, figsize=(9.6, 5.2), sharex=True, layout="constrained")
@@ -204,9 +207,9 @@ def trace_figure(path: Path) -> None:
             axes[0, column].plot(time_[window], simulated[window, column], color=colour, lw=1.1, label=law)
             error = simulated[window, column] - exact[window, column]
             axes[1, column].plot(time_[window], error, color=colour, lw=1.1)
-    axes[0, 0].legend(fontsize=8)
-    axes[1, 0].legend(fontsize=8)
-    figure.suptitle("Creeping: four integration steps in each 20 ms, true parameters", fontsize=10)
+    axes[0, 0].legend(loc="lower left")
+    axes[1, 0].legend()
+    figure.suptitle("Creeping: four integration steps in each 20 ms, true parameters", x=0.01, ha="left")
     figure.savefig(path, dpi=150)
     plt.close(figure)
 

@@ -20,6 +20,7 @@ import numpy as np
 
 import jaxid
 from jaxid.estimate.linear.window_equations import window_equations
+from jaxid.report.style import HOUSE
 from reference.axis import AXIS
 from reference.logs import simulate
 
@@ -92,6 +93,7 @@ def picture(run: Run, recursion, fits: list[jaxid.WindowFit]) -> None:
     """Estimates of both, with standard errors, and the truth."""
     import matplotlib.pyplot as plt
 
+    plt.rcParams.update(HOUSE)
     times, theta, errors, _ = recursion
     names, at = jaxid.Axis().parameters.free_names, np.array([fit.time for fit in fits])
     across = [fit.time for fit in fits if fit.alarm and not fit.sound][
@@ -107,7 +109,7 @@ def picture(run: Run, recursion, fits: list[jaxid.WindowFit]) -> None:
         axis.plot(run.time, true, "k--", lw=1, label="true")
         axis.set(ylabel=f"{name} [{jaxid.Axis().parameters[name].unit}]", ylim=(0.7 * true.min(), 1.3 * true.max()))
         axis.axvspan(*across, color="0.9")
-    axes[0].legend(fontsize=8)
+    axes[0].legend(loc="upper left")
     axes[-1].set_xlabel("time [s]")
     PICTURE.parent.mkdir(exist_ok=True)
     figure.savefig(PICTURE, dpi=90)

@@ -138,6 +138,7 @@ def confusion(entries: list[Entry], path: Path) -> None:
         counts[rows.index(next(iter(e["hidden"]), "nothing")), columns.index(answer(e))] += 1
     shares = counts / counts.sum(axis=1, keepdims=True)
     fig, ax = plt.subplots(figsize=(0.34 * len(columns) + 3.2, 0.27 * len(rows) + 2.6), layout="constrained")
+    ax.spines[:].set_visible(False)
     ax.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for i, j in zip(*np.nonzero(counts), strict=True):
         dark = shares[i, j] > 0.5
