@@ -89,6 +89,8 @@ def as_sampled(y: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _third(y: NDArray[np.float64], time: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """Third divided differences of a signal, in units in which white noise has its own standard deviation."""
+    if len(y) < 4:
+        return np.zeros(0)
     if time is None:
         return (y[:-3] - 3 * y[1:-2] + 3 * y[2:-1] - y[3:]) / np.sqrt(20.0)
     t = np.stack([time[k : len(time) - 3 + k] for k in range(4)])

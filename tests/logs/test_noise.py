@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import AXIS, Log, LogSet, noise_level
+from jaxid import AXIS, Axis, Log, LogSet, noise_level, simulate
 from jaxid.logs import noise_scale
 from jaxid.logs.noise import noise_error
 
@@ -148,3 +148,12 @@ def test_a_slower_sensor_that_leaves_cells_empty_has_its_own_neighbours(every):
     values = speed + 0.01 * np.random.default_rng(1).normal(size=4000)
     values[np.arange(4000) % every > 0] = np.nan
     assert noise_level(measured(inputs, values))["v"] == pytest.approx(0.01, rel=0.25)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 4])
+def test_a_log_too_short_for_third_differences_shows_no_level(samples):
+    """And can be simulated: a planned step from one sample to the next is a log, too."""
+    log = Log.from_arrays("short", 0.02 * np.arange(samples), np.ones(samples), np.ones(samples), Axis())
+    assert np.isnan(noise_level(log)["v"])
+    speeds = simulate(Axis().with_values(Fv=0.0, Fc=0.0), LogSet([log]), start={"q": np.zeros(1), "v": np.zeros(1)})
+    np.testing.assert_allclose(speeds[0][:, 0], 0.02 * np.arange(samples))  # a force of 1 N on 1 kg
