@@ -16,7 +16,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchmarks.fuzzing import corpus, disk
+from benchmarks.fuzzing import corpus, disk, recordings
 from benchmarks.fuzzing.corpus import Case
 from benchmarks.fuzzing.good import good_logs
 from benchmarks.fuzzing.judge import RIGHT, Outcome, Verdict, judge_log, reference
@@ -44,6 +44,7 @@ def _cases(seeds: int, number: int, random: int, every: int) -> Iterator[Case]:
     logs = corpus.broken_logs(seeds, number, fit_every=20)
     yield from itertools.islice(logs, 0, None, every)
     yield from corpus.mutated_logs(random, number)
+    yield from recordings.broken_recordings(random // 4, number)
     yield from itertools.islice(corpus.broken_models(seeds, number), 0, None, every)
     yield from itertools.islice(corpus.broken_mappings(), 0, None, every)
     yield from corpus.commands(number, every)
@@ -80,11 +81,12 @@ def _section(counts: dict[str, Counter[Outcome]], seconds: float) -> str:
     unseen = sum(found[Outcome.UNSEEN] for found in counts.values())
     return f"""{TITLE}
 
-Written by `python -m benchmarks.fuzz`: good logs of three robots, model files and mappings, each broken on purpose
-(`benchmarks/fuzzing/` has every way in a line or two) or at random, read, looked over by pre-flight and batched; every
-twentieth log goes on through integral least squares, others through the command line. Each must end in the same numbers as the
-good one, in a finding of pre-flight, or in an error of one sentence that names file and remedy. *Anything else* is a
-traceback, other numbers without a word, a hang, half a file, a harmless file refused, or an error without its place.
+Written by `python -m benchmarks.fuzz`: good logs of three robots, recordings (ROS 1 and ROS 2 bags, MCAP, SQLite, data logs,
+MATLAB files), model files and mappings, each broken on purpose (`benchmarks/fuzzing/` has every way in a line or two) or at
+random, read, looked over by pre-flight and batched; every twentieth log goes on through integral least squares, others through
+the command line. Each must end in the same numbers as the good one, in a finding of pre-flight, or in an error of one sentence
+that names file and remedy. *Anything else* is a traceback, other numbers without a word, a hang, half a file, a harmless file
+refused, or an error without its place.
 
 {_table(counts)}
 
