@@ -19,6 +19,7 @@ import jax
 import numpy as np
 import pandas as pd
 
+from ._origin import Origin
 from .logs import LogSet
 from .parameters import ParameterTable
 
@@ -105,6 +106,9 @@ class Writer:
         if of in _AS_ONE:
             fields = {"": self.value(_AS_ONE[of](value))}
         elif dataclasses.is_dataclass(value):
+            if isinstance(value, Origin):
+                kept = {name: own for name, own in value.arguments.items() if _can_be_written(own)}
+                value = dataclasses.replace(value, arguments=kept)
             fields = {f.name: self.value(getattr(value, f.name)) for f in dataclasses.fields(value)}
         elif isinstance(value, tuple) and hasattr(value, "_fields"):
             fields = {name: self.value(own) for name, own in value._asdict().items()}  # type: ignore[attr-defined]
@@ -125,6 +129,15 @@ class Writer:
                 "by def or class"
             )
         return name_of(thing)
+
+
+def _can_be_written(value: Any) -> bool:
+    """Whether a value can be: of an argument that cannot (a loss made of a lambda) a result is not to be lost."""
+    try:
+        Writer().value(value)
+    except StoredError:
+        return False
+    return True
 
 
 def _attribute(module: Any, qualname: str) -> Any:

@@ -35,7 +35,8 @@ def save(result: Any, path: str | Path) -> Path:
     `Identifiability`, `Explanation`, `ExplainedChange`, `Comparison`, `Design`, logs, a robot. Arrays keep their full
     precision; `result.origin` goes with it: the function, its arguments and seeds, the SHA-256 of every log, versions.
 
-    Robots and effects of your own are written by name, "module:qualname", with their numbers.
+    Robots and effects of your own are written by name, "module:qualname", with their numbers. Of the origin's arguments those
+    that have no name to be found by are left out.
 
     Raises `ResultFileError` for what is no result, and where the robot holds a function without a name of its own (a
     lambda, or one inside another function); `OSError` where the file cannot be written.

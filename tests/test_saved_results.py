@@ -1,5 +1,6 @@
 """Results that are saved and loaded: the same numbers, the same words, ready for what comes next; files that are not ours."""
 
+import dataclasses
 import json
 import sys
 import types
@@ -169,6 +170,15 @@ def test_a_function_without_a_name_is_refused_when_saving(dynamics, tmp_path):
     with pytest.raises(ResultFileError, match="lambda.*define it at the top of a module"):
         save(rover(dynamics), tmp_path / "rover.jaxid")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_argument_without_a_name_is_left_out_of_the_origin(fit, tmp_path):
+    class Local(jaxid.Huber):
+        pass
+
+    found = dataclasses.replace(fit.origin, arguments={**fit.origin.arguments, "loss": Local(), "law": lambda x: x})
+    own = back(dataclasses.replace(fit, origin=found), tmp_path / "fit.jaxid").origin.arguments
+    assert set(found.arguments) - set(own) == {"loss", "law"} and own["max_steps"] == 100
 
 
 # -- files that are not ours -------------------------------------------------------------------------------------------

@@ -28,13 +28,6 @@ def test_the_demonstration_logs_noise_is_found(demo_logs, robot):
         assert found[channel] == pytest.approx(truth[channel], rel=0.05)
 
 
-@pytest.mark.parametrize("rows", [2, 3, 4, 5])
-def test_a_handful_of_rows_has_no_level(rows):
-    time = 0.02 * np.arange(rows)
-    log = Log.from_arrays("short", time, {"u": np.ones(rows)}, {"v": np.sin(time)}, AXIS)
-    assert np.isnan(noise_level(log)["v"]) and noise_scale(LogSet([log]))["v"] > 0
-
-
 def test_kinks_at_input_changes_and_single_spikes_do_not_count(axis_log):
     log = axis_log("kinks", levels(2000, 5, hold=20), noise=1e-4, seed=5, M=2.0)
     assert noise_level(log)["v"] == pytest.approx(1e-4, rel=0.1)
