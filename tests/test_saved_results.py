@@ -76,11 +76,12 @@ def test_numbers_keep_every_digit_and_their_kind(fit, logs, tmp_path):
     assert [log.sha256 for log in own] == [log.sha256 for log in logs]
 
 
-def test_a_loaded_fit_is_compared_and_started_from(fit, logs, tmp_path):
+def test_a_loaded_fit_is_compared_explained_and_started_from(fit, logs, tmp_path):
     found = back(fit, tmp_path / "fit.jaxid")
     assert repr(jaxid.compare(found, held_out=logs[2:])) == repr(jaxid.compare(fit, held_out=logs[2:]))
     again = output_error(found.robot, logs[:2], start=found)
     assert again["M"].value == pytest.approx(fit["M"].value, rel=1e-6)
+    assert jaxid.explain(found, logs[:2], logs[2:]).verdict == "adequate"
 
 
 def test_an_explanation_is_loaded_with_its_page(explained, tmp_path):

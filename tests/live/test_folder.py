@@ -75,7 +75,7 @@ def test_a_link_in_the_folder_leads_nothing_out_of_it(place, target):
 def test_what_is_too_large_is_refused_before_it_is_read(place):
     folder = LogFolder(place / "logs", largest=10)
 
-    class Unread:
+    class Unread(io.BufferedIOBase):
         def read(self, size):
             raise AssertionError("it was read")
 
