@@ -231,5 +231,5 @@ class Work(threading.Thread):
         page = page_of(explain(baseline, fit, held_out, report=say))
         paths = [[str(self._task.folder.path / log.name) for log in logs] for logs in (fit, held_out)]
         command = [*self._task.command, "--fit", *paths[0], "--held-out", *paths[1], "--out", "results"]
-        keep = "The page keeps nothing. This writes the report, the model with what was added, and the experiment to drive:"
+        keep = "The page keeps nothing. This writes the report, the model, and an experiment to drive where one is proposed:"
         return replace(page, next=(Text(keep), Code(shlex.join(command)), *page.next))
