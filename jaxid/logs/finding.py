@@ -1,5 +1,7 @@
 """What can be wrong with a log: an error that stops the work, or a finding that the user should know about."""
 
+import difflib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -37,3 +39,14 @@ class Finding:
 
     def __str__(self) -> str:
         return f"{self.severity}: {self.message}"
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """`", did you mean 'eta1'?"`-style suffix, or nothing: the closest of `known`, also ignoring case."""
+    known = list(known)
+    lower = {other.lower(): other for other in known}
+    close = [lower[name.lower()]] if name.lower() in lower else []
+    close += difflib.get_close_matches(name, known, n=2, cutoff=0.6)
+    close += [lower[other] for other in difflib.get_close_matches(name.lower(), list(lower), n=2, cutoff=0.6)]
+    close = list(dict.fromkeys(close))[:2]
+    return f" (close: {', '.join(map(repr, close))})" if close else ""

@@ -3,7 +3,6 @@
 Row k holds what was measured at t_k and the input applied from t_k to t_(k+1) (zero-order hold).
 """
 
-import difflib
 import html
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,7 +20,7 @@ from .._renamed import renamed
 from .channels import Channels
 from .content_hash import content_hash
 from .dataset import log_dataset
-from .finding import Finding, LogError
+from .finding import Finding, LogError, did_you_mean
 
 if TYPE_CHECKING:
     import xarray
@@ -59,17 +58,6 @@ def _columns(values: ArrayLike | Mapping[str, ArrayLike], names: Sequence[str], 
         )
     missing = np.full((samples, len(names) - array.shape[1]), np.nan)
     return np.concatenate([array, missing], axis=1)
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """`", did you mean 'eta1'?"`-style suffix, or nothing: the closest of `known`, also ignoring case."""
-    known = list(known)
-    lower = {other.lower(): other for other in known}
-    close = [lower[name.lower()]] if name.lower() in lower else []
-    close += difflib.get_close_matches(name, known, n=2, cutoff=0.6)
-    close += [lower[other] for other in difflib.get_close_matches(name.lower(), list(lower), n=2, cutoff=0.6)]
-    close = list(dict.fromkeys(close))[:2]
-    return f" (close: {', '.join(map(repr, close))})" if close else ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
