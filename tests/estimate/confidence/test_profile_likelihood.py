@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from jaxid import Axis, Integrator, LogSet, ParameterError, Profiles, output_error, profile_likelihood, simulate
+from jaxid.estimate.confidence.profile_likelihood import Profile, _Side
 from jaxid.estimate.confidence.white_noise import not_white
 
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
@@ -71,6 +72,40 @@ def test_what_the_data_leaves_open_has_an_open_interval(axis_log):
     profile = profiles["M"]
     assert "without: M." in profiles._repr_html_()
     assert "above" in profile.open_ends and "does not end it" in profile.sentence
+
+
+def test_a_search_that_fails_far_out_makes_no_end(axis_log):
+    """All of mass, friction and gain times the same number move alike: each is free as far as the bounds of the others let
+    it be. A search for the others that begins far from there ends in a minimum of its own, or nowhere."""
+    inputs = np.repeat([3.0, -2.0, 1.6, 4.0, -4.0, 2.0], 30)
+    logs = LogSet([axis_log("a", inputs, noise=0.01, seed=4, position=False, **TRUE)])
+    robot = ROBOT.change("gain", free=True)
+    for name in (*TRUE, "gain"):
+        robot = robot.change(name, lower=0.01)
+    fit = output_error(robot, logs, integrator=STEP)
+    profiles = profile_likelihood(fit, logs, integrator=STEP)
+    least = max(0.01 / fit[name].value for name in fit.free_names)
+    for name, profile in profiles.profiles.items():
+        assert profile.ci95[0] <= 1.001 * least * profile.value and profile.ci95[1] == np.inf
+        assert "above" in profile.open_ends and profile.rise[-1] < 0.01 and profile.values[-1] > 50 * profile.value, (
+            name
+        )
+
+
+def test_where_no_search_converges_the_end_is_not_found():
+    rises = {1.0: 0.0, 2.0: 0.5}
+    side = _Side.of(rises, {2.0: 1.0, 4.0: 2.0, 3.0: 2.0}, 1.0, 1.0, 10.0)
+    assert side.end is None and not side.open and side.next(3.0) == [2.25, 2.5, 3.0]
+    # A point above the level is no end before it was looked at from close by; one below it, further out, is proof.
+    high = _Side.of({**rises, 3.0: 400.0}, {2.0: 1.0, 3.0: 1.0}, 1.0, 1.0, 10.0)
+    assert high.end is None and high.next(3.0)[-1] == 3.0
+    assert _Side.of({**rises, 3.0: 400.0}, {2.0: 1.0, 3.0: 2.97}, 1.0, 1.0, 10.0).end == 3.0
+    beyond = _Side.of({**rises, 3.0: 400.0, 4.0: 1.0}, dict.fromkeys((2.0, 3.0, 4.0), 1.0), 1.0, 1.0, 10.0)
+    assert beyond.near == (4.0, 1.0) and beyond.end is None and not beyond.open
+    profile = Profile("M", "kg", 1.0, np.array([1.0]), np.array([0.0]), (0.0, np.inf), (0, 2), ("below",), ("above",))
+    assert "does not end it below; its end above was not found" in profile.sentence
+    text = repr(Profiles({"M": profile}))
+    assert "0 of 1 intervals have both ends; without: M; not found: M." in text and "end not found" in text
 
 
 def test_a_parameter_that_was_not_estimated_is_an_error(fit, logs):
