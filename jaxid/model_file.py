@@ -38,6 +38,7 @@ from ._atomic import write_text
 from ._toml import read_toml, shown
 from .effects import catalogue, effect_by_id, laws_of
 from .effects.curve import Curve
+from .effects.table_constants import TableConstants
 from .logs.log import did_you_mean
 from .parameters import Parameter, ParameterError, ParameterTable
 from .robots import Effect, EffectError, Robot
@@ -281,8 +282,10 @@ def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, meth
         document["method"] = method
     if math.isfinite(robot.longest_step):
         document["longest_step"] = float(robot.longest_step)
-    if robot.effects:
-        document["effects"] = [_effect_entry(effect) for effect in robot.effects]
+    # Constants that were estimated after all say so below, as parameters.
+    effects = [effect for effect in robot.effects if not isinstance(effect, TableConstants)]
+    if effects:
+        document["effects"] = [_effect_entry(effect) for effect in effects]
     return tomli_w.dumps({**document, "parameters": parameters})
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
 
 from ..parameters import Parameter
 from ..robots.effect import Effect, Numbers, Scalar
@@ -34,6 +36,13 @@ def curve(x: Scalar, knots: Sequence[float], heights: Sequence[Scalar], reach: S
         early, late = t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0)
         found = found + w * (rises[k] * t * t * (3.0 - 2.0 * t) + slopes[k] * early + slopes[k + 1] * late)
     return found
+
+
+def rises_early(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> bool:
+    """Whether a curve that begins at zero rises before it is level rather than after: by its farthest point from a straight
+    line to its end, since a share of `x` itself may be another thing's."""
+    off = heights - heights[-1] * x / x[-1]
+    return bool(off[np.argmax(np.abs(off))] >= 0)
 
 
 @dataclass(frozen=True)
@@ -93,6 +102,10 @@ class Curve(Effect):
             for place in self.varying:
                 found |= signed(self, self.height(place, name).removeprefix(self.key("")), unit, typical)
         return found | shape(self, "reach", of, reach, free=False)
+
+    def agrees(self, robot: Robot) -> bool:
+        """Whether the curve that `robot` has is this mechanism's, and not another's whose curve has the same formula."""
+        return True
 
     def at(self, x: Scalar, p: Numbers, name: str = "") -> Scalar:
         """The curve (of `name`) at `x` >= 0."""

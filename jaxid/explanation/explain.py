@@ -8,6 +8,7 @@ from .._memory import bounded_memory
 from .._origin import with_origin
 from .._renamed import renamed
 from ..effects.curve import Curve
+from ..effects.table_constants import TableConstants
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
@@ -31,7 +32,7 @@ from .prescribed_angles import predicted
 from .refit import in_full
 from .search import MOST_EFFECTS, Search, Step, search
 from .shape import shapes_of
-from .table_constants import Shares, constants_like, in_a_sentence
+from .table_constants import Shares, changed_by, constants_like, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
@@ -76,9 +77,16 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
                     law=effect.law,
                     laws_alike=step.laws_alike if same_law else (),
                     shapes=shapes_of(effect, final.robot, final.parameters) if isinstance(effect, Curve) else (),
+                    constants=_wrong(effect, baseline, final),
                 )
             )
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
+
+
+def _wrong(effect: Effect, baseline: Fit, final: Fit) -> tuple[Shares, ...]:
+    """Of constants of the table that were estimated after all, by which shares they differ from it."""
+    constants = effect.constants if isinstance(effect, TableConstants) else ()
+    return (changed_by(constants, baseline.robot, final.parameters),) if constants else ()
 
 
 def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: HeldOut) -> tuple[str, ...]:
@@ -265,10 +273,14 @@ def explain(
     if verdict in ("named", "ambiguous"):
         report("looking whether constants of the table explain as much")
         steps = {step.chosen.id: step for step in found.steps}
-        constants = {effect.id: constants_like(steps[effect.id], logs, held_out) for effect in named}
-        named = tuple(effect.or_constants(constants[effect.id]) for effect in named)
+        for effect in named:
+            if effect.id != TableConstants.id:
+                step = steps[effect.id]
+                constants[effect.id] = constants_like(step.before, step.after, logs, held_out)
+        named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         verdict = _verdict(found, named, most, doubts)
     tables = tuple(in_a_sentence(identifier, sets) for identifier, sets in constants.items() if sets)
+    tables += tuple(found_wrong(effect.constants[0]) for effect in named if effect.id == TableConstants.id)
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
     open_ = found.colour is not None and not found.steps

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..effects.catalogue import MECHANISMS
-from ..effects.curve import SHAPE
+from ..effects.curve import SHAPE, Curve
 from .policy import current_policy
 from .refit import Trial
 from .screen import Candidate
@@ -48,6 +48,43 @@ def by_law(
         found[trial.id].append(trial)
     each = [best_first(own) for own in found.values()]
     return sorted(each, key=lambda own: own[0].score)
+
+
+def with_the_same_curves(
+    mechanisms: Sequence[Sequence[Trial]], screened: Sequence[Candidate], refits: Refits
+) -> list[list[Trial]]:
+    """The mechanisms with those besides whose curve has the formula of the best one's: where the curve bends, and not that one
+    explains, tells two such mechanisms apart."""
+    found = [list(own) for own in mechanisms]
+    best = found[0][0].effect
+    if not isinstance(best, Curve):
+        return found
+    tried = {(trial.id, trial.law) for own in found for trial in own}
+    laws = [law for candidate in screened for law in (candidate, *candidate.laws)]
+    same = {law.effect.id: law for law in laws if isinstance(law.effect, Curve) and law.effect.formula == best.formula}
+    further = [law for name, law in same.items() if (name, law.effect.law) not in tried]
+    for trial in refits(further) if further else []:
+        own = next((own for own in found if own[0].id == trial.id), None)
+        if own is None:
+            found.append([trial])
+        else:
+            own.append(trial)
+    return sorted((best_first(own) for own in found), key=lambda own: own[0].score)
+
+
+def by_where_they_bend(mechanisms: Sequence[list[Trial]], base: Trial) -> list[list[Trial]]:
+    """The mechanisms, best first; where the best curve is rather that of another mechanism of the same formula, which explains
+    the gap of `base`, too, that one first."""
+    best = mechanisms[0][0]
+    if not isinstance(best.effect, Curve) or best.effect.agrees(best.robot):
+        return list(mechanisms)
+    closed = current_policy().unexplained * base.fitted.gap
+    for own in mechanisms[1:]:
+        effect = own[0].effect
+        same = isinstance(effect, Curve) and effect.formula == best.effect.formula and effect.agrees(own[0].robot)
+        if same and own[0].fitted.gap < closed:
+            return [own, *(other for other in mechanisms if other is not own)]
+    return list(mechanisms)
 
 
 def best_first(own: Sequence[Trial]) -> list[Trial]:

@@ -12,6 +12,7 @@ import numpy as np
 from .._distributions import chi_squared_beyond
 from ..effects import catalogue, laws_of
 from ..effects.curve import SHAPE
+from ..effects.table_constants import TableConstants
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
@@ -23,11 +24,12 @@ from .coloured import GATES, OnlyColour, colours_of, only_colour
 from .denser import densest
 from .heldout import HeldOut, held_out_state
 from .in_colour import generalised, in_colour
-from .laws import best_first, by_law
+from .laws import best_first, by_law, by_where_they_bend, with_the_same_curves
 from .level import current_level
 from .policy import current_policy
 from .refit import FEW_STEPS, Trial, compile_refits, continued, refit
 from .screen import Candidate, screen
+from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets
 from .within_errors import within_errors
 from .worth import coarseness, could_matter, least_gain, matters, worth_in_colour, worth_it
@@ -245,10 +247,12 @@ def name_next(
         return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=like.angles)
 
     mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
+    mechanisms = with_the_same_curves(mechanisms, screened, added)
     if not mechanisms[0][0].fitted.adequate:
         leading, others = mechanisms[:_FIRST_TRIALS], mechanisms[_FIRST_TRIALS:]
         leading = [[densest(trial, again) for trial in own] for own in leading]
         mechanisms = sorted((best_first(own) for own in [*leading, *others]), key=lambda own: own[0].score)
+    mechanisms = by_where_they_bend(mechanisms, base)
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])
     in_colour = _ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
@@ -270,6 +274,32 @@ def name_next(
     laws = next(own for own in mechanisms if own[0].id == trials[0].id)
     same = tuple(trial.law for trial in alike(laws))
     return Step(tuple(trials), equivalent, tuple(screened), base, trials[0], tuple(laws), same)
+
+
+def _or_constants(
+    found: Step | None,
+    base: Trial,
+    first: Trial,
+    screened: Sequence[Candidate],
+    logs: LogSet,
+    held_out: LogSet,
+    say: Report,
+) -> Step | None:
+    """The step as it was found, or that to right values of the table where no formula reaches the noise and they do better."""
+    best = found.chosen if found is not None else None
+    settled = best is not None and best.fitted.adequate and best.law != SHAPE
+    if settled or (best is not None and best.in_colour is not None):
+        return found
+    if any(effect.id == TableConstants.id for effect in base.robot.effects):
+        return found
+    say("looking whether constants of the table explain more")
+    trial = constants_instead(base, best, logs, held_out)
+    if trial is None or not worth_it(base, trial, first, max(len(screened), 1)):
+        return found
+    say(f"refitted with other constants of the table: held-out {trial.held_out.normalised_rms:.3f} x noise")
+    trials = (trial, *(found.trials if found is not None else ()))
+    equivalent = tuple(name for name in not_told_apart(trials) if name not in supersets(trials))
+    return Step(trials, equivalent, tuple(screened), base, trial, (trial,))
 
 
 def _looked_at(screened: Sequence[Candidate], trial: Trial) -> int:
@@ -345,9 +375,16 @@ def _reconsidered(
             swapped = _refitted(_with_effects(base.robot, owners), final, logs, held_out, noise)
             trials.append(replace(swapped, id=rival.id))
             say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
+        if TableConstants.id not in present:
+            owners = {effect.id: final.robot for effect in final.robot.effects if effect.id != step.chosen.id}
+            bare = _refitted(_with_effects(base.robot, owners), final, logs, held_out, noise)
+            right = constants_instead(bare, min(trials, key=lambda t: t.score), logs, held_out)
+            if right is not None:
+                say(f"other constants instead of {step.chosen.id}: held-out {right.held_out.normalised_rms:.3f} x noise")
+                trials.append(right)
         trials.sort(key=lambda t: t.score)
         final = trials[0]
-        if rivals:
+        if len(trials) > 1:
             others = tuple(t for t in step.trials if t.id not in {trial.id for trial in trials})
             step = replace(step, trials=(*trials, *others), equivalent=not_told_apart(trials))
         revised.append(step)
@@ -398,6 +435,7 @@ def search(
         if len(steps) >= most or colour is not None:
             break
         found = name_next(current, baseline, screened, logs, held_out, noise, report)
+        found = _or_constants(found, current, baseline, screened, logs, held_out, report)
         if found is None:
             break
         steps.append(found)

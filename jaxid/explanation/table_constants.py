@@ -1,16 +1,19 @@
-"""Constants of the table that, if they are wrong, do what a named effect does.
+"""Constants of the table that are wrong, or that would do what a named effect does if they were.
 
-A mass, a gear ratio, a wheel radius or a supply voltage is taken as known, and no candidate; a wrong one, or two, are then
-named by what looks the same, such as a sensor's scale. Whether some do is asked of what the effect changed on the fitted
-logs: do changes of few constants, and of the fitted parameters with them, change the simulation alike? Those that may are
-fitted in its place.
+A mass, a gear ratio, a wheel radius or a supply voltage is taken as known; a wrong one, or two, are then named by what looks
+the same, such as a sensor's scale. Where no name reaches the noise, few constants are tried in its place (`constants_instead`):
+those whose changes, and changes of the fitted parameters with them, leave least of the residual to first order. Where one
+does, it is asked whether constants change the simulation like it (`constants_like`).
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects.curve import SHAPE
+from ..effects.table_constants import TableConstants
 from ..estimate.output_error.estimated_start import estimated_start
 from ..logs import LogSet
 from ..robots.effect import in_words
@@ -18,21 +21,24 @@ from ..robots.robot import Robot
 from ..simulation.simulate import simulate_models
 from .heldout import scaled_residuals
 from .refit import Trial, refit
-from .search import Step
 from .telling_apart import told_apart_from
 
 _STEP = 1e-3
 """Step of secants, in units of a parameter's magnitude."""
 _LIKE = 0.5
 """Share of what the effect changed (chi-squared) that constants may lack to first order to be fitted: large changes bend."""
+_BENT = 0.1
+"""Share of what another candidate explains that constants may explain less, to first order, and are fitted all the same."""
 _MOST = 6
 """Most constants that are fitted one by one."""
 _TOGETHER = 3
 """Most constants that are wrong together."""
 _FARTHEST = 0.5
 """Share of its value by which nobody's table is wrong."""
+_NO_SLIP = 0.15
+"""Share by which a table may be wrong that is not asked for by a name: what is farther off stands in for something else."""
 Array = NDArray[np.float64]
-Shares = dict[str, float]
+Shares = Mapping[str, float]
 
 
 def _constants(robot: Robot) -> list[str]:
@@ -74,46 +80,86 @@ def _likely(own: Array, constants: Mapping[str, Array], wanted: Array) -> list[t
     return sets
 
 
-def constants_like(step: Step, logs: LogSet, held_out: LogSet) -> list[Shares]:
-    """The constants of the table that explain what the effect added at `step` explains: each set of as few as do, fitted in
-    its place, with the shares of their values by which they then change; those that do worse by more than chance, or by
-    changes that no table is wrong by, are left out."""
-    before, after = step.before.robot, step.after.robot
-    freed = {name for effect in after.effects for name in effect.frees(after)}
-    names = list(before.parameters.free_names)
-    constants = [name for name in _constants(before) if name not in freed]
-    if not constants or step.before.angles or step.after.angles:
-        return []
-    if step.before.fitted.diverged or step.after.fitted.diverged:
-        return []
-    table, noise = before.parameters, step.before.held_out.noise
-    sizes = [_STEP * (abs(table[name].value) or table[name].typical or 1.0) for name in (*names, *constants)]
+def _secants(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: LogSet) -> tuple[Array, Array, Array]:
+    """Residuals of a model on the logs [samples] in units of the noise, their changes with its free parameters and `names`
+    [parameters, samples], for small steps each, and those with other models of it, `after` [models, samples]."""
+    table = before.robot.parameters
+    every = (*table.free_names, *names)
+    sizes = [_STEP * (abs(table[name].value) or table[name].typical or 1.0) for name in every]
     # Away from an upper bound.
-    full = [table[n].value + size > table[n].upper for n, size in zip((*names, *constants), sizes, strict=True)]
+    full = [table[n].value + size > table[n].upper for n, size in zip(every, sizes, strict=True)]
     sizes = [-size if over else size for size, over in zip(sizes, full, strict=True)]
-    moved = [
-        before.change(name, value=table[name].value + size)
-        for name, size in zip((*names, *constants), sizes, strict=True)
-    ]
-    outputs = _outputs([before, *moved], logs, noise)
-    secants, wanted = outputs[1:] - outputs[0], _outputs([after], logs, noise)[0] - outputs[0]
-    own = secants[: len(names)]
+    moved = [before.robot.change(n, value=table[n].value + size) for n, size in zip(every, sizes, strict=True)]
+    noise = before.held_out.noise
+    outputs = _outputs([before.robot, *moved], logs, noise)
+    others = _outputs([*after], logs, noise) if after else np.empty((0, outputs.shape[1]))
+    return outputs[0], outputs[1:] - outputs[0], others - outputs[0]
+
+
+def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Shares]:
+    """The constants of the table that explain what the last effect of `after` explains of `before`: each set of as few as do,
+    fitted in its place, with the shares of their values by which they then change; those that do worse by more than chance,
+    or by changes that no table is wrong by, are left out."""
+    freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
+    constants = [name for name in _constants(before.robot) if name not in freed]
+    if not constants or before.angles or after.angles:
+        return []
+    if before.fitted.diverged or after.fitted.diverged:
+        return []
+    _, secants, changes = _secants(before, [after.robot], constants, logs)
+    own = secants[: -len(constants)]
     found: list[Shares] = []
-    for chosen in _likely(own, dict(zip(constants, secants[len(names) :], strict=True)), wanted):
+    for chosen in _likely(own, dict(zip(constants, secants[-len(constants) :], strict=True)), changes[0]):
         if found and len(chosen) > len(found[0]):
             break  # fewer do
-        trial = _with_freed(step.before, chosen, logs, held_out)
-        shares = {name: trial.robot.parameters[name].value / table[name].value - 1.0 for name in chosen}
-        if max(map(abs, shares.values())) < _FARTHEST and not told_apart_from(step.after, trial):
+        trial = _with_freed(before, chosen, logs, held_out)
+        shares = changed_by(chosen, before.robot, trial.robot.parameters)
+        if max(map(abs, shares.values())) < _FARTHEST and not told_apart_from(after, trial):
             found.append(shares)
     return found
 
 
+def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out: LogSet) -> Trial | None:
+    """`before` with few constants of the table right that explain more than the `best` effect does, by more than chance where
+    that is a formula; of ever more of them, the number that the Bayesian criterion prefers. None where there are none."""
+    constants = _constants(before.robot)
+    if not constants or before.angles or before.fitted.diverged:
+        return None
+    residual, secants, _ = _secants(before, [], constants, logs)
+    own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
+    usable = {name: column for name, column in columns.items() if np.isfinite(column).all() and np.any(column)}
+    rival = best.squares if best is not None else before.squares
+    chosen: tuple[str, ...] = ()
+    trials: list[Trial] = []
+    for _ in range(min(_TOGETHER, len(usable))):
+        rest = [name for name in usable if name not in chosen]
+        left, name = min((_left(own, [usable[n] for n in (*chosen, name)], -residual), name) for name in rest)
+        chosen = (*chosen, name)
+        # To first order; what the fit finds may be less.
+        if left * float(residual @ residual) > rival + _BENT * (before.squares - rival):
+            continue
+        trial = _with_freed(before, chosen, logs, held_out)
+        shares = changed_by(chosen, before.robot, trial.robot.parameters)
+        if max(map(abs, shares.values())) < _NO_SLIP:
+            trials.append(trial)
+        if trial.fitted.adequate:
+            break
+    found = min(trials, key=lambda trial: trial.score, default=None)
+    if found is None or best is None:
+        return found
+    # A curve follows many things; constants that do as well are the simpler answer.
+    better = found.score < best.score and (best.law == SHAPE or told_apart_from(found, best))
+    return found if better else None
+
+
+def changed_by(names: Sequence[str], robot: Robot, table: Mapping[str, Any]) -> Shares:
+    """By which share of their values in `robot` constants differ in another table (of parameters, or estimates)."""
+    return {name: float(table[name].value / robot.parameters[name].value - 1.0) for name in names}
+
+
 def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: LogSet) -> Trial:
     """`before` refitted with these constants estimated."""
-    robot = before.robot
-    for name in names:
-        robot = robot.change(name, free=True)
+    robot = before.robot + TableConstants(tuple(names))
     begin = {own: robot.parameters[own].value for own in robot.parameters.free_names}
     return refit(robot, [begin], logs, held_out, before.held_out.noise, before.initial_states)
 
@@ -125,4 +171,13 @@ def in_a_sentence(identifier: str, found: Sequence[Shares]) -> str:
     return (
         f"What is called {in_words(identifier)} here may as well be {wrong} in the table: {listed} would do the same, as far "
         "as these logs tell. Measure that first, or free it in a model file."
+    )
+
+
+def found_wrong(shares: Shares) -> str:
+    """A sentence that says which constants of the table the data contradicts, by how much."""
+    listed = " and ".join(f"{n} by {100 * share:+.2g} %" for n, share in shares.items())
+    return (
+        f"No effect of the catalogue but a wrong table explains this best: these logs contradict the value of {listed}. "
+        "Measure it, or keep the model as it is now."
     )

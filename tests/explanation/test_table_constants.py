@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from jaxid import Channels, Custom, Log, LogSet, Parameter, explain, output_error
+from jaxid.model_file import read_model
 
 DT, NOISE = 0.02, 0.005
 
@@ -52,3 +54,45 @@ def test_a_wrong_radius_is_named_beside_the_sensors_scale_with_its_error(radius)
 def test_what_no_constant_does_is_called_by_its_name_alone():
     found = explained(0.1, curve=0.3)
     assert found.effects and not any("wrong constant" in note for note in found.notes)
+
+
+def slowing(state, inputs, p):
+    """What drives it wanes with its speed: gone at the `limit`, which the table holds."""
+    speed = state["v"]
+    return {"v": (0.1 * inputs["spin"] * (1.0 - (speed / p["limit"]) ** 2) - speed) / p["T"]}
+
+
+def slowed(name, seed, limit):
+    """By SciPy, the command held for 0.3 s each."""
+    rng = np.random.default_rng(seed)
+    levels, at, seen = rng.uniform(-15.0, 15.0, 20), 0.0, []
+    for level in levels:
+        span = DT * np.arange(16)
+        way = solve_ivp(
+            lambda _, v, u=level: (0.1 * u * (1.0 - (v / limit) ** 2) - v) / 0.3, (0.0, 0.3), [at], t_eval=span, rtol=1e-9
+        )
+        seen += list(way.y[0, :15])
+        at = way.y[0, 15]
+    spin, outputs = np.repeat(levels, 15), np.array(seen) + NOISE * rng.normal(size=300)
+    return Log.from_arrays(name, DT * np.arange(300), spin[:, None], outputs[:, None], SLOWED.channels)
+
+
+SLOWED = Custom(
+    dynamics=slowing,
+    state_names=("v",),
+    own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
+    table={"T": Parameter(0.3, "s", lower=0.0, free=True), "limit": Parameter(1.65, "m/s")},
+)
+
+
+def test_a_wrong_constant_that_no_effect_stands_for_is_itself_what_is_found(tmp_path):
+    fitted = LogSet([slowed("a", 0, 1.5), slowed("b", 1, 1.5)])
+    found = explain(output_error(SLOWED, fitted), fitted, LogSet([slowed("held", 2, 1.5)]))
+    assert [effect.id for effect in found.effects] == ["table_constants"] and found.verdict == "named"
+    (effect,) = found.effects
+    assert effect.parameters["limit"].ci95[0] < 1.5 < effect.parameters["limit"].ci95[1]
+    assert effect.constants[0]["limit"] == pytest.approx(1.5 / 1.65 - 1.0, abs=0.01)
+    assert any("limit by -9" in note for note in found.notes)
+    found.save(tmp_path)
+    again = read_model(tmp_path / "model.toml", SLOWED)
+    assert again.parameters["limit"].value == effect.parameters["limit"].value

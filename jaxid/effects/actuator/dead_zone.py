@@ -4,12 +4,13 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
-from ..curve import Curve
+from ..curve import Curve, rises_early
 from ..effect_parameters import positive
 from .drives import drive_names, each_drive, input_unit, on_drives
 
@@ -122,6 +123,10 @@ class DeadZoneCurve(Curve):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, largest = input_unit(robot), robot.scales.input
         return self.heights_and_reach(robot, unit, 0.03 * largest, unit, 0.5 * largest)
+
+    def agrees(self, robot: Robot) -> bool:
+        largest = np.linspace(0.0, robot.scales.input, 101)
+        return rises_early(largest, np.asarray(self.at(largest, robot.parameters.numbers)))
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         size = jnp.abs(inputs)

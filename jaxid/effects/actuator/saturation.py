@@ -4,12 +4,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
-from ..curve import Curve
+from ..curve import Curve, rises_early
 from ..effect_parameters import positive
 from .drives import input_unit, on_drives
 
@@ -94,6 +95,10 @@ class SaturationCurve(Curve):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, largest = input_unit(robot), robot.scales.input
         return self.heights_and_reach(robot, unit, 0.05 * largest, unit, largest)
+
+    def agrees(self, robot: Robot) -> bool:
+        largest = np.linspace(0.0, robot.scales.input, 101)
+        return not rises_early(largest, np.asarray(self.at(largest, robot.parameters.numbers)))
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         size = jnp.abs(inputs)
