@@ -24,7 +24,8 @@ from benchmarks.sensor_noise import KINDS, Exact
 from benchmarks.silent import append, code_version, rows_of
 from jaxid.explanation.heldout import held_out_state
 from jaxid.explanation.level import FALSE_ALARM, at_level
-from jaxid.explanation.search import Search, search
+from jaxid.explanation.search import search
+from jaxid.explanation.steps import Search
 
 RESULTS = Path(__file__).parent / "results" / "false_alarms.jsonl"
 PAGE = Path(__file__).parents[1] / "docs" / "false_alarms.md"

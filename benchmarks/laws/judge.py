@@ -110,7 +110,8 @@ def names_right(entry: Entry) -> bool:
 def right(entry: Entry) -> bool:
     """The names are right and believed; nothing hidden: adequate."""
     if not entry["hidden"]:
-        return entry["verdict"] == "adequate" or (entry["verdict"] == "ambiguous" and not wrong_as_fact(entry))
+        named = entry["verdict"] in ("named", "ambiguous") and bool(entry["named"])
+        return entry["verdict"] == "adequate" or (named and not wrong_as_fact(entry))
     return entry["verdict"] in ("named", "ambiguous") and names_right(entry)
 
 

@@ -30,8 +30,9 @@ from .passing_jumps import without_passing_jumps
 from .policy import Policy, current_policy, keeps_policy
 from .prescribed_angles import predicted
 from .refit import in_full
-from .search import MOST_EFFECTS, Search, Step, search
+from .search import MOST_EFFECTS, search
 from .shape import shapes_of
+from .steps import Search, Step
 from .table_constants import Shares, changed_by, constants_like, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
 

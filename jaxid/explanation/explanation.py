@@ -22,8 +22,8 @@ from .coloured import OnlyColour
 from .display import displays
 from .heldout import HeldOut
 from .next_experiment import NextExperiment
-from .search import Search
 from .shape import Shape
+from .steps import Search
 
 TABLE_CONSTANTS = "table_constants"
 """What stands among the names that the data cannot tell from an effect where wrong constants of the table would do the same."""

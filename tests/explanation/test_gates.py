@@ -14,7 +14,7 @@ from jaxid.explanation.explanation import Evidence, NamedEffect, differs_from_no
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.policy import Policy
 from jaxid.explanation.refit import Trial
-from jaxid.explanation.search import Search, Step
+from jaxid.explanation.steps import Search, Step
 from jaxid.logs import Channels
 from jaxid.report.files import fit_document
 

@@ -1,7 +1,7 @@
 """The search: what a model keeps of its effects when others are taken out or exchanged."""
 
 from jaxid.effects import effect_by_id
-from jaxid.explanation.search import _with_effects
+from jaxid.explanation.reconsider import _with_effects
 from jaxid.robots import Axis
 
 

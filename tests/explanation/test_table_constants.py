@@ -69,7 +69,11 @@ def slowed(name, seed, limit):
     for level in levels:
         span = DT * np.arange(16)
         way = solve_ivp(
-            lambda _, v, u=level: (0.1 * u * (1.0 - (v / limit) ** 2) - v) / 0.3, (0.0, 0.3), [at], t_eval=span, rtol=1e-9
+            lambda _, v, u=level: (0.1 * u * (1.0 - (v / limit) ** 2) - v) / 0.3,
+            (0.0, 0.3),
+            [at],
+            t_eval=span,
+            rtol=1e-9,
         )
         seen += list(way.y[0, :15])
         at = way.y[0, 15]

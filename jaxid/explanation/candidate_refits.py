@@ -1,0 +1,39 @@
+"""Refits of a model with each of several candidates."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..logs import LogSet
+from ..robots.robot import Robot
+from .refit import FEW_STEPS, Trial, compile_refits, refit
+from .screen import Candidate
+
+Report = Callable[[str], None]
+
+
+def with_candidate(robot: Robot, candidate: Candidate) -> Robot:
+    """The robot with the candidate's effect, what that does not let vary at what the first look found."""
+    robot = robot + candidate.effect
+    for name in candidate.held:
+        robot = robot.change(name, free=False)
+    fixed = {n: v for n, v in candidate.starts[0].items() if not robot.parameters[n].free}
+    return robot.with_values(**fixed)
+
+
+def all_added(
+    base: Trial, candidates: Sequence[Candidate], logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+) -> list[Trial]:
+    """A few steps of the refit with each of the candidates; last those that are dear to follow up."""
+    candidates = sorted(candidates, key=lambda candidate: candidate.effect.repeats)
+    robots = [with_candidate(base.robot, candidate) for candidate in candidates]
+    if robots:
+        say(f"compiling the refits with {', '.join(candidate.effect.title for candidate in candidates)}")
+    compile_refits(robots, logs, base.angles)
+    trials: list[Trial] = []
+    for number, (robot, candidate) in enumerate(zip(robots, candidates, strict=True), start=1):
+        say(f"refitting with {candidate.effect.title}, {number} of {len(robots)}")
+        rival = min((trial.squares for trial in trials), default=np.inf)
+        states = base.initial_states
+        trials.append(refit(robot, candidate.starts, logs, held_out, noise, states, FEW_STEPS, rival, base.angles))
+    return trials

@@ -1,0 +1,157 @@
+"""The next name: the shortlist refitted, each mechanism by its best law, and the best one, if it is worth its price."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..effects.curve import SHAPE
+from ..effects.table_constants import TableConstants
+from ..logs import LogSet
+from ..robots.robot import Robot
+from .candidate_refits import Report, all_added
+from .colour_left import explaining, ranked_in_colour
+from .denser import densest
+from .laws import best_first, by_law, by_where_they_bend, with_the_same_curves
+from .policy import current_policy
+from .refit import Trial, continued, refit
+from .screen import Candidate
+from .steps import Step
+from .table_constants import constants_instead
+from .telling_apart import alike, not_told_apart, simplest_first, supersets
+from .worth import coarseness, least_gain, worth_it
+
+_MOST_ALIKE = 4
+_FIRST_TRIALS = 2
+_FROM_COLOUR = 2
+"""Most candidates that are refitted only because they explain the whitened residual."""
+
+
+def _different(likely: Sequence[Candidate]) -> list[Candidate]:
+    """The most promising candidates, one of each that explain alike.
+
+    Those with prescribed wheels' angles promise more than the others can; they come on top and displace none.
+    """
+    prescribed = [candidate for candidate in likely if candidate.effect.repeats]
+    others = [candidate for candidate in likely if candidate not in prescribed]
+    chosen: list[Candidate] = []
+    policy = current_policy()
+    for candidate in others:
+        enough = len(chosen) >= policy.first_refits and candidate.gain < policy.promising * others[0].gain
+        if enough or len(chosen) == policy.most_refits:
+            break
+        if not any(candidate.like(other) for other in chosen):
+            chosen.append(candidate)
+    return chosen + [candidate for candidate in prescribed if candidate.gain >= policy.promising * likely[0].gain]
+
+
+def _best(candidates: Sequence[Candidate], trials: Sequence[Trial]) -> tuple[Candidate, Trial]:
+    """The candidate that did best, and its trial."""
+    best = min(trials, key=lambda trial: trial.score)
+    return next(candidate for candidate in candidates if candidate.effect.id == best.id), best
+
+
+def name_next(
+    base: Trial,
+    first: Trial,
+    screened: Sequence[Candidate],
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+    say: Report,
+) -> Step | None:
+    """The best effect to add to `base` of those `screened`, None if none explains enough."""
+    likely = [c for c in screened if c.gain > 0]
+    say("first look: " + (", ".join(f"{c.effect.id} {100 * c.share:.0f} %" for c in likely[:6]) or "no candidate"))
+    if not likely:
+        return None
+    shortlist = _different(likely)
+    # What coloured noise has hidden from the first order.
+    shortlist += [c for c in explaining(screened)[:_FROM_COLOUR] if c not in shortlist]
+    trials = all_added(base, shortlist[:_FIRST_TRIALS], logs, held_out, noise, say)
+    leader, best = _best(shortlist, trials)
+    policy = current_policy()
+    least = policy.rival * leader.gain if best.fitted.adequate else -np.inf
+    shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
+    trials += all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise, say)
+    leader, _ = _best(shortlist, trials)
+    alike_to_it = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
+    trials += all_added(base, alike_to_it, logs, held_out, noise, say)
+    best = min(trials, key=lambda t: t.score)
+    near = best.score + max(100.0, policy.in_the_running * (base.score - best.score))
+    promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * least_gain(base, first)
+
+    def to_the_end(tried: Sequence[Trial]) -> list[Trial]:
+        running = [t for t in tried if promising and t.score < near]
+        ended = {}
+        for number, trial in enumerate(running, start=1):
+            say(f"refitting to the end with {trial.title}, {number} of {len(running)}")
+            ended[id(trial)] = continued(trial, logs, held_out, noise)
+        return [ended.get(id(t), t) for t in tried]
+
+    def added(further: Sequence[Candidate]) -> list[Trial]:
+        return to_the_end(all_added(base, further, logs, held_out, noise, say))
+
+    def again(robot: Robot, like: Trial) -> Trial:
+        start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=like.angles)
+
+    mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
+    mechanisms = with_the_same_curves(mechanisms, screened, added)
+    if not mechanisms[0][0].fitted.adequate:
+        leading, others = mechanisms[:_FIRST_TRIALS], mechanisms[_FIRST_TRIALS:]
+        leading = [[densest(trial, again) for trial in own] for own in leading]
+        mechanisms = sorted((best_first(own) for own in [*leading, *others]), key=lambda own: own[0].score)
+    mechanisms = by_where_they_bend(mechanisms, base)
+    trials = [own[0] for own in mechanisms]
+    tried = _looked_at(screened, trials[0])
+    in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
+    if in_colour is None:
+        trials = simplest_first(trials)
+        # Where a curve is the answer, its few points are no evidence against another mechanism's.
+        closed = trials[0].fitted.gap < policy.unexplained * base.fitted.gap
+        slack = coarseness(True, base.fitted) if closed and trials[0].law == SHAPE else 0.0
+        equivalent = tuple(name for name in not_told_apart(trials, slack) if name not in supersets(trials))
+        worth = worth_it(base, trials[0], first, tried)
+    else:
+        trials, equivalent, worth = in_colour
+    for trial in trials:
+        say(
+            f"refitted with {trial.title}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}"
+        )
+    if not worth:
+        return None
+    laws = next(own for own in mechanisms if own[0].id == trials[0].id)
+    same = tuple(trial.law for trial in alike(laws))
+    return Step(tuple(trials), equivalent, tuple(screened), base, trials[0], tuple(laws), same)
+
+
+def or_constants(
+    found: Step | None,
+    base: Trial,
+    first: Trial,
+    screened: Sequence[Candidate],
+    logs: LogSet,
+    held_out: LogSet,
+    say: Report,
+) -> Step | None:
+    """The step as it was found, or that to right values of the table where no formula reaches the noise and they do better."""
+    best = found.chosen if found is not None else None
+    settled = best is not None and best.fitted.adequate and best.law != SHAPE
+    if settled or (best is not None and best.in_colour is not None):
+        return found
+    if any(effect.id == TableConstants.id for effect in base.robot.effects):
+        return found
+    say("looking whether constants of the table explain more")
+    trial = constants_instead(base, best, logs, held_out)
+    if trial is None or not worth_it(base, trial, first, max(len(screened), 1)):
+        return found
+    say(f"refitted with other constants of the table: held-out {trial.held_out.normalised_rms:.3f} x noise")
+    trials = (trial, *(found.trials if found is not None else ()))
+    equivalent = tuple(name for name in not_told_apart(trials) if name not in supersets(trials))
+    return Step(trials, equivalent, tuple(screened), base, trial, (trial,))
+
+
+def _looked_at(screened: Sequence[Candidate], trial: Trial) -> int:
+    """How many candidates were looked at: laws, and the shapes of the one that was chosen."""
+    laws = [law for candidate in screened for law in (candidate, *candidate.laws)]
+    return len(laws) * next((c.out_of for c in laws if (c.effect.id, c.effect.law) == (trial.id, trial.law)), 1)

@@ -1,0 +1,142 @@
+"""What later effects make of earlier ones: not needed any more, by another law, or another's name."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..effects import laws_of
+from ..effects.table_constants import TableConstants
+from ..logs import LogSet
+from ..robots.robot import Robot
+from .candidate_refits import Report, all_added
+from .denser import densest
+from .laws import best_first
+from .refit import Trial, continued, refit
+from .screen import screen
+from .steps import Step
+from .table_constants import constants_instead
+from .telling_apart import alike, not_told_apart, told_apart_from
+
+
+def _with_effects(base: Robot, owners: Mapping[str, Robot]) -> Robot:
+    """`base` with the effects that `owners` names and it has not got, each as its owner has it: the values of its parameters,
+    and which of them vary (a curve's reach and some of its heights do not)."""
+    robot = base
+    present = {effect.id for effect in base.effects}
+    for identifier, owner in owners.items():
+        if identifier in present:
+            continue
+        robot = robot + next(effect for effect in owner.effects if effect.id == identifier)
+        for name in [name for name in robot.parameters if name.startswith(f"{identifier}.")]:
+            known = owner.parameters[name]
+            robot = robot.change(name, free=known.free).with_values(**{name: known.value})
+    return robot
+
+
+def _refitted(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
+    """`robot` refitted from the numbers that it shares with the trial `like`, and from its own where it shares none."""
+    known = like.robot.parameters
+    own = {effect.id for effect in robot.effects} - {effect.id for effect in like.robot.effects}
+    start = {n: p.value for n, p in robot.parameters.items() if p.free}
+    start |= {n: known[n].value for n in start if n in known and n.split(".")[0] not in own}
+    angles = like.angles if robot.needs("wheel_angles") else None
+    return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=angles)
+
+
+def pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report) -> Trial:
+    """Drop effects that later ones made superfluous."""
+    given = {effect.id for effect in base.robot.effects}
+    own = [effect.id for effect in current.robot.effects if effect.id not in given]
+    for identifier in own[:-1]:
+        say(f"refitting without {identifier}")
+        kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
+        trial = _refitted(_with_effects(base.robot, kept), current, logs, held_out, noise)
+        if trial.score < current.score + 10.0:
+            say(f"{identifier} is not needed any more")
+            current = trial
+    return current
+
+
+def _without(identifier: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
+    """The model without one of its effects, refitted."""
+    owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
+    return _refitted(_with_effects(base.robot, owners), current, logs, held_out, noise)
+
+
+def again(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
+    """`robot` refitted from its own values."""
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=like.angles)
+
+
+def by_laws_again(
+    steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report
+) -> tuple[list[Step], Trial]:
+    """The laws of all effects but the last chosen anew, now that the others are there: a law that was best while another effect
+    was missing may have been so by that effect's doing."""
+    revised = list(steps)
+    for place, step in enumerate(steps[:-1]):
+        effect = next((e for e in current.robot.effects if e.id == step.chosen.id), None)
+        laws = [law.blurred for law in laws_of(base.robot, step.chosen.id)]
+        if effect is None or len(laws) < 2 or current.held_out.adequate or current.angles:
+            continue
+        say(f"the laws of {step.chosen.id} once more")
+        bare = _without(effect.id, current, base, logs, held_out, noise)
+        screened = screen(bare.robot, logs, laws, noise, bare.initial_states)
+        candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
+        others = [law for law in candidates if law.effect.law != effect.law and law.gain > 0]
+        trials = all_added(bare, others, logs, held_out, noise, say)
+        trials = [continued(trial, logs, held_out, noise) for trial in trials]
+        trials = [densest(trial, lambda robot, like: again(robot, like, logs, held_out, noise)) for trial in trials]
+        own = best_first([replace(current, id=effect.id), *trials])
+        if own[0].law == effect.law or not told_apart_from(own[0], current):
+            continue
+        say(f"{own[0].title} instead of {effect.title}: held-out {own[0].held_out.normalised_rms:.3f} x noise")
+        current = own[0]
+        same = tuple(trial.law for trial in alike(own))
+        revised[place] = replace(step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same)
+    return revised, current
+
+
+def reconsidered(
+    steps: list[Step], final: Trial, base: Trial, logs, held_out, noise, say: Report
+) -> tuple[list[Step], Trial]:
+    """Look again at the rivals of each of several effects, now that the others are there.
+
+    A name that came first while another effect was still missing may have won, or lost, by that effect's doing.
+    """
+    if len(steps) < 2:
+        return steps, final
+    revised = []
+    for step in steps:
+        present = {effect.id for effect in final.robot.effects}
+        if step.chosen.id not in present:
+            revised.append(step)
+            continue
+        gain = max(t.score for t in step.trials) - step.chosen.score
+        rivals = [t for t in step.trials[1:] if t.score - step.chosen.score < 0.2 * gain and t.id not in present][:3]
+        trials = [replace(final, id=step.chosen.id)]
+        for number, rival in enumerate(rivals, start=1):
+            say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
+            owners = {effect.id: final.robot for effect in final.robot.effects}
+            owners = {
+                rival.id if i == step.chosen.id else i: rival.robot if i == step.chosen.id else r
+                for i, r in owners.items()
+            }
+            swapped = _refitted(_with_effects(base.robot, owners), final, logs, held_out, noise)
+            trials.append(replace(swapped, id=rival.id))
+            say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
+        if TableConstants.id not in present:
+            bare = _without(step.chosen.id, final, base, logs, held_out, noise)
+            right = constants_instead(bare, min(trials, key=lambda t: t.score), logs, held_out)
+            if right is not None:
+                say(
+                    f"other constants instead of {step.chosen.id}: held-out {right.held_out.normalised_rms:.3f} x noise"
+                )
+                trials.append(right)
+        trials.sort(key=lambda t: t.score)
+        final = trials[0]
+        if len(trials) > 1:
+            others = tuple(t for t in step.trials if t.id not in {trial.id for trial in trials})
+            step = replace(step, trials=(*trials, *others), equivalent=not_told_apart(trials))
+        revised.append(step)
+    return revised, final

@@ -1,0 +1,45 @@
+"""What a search found: the effects one by one, each with the trials it was chosen from."""
+
+from dataclasses import dataclass, field
+
+from .coloured import OnlyColour
+from .heldout import HeldOut
+from .refit import Trial
+from .screen import Candidate
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect added: the trials, one of every mechanism by its best law, best first, and the ids that the data cannot tell
+    from the best. `laws` are the trials of that one's laws, best first, of which the data cannot tell the first from
+    `laws_alike`.
+
+    `before` and `after` are the model without it and with it at the time it was added.
+    """
+
+    trials: tuple[Trial, ...]
+    equivalent: tuple[str, ...]
+    screened: tuple[Candidate, ...] = field(repr=False)
+    before: Trial = field(repr=False)
+    after: Trial = field(repr=False)
+    laws: tuple[Trial, ...] = ()
+    laws_alike: tuple[str, ...] = ()
+
+    @property
+    def chosen(self) -> Trial:
+        """The trial that was added."""
+        return self.trials[0]
+
+
+@dataclass(frozen=True)
+class Search:
+    """What naming found: how the fit and the `final` model (None where nothing is missing) do on the held-out logs, the
+    effects in the order in which they were added, and the candidates of the first look. `colour` where all that is left is
+    coloured noise."""
+
+    before: HeldOut
+    after: HeldOut
+    final: Trial | None
+    steps: tuple[Step, ...]
+    first_look: tuple[Candidate, ...]
+    colour: OnlyColour | None = None
