@@ -15,6 +15,8 @@ from .refit import Trial
 from .screen import Candidate
 from .telling_apart import alike
 
+_NEARLY = 0.03
+"""Share of what the best explains that another mechanism may lack by one law and be tried by others."""
 Refits = Callable[[list[Candidate]], list[Trial]]
 
 
@@ -46,6 +48,15 @@ def by_law(
     found = {trial.id: [trial] for trial in ranked}
     for trial in refits(further) if further else []:
         found[trial.id].append(trial)
+    if settled:
+        # Another mechanism that explains nearly as much may do so as well by another of its laws.
+        best = best_first(found[ranked[0].id])[0]
+        same = alike([best, *ranked[1:]])
+        least = best.score + _NEARLY * (nothing - best.score)
+        close = [trial for trial in ranked[1:] if trial.score < least and trial not in same]
+        further = [law for trial in close for law in other_laws(first[trial.id], curve=False)]
+        for trial in refits(further) if further else []:
+            found[trial.id].append(trial)
     each = [best_first(own) for own in found.values()]
     return sorted(each, key=lambda own: own[0].score)
 

@@ -36,7 +36,8 @@ def seen_in(
         found = ripple_periods(robot + repeating, logs, noise, known_states)
         return found.values, found.looked_at
 
-    return Seen(max(float(np.max(np.abs(log.inputs))) for log in logs), path, periods)
+    duration = max(float(log.time[-1] - log.time[0]) for log in logs)
+    return Seen(max(float(np.max(np.abs(log.inputs))) for log in logs), duration, path, periods)
 
 
 def standing_together(effects: Iterable[Effect]) -> list[tuple[Effect, Effect]]:

@@ -31,12 +31,14 @@ class Seen:
     """What the logs at hand show, for effects that ask where to look; what takes work is worked out when it is asked for.
 
     - `largest_input`: the largest magnitude of any input.
+    - `duration`: of the longest log [s].
     - `path()`: places that the robot drove through [N, 2], by dead reckoning; None where they are not known.
     - `periods()`: numbers of periods a unit of the wheels' angles at which the missing force repeats, and how many were
       looked at.
     """
 
     largest_input: float
+    duration: float
     path: Callable[[], Float[np.ndarray, "N 2"] | None]
     periods: Callable[[], tuple[tuple[float, ...], int]]
 

@@ -25,6 +25,10 @@ def late(inputs, time, dt, delay):
     return jnp.diff(then, axis=0) / dt[:, None]
 
 
+_PARTS = 8
+"""Delays that stand for all between none and twice their mean."""
+
+
 @dataclass(frozen=True)
 class InputDelay(Effect):
     """`u'(t) = u(t - delay)`: pure transport delay between logged command and torque; nothing acts before the start."""
@@ -69,4 +73,36 @@ class DelayOfEach(InputDelay):
         return on_drives(robot, inputs, jnp.concatenate(columns, axis=1))
 
 
-LAWS: tuple[Effect, ...] = (InputDelay(), DelayOfEach())
+@dataclass(frozen=True)
+class JitteringDelay(InputDelay):
+    """Every command late by a time of its own, anything up to twice the `delay`: on average that is a mean over this time."""
+
+    law: ClassVar[str] = "jittering"
+    formula: ClassVar[str] = "u'(t) = mean of u over (t - 2 delay, t)"
+    only_later: ClassVar[bool] = False
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        delay = p[self.key("delay")]
+        parts = [late(inputs, time, dt, (2 * k + 1) / _PARTS * delay) for k in range(_PARTS)]
+        return on_drives(robot, inputs, sum(parts) / _PARTS)
+
+
+@dataclass(frozen=True)
+class GrowingDelay(InputDelay):
+    """Later and later: commands queue up, or two clocks run apart."""
+
+    law: ClassVar[str] = "growing"
+    formula: ClassVar[str] = "u'(t) = u(t - rate * (t - t_0)), from the log's start t_0"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "rate", "", 1e-3)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("rate"), tuple(2.0 * time / seen.duration for time in robot.scales.times_to_try))
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        edges = jnp.concatenate([time, time[-1:] + dt[-1:]])
+        return on_drives(robot, inputs, late(inputs, time, dt, p[self.key("rate")] * (edges - time[0])))
+
+
+LAWS: tuple[Effect, ...] = (InputDelay(), DelayOfEach(), JitteringDelay(), GrowingDelay())

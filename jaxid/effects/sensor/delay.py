@@ -11,6 +11,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
+from .lag import averaged
 from .outputs import bends, outputs_only
 
 
@@ -72,4 +73,33 @@ class SensorDelayOfEach(SensorDelay):
         return outputs_only(robot, jnp.concatenate(columns, axis=1), outputs)
 
 
-LAWS: tuple[Effect, ...] = (SensorDelay(), SensorDelayOfEach())
+@dataclass(frozen=True)
+class JitteringSensorDelay(SensorDelay):
+    """Every sample late by a time of its own, anything up to twice the `delay`: on average that is a mean over this time."""
+
+    law: ClassVar[str] = "jittering"
+    formula: ClassVar[str] = "y'(t) = mean of y over (t - 2 delay, t)"
+    only_later: ClassVar[bool] = False
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        return outputs_only(robot, averaged(outputs, time, 2.0 * p[self.key("delay")]), outputs)
+
+
+@dataclass(frozen=True)
+class GrowingSensorDelay(SensorDelay):
+    """Later and later: the sensor's clock runs slow, or what it sent queues up."""
+
+    law: ClassVar[str] = "growing"
+    formula: ClassVar[str] = "y'(t) = y(t - rate * (t - t_0)), from the log's start t_0"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "rate", "", 1e-3)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("rate"), tuple(2.0 * time / seen.duration for time in robot.scales.times_to_try))
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        return outputs_only(robot, stamped_late(outputs, time, p[self.key("rate")] * (time - time[0])), outputs)
+
+
+LAWS: tuple[Effect, ...] = (SensorDelay(), SensorDelayOfEach(), JitteringSensorDelay(), GrowingSensorDelay())

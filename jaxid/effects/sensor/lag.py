@@ -38,6 +38,21 @@ def low_passed(outputs, time, T):
     return jnp.concatenate([outputs[:1], filtered])
 
 
+def averaged(outputs, time, asked):
+    """The mean of `outputs` [T, ny], parabolas between samples, over the last `asked` seconds."""
+    dt = jnp.diff(time)[:, None]
+    window = jnp.maximum(asked, 0.1 * jnp.max(dt))  # of a shorter one, a share of what this changes
+    # The integral of the outputs; of a start at rest before the first stamp.
+    whole = jnp.cumsum(0.5 * dt * (outputs[1:] + outputs[:-1]) - dt**3 / 12.0 * bends(outputs, time), axis=0)
+    whole = jnp.concatenate([jnp.zeros_like(outputs[:1]), whole])
+    before, share = earlier(time, window)
+    step, share = dt[before], share[:, None]
+    start, slope = outputs[before], (outputs[before + 1] - outputs[before])
+    then = whole[before] + step * (share * start + 0.5 * share**2 * slope)
+    early = jnp.maximum(window - (time - time[0]), 0.0)[:, None] * outputs[0]
+    return outputs + asked / window * ((whole - then + early) / window - outputs)
+
+
 @dataclass(frozen=True)
 class SensorLag(Effect):
     """First-order low-pass on the measured speeds, exact for speeds that are parabolas between samples."""
@@ -113,18 +128,7 @@ class MovingAverage(SensorLag):
         return one_by_one(self.key("window"), tuple(2.0 * time for time in robot.scales.times_to_try))
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        dt, asked = jnp.diff(time)[:, None], p[self.key("window")]
-        window = jnp.maximum(asked, 0.1 * jnp.max(dt))  # of a shorter one, a share of what this changes
-        # The integral of the outputs, parabolas between samples; of a start at rest before the first stamp.
-        whole = jnp.cumsum(0.5 * dt * (outputs[1:] + outputs[:-1]) - dt**3 / 12.0 * bends(outputs, time), axis=0)
-        whole = jnp.concatenate([jnp.zeros_like(outputs[:1]), whole])
-        before, share = earlier(time, window)
-        step, share = dt[before], share[:, None]
-        start, slope = outputs[before], (outputs[before + 1] - outputs[before])
-        then = whole[before] + step * (share * start + 0.5 * share**2 * slope)
-        early = jnp.maximum(window - (time - time[0]), 0.0)[:, None] * outputs[0]
-        changed = outputs + asked / window * ((whole - then + early) / window - outputs)
-        return outputs_only(robot, changed, outputs)
+        return outputs_only(robot, averaged(outputs, time, p[self.key("window")]), outputs)
 
 
 LAWS: tuple[Effect, ...] = (SensorLag(), SecondOrderSensorLag(), SensorLagOfEach(), MovingAverage())
