@@ -30,11 +30,16 @@ def curve(x: Scalar, knots: Sequence[float], heights: Sequence[Scalar], reach: S
         (w1 * r0 + w0 * r1) / (w0 + w1) for w0, w1, r0, r1 in zip(widths, widths[1:], rises, rises[1:], strict=False)
     ]
     slopes = [2.0 * rises[0] - inner[0], *inner, 2.0 * rises[-1] - inner[-1]] if inner else [rises[0], rises[0]]
-    share, found = x / reach, heights[0]
-    for k, w in enumerate(widths):
-        t = jnp.clip((share - knots[k]) / w, 0.0, 1.0)
-        early, late = t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0)
-        found = found + w * (rises[k] * t * t * (3.0 - 2.0 * t) + slopes[k] * early + slopes[k + 1] * late)
+    pieces = list(zip(widths, rises, slopes, slopes[1:], strict=False))
+    squares = [(3.0 * rise - 2.0 * left - right) / w for w, rise, left, right in pieces]
+    cubes = [(left + right - 2.0 * rise) / w**2 for w, rise, left, right in pieces]
+    # From each knot on, what the square and the cube of the way from there gain by: half the work of piece after piece.
+    way = jnp.clip(x / reach, knots[0], knots[-1]) - knots[0]
+    found = heights[0] + way * (slopes[0] + way * (squares[0] + way * cubes[0]))
+    for k in range(1, len(widths)):
+        beyond = jnp.maximum(way - (knots[k] - knots[0]), 0.0)
+        more = squares[k] - squares[k - 1] - 3.0 * cubes[k - 1] * widths[k - 1]
+        found = found + beyond * beyond * (more + beyond * (cubes[k] - cubes[k - 1]))
     return found
 
 
