@@ -32,7 +32,8 @@ def with_denser_curve(robot: Robot, identifier: str) -> Robot:
             table.numbers[coarse.height(k, name)] if k in coarse.varying else 0.0 for k in range(len(coarse.places))
         ]
         for k in dense.varying:
-            values[dense.height(k, name)] = float(curve(np.float64(dense.places[k]), coarse.places, heights, 1.0))
+            between = float(curve(np.float64(dense.places[k]), coarse.places, heights, 1.0))
+            values[dense.height(k, name)] = between if k % 2 else heights[k // 2]
         for k in coarse.varying:
             if not table[coarse.height(k, name)].free:
                 found = found.change(dense.height(2 * k, name), free=False)

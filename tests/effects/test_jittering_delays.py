@@ -1,11 +1,11 @@
 """Delays that jitter: what they do on average, against the average of many of them."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxid import Axis, DifferentialDrive
+from jaxid._float64 import float64
 from jaxid.effects import effect_by_id
 
 DT, DELAY, MANY = 0.02, 0.06, 4000
@@ -19,10 +19,10 @@ def law(robot, mechanism):
 
 def test_samples_late_by_a_random_time_are_on_average_a_mean():
     robot = DifferentialDrive()
-    effect, p = law(robot, "sensor_delay")
     outputs = np.stack([np.sin(3.0 * TIME), np.cos(5.0 * TIME) - 1.0], axis=1)
-    with jax.enable_x64(True):
-        seen = effect.measure(jnp.asarray(outputs), jnp.asarray(TIME), p, robot)
+    with float64():
+        effect, p = law(robot, "sensor_delay")
+        seen = np.asarray(effect.measure(jnp.asarray(outputs), jnp.asarray(TIME), p, robot))
     late = np.maximum(TIME[:, None] - np.random.default_rng(0).uniform(0.0, 2.0 * DELAY, (200, MANY)), 0.0)
     truth = np.stack([np.sin(3.0 * late).mean(axis=1), np.cos(5.0 * late).mean(axis=1) - 1.0], axis=1)
     assert np.max(np.abs(seen - truth)) < 5.0 * np.max(late.std(axis=1)) * 5.0 / np.sqrt(MANY)
@@ -30,11 +30,11 @@ def test_samples_late_by_a_random_time_are_on_average_a_mean():
 
 def test_commands_late_by_a_random_time_are_on_average_a_mean():
     robot = Axis()
-    effect, p = law(robot, "input_delay")
     rng = np.random.default_rng(1)
     levels = np.repeat(rng.uniform(-5.0, 5.0, 20), 10)
-    with jax.enable_x64(True):
-        acting = effect.command(jnp.asarray(levels[:, None]), jnp.asarray(TIME), jnp.full(200, DT), p, robot)
+    with float64():
+        effect, p = law(robot, "input_delay")
+        acting = np.asarray(effect.command(jnp.asarray(levels[:, None]), jnp.asarray(TIME), jnp.full(200, DT), p, robot))
     # When a command acts that was given in an interval, the mean over the interval of what acts in it.
     inside = TIME[:, None] + rng.uniform(0.0, DT, (200, MANY)) - rng.uniform(0.0, 2.0 * DELAY, (200, MANY))
     given = np.where(inside >= 0.0, levels[np.clip((inside / DT).astype(int), 0, 199)], 0.0)

@@ -1,12 +1,13 @@
 """The supply drops with what is drawn from it: equivalent circuits of batteries."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
+from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import positive, shape
@@ -27,6 +28,10 @@ def drawn(volts: Scalars, currents: Scalars, p: Numbers, robot: Robot) -> Scalar
     """Current [A] that choppers of duty `u / nominal` draw: duty times current, summed."""
     nominal = nominal_voltage(p, robot)
     return sum(volts[k] / nominal * currents[k] for k in robot.drive_inputs)
+
+
+_ROUNDS = 3
+"""Times that the drop is worked out from the currents that it leaves."""
 
 
 @dataclass(frozen=True)
@@ -126,11 +131,11 @@ class Discharge(SagWithRecovery):
 
 @dataclass(frozen=True)
 class SagCurve(Curve):
-    """The supply's drop, a curve of the current that would be drawn without it."""
+    """The supply's drop, a curve of the current drawn from it: by the choppers (`by_duty` one), or the motors' sum (zero)."""
 
     id: ClassVar[str] = "battery_sag"
     where: ClassVar[str] = "actuator"
-    formula: ClassVar[str] = "supply = nominal - drop(|sum(duty * current)|)"
+    formula: ClassVar[str] = "supply = nominal - drop(|sum(duty * current)|), or drop(sum(|current|))"
     needs: ClassVar[tuple[str, ...]] = ("winding", "supply_voltage")
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3)
@@ -138,11 +143,24 @@ class SagCurve(Curve):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         largest = robot.scales.input / robot.parameters[robot.winding].value * len(robot.drive_inputs)
-        return self.heights_and_reach(robot, "V", 0.05 * robot.scales.input, "A", largest)
+        found = self.heights_and_reach(robot, "V", 0.05 * robot.scales.input, "A", largest)
+        return found | shape(self, "by_duty", "", 1.0, free=False)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        kinds = ({self.key("by_duty"): share} for share in (1.0, 0.0))
+        usual = super().probes(robot, seen)
+        return tuple(replace(probe, shape={**probe.shape, **kind}) for kind in kinds for probe in usual)
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        drop = self.at(jnp.abs(drawn(volts, currents, p, robot)), p)
-        return lowered(volts, 1.0 - drop / nominal_voltage(p, robot), robot)
+        nominal, by_duty, share = nominal_voltage(p, robot), p[self.key("by_duty")], 1.0
+        for _ in range(_ROUNDS):
+            # What is drawn is less for the drop itself.
+            less = (1.0 - share) / p[robot.winding]
+            now = tuple(i - less * u for i, u in zip(currents, volts, strict=True))
+            total = sum(jnp.abs(now[k]) for k in robot.drive_inputs)
+            total = by_duty * jnp.abs(drawn(volts, now, p, robot)) + (1.0 - by_duty) * total
+            share = 1.0 - self.at(total, p) / nominal
+        return lowered(volts, share, robot)
 
 
 LAWS: tuple[Effect, ...] = (BatterySag(), SagBySum(), SagWithRecovery(), Discharge(), SagCurve())
