@@ -84,7 +84,7 @@ class JitteringDelay(InputDelay):
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         delay = p[self.key("delay")]
         parts = [late(inputs, time, dt, (2 * k + 1) / _PARTS * delay) for k in range(_PARTS)]
-        return on_drives(robot, inputs, sum(parts) / _PARTS)
+        return on_drives(robot, inputs, jnp.mean(jnp.stack(parts), axis=0))
 
 
 @dataclass(frozen=True)
