@@ -24,7 +24,8 @@ NORMAL_95 = 1.959963984540054
 
 @dataclass(frozen=True, repr=False)
 class Estimate:
-    """One number with its uncertainty. `std_error` and `ci95` are NaN where there is none (fixed, not identifiable)."""
+    """One number with its uncertainty. `std_error` and `ci95` are NaN where there is none (fixed, of a failed fit); of a
+    parameter that is not identifiable they are too large to tell it, or infinite."""
 
     value: float
     std_error: float

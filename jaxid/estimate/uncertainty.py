@@ -57,6 +57,12 @@ def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: ND
     return Spread(covariance, determined, unseen)
 
 
+def with_covariance(found: Spread, covariance: NDArray[np.float64], magnitude: NDArray[np.float64]) -> Spread:
+    """The same directions with another `covariance` [n, n], which may determine fewer parameters."""
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return found._replace(covariance=covariance, determined=found.determined & ~(errors > PRACTICAL * magnitude))
+
+
 @lru_cache(64)
 def _with_slope(function: Callable[[Mapping[str, Any]], Any]) -> Program:
     """(value, derivative by the free ones) of a combination of parameters, compiled."""

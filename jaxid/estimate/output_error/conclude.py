@@ -17,6 +17,7 @@ from ..lacking import FALSE_ALARM
 from ..result import Fit
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at
+from .impossible import without_impossible
 from .lost_rows import lost_rows
 from .neglected import neglected
 from .optimum import Optimum
@@ -109,6 +110,7 @@ def conclude(
     found = robust_covariance(structure, problem, inner.unknowns) if robust else None
     matrix = bread**2 * found.covariance if found else None
     fit = fit_at(robot, logs, structure, problem, inner, bounded, covariance=matrix, left_out=left_out, **others)
+    fit = without_impossible(fit, structure, bounded.problem, optimum.unknowns)
     if found and np.any(found.between > 1.0):
         fit = replace(fit, notes=(*fit.notes, _disagreement(structure.names, found.between, len(kept))))
     fit = replace(fit, standard_errors="robust" if robust else "white")

@@ -136,14 +136,20 @@ class Fleet:
 
     @property
     def sentence(self) -> str:
-        """How many members were fitted, and how many of the fits are to be doubted."""
+        """How many members were fitted, how many of the fits are to be doubted, and which do not know every parameter."""
         doubted = [name for name, fit in self.fits.items() if not fit.trustworthy]
         text = f"{len(self.fits)} of {len(self.fits) + len(self.failed)} members fitted"
-        return (
-            f"{text}; {len(doubted)} of these are poor or failed: {', '.join(doubted[:_SHOWN])}."
-            if doubted
-            else f"{text}."
-        )
+        if doubted:
+            text += f"; {len(doubted)} of these are poor or failed: {', '.join(doubted[:_SHOWN])}"
+        unknown = {
+            name: [symbol for symbol in fit.free_names if fit[symbol].status == "not_identifiable"]
+            for name, fit in self.fits.items()
+            if fit.trustworthy
+        }
+        vague = [f"{name} ({', '.join(symbols)})" for name, symbols in unknown.items() if symbols]
+        if vague:
+            text += f"; the logs of {len(vague)} do not determine every parameter: {', '.join(vague[:_SHOWN])}"
+        return f"{text}."
 
     def to_pandas(self) -> pd.DataFrame:
         """A row for every member and parameter, indexed by both: the columns of `Fit.to_pandas`, and `verdict`, what the

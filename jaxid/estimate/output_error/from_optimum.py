@@ -12,7 +12,7 @@ from ..._arrays import namespace
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..result import Estimate, Fit, Outlier
-from ..uncertainty import Spread, combinations, estimates, spread
+from ..uncertainty import Spread, combinations, estimates, spread, with_covariance
 from .magnitudes import matter_at
 from .optimum import Optimum, Outcome
 from .problem import CLOCK_OFFSET, Problem, Structure, Triangle, Unknowns, holding, parameters_at
@@ -48,19 +48,24 @@ class AtBounds(NamedTuple):
 def known_spread(problem: Problem, optimum: Optimum) -> Spread:
     """Covariance of the physical parameters with all of them free, and which of them the data determines on its own.
 
-    A parameter is not determined if its standard error exceeds its magnitude: its value; of one that may take either sign,
-    at least a tenth of what would change the simulation by as much as there is to simulate; of one with two bounds, at
-    least half of what lies between them.
+    A parameter is not determined if its standard error exceeds its magnitude (`_sizes`).
     """
-    theta = np.asarray(parameters_at(problem, optimum.unknowns.z))
     jacobian = np.asarray(optimum.triangle.shared) / np.asarray(problem.bounds.slope(optimum.unknowns.z))
+    return spread(jacobian, np.ones(jacobian.shape[1], dtype=bool), _sizes(problem, optimum))
+
+
+def _sizes(problem: Problem, optimum: Optimum) -> NDArray[np.float64]:
+    """Magnitudes [n] that standard errors must not exceed: a parameter's value; of one that may take either sign, at least
+    a tenth of what would change the simulation by as much as there is to simulate; of one with two bounds, at least half
+    of what lies between them."""
+    theta = np.asarray(parameters_at(problem, optimum.unknowns.z))
     lower, upper = np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper)
     matters = _MATTERS * matter_at(problem, optimum.triangle)
     unbounded, both = ~np.isfinite(lower) & ~np.isfinite(upper), np.isfinite(lower) & np.isfinite(upper)
     least = np.where(unbounded, matters, np.where(both, 0.5 * (upper - lower), 0.0))
     # On its bound a parameter has no size of its own; its standard error says how far from there it may be.
     least = np.where((theta <= lower) | (theta >= upper), np.inf, least)
-    return spread(jacobian, np.ones(len(theta), dtype=bool), np.maximum(np.abs(theta), least))
+    return np.maximum(np.abs(theta), least)
 
 
 def near_bounds(problem: Problem, optimum: Optimum) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]:
@@ -79,15 +84,15 @@ def on_bounds(
     structure: Structure, problem: Problem, optimum: Optimum, max_steps: int, solver: Solver = DEFAULT
 ) -> AtBounds:
     """Put parameters that cannot be told from their bound exactly on it, one after another, where that costs nothing."""
-    at_bound, near, bound = near_bounds(problem, optimum)
-    current = AtBounds(problem, optimum, at_bound)
+    on, near, bound = near_bounds(problem, optimum)
+    current = AtBounds(problem, optimum, on)
     for i in np.flatnonzero(near):
         trial = holding(current.problem, int(i), bound[i])
         held = minimise_compiled(structure, trial, current.optimum.unknowns, max_steps=max_steps, solver=solver)
         if held.cost < current.optimum.cost + 0.5 + _BOUND_COST:
-            marked = current.at_bound.copy()
-            marked[i] = True
-            current = AtBounds(trial, held, marked)
+            # Another one may have left its bound now that this one is held.
+            theta = np.asarray(parameters_at(trial, held.unknowns.z))
+            current = AtBounds(trial, held, (theta == bound) & np.asarray(problem.free))
     return current
 
 
@@ -149,6 +154,16 @@ def _status(logs: LogSet, problem: Problem, squares: NDArray[np.float64], left_o
     return found
 
 
+def vague_note(names: Sequence[str], found: Spread, at_bound: NDArray[np.bool_]) -> list[str]:
+    """The sentence on parameters whose standard errors are too large for their size."""
+    seen = zip(names, found.determined, found.unseen, at_bound, strict=True)
+    vague = [name for name, determined, hidden, held in seen if not (determined or hidden or held)]
+    if not vague:
+        return []
+    errors = "its standard error is" if len(vague) == 1 else "their standard errors are"
+    return [f"These logs do not determine {' and '.join(vague)}: {errors} too large, as where the robot hardly moved."]
+
+
 def unseen_note(names: Sequence[str], found: Spread, at_bound: NDArray[np.bool_]) -> list[str]:
     """The sentence on parameters that only show together, or not at all."""
     unseen = [name for name, hidden, held in zip(names, found.unseen, at_bound, strict=True) if hidden and not held]
@@ -185,8 +200,9 @@ def fit_at(
     slope = np.asarray(problem.bounds.slope(inner.unknowns.z))
     found = known_spread(problem, inner)
     covariance_z = found.covariance / np.outer(slope, slope)
-    if covariance is not None:
-        found = found._replace(covariance=covariance)
+    # What was put on a bound may have changed the others' sizes, and a robust covariance is a larger one.
+    sizes = np.minimum(_sizes(problem, inner), _sizes(bounded.problem, optimum))
+    found = with_covariance(found, found.covariance if covariance is None else covariance, sizes)
     values = dict(zip(names, theta.tolist(), strict=True))
     identified = robot.with_values(**values)
     squares = np.asarray(optimum.triangle.squares)
@@ -209,6 +225,7 @@ def fit_at(
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         notes=(
             *unseen_note(names, found, bounded.at_bound),
+            *vague_note(names, found, bounded.at_bound),
             *(f"{n} {what}." for n, what in status.items() if what != "fitted"),
         ),
         log_status=status,
