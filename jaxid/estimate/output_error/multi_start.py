@@ -1,13 +1,17 @@
 """Many starts in one batch, and the basins in which they end.
 
 Output error can have several minima. Starts that are each parameter's value times or divided by up to a factor are
-minimised side by side; those that end at the same cost are one basin.
+minimised side by side; those that end at the same cost are one basin. Each channel is weighted with the noise that the
+minimum itself leaves, as in any output-error fit, so that costs are compared by their likelihood: half of N log(rms) more
+for every channel of N samples. Weights that are the same for all would choose another minimum than the fit's where no model
+comes down to the noise.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..._float64 import in_float64
 from ..._origin import Origin, with_origin
@@ -20,10 +24,10 @@ from ...simulation.rollout import Integrator
 from ..linear.integral_least_squares import linear_estimate
 from ..result import Fit
 from .direct import linearised_now
-from .fleet import fit_lanes
+from .fleet import Fitted, fit_lanes
 from .magnitudes import magnitudes
 from .output_error import output_error
-from .problem import Unknowns
+from .problem import Problem, Unknowns
 from .setup import InitialStates, build, start_values
 
 _SAME = 0.5
@@ -33,7 +37,8 @@ _STEPS = 200
 
 @dataclass(frozen=True)
 class Basin:
-    """Starts that ended at one cost: how many, the cost's rise over the best (half chi-squared), and the parameters there."""
+    """Starts that ended at one cost: how many, its rise over the best (-log likelihood, which is half chi-squared where the
+    noise is the same), and the parameters there."""
 
     starts: int
     rise: float
@@ -77,6 +82,17 @@ class MultiStart:
         return html_table(self._rows(), [self.sentence])
 
 
+def _unlikelihood(problem: Problem, fitted: Fitted) -> NDArray[np.float64]:
+    """-log likelihood [N] of minima, each channel's noise the one that it leaves, and what the priors say."""
+    counts = np.asarray(problem.mask).sum(axis=(0, 1))
+    squares = np.asarray(fitted.optimum.triangle.squares).sum(axis=1)
+    least = np.finfo(float).tiny  # logs without noise, followed to the last digit
+    with np.errstate(over="ignore", invalid="ignore"):
+        level = np.asarray(fitted.sigma) * np.sqrt(squares / np.maximum(counts, 1))
+        pulls = np.asarray(fitted.optimum.cost) - 0.5 * squares.sum(axis=1)
+        return np.sum(np.where(counts > 0, counts * np.log(np.maximum(level, least)), 0.0), axis=1) + pulls
+
+
 @with_origin
 @in_float64
 def multi_start(
@@ -116,8 +132,8 @@ def multi_start(
     lanes = Unknowns(problem.bounds.coordinates(np.asarray(theta)), np.broadcast_to(states, (starts, *states.shape)))
     report(f"{starts} starts side by side")
     own = {"held": np.broadcast_to(np.asarray(problem.held), theta.shape)}
-    found = fit_lanes(structure, problem, own, lanes, max_steps=_STEPS, rounds=1, lanes=min(starts, 32)).optimum
-    costs = np.asarray(found.cost)
+    fitted = fit_lanes(structure, problem, own, lanes, max_steps=_STEPS, lanes=min(starts, 32))
+    found, costs = fitted.optimum, _unlikelihood(problem, fitted)
     sound = np.isfinite(np.asarray(found.triangle.squares)).all(axis=(1, 2)) & np.isfinite(costs)
     if not sound.any():
         raise ParameterError(

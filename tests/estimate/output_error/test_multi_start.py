@@ -1,11 +1,13 @@
 """jaxid/estimate/multi_start.py, and the rescue of a fit whose start leads nowhere: starts off by factors of ten."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jaxid import Axis, Integrator, LogSet, Pioneer, integral_least_squares, multi_start, output_error, read_logs
+from jaxid.estimate.output_error.multi_start import _unlikelihood
 from jaxid.estimate.output_error.rescue import one_astray
 from jaxid.model_file import read_model
 
@@ -32,6 +34,20 @@ def test_the_best_basin_is_found_and_the_stuck_one_is_told(logs):
     # With more dry friction than the input overcomes, nothing moves and nothing can be learned.
     assert any(basin.parameters["Fc"] > 4.0 for basin in found.basins[1:])
     assert f"{found.basins[0].starts} of 32 starts" in repr(found)
+
+
+def test_minima_are_compared_by_the_likelihood_whose_noise_each_leaves():
+    """Two channels of 100 samples: one minimum leaves 1 and 1, the other 0.5 and 1.6 times the noise assumed: more by squares
+    (140 against 100), and likelier by 100 log(0.5 1.6), whatever noise was assumed."""
+    problem = SimpleNamespace(mask=np.ones((1, 100, 2), dtype=bool))
+    left = np.array([[1.0, 1.0], [0.5, 1.6]])
+    rises = []
+    for assumed in (np.ones(2), np.array([0.1, 3.0])):
+        squares = 100 * (left / assumed) ** 2
+        optimum = SimpleNamespace(triangle=SimpleNamespace(squares=squares[:, None]), cost=0.5 * squares.sum(axis=1))
+        found = _unlikelihood(problem, SimpleNamespace(optimum=optimum, sigma=np.tile(assumed, (2, 1))))
+        rises.append(found[1] - found[0])
+    assert rises == pytest.approx([100 * np.log(0.8)] * 2)
 
 
 @pytest.mark.parametrize("wrong", [{"Fc": 5.0}, {"M": 10.0, "Fv": 0.2, "Fc": 0.05}, {"M": 0.1, "Fv": 20.0, "Fc": 5.0}])
