@@ -17,6 +17,9 @@ from .windows import Windows, excited, speed_windows
 
 Array = NDArray[np.float64]
 
+UNRELATED = "is unrelated to every input and every other sensor"
+"""What is said of a sensor that moves, but not with the robot."""
+
 
 def _smooth(values: Array, width: int) -> Array:
     """Block means over `width` samples, NaN left out; `[N]` or `[N, columns]`."""
@@ -96,7 +99,7 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
         share = max(_predicted(smooth, regressors), _predicted(np.diff(smooth), regressors[1:]))
         if share < 0.1 and _answer(smooth, regressors) < 4.5:
             text = (
-                f"is unrelated to every input and every other sensor ({max(share, 0):.0%} predicted), so the sensor "
+                f"{UNRELATED} ({max(share, 0):.0%} predicted), so the sensor "
                 "looks dead or the column is another one; repair it or leave the column out (unless the robot hardly moved "
                 "that way)"
             )

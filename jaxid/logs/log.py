@@ -273,12 +273,15 @@ def channels_of(robot: Any) -> Channels:
     return channels
 
 
-_looks: list[Callable[[Log], list[Finding]]] = []
+_Look = Callable[[Log], list[Finding]]
+_Among = Callable[[Sequence[Log], Sequence[Sequence[Finding]]], Iterable[Finding]]
+_looks: list[tuple[_Look, _Among]] = []
 
 
-def look_with(look: Callable[[Log], list[Finding]]) -> None:
-    """Look at logs before fitting with `look`. The package `checks` calls this, so that logs do not depend on it."""
-    _looks[:] = [look]
+def look_with(look: _Look, among: _Among) -> None:
+    """Look at logs before fitting with `look`, and at what it finds in each of a set with `among`. The package `checks`
+    calls this, so that logs do not depend on it."""
+    _looks[:] = [(look, among)]
 
 
 class LogSet(Sequence[Log]):
@@ -361,10 +364,13 @@ class LogSet(Sequence[Log]):
     def _findings(self) -> tuple[Finding, ...]:
         if not _looks:
             import_module("jaxid.checks")  # found when first needed; it calls `look_with`
-        return tuple(finding for log in self._logs for look in _looks for finding in look(log))
+        ((look, among),) = _looks
+        return tuple(among(self._logs, [look(log) for log in self._logs]))
 
     def preflight(self) -> list[Finding]:
-        """What to know about these logs before fitting, log by log; see `jaxid.checks.preflight`."""
+        """What to know about these logs before fitting, log by log; see `jaxid.checks.preflight`.
+
+        A sensor that does not answer in one log is no dead one where the others do not show it to answer to as little."""
         return list(self._findings)
 
     def _table(self) -> list[tuple[str, ...]]:
