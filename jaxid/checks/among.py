@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _ANSWERS = 0.5
 """Share of a sensor's variance, foretold by the inputs, from which it answers to them."""
 _FEWEST = 100
-"""Samples of the other logs with as small a promise, below which they say nothing about it."""
+"""Samples of another log, and of all with as small a promise, below which they say nothing about it."""
 
 
 def _regressors(log: Log, seconds: float) -> Array:
@@ -43,7 +43,7 @@ def _share(measured: Array, promised: Array) -> float:
 
 def _says_nothing(log: Log, name: str, others: Sequence[Log]) -> bool:
     """Whether the other logs know the sensor `name` to answer to the inputs, but not to commands as weak as those of `log`."""
-    others = [other for other in others if name in other.measured]
+    others = [other for other in others if name in other.measured and len(other) >= _FEWEST]
     if not others or name not in log.measured:
         return False
     seconds = response(log) * log.sampling_interval
@@ -63,6 +63,7 @@ def among(logs: Sequence[Log], findings: Sequence[Sequence[Finding]]) -> Iterato
     """The `findings` of each of `logs`, without dead sensors that the other logs show to be none."""
     for log, own in zip(logs, findings, strict=True):
         for found in own:
-            silent = found.check == "dead_sensor" and UNRELATED in found.message and found.column is not None
-            if not (silent and _says_nothing(log, found.column, [other for other in logs if other is not log])):
+            silent = found.check == "dead_sensor" and UNRELATED in found.message
+            others = [other for other in logs if other is not log]
+            if not (silent and found.column and _says_nothing(log, found.column, others)):
                 yield found
