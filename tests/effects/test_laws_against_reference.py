@@ -67,6 +67,7 @@ LAWS = {
     "sensor_lag/one_channel": ({"time_constant": 0.06, "channel": 2.0}, "per_channel", {"time_constant_eta2": 0.06}),
     "sensor_lag/moving_average": ({"time_constant": 0.05}, "moving_average", {"window": 0.1}),
     "sensor_delay/one_channel": ({"delay": 0.05, "channel": 1.0}, "per_channel", {"delay_eta1": 0.05}),
+    "turning_friction/scrub": ({"moment": 0.3, "radius": 0.3}, "by_turn_radius", {"coulomb": 0.3, "radius": 0.3}),
     "sensor_delay/growing": ({"delay": 0.05}, "growing", {"rate": 0.1 / (SAMPLING * (SAMPLES - 1))}),
     "input_delay/growing": ({"delay": 0.05}, "growing", {"rate": 0.1 / (SAMPLING * (SAMPLES - 1))}),
     "sensor_bias/drifting": (

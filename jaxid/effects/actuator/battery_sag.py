@@ -30,6 +30,18 @@ def drawn(volts: Scalars, currents: Scalars, p: Numbers, robot: Robot) -> Scalar
     return sum(volts[k] / nominal * currents[k] for k in robot.drive_inputs)
 
 
+def behind(r: Scalar, drop: Scalar, volts: Scalars, currents: Scalars, p: Numbers, robot: Robot) -> Scalars:
+    """Motor voltages behind a resistance `r` [Ohm], of a supply whose own voltage has fallen by `drop` [V]."""
+    nominal = nominal_voltage(p, robot)
+    winding, above, below = p[robot.winding], nominal - drop, 1.0
+    for k in robot.drive_inputs:
+        u, i = volts[k], currents[k]
+        duty = u / nominal
+        above = above + r * duty * (u - winding * i) / winding  # the back-EMF pushes back
+        below = below + r * duty * duty / winding
+    return lowered(volts, above / below / nominal, robot)
+
+
 _ROUNDS = 3
 """Times that the drop is worked out from the currents that it leaves."""
 
@@ -53,14 +65,7 @@ class BatterySag(Effect):
         return positive(self, "resistance", winding.unit, 0.15 * winding.value)
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        nominal = nominal_voltage(p, robot)
-        r, winding, above, below = p[self.key("resistance")], p[robot.winding], nominal, 1.0
-        for k in robot.drive_inputs:
-            u, i = volts[k], currents[k]
-            duty = u / nominal
-            above = above + r * duty * (u - winding * i) / winding  # the back-EMF pushes back
-            below = below + r * duty * duty / winding
-        return lowered(volts, above / below / nominal, robot)
+        return behind(p[self.key("resistance")], 0.0, volts, currents, p, robot)
 
 
 @dataclass(frozen=True)
@@ -80,20 +85,26 @@ class SagBySum(BatterySag):
 
 @dataclass(frozen=True)
 class SagWithRecovery(BatterySag):
-    """A supply whose voltage falls and recovers with a time constant: one resistor beside one capacitor."""
+    """A supply whose voltage falls and recovers with a time constant: a resistor beside a capacitor, and one before them."""
 
     law: ClassVar[str] = "with_recovery"
-    formula: ClassVar[str] = "time_constant * d(drop)/dt = resistance * sum(duty * current) - drop"
+    formula: ClassVar[str] = (
+        "supply = nominal - resistance_at_once * total - drop, time_constant * d(drop)/dt = resistance * total - drop, "
+        "total = sum(duty * current)"
+    )
 
     def states_on(self, robot: Robot) -> tuple[str, ...]:
         return (self.own("supply_drop"),)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | shape(self, "time_constant", "s", 0.1 * robot.scales.duration)
+        winding = robot.parameters[robot.winding]
+        at_once = positive(self, "resistance_at_once", winding.unit, 0.15 * winding.value)
+        slow = shape(self, "time_constant", "s", 0.1 * robot.scales.duration)
+        return super().parameters(robot) | at_once | slow
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         drop = p[self.key("resistance")] * state[self.own("supply_drop")]
-        return lowered(volts, 1.0 - drop / nominal_voltage(p, robot), robot)
+        return behind(p[self.key("resistance_at_once")], drop, volts, currents, p, robot)
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         # The state is the current, slowly followed, so that its rate does not hang on the strength.

@@ -7,9 +7,10 @@ import jax.numpy as jnp
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
+from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import signed
+from ..effect_parameters import shape, signed
 
 _STILL = 0.02
 """Share of the largest yaw rate within which scrubbing wheels begin to slide."""
@@ -55,6 +56,37 @@ class TurningFriction(_OnTurning):
 
 
 @dataclass(frozen=True)
+class Scrubbing(TurningFriction):
+    """Wheels that scrub more the tighter the turn: Coulomb friction, of which what points sideways counts."""
+
+    law: ClassVar[str] = "by_turn_radius"
+    formula: ClassVar[str] = "moment = -coulomb * yaw rate / sqrt(yaw rate^2 + (speed / radius)^2)"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return super().refusal(robot) or (
+            f"{robot.name!r} does nothing but turn" if len(robot.velocities) < 2 else None
+        )
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        length = robot.scales.speed / robot.scales.output(robot.turning)
+        coulomb = signed(self, "coulomb", robot.force_unit(robot.turning), 0.02 * _moment(robot))
+        return coulomb | shape(self, "radius", "m", 0.3 * length)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        coulomb, radius = self.key("coulomb"), self.key("radius")
+        typical = robot.parameters[coulomb].typical or 1.0
+        usual = robot.parameters[radius].value
+        return tuple(Probe({coulomb: typical}, {radius: times * usual}) for times in (0.3, 1.0, 3.0))
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        rate = state[robot.turning]
+        squares = sum(state[name] ** 2 for name in robot.velocities if name != robot.turning)
+        still = _STILL * robot.scales.output(robot.turning)
+        sliding = jnp.sqrt(rate**2 + squares / p[self.key("radius")] ** 2 + still**2)
+        return self._with(forces, -p[self.key("coulomb")] * rate / sliding, robot)
+
+
+@dataclass(frozen=True)
 class TurningCurve(Curve, _OnTurning):
     """The moment against turning, a curve of the yaw rate."""
 
@@ -75,4 +107,4 @@ class TurningCurve(Curve, _OnTurning):
         return self._with(forces, -self.at(jnp.abs(rate), p) * jnp.sign(rate), robot)
 
 
-LAWS: tuple[Effect, ...] = (TurningFriction(), TurningCurve())
+LAWS: tuple[Effect, ...] = (TurningFriction(), Scrubbing(), TurningCurve())
