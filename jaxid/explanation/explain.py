@@ -275,8 +275,9 @@ def explain(
         report("looking whether constants of the table explain as much")
         steps = {step.chosen.id: step for step in found.steps}
         for effect in named:
-            if effect.id != TableConstants.id:
-                step = steps[effect.id]
+            step = steps[effect.id]
+            # Where another name was found better later on, the step's own models are not this effect's.
+            if effect.id != TableConstants.id and step.after.id == effect.id:
                 constants[effect.id] = constants_like(step.before, step.after, logs, held_out)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         verdict = _verdict(found, named, most, doubts)
