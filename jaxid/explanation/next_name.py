@@ -13,7 +13,7 @@ from .colour_left import explaining, ranked_in_colour
 from .denser import densest
 from .laws import best_first, by_law, by_where_they_bend, with_the_same_curves
 from .policy import current_policy
-from .refit import Trial, continued, refit
+from .refit import Trial, continued, refit_from_itself
 from .screen import Candidate
 from .steps import Step
 from .table_constants import constants_instead
@@ -92,8 +92,7 @@ def name_next(
         return to_the_end(all_added(base, further, logs, held_out, noise, say))
 
     def again(robot: Robot, like: Trial) -> Trial:
-        start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
-        return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=like.angles)
+        return refit_from_itself(robot, like, logs, held_out, noise)
 
     mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
     mechanisms = with_the_same_curves(mechanisms, screened, added)

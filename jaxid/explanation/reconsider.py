@@ -10,7 +10,7 @@ from ..robots.robot import Robot
 from .candidate_refits import Report, all_added
 from .denser import densest
 from .laws import best_first
-from .refit import Trial, continued, refit
+from .refit import Trial, continued, refit, refit_from_itself
 from .screen import screen
 from .steps import Step
 from .table_constants import constants_instead
@@ -62,12 +62,6 @@ def _without(identifier: str, current: Trial, base: Trial, logs, held_out, noise
     return _refitted(_with_effects(base.robot, owners), current, logs, held_out, noise)
 
 
-def again(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
-    """`robot` refitted from its own values."""
-    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
-    return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=like.angles)
-
-
 def by_laws_again(
     steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report
 ) -> tuple[list[Step], Trial]:
@@ -86,7 +80,10 @@ def by_laws_again(
         others = [law for law in candidates if law.effect.law != effect.law and law.gain > 0]
         trials = all_added(bare, others, logs, held_out, noise, say)
         trials = [continued(trial, logs, held_out, noise) for trial in trials]
-        trials = [densest(trial, lambda robot, like: again(robot, like, logs, held_out, noise)) for trial in trials]
+        trials = [
+            densest(trial, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise))
+            for trial in trials
+        ]
         own = best_first([replace(current, id=effect.id), *trials])
         if own[0].law == effect.law or not told_apart_from(own[0], current):
             continue
@@ -95,6 +92,15 @@ def by_laws_again(
         same = tuple(trial.law for trial in alike(own))
         revised[place] = replace(step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same)
     return revised, current
+
+
+def with_trials(step: Step, trials: list[Trial]) -> Step:
+    """The step with other trials first, best first; where another effect is now best, the laws are no longer of the chosen."""
+    others = tuple(trial for trial in step.trials if trial.id not in {own.id for own in trials})
+    same = trials[0].id == step.chosen.id
+    laws, alike_laws = (step.laws, step.laws_alike) if same else ((trials[0],), ())
+    equivalent = not_told_apart(trials)
+    return replace(step, trials=(*trials, *others), equivalent=equivalent, laws=laws, laws_alike=alike_laws)
 
 
 def reconsidered(
@@ -136,7 +142,6 @@ def reconsidered(
         trials.sort(key=lambda t: t.score)
         final = trials[0]
         if len(trials) > 1:
-            others = tuple(t for t in step.trials if t.id not in {trial.id for trial in trials})
-            step = replace(step, trials=(*trials, *others), equivalent=not_told_apart(trials))
+            step = with_trials(step, trials)
         revised.append(step)
     return revised, final

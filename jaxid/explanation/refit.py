@@ -158,6 +158,12 @@ def refit(
     )
 
 
+def refit_from_itself(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:
+    """`robot` refitted from its own values, and from the initial states of the trial `like`, which has its angles."""
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=like.angles)
+
+
 def _fitted(structure: Structure, problem: Problem, optimum: Optimum, logs: LogSet, free: Problem) -> HeldOut:
     """What an optimum leaves on the logs that it was fitted to: of all channels that count in `free`, so that models compare,
     those that measure a prescribed angle not a number."""

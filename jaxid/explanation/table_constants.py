@@ -20,7 +20,7 @@ from ..robots.effect import in_words
 from ..robots.robot import Robot
 from ..simulation.simulate import simulate_models
 from .heldout import scaled_residuals
-from .refit import Trial, refit
+from .refit import Trial, refit_from_itself
 from .telling_apart import told_apart_from
 
 _STEP = 1e-3
@@ -35,7 +35,7 @@ _TOGETHER = 3
 """Most constants that are wrong together."""
 _FARTHEST = 0.5
 """Share of its value by which nobody's table is wrong."""
-_NO_SLIP = 0.15
+_BELIEVABLE = 0.15
 """Share by which a table may be wrong that is not asked for by a name: what is farther off stands in for something else."""
 Array = NDArray[np.float64]
 Shares = Mapping[str, float]
@@ -140,7 +140,7 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
             continue
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
-        if max(map(abs, shares.values())) < _NO_SLIP:
+        if max(map(abs, shares.values())) < _BELIEVABLE:
             trials.append(trial)
         if trial.fitted.adequate:
             break
@@ -160,8 +160,7 @@ def changed_by(names: Sequence[str], robot: Robot, table: Mapping[str, Any]) -> 
 def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: LogSet) -> Trial:
     """`before` refitted with these constants estimated."""
     robot = before.robot + TableConstants(tuple(names))
-    begin = {own: robot.parameters[own].value for own in robot.parameters.free_names}
-    return refit(robot, [begin], logs, held_out, before.held_out.noise, before.initial_states)
+    return refit_from_itself(robot, before, logs, held_out, before.held_out.noise)
 
 
 def in_a_sentence(identifier: str, found: Sequence[Shares]) -> str:

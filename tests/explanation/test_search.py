@@ -1,7 +1,12 @@
 """The search: what a model keeps of its effects when others are taken out or exchanged."""
 
+import numpy as np
+
 from jaxid.effects import effect_by_id
-from jaxid.explanation.reconsider import _with_effects
+from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.reconsider import _with_effects, with_trials
+from jaxid.explanation.refit import Trial
+from jaxid.explanation.steps import Step
 from jaxid.robots import Axis
 
 
@@ -30,3 +35,19 @@ def test_effects_that_the_model_has_are_left_as_they_are():
     name = next(name for name in base.parameters if name.startswith("quadratic_drag."))
     owner = base.with_values(**{name: 0.5})
     assert _with_effects(base, {"quadratic_drag": owner}).parameters[name].value == base.parameters[name].value
+
+
+def trial(effect, residual):
+    state = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 1.0}, 0.0)
+    return Trial(effect.id, Axis() + effect, float(np.sum(residual**2)), 5, state, state, {})
+
+
+def test_laws_are_said_alike_of_the_effect_that_they_are_laws_of():
+    noise = np.random.default_rng(0).normal(size=4000)
+    drag = trial(effect_by_id(Axis(), "quadratic_drag"), 1.2 * noise)
+    other = trial(effect_by_id(Axis(), "stribeck_friction"), noise)
+    step = Step((drag,), (), (), drag, drag, (drag,), ("whole_speed",))
+    exchanged = with_trials(step, [other, drag])
+    assert exchanged.chosen is other and exchanged.laws == (other,) and exchanged.laws_alike == ()
+    assert exchanged.equivalent == ()  # told apart
+    assert with_trials(step, [drag]).laws_alike == ("whole_speed",)
