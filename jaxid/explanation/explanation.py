@@ -83,7 +83,9 @@ class NamedEffect:
 
     @property
     def title(self) -> str:
-        """The id as words."""
+        """The id as words; of constants of the table, what they are."""
+        if self.id == TABLE_CONSTANTS:
+            return f"the right value of {' and '.join(self.parameters)}"
         return in_words(self.id)
 
     @property

@@ -149,6 +149,7 @@ def _candidates(found: Explanation) -> tuple[Block, ...]:
             Bar(in_words(n), 100 * promised.get(n, 0.0), f"{100 * promised.get(n, 0.0):.0f} %", colour.get(n, ""),
                 n == step.chosen.id)
             for n in names
+            if n in promised
         ]  # fmt: skip
         note = "The share of the gap that each promised before anything was refitted. Green: added."
         if step.equivalent:

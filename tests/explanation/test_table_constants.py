@@ -97,6 +97,7 @@ def test_a_wrong_constant_that_no_effect_stands_for_is_itself_what_is_found(tmp_
     assert effect.parameters["limit"].ci95[0] < 1.5 < effect.parameters["limit"].ci95[1]
     assert effect.constants[0]["limit"] == pytest.approx(1.5 / 1.65 - 1.0, abs=0.01)
     assert any("limit by -9" in note for note in found.notes)
+    assert found.sentence.startswith("Missing was the right value of limit:")
     found.save(tmp_path)
     again = read_model(tmp_path / "model.toml", SLOWED)
     assert again.parameters["limit"].value == effect.parameters["limit"].value
