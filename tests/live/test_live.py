@@ -143,12 +143,20 @@ def test_a_reader_drops_logs_and_sees_what_they_say(texts, tmp_path):
 
 
 def test_the_command_says_where_and_stops_at_ctrl_c(tmp_path):
-    command = [sys.executable, "-m", "jaxid", "serve", "axis", str(tmp_path / "new"), "--port", "0"]
+    # A shell that runs the tests in the background has them ignore Ctrl-C, which a process inherits.
+    as_in_front = (
+        "import runpy, signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "runpy.run_module('jaxid', run_name='__main__')"
+    )
+    command = [sys.executable, "-c", as_in_front, "serve", "axis", str(tmp_path / "new"), "--port", "0"]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ})
-    assert run.stdout is not None
-    address = run.stdout.readline()
-    assert address.startswith("http://127.0.0.1:")
-    run.send_signal(signal.SIGINT)
-    _, said = run.communicate(timeout=20)
+    try:
+        assert run.stdout is not None
+        address = run.stdout.readline()
+        assert address.startswith("http://127.0.0.1:")
+        run.send_signal(signal.SIGINT)
+        _, said = run.communicate(timeout=20)
+    finally:
+        run.kill()
     assert run.returncode == 0 and "Ctrl-C ends it" in said and "Traceback" not in said
     assert list((tmp_path / "new").iterdir()) == []
