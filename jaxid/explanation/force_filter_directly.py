@@ -34,7 +34,7 @@ def _showing_states(system: System, states: int) -> System:
     def shown(p: Scalars, x: Scalars, u: Scalars):
         return (*x, *system.output(p, x, u))
 
-    return system._replace(output=shown, outputs=states + system.outputs)
+    return system.showing(shown, states + system.outputs, "states and outputs")
 
 
 class _Steps(NamedTuple):
@@ -124,7 +124,7 @@ def filtered_directly(
     u = commanded(model.records, values, own["inputs"], dt, integrator.substeps)
     p = np.broadcast_to(values[list(model.places)], (E, len(model.places)))
     system = model.system
-    shown = shown_states(system.step, system.output, system.sizes, system.fixed)
+    shown = shown_states(system.step, system.output, system.sizes, system.fixed, system.identity)
     steps = _Steps(_showing_states(system, n), shown, shares, *map(grouped, (p, u, dt)))
     walks, intensity = [robot.states.index(PREFIX + name) for name in setting.velocities], np.asarray(intensity)
     diagonal, spread = np.arange(n), np.array(own["spread"])

@@ -14,6 +14,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from .machine import lanes, loaded, register, write_handler
+from .remembered import Made, remembered
 from .rollout_kernel import ARGUMENTS, TANGENTS, write_rollout
 from .traced import MOST_MODELS, Step, program
 
@@ -25,7 +26,8 @@ class System(NamedTuple):
     """A sampled system: `step(p, x, u, h) -> x` and `output(p, x, u) -> y`, functions of tuples of scalars.
 
     `sizes`: numbers of parameters, states and inputs; `outputs`: of outputs; `fixed`: states set at every sample. Two
-    systems of equal functions share their machine code.
+    systems of equal functions share their machine code. `identity`: a name for the functions that holds in other processes,
+    too (`identity.identity_of`); None where they have none.
     """
 
     step: Step
@@ -33,6 +35,12 @@ class System(NamedTuple):
     sizes: tuple[int, int, int]
     outputs: int
     fixed: tuple[int, ...] = ()
+    identity: str | None = None
+
+    def showing(self, output: Step, outputs: int, what: str) -> "System":
+        """The system with other outputs, which are `what` of it."""
+        identity = self.identity and f"{self.identity} {what}"
+        return self._replace(output=output, outputs=outputs, identity=identity)
 
 
 class Run(NamedTuple):
@@ -60,15 +68,19 @@ class Directions(NamedTuple):
 def machine_code(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> str:
     """Name of the loaded machine code: of outputs, or, with the parameters that are `moving`, of their tangents. Raises
     `Untranslated`."""
-    module = write_rollout(
-        program(system.step, system.output, system.sizes, system.fixed, moving, inputs_move), lanes()
-    )
-    names = (*ARGUMENTS, *TANGENTS) if moving is not None else ARGUMENTS
-    u, shares = names.index("u"), names.index("shares")
-    # Without directions their number is not used.
-    directions = (names.index("dp"), 1) if moving is not None else (shares, 0)
-    write_handler(module, [(u, 0), (u, 1), (u, 2), directions, (shares, 0)], len(names))
-    return loaded(module)
+
+    def make() -> Made:
+        module = write_rollout(
+            program(system.step, system.output, system.sizes, system.fixed, moving, inputs_move), lanes()
+        )
+        names = (*ARGUMENTS, *TANGENTS) if moving is not None else ARGUMENTS
+        u, shares = names.index("u"), names.index("shares")
+        # Without directions their number is not used.
+        directions = (names.index("dp"), 1) if moving is not None else (shares, 0)
+        write_handler(module, [(u, 0), (u, 1), (u, 2), directions, (shares, 0)], len(names))
+        return Made((loaded(module),))
+
+    return remembered(system.identity, f"rollout {moving} {inputs_move}", make).code[0]
 
 
 def grouped(array: Array, width: int) -> Array:

@@ -21,6 +21,7 @@ import numpy as np
 from llvmlite import ir
 
 from .._atomic import replacing
+from .._kept import folder
 from .emit import DOUBLE, INDEX, Builder, Value
 
 _MAJOR, _MINOR = 0, 3
@@ -134,12 +135,16 @@ def _translated(text: str) -> bytes:
     return _machine().emit_object(parsed)
 
 
+def _path(name: str) -> Path | None:
+    kept = folder()
+    return None if kept is None else kept / f"{name}.o"
+
+
 def _stored(name: str, text: str) -> bytes:
-    """Object code of a module, kept beside JAX's own compiled programs where the user keeps those."""
-    folder = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
-    if not folder:
+    """Object code of a module, kept with the user's compiled programs."""
+    path = _path(name)
+    if path is None:
         return _translated(text)
-    path = Path(folder) / f"{name}.o"
     try:
         return path.read_bytes()
     except OSError:
@@ -152,25 +157,39 @@ def _stored(name: str, text: str) -> bytes:
     return code
 
 
+@cache
+def machine_words() -> tuple[str, ...]:
+    """What object code depends on besides its instructions."""
+    host = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    return tuple(map(str, (_REVISION, _effort(), *llvm.llvm_version_info, *host)))
+
+
+def _load(name: str, code: bytes) -> None:
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), new_machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _engines[name] = engine  # its code lives as long as it does
+
+
 def loaded(module: ir.Module) -> str:
     """Compile `module` for this processor, unless it has been; its name here."""
     text = str(module)
-    machine = (
-        _REVISION,
-        _effort(),
-        *llvm.llvm_version_info,
-        llvm.get_host_cpu_name(),
-        llvm.get_host_cpu_features().flatten(),
-    )
-    key = "\n".join([*map(str, machine), text])
+    key = "\n".join([*machine_words(), text])
     name = f"jaxid_{hashlib.sha256(key.encode()).hexdigest()[:32]}"
     with _lock:
         if name not in _engines:
-            engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), new_machine())
-            engine.add_object_file(llvm.ObjectFileRef.from_data(_stored(name, text)))
-            engine.finalize_object()
-            _engines[name] = engine  # its code lives as long as it does
+            _load(name, _stored(name, text))
     return name
+
+
+def loaded_again(name: str) -> bool:
+    """Load what was compiled under this name before; whether it is there."""
+    with _lock:
+        path = _path(name)
+        if name not in _engines and path is not None:
+            with suppress(OSError):
+                _load(name, path.read_bytes())
+        return name in _engines
 
 
 def function(name: str, symbol: str, sizes: int, arrays: int) -> Callable[..., None]:

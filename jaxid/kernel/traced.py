@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from .expressions import Graph, Node
+from .remembered import Made, remembered
 from .rollout_kernel import Derivatives, Program
 from .symbolic import inputs, run, scalars
 from .tangents import backward, forward
@@ -67,8 +68,14 @@ def program(
 
 
 def shown_states(
-    step: Step, output: Step, sizes: tuple[int, int, int], fixed: tuple[int, ...] = ()
+    step: Step, output: Step, sizes: tuple[int, int, int], fixed: tuple[int, ...] = (), identity: str | None = None
 ) -> list[int] | None:
     """Which state each output is, where all of them are states as they stand, else None. Raises `Untranslated`."""
-    graph, (_, x, _), _, shown = traced(step, output, *sizes, fixed)
-    return [x.index(node) for node in shown] if set(shown) <= set(x) else None
+
+    def make() -> Made:
+        _, (_, x, _), _, shown = traced(step, output, *sizes, fixed)
+        known = set(shown) <= set(x)
+        return Made((), (int(known), *(x.index(node) for node in shown if known)))
+
+    known, *places = remembered(identity, "shown states", make).numbers
+    return places if known else None

@@ -12,6 +12,7 @@ from .._compile import compiled
 from ..kernel.call import System
 from ..kernel.direct import outputs, tangents
 from ..kernel.groups import grouped, ungrouped
+from ..kernel.identity import identity_of
 from ..kernel.machine import lanes
 from ..kernel.symbolic import Untranslated
 from ..robots.effect import Numbers, Scalars
@@ -55,7 +56,7 @@ def _showing_states(robot: Robot, names: tuple[str, ...], friction: DryFriction)
     def shown(p: Scalars, x: Scalars, u: Scalars):
         return (*x, *plain.output(p, x, u))
 
-    return plain._replace(output=shown, outputs=len(robot.states) + plain.outputs)
+    return plain.showing(shown, len(robot.states) + plain.outputs, "states and outputs")
 
 
 def _transitions_directly(robot, integrator, names, starts, inputs, dt) -> tuple[Array, Array]:
@@ -158,7 +159,8 @@ def _resting(robot: Robot, names: tuple[str, ...]) -> System:
         return _outputs_and_rates(robot, names, p, x, u)
 
     sizes = len(names) + 1, len(robot.states), len(robot.channels.inputs)
-    return System(lambda p, x, u, h: x, shown, sizes, 2 * len(robot.channels.measured))
+    identity = identity_of(robot, names, "outputs and rates")
+    return System(lambda p, x, u, h: x, shown, sizes, 2 * len(robot.channels.measured), identity=identity)
 
 
 def _output_slopes_directly(system: System, robot: Robot, names, p, x, u) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..kernel.call import System, rollout
+from ..kernel.identity import identity_of
 from ..kernel.symbolic import Untranslated
 from ..robots.effect import Numbers, Scalars, State
 from ..robots.robot import Robot
@@ -40,7 +41,8 @@ def system_of(
 
     sizes = len(names), len(robot.states), len(robot.channels.inputs)
     places = tuple(robot.states.index(name) for name in fixed)
-    return System(stepped, shown, sizes, len(robot.channels.measured), places)
+    identity = identity_of(robot, names, step, friction, fixed)
+    return System(stepped, shown, sizes, len(robot.channels.measured), places, identity)
 
 
 def machine_rollout(

@@ -51,7 +51,7 @@ def with_states(system: System) -> System:
     def seen(p: Any, x: Any, u: Any):
         return (*x, *system.output(p, x, u))
 
-    return system._replace(output=seen, outputs=system.sizes[1] + system.outputs)
+    return system.showing(seen, system.sizes[1] + system.outputs, "states and outputs")
 
 
 def in_segments(

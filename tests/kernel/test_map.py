@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from jaxid.kernel.expressions import Graph
-from jaxid.kernel.map import compiled_map
+from jaxid.kernel.map import compiled_maps
 from jaxid.kernel.map_kernel import Mapped
 from jaxid.kernel.symbolic import inputs, run, scalars
 from jaxid.kernel.tangents import forward
+
+
+def one_map(mapped):
+    return compiled_maps(None, "", lambda: [mapped])[0]
 
 
 @pytest.mark.parametrize("points", [1, 7, 8, 21])
@@ -17,7 +21,7 @@ def test_every_point_has_its_own_value_whatever_their_number(points):
     graph = Graph()
     (a, b), (p,) = scalars(inputs(graph, "row", 2)), scalars(inputs(graph, "p", 1))
     sine = graph.apply("sin", graph.mul(p, a))
-    mapped = compiled_map(Mapped(graph, 2, [graph.add(sine, b), graph.constant(3.0), b]))
+    mapped = one_map(Mapped(graph, 2, [graph.add(sine, b), graph.constant(3.0), b]))
     rows = np.random.default_rng(0).normal(size=(points, 1, 2))
     found = mapped(np.array([1.7]), rows, np.zeros((points, 0)))[:, 0]
     expected = np.stack([np.sin(1.7 * rows[:, 0, 0]) + rows[:, 0, 1], np.full(points, 3.0), rows[:, 0, 1]], axis=1)
@@ -28,7 +32,7 @@ def test_what_is_carried_runs_along_the_rows_of_each_sequence():
     graph = Graph()
     (x,), (c,) = scalars(inputs(graph, "row", 1)), scalars(inputs(graph, "carried", 1))
     after = graph.add(graph.mul(graph.constant(0.5), c), x)
-    mapped = compiled_map(Mapped(graph, 1, [c], [after]))
+    mapped = one_map(Mapped(graph, 1, [c], [after]))
     rows, start = np.random.default_rng(1).normal(size=(11, 6, 1)), np.arange(11.0)[:, None]
     expected, level = np.zeros((11, 6)), start[:, 0]
     for t in range(6):
@@ -40,7 +44,7 @@ def test_what_is_carried_runs_along_the_rows_of_each_sequence():
 def test_no_points_are_no_results():
     graph = Graph()
     (x,) = scalars(inputs(graph, "row", 1))
-    assert compiled_map(Mapped(graph, 1, [x]))(np.zeros(0), np.zeros((0, 1, 1)), np.zeros((0, 0))).shape == (0, 1, 1)
+    assert one_map(Mapped(graph, 1, [x]))(np.zeros(0), np.zeros((0, 1, 1)), np.zeros((0, 0))).shape == (0, 1, 1)
 
 
 @jax.custom_jvp
@@ -69,7 +73,7 @@ def test_replaced_expressions_are_the_function_of_the_function_with_its_own_deri
     (both,) = graph.replaced([result], {scalars([x])[0]: inside})
     slopes = [forward(graph, [both], {seed: graph.constant(1.0)})[0] for seed in scalars([x, y])]
     row = dict(zip(scalars([x, y]), scalars(inputs(graph, "row", 2)), strict=True))
-    mapped = compiled_map(Mapped(graph, 2, graph.replaced([both, *slopes], row)))
+    mapped = one_map(Mapped(graph, 2, graph.replaced([both, *slopes], row)))
     a, b = map(jnp.asarray, at)
 
     def composed(a, b):

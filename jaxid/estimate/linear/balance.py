@@ -15,7 +15,8 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr
 
 from ...kernel.expressions import Graph, Node
-from ...kernel.map import Map, compiled_map
+from ...kernel.identity import identity_of
+from ...kernel.map import Map, compiled_maps
 from ...kernel.map_kernel import Mapped
 from ...kernel.symbolic import inputs, run, scalars
 from ...kernel.tangents import forward
@@ -38,11 +39,14 @@ class Balance(NamedTuple):
     [nv x free] and by the speeds [nv x nv]"""
     accelerations: Map
     """positions, speeds, inputs, zeros [axes] -> accelerations without dry friction [nv]"""
-    axes: int
-    """On which dry friction acts."""
     walk: Map
     """interval, inputs, speeds, the next sample's, bends, 1 at a log's first row, positions there; carrying positions -> them
     at the nodes [(2 substeps + 1) x nk]"""
+
+    @property
+    def axes(self) -> int:
+        """On which dry friction acts."""
+        return self.rubbing.outputs
 
 
 def _dot(graph: Graph, x: Sequence[Node], y: Sequence[Node]) -> Node:
@@ -144,8 +148,12 @@ def rubbing_slopes(
     robot: Robot, names: tuple[str, ...], positions: tuple[str, ...], parameters: tuple[str, ...]
 ) -> Map:
     """positions, speeds -> d(rubbing speeds)/d(measured speeds) [axes x nv]. Raises `Untranslated`."""
-    to = expressions(robot, names, positions, parameters)
-    return compiled_map(Mapped(to.graph, sum(to.widths[:2]), _flat(to.slopes(to.rubbing, to.v))))
+
+    def make() -> list[Mapped]:
+        to = expressions(robot, names, positions, parameters)
+        return [Mapped(to.graph, sum(to.widths[:2]), _flat(to.slopes(to.rubbing, to.v)))]
+
+    return compiled_maps(identity_of(robot, names, positions, parameters), "rubbing slopes", make)[0]
 
 
 @lru_cache(_MOST_ROBOTS)
@@ -159,7 +167,18 @@ def balance(
     substeps: int,
 ) -> Balance:
     """The balances of a robot's structure: of momentum with its `mass` matrix, else of speed. Raises `Untranslated`."""
-    to = expressions(robot, names, positions, parameters)
+    identity = identity_of(robot, names, positions, parameters, free, mass, substeps)
+
+    def make() -> list[Mapped]:
+        return _balances(expressions(robot, names, positions, parameters), names, free, mass, substeps)
+
+    return Balance(*compiled_maps(identity, "balance", make))
+
+
+def _balances(
+    to: Expressions, names: tuple[str, ...], free: tuple[str, ...], mass: bool, substeps: int
+) -> list[Mapped]:
+    """What a `Balance` is compiled from, in its order."""
     graph, by = to.graph, [to.p[name] for name in free]
     P = to.momentum() if mass else to.v
 
@@ -179,14 +198,13 @@ def balance(
         for slopes in to.slopes(force(to.rates), to.zeros)
     ]
     widths = [sum(to.widths[:k]) for k in range(1, 6)]
-    return Balance(
-        rubbing=compiled_map(Mapped(graph, widths[1], to.rubbing)),
-        sample=compiled_map(Mapped(graph, widths[3], [*P, *_flat(to.slopes(P, by)), *_flat(shares)])),
-        force=compiled_map(Mapped(graph, widths[4], [*Q, *_flat(to.slopes(Q, by)), *_flat(to.slopes(Q, to.v))])),
-        accelerations=compiled_map(Mapped(graph, widths[3], [to.rates[name] for name in names])),
-        axes=to.axes,
-        walk=compiled_map(_walk(to, substeps)),
-    )
+    return [
+        Mapped(graph, widths[1], to.rubbing),
+        Mapped(graph, widths[3], [*P, *_flat(to.slopes(P, by)), *_flat(shares)]),
+        Mapped(graph, widths[4], [*Q, *_flat(to.slopes(Q, by)), *_flat(to.slopes(Q, to.v))]),
+        Mapped(graph, widths[3], [to.rates[name] for name in names]),
+        _walk(to, substeps),
+    ]
 
 
 def _walk(to: Expressions, substeps: int) -> Mapped:

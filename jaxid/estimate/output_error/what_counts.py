@@ -19,7 +19,7 @@ def _showing(system: System, outputs: tuple[int, ...]) -> System:
         every = system.output(p, x, u)
         return tuple(every[i] for i in outputs)
 
-    return system._replace(output=shown, outputs=len(outputs))
+    return system.showing(shown, len(outputs), f"outputs {outputs}")
 
 
 def of_what_counts(d: Direct) -> tuple[Direct, list[int]]:
