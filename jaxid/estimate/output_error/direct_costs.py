@@ -10,7 +10,7 @@ from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.records import commanded_each, measured_each
 from .direct import Array, Direct, Logs, numbers_at, starts_at, weighted_residual
-from .problem import Problem, Unknowns, parameters_at
+from .problem import Apart, Problem, Unknowns, parameters_at
 
 _TOGETHER = 2_000_000
 """Numbers of the outputs up to which several simulations of the logs run side by side."""
@@ -63,15 +63,15 @@ def log_squares(
 
 def costs_of(
     problem: Problem, theta: Float[Array, "c n"], states: Float[Array, "c E s"], squares: Float[Array, "c E"]
-) -> Float[Array, " c"]:
-    """`problem.cost` at many unknowns from their logs' squares, and the priors."""
+) -> Apart:
+    """`problem.costs_apart` at many unknowns from their logs' squares."""
     pull = np.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
     stiff = np.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0)
-    return 0.5 * (squares.sum(axis=1) + pull.sum(axis=1) + (stiff * states**2).sum(axis=(1, 2)))
+    return Apart(0.5 * (squares + (stiff * states**2).sum(axis=2)), 0.5 * pull.sum(axis=1))
 
 
-def costs_directly(d: Direct, many: SideBySide, candidates: Unknowns) -> Float[Array, " c"]:
-    """`problem.cost` at many unknowns."""
+def costs_directly(d: Direct, many: SideBySide, candidates: Unknowns) -> Apart:
+    """`problem.costs_apart` at many unknowns."""
     theta, states = parameters_at(d.problem, np.asarray(candidates.z)), np.asarray(candidates.states)
     with np.errstate(over="ignore", invalid="ignore"):
         return costs_of(d.problem, theta, states, log_squares(d, many, theta, states))
