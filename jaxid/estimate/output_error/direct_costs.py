@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...kernel.direct import outputs
+from ...kernel.direct import squares as squares_of
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.records import commanded_each, measured_each
@@ -26,6 +27,8 @@ class SideBySide(NamedTuple):
 def side_by_side(d: Direct, times: int) -> SideBySide:
     """The logs `times` times over, or once, where they are many or long."""
     E, of = len(d.begin), d.logs
+    if E % lanes() == 0:
+        return SideBySide(1, of)
     rows = 1 if d.model.records.commands is None else len(d.shares)
     # Few logs leave lanes empty, which the others' simulations fill.
     more = -(-E * times // lanes()) / len(of.dt)
@@ -50,13 +53,14 @@ def log_squares(
         if records.commands is not None:
             after = commanded_each(records, numbers, d.problem.inputs, d.problem.dt, len(d.shares))
             u = grouped(after.reshape(-1, *after.shape[2:]))
-        y = outputs(system, (d.shares, p, x, u, of.dt, of.fixed))
-        if records.measures is not None:
-            plain = ungrouped(y, many.together * E)
-            seen = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt)
-            y = grouped(seen.reshape(plain.shape))
-        residual = weighted_residual(y, of.measured, of.weight)
-        summed = np.einsum("gtyl,gtyl->gl", residual, residual)
+        seen = d.shares, p, x, u, of.dt, of.fixed
+        if records.measures is None:
+            summed = squares_of(system, seen, of.measured, of.weight).sum(axis=1)
+        else:
+            plain = ungrouped(outputs(system, seen), many.together * E)
+            shown = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt)
+            residual = weighted_residual(grouped(shown.reshape(plain.shape)), of.measured, of.weight)
+            summed = np.einsum("gtyl,gtyl->gl", residual, residual)
         squares.append(ungrouped(summed, many.together * E).reshape(many.together, E))
     return np.concatenate(squares)
 

@@ -26,8 +26,9 @@ from .arrow import Eliminated, eliminate, gradient, norms
 from .bounds import Bounds
 from .chart import Chart, chart_at
 from .optimum import Optimum, Outcome
+from .polish import extrapolated
 from .problem import Apart, Problem, Structure, Triangle, Unknowns, costs_apart, traced_once
-from .steps import Steps, best_of, others, simulated, steps_of
+from .steps import Steps, best_of, no_steps, others, simulated, steps_of
 
 _LEAST = 1e-3
 """Damping that even the longest step has: directions whose standard error is above thirty units are hardly moved."""
@@ -46,8 +47,8 @@ _GROWS = 4.0
 _BISECTIONS, _NEWTON = 40, 60
 _SOLVED = 1e-12
 """Relative change of a damping that is none."""
-_PROMISE = 5e-5
-"""Promised drop of the cost, that of a hundredth of a standard error, below which undamped steps begin."""
+_PROMISE = 1e-3
+"""Promised drop of the cost, that of a twentieth of a standard error, below which undamped steps begin."""
 _EXACT = 1e-14
 """Promised drop of the cost below which undamped steps end: a ten-millionth of a standard error."""
 _POLISHED, _MISS = 8, 4
@@ -119,9 +120,10 @@ def promise_of(problem: Problem, unknowns: Unknowns, triangle: Triangle) -> Floa
 class State(NamedTuple):
     """Between two linearisations: `there` is looked at next, `reached`, its `triangle` and its `cost` are the best so far.
 
-    `radius`: length of the parameters' step at most, in units of the chart; `shares` [E]: those of the experiments' own ways
-    on which they went last. `least`: the least promise since the cost last dropped noticeably. Around a kink the
-    linearisations on its two sides promise different drops, and where one of them promises nothing there is none.
+    `least`: the least promise since the cost last dropped noticeably. Around a kink the linearisations on its two sides
+    promise different drops, and where one of them promises nothing there is none. `before`, `after`: where the last undamped
+    step, not extrapolated, began and led. `radius`: length of the parameters' step at most, in units of the chart; `shares`
+    [E]: those of the experiments' own ways on which they went last.
     """
 
     there: Unknowns
@@ -135,6 +137,8 @@ class State(NamedTuple):
     least: Float[Array, ""]
     outcome: Int[Array, ""]
     polished: Int[Array, ""]
+    before: Unknowns
+    after: Unknowns
     radius: Float[Array, ""]
     shares: Float[Array, " E"]
 
@@ -183,6 +187,8 @@ def begin(start: Unknowns, shapes: Triangle) -> State:
         least=infinite,
         outcome=np.asarray(UNDECIDED),
         polished=none,
+        before=start,
+        after=start,
         radius=np.asarray(_RADIUS),
         shares=np.ones(start.states.shape[0]),
     )
@@ -244,8 +250,8 @@ class BestDampingLevenbergMarquardt(eqx.Module):
 
     All of it is jaxid's: the units, the step, the bounds, and the stop, which it makes where the linearisation promises no
     drop of the cost above `promise` (some undamped steps follow while each comes closer), or where two steps in a row neither
-    lower it by `noticeable` (both in half chi-squared) nor halve what is promised. Any `optimistix` least-squares solver can take its place.
-    `report` is called with the cost after every linearisation.
+    lower it by `noticeable` (both in half chi-squared) nor halve what is promised. Any `optimistix` least-squares solver can
+    take its place. `report` is called with the cost after every linearisation.
 
     What is decided between two simulations knows nothing of the robot (`decided`, `tried`): it runs as one program with the
     simulations (`minimise`), or by turns with them, in NumPy, where nothing is compiled for it (`in_turns`).
@@ -300,13 +306,18 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             ],
             UNDECIDED,
         )
-        full = system.shared_step(_LEAST)
-        straight = chart.straight(full, system.own_step(full))
+        straight = following = here
+        if not surely_not(polish):
+            full = system.shared_step(_LEAST)
+            straight = chart.straight(full, system.own_step(full))
+            again = (state.polished > 0) & ~worse
+            ends = chart.within(extrapolated(triangle, here, straight, state.before, state.after))
+            following = chosen(polish, chosen(again, ends, straight), here)
         reached = chosen(
             worse, (state.reached, state.triangle, state.cost, state.promise), (here, triangle, now, promise)
         )
-        following = State(
-            chosen(polish, straight, here),
+        next_state = State(
+            following,
             *reached[:3],
             start_cost=xp.where(first, now, state.start_cost),
             steps=state.steps + 1,
@@ -315,12 +326,14 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             least=least,
             outcome=outcome,
             polished=xp.where(polish, spent, state.polished),
+            before=here,
+            after=straight,
             radius=state.radius,
             shares=state.shares,
         )
         going = (outcome == UNDECIDED) & ~polish
         return Search(
-            state=following,
+            state=next_state,
             chart=chart,
             scaled=scaled,
             system=system,
@@ -329,7 +342,7 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             round=xp.array(0),
             flat=xp.array(False),
             radius=state.radius,
-            steps=_steps(chart, system, state.radius, state.shares, True),
+            steps=no_steps(here) if surely_not(going) else _steps(chart, system, state.radius, state.shares, True),
             going=going,
         )
 
@@ -340,7 +353,9 @@ class BestDampingLevenbergMarquardt(eqx.Module):
         look, shapes = traced_once(structure, problem, start)
 
         def costs(search: Search) -> Search:
-            return tried(search, jax.vmap(lambda there: costs_apart(structure, problem, there))(search.steps.candidates))
+            return tried(
+                search, jax.vmap(lambda there: costs_apart(structure, problem, there))(search.steps.candidates)
+            )
 
         def step(state: State) -> State:
             search: Any = self.decided(problem.bounds, problem.free, state, look(state.there, problem), max_steps)

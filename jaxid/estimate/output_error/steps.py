@@ -8,6 +8,7 @@ to flip, or a wheel about to stick, in one run stops that run's initial state an
 
 from typing import NamedTuple
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._arrays import AnyArray as Array
@@ -49,18 +50,23 @@ class Best(NamedTuple):
     promise: Float[Array, ""]
 
 
+def no_steps(here: Unknowns) -> Steps:
+    """In place of steps where none is asked for."""
+    nothing = np.zeros(0)
+    return Steps(nothing, nothing, nothing, here, nothing, Apart(nothing, nothing))
+
+
 def several(own: int) -> int:
     """How many shares there are for so many own unknowns of an experiment."""
     return len(_SHARES) if own else 1
 
 
-def count(own: int) -> int:
-    """How many candidates there are for so many own unknowns of an experiment."""
-    return _PATHS * several(own)
-
-
 def steps_of(
-    chart: Chart, system: Eliminated, shared: Float[Array, " n"], usual: Float[Array, " E"], first: Bool[Array, ""] | bool
+    chart: Chart,
+    system: Eliminated,
+    shared: Float[Array, " n"],
+    usual: Float[Array, " E"],
+    first: Bool[Array, ""] | bool,
 ) -> Steps:
     """The steps whose parameters go by `shared`; at `first` the `usual` shares alone are asked for."""
     xp = namespace(system.pull)

@@ -105,7 +105,9 @@ def costs_together(asked: Sequence[Asked]) -> list[Apart]:
     found: list[Apart] = []
     for part in _parts(asked, lambda one: one[0].logs.measured.size * len(one[1].z)):
         # Every candidate is a set of logs of its own.
-        each = [(d, Unknowns(z, states)) for d, there in part for z, states in zip(*map(np.asarray, there), strict=True)]
+        each = [
+            (d, Unknowns(z, states)) for d, there in part for z, states in zip(*map(np.asarray, there), strict=True)
+        ]
         theta = [parameters_at(d.problem, np.asarray(there.z)) for d, there in part]
         ds = [d for d, _ in each]
         all_of_them = merged(ds)
