@@ -12,7 +12,18 @@ from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
-_PACKAGES = ("jaxid-robots", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "scipy", "llvmlite", "blackjax")
+_PACKAGES = (
+    "jaxid-robots",
+    "jax",
+    "jaxlib",
+    "equinox",
+    "optimistix",
+    "lineax",
+    "numpy",
+    "scipy",
+    "llvmlite",
+    "blackjax",
+)
 _LEFT_OUT = ("report", "solver")
 """Arguments that say how to work and not on what."""
 

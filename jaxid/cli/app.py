@@ -202,7 +202,9 @@ def change(
             "--held-out-after", metavar="LOG...", help="Logs of the second set on which the answer is judged."
         ),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for change.json and report.html.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for change.json and report.html.")
+    ] = None,
     model: Model = None,
     false_alarm: Annotated[
         float,
@@ -302,7 +304,9 @@ def serve(
     ] = None,
     model: Model = None,
     mapping: Mapping = None,
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0: any that is free.")] = 8765,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0: any that is free.")
+    ] = 8765,
 ) -> None:
     """Follow a folder of logs on a page in the browser: findings, fit, gap and the missing effect as they are found."""
     from .serve import run_serve

@@ -9,7 +9,7 @@ from llvmlite import ir
 
 from .emit import DOUBLE, INDEX, Builder, Loop, Value, place
 
-_ROWS = 32
+ROWS = 32
 """Rows of a matrix that are reduced at a time: with some tens of columns they stay in the processor's nearest cache."""
 _CHAINS = 4
 """Sums that run side by side, since each addition waits for the one before it."""
@@ -19,10 +19,10 @@ _SWEEPS = 40
 
 
 class _Dense:
-    """Writes `void <name>(sizes..., A, results...)`."""
+    """Writes `void <name>(sizes..., A, results...)`, into a module of its own or beside what another one has."""
 
-    def __init__(self, name: str, sizes: int, arrays: int, lanes: int):
-        self.module = ir.Module(name=name)
+    def __init__(self, name: str, sizes: int, arrays: int, lanes: int, module: ir.Module | None = None):
+        self.module = ir.Module(name=name) if module is None else module
         self.lanes, self.vector = lanes, ir.VectorType(DOUBLE, lanes)
         kinds = [INDEX] * sizes + [DOUBLE.as_pointer()] * arrays
         self.function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), kinds), name)
@@ -80,73 +80,100 @@ class _Dense:
         return self.build.add(index, ir.Constant(INDEX, 1))
 
 
-def write_triangle(lanes: int) -> ir.Module:
-    """`triangle(G, m, n, A, R)`: the triangle R [G, n, n, L] of A = Q R, its diagonal not negative.
+def write_reduction(module: ir.Module, lanes: int) -> ir.Function:
+    """Adds `reduction(n, block, R)`: the rows of a `block` [n, ROWS, L], column by column, are taken under the triangle R
+    [n, n, L]. The block is used up.
 
-    Householder's reflections, block of rows by block of rows, each under the triangle of those before it (Golub and Van
-    Loan, Matrix Computations, 4th edition, section 5.1 and 6.5): the matrix is read once, and nothing of its size is
-    written.
+    Householder's reflections (Golub and Van Loan, Matrix Computations, 4th edition, section 5.1 and 6.5).
     """
-    to = _Dense("triangle", 3, 2, lanes)
-    build, (G, m, n), (A, R) = to.build, to.sizes, to.arrays
-    rows = ir.Constant(INDEX, _ROWS)
-    block = build.alloca(to.vector, build.mul(n, rows))  # [n, _ROWS]: column by column
+    to = _Dense("reduction", 1, 2, lanes, module)
+    to.function.linkage = "internal"
+    to.function.attributes.add("noinline")
+    build, (n,), (block, R) = to.build, to.sizes, to.arrays
+    rows = ir.Constant(INDEX, ROWS)
     zero, one = to.constant(0.0), to.constant(1.0)
 
     def over(j: Value, i: Value) -> tuple[tuple[Value | int, Value | int], ...]:
-        return (j, n), (i, _ROWS)
+        return (j, n), (i, ROWS)
 
+    def entry(j: Value, k: Value) -> tuple[tuple[Value | int, Value | int], ...]:
+        return (j, n), (k, n)
+
+    with Loop(build, n, "column") as j:
+
+        def squared(total: Value, i: Value) -> Value:
+            x = to.load(block, *over(j, i))
+            return to.plus_product(total, x, x)
+
+        below = to.chained(rows, squared, "length")
+        alpha = to.load(R, *entry(j, j))
+        some = build.fcmp_ordered(">", below, to.constant(_LEAST_SQUARE))
+        length = to.called("sqrt", to.plus_product(below, alpha, alpha))
+        beta = build.fsub(zero, to.called("copysign", length, alpha))
+        pivot = build.select(some, build.fsub(alpha, beta), one)
+        share = build.select(some, build.fdiv(one, pivot), zero)
+        tau = build.select(some, build.fdiv(build.fsub(beta, alpha), build.select(some, beta, one)), zero)
+        to.store(build.select(some, beta, alpha), R, *entry(j, j))
+        with Loop(build, rows, "scale") as i:
+            to.store(build.fmul(to.load(block, *over(j, i)), share), block, *over(j, i))
+        with Loop(build, build.sub(build.sub(n, j), ir.Constant(INDEX, 1)), "other") as after:
+            k = build.add(to.after(j), after)
+
+            def along(total: Value, i: Value) -> Value:
+                return to.plus_product(total, to.load(block, *over(j, i)), to.load(block, *over(k, i)))
+
+            top = to.load(R, *entry(j, k))
+            w = build.fmul(tau, build.fadd(top, to.chained(rows, along, "along")))
+            to.store(build.fsub(top, w), R, *entry(j, k))
+            with Loop(build, rows, "reflect") as i:
+                x = to.minus_product(to.load(block, *over(k, i)), w, to.load(block, *over(j, i)))
+                to.store(x, block, *over(k, i))
+    build.ret_void()
+    return to.function
+
+
+def write_uprighting(module: ir.Module, lanes: int) -> ir.Function:
+    """Adds `upright(n, R)`: the rows of a triangle R [n, n, L] turned so that its diagonal is not negative."""
+    to = _Dense("upright", 1, 1, lanes, module)
+    to.function.linkage = "internal"
+    build, (n,), (R,) = to.build, to.sizes, to.arrays
+    zero = to.constant(0.0)
+    with Loop(build, n, "upright") as j:
+        down = build.fcmp_ordered("<", to.load(R, (j, n), (j, n)), zero)
+        with Loop(build, build.sub(n, j), "turned") as after:
+            k = build.add(j, after)
+            x = to.load(R, (j, n), (k, n))
+            to.store(build.select(down, build.fsub(zero, x), x), R, (j, n), (k, n))
+    build.ret_void()
+    return to.function
+
+
+def write_triangle(lanes: int) -> ir.Module:
+    """`triangle(G, m, n, A, R)`: the triangle R [G, n, n, L] of A = Q R, its diagonal not negative.
+
+    Block of rows by block of rows, each under the triangle of those before it: the matrix is read once, and nothing of its
+    size is written.
+    """
+    to = _Dense("triangle", 3, 2, lanes)
+    reduction, upright = write_reduction(to.module, lanes), write_uprighting(to.module, lanes)
+    build, (G, m, n), (A, R) = to.build, to.sizes, to.arrays
+    rows = ir.Constant(INDEX, ROWS)
+    block = build.alloca(to.vector, build.mul(n, rows))  # [n, ROWS]: column by column
+    zero = to.constant(0.0)
     with Loop(build, G, "group") as g:
-
-        def entry(j: Value, k: Value) -> tuple[tuple[Value | int, Value | int], ...]:
-            return (g, G), (j, n), (k, n)
-
         with Loop(build, n, "clear.row") as j, Loop(build, n, "clear.column") as k:
-            to.store(zero, R, *entry(j, k))
-        blocks = build.sdiv(build.add(m, ir.Constant(INDEX, _ROWS - 1)), rows)
-        with Loop(build, blocks, "block") as b:
+            to.store(zero, R, (g, G), (j, n), (k, n))
+        own = build.bitcast(to.at(R, (g, G), (0, n), (0, n)), DOUBLE.as_pointer())
+        with Loop(build, build.sdiv(build.add(m, ir.Constant(INDEX, ROWS - 1)), rows), "block") as b:
             first = build.mul(b, rows)
             left = build.sub(m, first)
             full = build.select(build.icmp_signed("<", left, rows), left, rows)
             with Loop(build, full, "read.row") as i, Loop(build, n, "read.column") as k:
-                to.store(to.load(A, (g, G), (build.add(first, i), m), (k, n)), block, *over(k, i))
+                to.store(to.load(A, (g, G), (build.add(first, i), m), (k, n)), block, (k, n), (i, ROWS))
             with Loop(build, build.sub(rows, full), "fill.row") as i, Loop(build, n, "fill.column") as k:
-                to.store(zero, block, *over(k, build.add(full, i)))
-            with Loop(build, n, "column") as j:
-
-                def squared(total: Value, i: Value) -> Value:
-                    x = to.load(block, *over(j, i))
-                    return to.plus_product(total, x, x)
-
-                below = to.chained(rows, squared, "length")
-                alpha = to.load(R, *entry(j, j))
-                some = build.fcmp_ordered(">", below, to.constant(_LEAST_SQUARE))
-                length = to.called("sqrt", to.plus_product(below, alpha, alpha))
-                beta = build.fsub(zero, to.called("copysign", length, alpha))
-                pivot = build.select(some, build.fsub(alpha, beta), one)
-                share = build.select(some, build.fdiv(one, pivot), zero)
-                tau = build.select(some, build.fdiv(build.fsub(beta, alpha), build.select(some, beta, one)), zero)
-                to.store(build.select(some, beta, alpha), R, *entry(j, j))
-                with Loop(build, rows, "scale") as i:
-                    to.store(build.fmul(to.load(block, *over(j, i)), share), block, *over(j, i))
-                with Loop(build, build.sub(build.sub(n, j), ir.Constant(INDEX, 1)), "other") as after:
-                    k = build.add(to.after(j), after)
-
-                    def along(total: Value, i: Value) -> Value:
-                        return to.plus_product(total, to.load(block, *over(j, i)), to.load(block, *over(k, i)))
-
-                    top = to.load(R, *entry(j, k))
-                    w = build.fmul(tau, build.fadd(top, to.chained(rows, along, "along")))
-                    to.store(build.fsub(top, w), R, *entry(j, k))
-                    with Loop(build, rows, "reflect") as i:
-                        x = to.minus_product(to.load(block, *over(k, i)), w, to.load(block, *over(j, i)))
-                        to.store(x, block, *over(k, i))
-        with Loop(build, n, "upright") as j:
-            down = build.fcmp_ordered("<", to.load(R, *entry(j, j)), zero)
-            with Loop(build, build.sub(n, j), "turned") as after:
-                k = build.add(j, after)
-                x = to.load(R, *entry(j, k))
-                to.store(build.select(down, build.fsub(zero, x), x), R, *entry(j, k))
+                to.store(zero, block, (k, n), (build.add(full, i), ROWS))
+            build.call(reduction, [n, build.bitcast(block, DOUBLE.as_pointer()), own])
+        build.call(upright, [n, own])
     build.ret_void()
     return to.module
 

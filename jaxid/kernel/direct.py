@@ -5,17 +5,18 @@ Arrays are laid out in lanes as `rollout_kernel` says; `groups.grouped` makes th
 
 from collections.abc import Callable
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from .call import MOST_DIRECTIONS, System, machine_code
-from .dense_kernel import write_rotation, write_solution, write_triangle
+from .dense_kernel import ROWS, write_rotation, write_solution, write_triangle
 from .groups import grouped, ungrouped
+from .look_kernel import LOOKED, SEEN, write_costs, write_look
 from .machine import function, lanes, loaded
-from .rollout_kernel import ARGUMENTS, TANGENTS
-from .traced import MOST_MODELS
+from .rollout_kernel import ARGUMENTS, TANGENTS, Program
+from .traced import MOST_MODELS, program
 
 Array = np.ndarray
 Seen = tuple[Array, Array, Array, Array, Array, Array]
@@ -26,6 +27,22 @@ Seen = tuple[Array, Array, Array, Array, Array, Array]
 def _rollout(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> Callable[..., None]:
     arrays = len(ARGUMENTS) + (len(TANGENTS) if moving is not None else 0) + 1
     return function(machine_code(system, moving, inputs_move), "rollout", 5, arrays)
+
+
+@lru_cache(MOST_MODELS)
+def _costs(system: System) -> Callable[..., None]:
+    module = write_costs(_program(system), lanes())
+    return function(loaded(module), "costs", 4, len(SEEN) + 1)
+
+
+@lru_cache(MOST_MODELS)
+def _look(system: System, moving: tuple[int, ...], starts: tuple[int, ...]) -> Callable[..., None]:
+    module = write_look(_program(system, moving), starts, lanes())
+    return function(loaded(module), "look", 5, len(SEEN) + len(LOOKED))
+
+
+def _program(system: System, moving: tuple[int, ...] | None = None) -> Program:
+    return program(system.step, system.output, system.sizes, system.fixed, moving)
 
 
 @cache
@@ -41,6 +58,60 @@ def outputs(system: System, seen: Seen) -> Float[Array, "G T Y L"]:
     y = np.empty((G, T, system.outputs, width))
     _rollout(system, None)(G, T, R, 0, len(shares), *seen, y)
     return y
+
+
+def squares(
+    system: System, seen: Seen, measured: Float[Array, "G T Y L"], weight: Float[Array, "G T Y L"]
+) -> Float[Array, "G Y L"]:
+    """Sums of squared weighted residuals of rollouts. Raises `Untranslated`."""
+    shares, _, _, u, _, _ = seen
+    G, T, R, _, width = u.shape
+    found = np.empty((G, system.outputs, width))
+    _costs(system)(G, T, R, len(shares), *seen, measured, weight, found)
+    return found
+
+
+class Directions(NamedTuple):
+    """The parameters `moving` and the initial states `starts`, each by itself, in these units: `by_state` [G, s, L],
+    `by_parameter` [G, n, L]."""
+
+    moving: tuple[int, ...]
+    starts: tuple[int, ...]
+    by_state: Float[Array, "G s L"]
+    by_parameter: Float[Array, "G n L"]
+
+
+_NOTHING = np.zeros(0)
+
+
+def looked(
+    system: System,
+    seen: Seen,
+    to: Directions,
+    measured: Float[Array, "G T Y L"],
+    weight: Float[Array, "G T Y L"],
+    under: Float[Array, "G N N L"],
+) -> tuple[Float[Array, "G N N L"], Float[Array, "G Y L"]]:
+    """Triangles of the weighted residuals' derivatives and the residuals, under triangles of other rows, and the residuals'
+    squares (`look_kernel`). Raises `Untranslated`."""
+    shares, _, _, u, _, _ = seen
+    G, T, R, _, width = u.shape
+    triangle, sums, block = under.copy(), np.empty((G, system.outputs, width)), np.empty((under.shape[1], ROWS, width))
+    look = _look(system, to.moving, to.starts)
+    look(G, T, R, len(shares), 1, *seen, measured, weight, to.by_state, to.by_parameter, block, triangle, sums)
+    return triangle, sums
+
+
+def rows(
+    system: System, seen: Seen, to: Directions, measured: Float[Array, "G T Y L"], weight: Float[Array, "G T Y L"]
+) -> Float[Array, "G T Y N L"]:
+    """The weighted residuals' derivatives and the residuals. Raises `Untranslated`."""
+    shares, _, _, u, _, _ = seen
+    G, T, R, _, width = u.shape
+    found = np.empty((G, T, system.outputs, len(to.moving) + len(to.starts) + 1, width))
+    look, sums = _look(system, to.moving, to.starts), np.empty((G, system.outputs, width))
+    look(G, T, R, len(shares), 0, *seen, measured, weight, to.by_state, to.by_parameter, found, _NOTHING, sums)
+    return found
 
 
 def tangents(

@@ -6,14 +6,16 @@ from typing import Any
 from llvmlite import ir
 
 from .expressions import Graph, Node
+from .sine import sine_and_cosine
 
 Builder = Any
 Value = Any
 """Of llvmlite, whose types say less than its functions take."""
 DOUBLE = ir.DoubleType()
 INDEX = ir.IntType(64)
-_MATHS = {"sqrt": "sqrt", "exp": "exp", "log": "log", "sin": "sin", "cos": "cos", "floor": "floor", "abs": "fabs",
-          "round": "rint", "trunc": "trunc"}  # fmt: skip
+_MATHS = {"sqrt": "sqrt", "exp": "exp", "log": "log", "floor": "floor", "abs": "fabs", "round": "rint",
+          "trunc": "trunc"}  # fmt: skip
+_CIRCLE = ("sin", "cos")
 _ORDERED = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
 
 
@@ -93,6 +95,7 @@ class Writer:
         self.truth = ir.VectorType(ir.IntType(1), lanes)
         self.lanes = lanes
         self.values: dict[Node, Value] = {}
+        self.circles: dict[Value, Value] = {}
 
     def constant(self, value: float) -> ir.Constant:
         return ir.Constant(self.kind, [value] * self.lanes)
@@ -158,6 +161,13 @@ class Writer:
             return build.select(build.fcmp_ordered("<", x, zero), self.constant(-1.0), up)
         return self._library(build, operation, arguments)
 
+    def _circle(self, build: Builder, angle: Node, which: int) -> Value:
+        """Sine or cosine, worked out together once where the first stands."""
+        x = self.values[angle]
+        if x not in self.circles:
+            self.circles[x] = build.call(sine_and_cosine(self.module, self.lanes), [x])
+        return build.extract_value(self.circles[x], which)
+
     def write(self, build: Builder, nodes: Iterable[Node], given: Callable[[Builder, str, int], Value]):
         """Write `nodes`, arguments first; `given(build, group, index)` loads an input."""
         for node in nodes:
@@ -168,5 +178,7 @@ class Writer:
                 self.values[node] = self.constant(arguments[0])
             elif operation == "input":
                 self.values[node] = given(build, *arguments)
+            elif operation in _CIRCLE:
+                self.values[node] = self._circle(build, arguments[0], _CIRCLE.index(operation))
             else:
                 self.values[node] = self._instruction(build, operation, [self.values[a] for a in arguments])

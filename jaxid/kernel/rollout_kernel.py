@@ -10,7 +10,7 @@ A step's derivatives by the state, by the n parameters that move and by the inpu
 directions.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from llvmlite import ir
@@ -50,25 +50,27 @@ ARGUMENTS: tuple[str, ...] = ("shares", "p", "x", "u", "dt", "fixed")
 TANGENTS: tuple[str, ...] = ("dp", "dx", "du")
 
 
-class _Rollout:
-    """Writes `void rollout(G, T, R, K, substeps, shares, p, x, u, dt, fixed[, dp, dx, du], y or dy)`."""
+class Rollout:
+    """What programs of rollouts have in common: `void <name>(sizes..., arrays...)`, the arrays by name."""
 
-    def __init__(self, program: Program, lanes: int):
+    function: ir.Function
+    G: Value
+    T: Value
+    R: Value
+    substeps: Value
+
+    def __init__(self, program: Program, lanes: int, name: str, sizes: int, arrays: Sequence[str]):
         self.program, self.lanes = program, lanes
-        self.moving = program.state_by is not None
-        self.module = ir.Module(name="rollout")
-        arrays = (*ARGUMENTS, *TANGENTS, "dy") if self.moving else (*ARGUMENTS, "y")
-        pointer = DOUBLE.as_pointer()
-        kinds = [INDEX] * 5 + [pointer] * len(arrays)
-        self.function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), kinds), "rollout")
-        for argument in self.function.args[5:]:
+        self.module = ir.Module(name=name)
+        kinds = [INDEX] * sizes + [DOUBLE.as_pointer()] * len(arrays)
+        self.function = ir.Function(self.module, ir.FunctionType(ir.VoidType(), kinds), name)
+        for argument in self.function.args[sizes:]:
             argument.add_attribute("noalias")
-        self.G, self.T, self.R, self.K, self.substeps = self.function.args[:5]
-        self.arrays = dict(zip(arrays, self.function.args[5:], strict=True))
+        self.arrays = dict(zip(arrays, self.function.args[sizes:], strict=True))
         self.build: Builder = ir.IRBuilder(self.function.append_basic_block("entry"))
         self.writer = Writer(program.graph, self.module, lanes)
         self.vector = self.writer.kind
-        self.n = len(program.state_by.by_p[0]) if program.state_by is not None else 0
+        self.state = [self.build.alloca(self.vector, name=f"x{i}") for i in range(len(program.state))]
 
     def _address(self, base: Value, at: Value) -> Value:
         build = self.build
@@ -91,6 +93,50 @@ class _Rollout:
             row = (self.group, self.G), (self.t, self.T), (self.row, self.R)
             return self._load("u", *row, (i, program.inputs))
         return build.load(self.state[i])
+
+    def depths(self, results: Iterable[Node]) -> dict[Node, int]:
+        """How deep in the loops everything stands that `results` are made of."""
+        made_of = reached(self.program.graph, results)
+        return levels(self.program.graph, made_of, {"p": 0, "h": 1, "u": 2, "x": 3})
+
+    def begin(self, depth: Mapping[Node, int]) -> dict[Node, Value]:
+        """A group's start: what depends on its parameters alone, and its initial states."""
+        build, S = self.build, len(self.program.state)
+        self.writer.values = {}
+        self.row = ir.Constant(INDEX, 0)
+        self.writer.write(build, [k for k in sorted(depth) if depth[k] == 0], self._given)
+        for i in range(S):
+            build.store(self._load("x", (self.group, self.G), (i, S)), self.state[i])
+        return dict(self.writer.values)
+
+    def set_fixed(self, sample: tuple) -> None:
+        """States that are set at every sample."""
+        for d, i in enumerate(self.program.fixed):
+            self.build.store(self._load("fixed", *sample, (d, len(self.program.fixed))), self.state[i])
+
+    def begin_step(self, step: Value, interval: Value, constant: Mapping[Node, Value], nodes: Sequence[Node]) -> None:
+        """A sub-step's expressions."""
+        build, zero = self.build, ir.Constant(INDEX, 0)
+        self.h = build.fmul(interval, self._load("shares", (step, self.substeps)))
+        self.row = build.select(build.icmp_signed("==", self.R, ir.Constant(INDEX, 1)), zero, step)
+        self.writer.values = dict(constant)
+        self.writer.write(build, nodes, self._given)
+
+    def end_step(self) -> None:
+        """The states after it."""
+        for i, node in enumerate(self.program.state):
+            self.build.store(self.writer.values[node], self.state[i])
+
+
+class _Rollout(Rollout):
+    """Writes `void rollout(G, T, R, K, substeps, shares, p, x, u, dt, fixed[, dp, dx, du], y or dy)`."""
+
+    def __init__(self, program: Program, lanes: int):
+        self.moving = program.state_by is not None
+        arrays = (*ARGUMENTS, *TANGENTS, "dy") if self.moving else (*ARGUMENTS, "y")
+        super().__init__(program, lanes, "rollout", 5, arrays)
+        self.G, self.T, self.R, self.K, self.substeps = self.function.args[:5]
+        self.n = len(program.state_by.by_p[0]) if program.state_by is not None else 0
 
     def _tangent(self, i: int, k: Value) -> Value:
         """Where the tangent of state i in direction k is kept."""
@@ -122,37 +168,30 @@ class _Rollout:
 
     def write(self) -> ir.Module:
         program, build, writer = self.program, self.build, self.writer
-        S, Y, D = len(program.state), len(program.output), len(program.fixed)
-        self.state = [build.alloca(self.vector, name=f"x{i}") for i in range(S)]
+        S, Y = len(program.state), len(program.output)
         if self.moving:
             self.tangents = build.alloca(self.vector, size=build.mul(self.K, ir.Constant(INDEX, S)), name="tangents")
         step_by, show_by = program.state_by or Derivatives((), (), ()), program.output_by or Derivatives((), (), ())
         stepping = reached(program.graph, [*program.state, *(e for rows in step_by for row in rows for e in row)])
         shown = () if self.moving else program.output
         showing = reached(program.graph, [*shown, *(e for rows in show_by for row in rows for e in row)])
-        depth = levels(program.graph, sorted({*stepping, *showing}), {"p": 0, "h": 1, "u": 2, "x": 3})
-        zero = ir.Constant(INDEX, 0)
-        self.row = zero
+        depth = self.depths([*stepping, *showing])
         with Loop(build, self.G, "group") as self.group:
-            writer.values = {}
-            writer.write(build, [k for k in sorted(depth) if depth[k] == 0], self._given)
-            for i in range(S):
-                build.store(self._load("x", (self.group, self.G), (i, S)), self.state[i])
+            constant = self.begin(depth)
             if self.moving:
                 with Loop(build, self.K, "start") as k:
                     for i in range(S):
                         start = self._load("dx", (self.group, self.G), (k, self.K), (i, S))
                         build.store(start, self._tangent(i, k))
-            constant = dict(writer.values)
             with Loop(build, self.T, "sample") as self.t:
                 sample = (self.group, self.G), (self.t, self.T)
-                for d, i in enumerate(program.fixed):
-                    build.store(self._load("fixed", *sample, (d, D)), self.state[i])
-                    if self.moving:
+                self.set_fixed(sample)
+                if self.moving:
+                    for i in program.fixed:
                         with Loop(build, self.K, "still") as k:
                             build.store(writer.constant(0.0), self._tangent(i, k))
                 interval = self._load("dt", *sample)
-                self.row, writer.values = zero, dict(constant)
+                self.row, writer.values = ir.Constant(INDEX, 0), dict(constant)
                 writer.write(build, showing, self._given)
                 if self.moving:
                     with Loop(build, self.K, "show") as k:
@@ -162,16 +201,12 @@ class _Rollout:
                     for i, node in enumerate(program.output):
                         self._store(writer.values[node], "y", *sample, (i, Y))
                 with Loop(build, self.substeps, "substep") as step:
-                    self.h = build.fmul(interval, self._load("shares", (step, self.substeps)))
-                    self.row = build.select(build.icmp_signed("==", self.R, ir.Constant(INDEX, 1)), zero, step)
-                    writer.values = dict(constant)
-                    writer.write(build, stepping, self._given)
+                    self.begin_step(step, interval, constant, stepping)
                     if self.moving:
                         with Loop(build, self.K, "move") as k:
                             for i, value in enumerate(self._products(step_by, k)):
                                 build.store(value, self._tangent(i, k))
-                    for i, node in enumerate(program.state):
-                        build.store(writer.values[node], self.state[i])
+                    self.end_step()
         build.ret_void()
         return self.module
 

@@ -147,7 +147,9 @@ def said(text: str) -> Markup:
 @lru_cache(1)
 def templates() -> Environment:
     """The templates of all pages, by their paths inside the package ("report/page.html.jinja"); what they show is escaped."""
-    environment = Environment(loader=FunctionLoader(package_text), autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=FunctionLoader(package_text), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
     environment.filters |= {"units": units, "said": said}
     return environment
 

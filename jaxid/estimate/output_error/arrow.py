@@ -69,7 +69,7 @@ class Eliminated(NamedTuple):
         return -(self.pull / (self.values**2 + damping)) @ self.right
 
     def own_step(
-        self, shared: Float[Array, "*lanes n"], share: Float[Array, ""] | float = 1.0
+        self, shared: Float[Array, "*lanes n"], share: Float[Array, "*lanes E 1"] | float = 1.0
     ) -> Float[Array, "*lanes E s"]:
         """What goes with steps of the shared unknowns: a `share` of the way that the own ones would go alone, and all that
         the shared ones cause."""

@@ -44,6 +44,10 @@ class Chart(NamedTuple):
         xp = namespace(z)
         return Unknowns(xp.clip(z, self.lower, self.upper), self.here.states + self.units.states * states)
 
+    def within(self, there: Unknowns) -> Unknowns:
+        """A place, projected onto the bounds."""
+        return there._replace(z=namespace(there.z).clip(there.z, self.lower, self.upper))
+
     def straight(self, w: Float[Array, "*lanes n"], states: Float[Array, "*lanes E s"]) -> Unknowns:
         """Where linear steps lead, projected onto the bounds."""
         return self._there(self.here.z + self.units.z * w, states)

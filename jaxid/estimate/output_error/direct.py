@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._compile import compiled
-from ...kernel.direct import input_tangents, one_triangle, outputs, tangents, triangle
+from ...kernel.direct import Directions, input_tangents, looked, one_triangle, outputs, rows, tangents, triangle
 from ...kernel.groups import grouped, ungrouped
+from ...kernel.look_kernel import MOST_OUTPUTS
 from ...kernel.machine import lanes
 from ...simulation.direct import MachineModel, machine_model
 from ...simulation.records import command_slopes, commanded, measured, measured_slopes
@@ -37,6 +38,9 @@ Array = Any
 """NumPy's, or what can be read as such."""
 _LONG = 16_000_000
 """Numbers of the sensitivities, lanes filled up, from which they are worked out a stretch of time after the other."""
+_MOST_ALONE = 40
+"""Directions up to which each is written out by itself in machine code."""
+_NO_UNITS = np.zeros((0, 0, 0))
 
 
 class Logs(NamedTuple):
@@ -189,10 +193,30 @@ def _tangents(
     return grouped(measured_slopes(records, numbers, ungrouped(y, E), problem.dt, steps, ungrouped(dy, E)))
 
 
+def _alone(d: Direct) -> Directions | None:
+    """What the machine code of fits needs of the directions, their units left out; None where effects on whole records move,
+    or the directions are many."""
+    records, at = d.model.records, {place: i for i, place in enumerate(d.model.places)}
+    commands = records.commands or ()
+    if records.measures is not None or any(place in commands or place not in at for place in d.moving):
+        return None
+    if len(d.moving) + len(d.starts) > _MOST_ALONE or d.model.system.outputs > MOST_OUTPUTS:
+        return None
+    return Directions(tuple(at[place] for place in d.moving), d.starts, _NO_UNITS, _NO_UNITS)
+
+
+def _units(d: Direct, to: Directions, columns: Float[Array, "*E n"]) -> Directions:
+    E = len(d.begin)
+    by_parameter = grouped(np.broadcast_to(columns, (E, columns.shape[-1])))
+    return to._replace(by_state=grouped(d.state_slope), by_parameter=by_parameter)
+
+
 def _whitened(d: Direct, theta: Float[Array, "*E n"], columns: Float[Array, "*E n"], states: Float[Array, "E s"]):
     """Derivatives of the weighted residuals by the initial states, by the parameters, times `columns`, and the residuals
     themselves, [G, T, Y, s + n + 1, L]."""
-    seen = _seen(d, theta, states)
+    seen, alone = _seen(d, theta, states), _alone(d)
+    if alone is not None:
+        return rows(d.model.system, seen, _units(d, alone, columns), d.logs.measured, d.logs.weight)
     with np.errstate(over="ignore", invalid="ignore"):
         y = outputs(d.model.system, seen)
         dy = _tangents(d, theta, columns, seen, y)
@@ -289,6 +313,7 @@ def _triangles_at_once(d: Direct, theta, slope, states):
     with np.errstate(over="ignore", invalid="ignore"):
         squares: Any = np.einsum("gtyl,gtyl->gyl", block[:, :, :, -1], block[:, :, :, -1])
     R = triangle(block.reshape(G, T * Y, K, width))
+    # What is not finite is no matter where nothing was measured.
     if not np.isfinite(R).all():
         block = np.where(d.logs.weight[:, :, :, None] > 0.0, block, 0.0)
         sound: Any = np.isfinite(block).all(axis=(1, 2, 3))[:, None, None]
@@ -303,16 +328,38 @@ def log_triangles(
 ) -> tuple[Float[Array, "E k k"], Float[Array, "E ny"]]:
     """Every log's part of the linearisation: the triangle of its initial states' columns, of the parameters', times
     `slope`, and of its residual, and the residual's sums of squares."""
-    E, s = len(d.begin), len(d.starts)
-    if _long(d, theta.shape[-1]):
+    E, s, n = len(d.begin), len(d.starts), theta.shape[-1]
+    alone = _alone(d)
+    if alone is not None:
+        R, squares = _triangles_on_the_way(d, alone, theta, slope, states)
+    elif _long(d, n):
         R, squares = map(grouped, _long_triangles(d, theta, slope, states))
     else:
         R, squares = _triangles_at_once(d, theta, slope, states)
-    if s:
-        prior = np.zeros((E, s, s + theta.shape[-1] + 1))
-        prior[:, np.arange(s), np.arange(s)], prior[:, :, -1] = d.state_stiffness, d.state_stiffness * states
-        R = triangle(np.concatenate([R, grouped(prior)], axis=1))
+    if s and alone is None:
+        R = triangle(np.concatenate([R, _priors(d, states, n)[:, :s]], axis=1))
     return ungrouped(R, E), ungrouped(squares, E)
+
+
+def _priors(d: Direct, states: Float[Array, "E s"], n: int) -> Float[Array, "G k k L"]:
+    """Triangles of the initial states' priors."""
+    E, s = states.shape
+    prior = np.zeros((E, s + n + 1, s + n + 1))
+    prior[:, np.arange(s), np.arange(s)], prior[:, :s, -1] = d.state_stiffness, d.state_stiffness * states
+    return grouped(prior)
+
+
+def _triangles_on_the_way(d: Direct, alone: Directions, theta, slope, states):
+    """Triangles, priors included, and squares, in lanes, from one pass that keeps nothing as long as the logs."""
+    under = _priors(d, states, theta.shape[-1])
+    to, seen = _units(d, alone, slope), _seen(d, theta, states)
+    R, squares = looked(d.model.system, seen, to, d.logs.measured, d.logs.weight, under)
+    lost = ~np.isfinite(R).all(axis=(1, 2))
+    if lost.any():
+        far = under.copy()
+        far[:, -1, -1] = np.sqrt(far[:, -1, -1] ** 2 + DIVERGED**2 * d.logs.measured[0, :, :, 0].size)
+        R = np.where(lost[:, None, None], far, R)
+    return R, squares
 
 
 def reduced(

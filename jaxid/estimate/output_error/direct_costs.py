@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ...kernel.direct import outputs
+from ...kernel.direct import squares as squares_of
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.records import commanded_each, measured_each
 from .direct import Array, Direct, Logs, numbers_at, starts_at, weighted_residual
-from .problem import Problem, Unknowns, parameters_at
+from .problem import Apart, Problem, Unknowns, parameters_at
 
 _TOGETHER = 2_000_000
 """Numbers of the outputs up to which several simulations of the logs run side by side."""
@@ -26,6 +27,8 @@ class SideBySide(NamedTuple):
 def side_by_side(d: Direct, times: int) -> SideBySide:
     """The logs `times` times over, or once, where they are many or long."""
     E, of = len(d.begin), d.logs
+    if E % lanes() == 0:
+        return SideBySide(1, of)
     rows = 1 if d.model.records.commands is None else len(d.shares)
     # Few logs leave lanes empty, which the others' simulations fill.
     more = -(-E * times // lanes()) / len(of.dt)
@@ -50,28 +53,29 @@ def log_squares(
         if records.commands is not None:
             after = commanded_each(records, numbers, d.problem.inputs, d.problem.dt, len(d.shares))
             u = grouped(after.reshape(-1, *after.shape[2:]))
-        y = outputs(system, (d.shares, p, x, u, of.dt, of.fixed))
-        if records.measures is not None:
-            plain = ungrouped(y, many.together * E)
-            seen = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt)
-            y = grouped(seen.reshape(plain.shape))
-        residual = weighted_residual(y, of.measured, of.weight)
-        summed = np.einsum("gtyl,gtyl->gl", residual, residual)
+        seen = d.shares, p, x, u, of.dt, of.fixed
+        if records.measures is None:
+            summed = squares_of(system, seen, of.measured, of.weight).sum(axis=1)
+        else:
+            plain = ungrouped(outputs(system, seen), many.together * E)
+            shown = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt)
+            residual = weighted_residual(grouped(shown.reshape(plain.shape)), of.measured, of.weight)
+            summed = np.einsum("gtyl,gtyl->gl", residual, residual)
         squares.append(ungrouped(summed, many.together * E).reshape(many.together, E))
     return np.concatenate(squares)
 
 
 def costs_of(
     problem: Problem, theta: Float[Array, "c n"], states: Float[Array, "c E s"], squares: Float[Array, "c E"]
-) -> Float[Array, " c"]:
-    """`problem.cost` at many unknowns from their logs' squares, and the priors."""
+) -> Apart:
+    """`problem.costs_apart` at many unknowns from their logs' squares."""
     pull = np.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
     stiff = np.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0)
-    return 0.5 * (squares.sum(axis=1) + pull.sum(axis=1) + (stiff * states**2).sum(axis=(1, 2)))
+    return Apart(0.5 * (squares + (stiff * states**2).sum(axis=2)), 0.5 * pull.sum(axis=1))
 
 
-def costs_directly(d: Direct, many: SideBySide, candidates: Unknowns) -> Float[Array, " c"]:
-    """`problem.cost` at many unknowns."""
+def costs_directly(d: Direct, many: SideBySide, candidates: Unknowns) -> Apart:
+    """`problem.costs_apart` at many unknowns."""
     theta, states = parameters_at(d.problem, np.asarray(candidates.z)), np.asarray(candidates.states)
     with np.errstate(over="ignore", invalid="ignore"):
         return costs_of(d.problem, theta, states, log_squares(d, many, theta, states))

@@ -8,26 +8,26 @@ model and every length of the logs, and take most of the time of that.
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
 
 from ..._compile import compiled, forget_programs
 from .direct import direct, linearised_directly, runs_directly
 from .direct_costs import costs_directly, side_by_side
 from .lanes import ask_together, in_batch
-from .levenberg_marquardt import CANDIDATES, UNDECIDED, BestDampingLevenbergMarquardt, begin, tried
+from .levenberg_marquardt import UNDECIDED, BestDampingLevenbergMarquardt, begin, tried
 from .optimum import Optimum, Outcome
-from .problem import Problem, Structure, Triangle, Unknowns, cost, linearise
+from .problem import Apart, Problem, Structure, Triangle, Unknowns, costs_apart, linearise
+from .steps import Steps
 from .together import costs_together, kind_of, linearised_together
 from .what_counts import of_what_counts
 
 Task = tuple[Structure, Problem, Unknowns]
 Look = Callable[[Unknowns], Triangle]
-Costs = Callable[[Unknowns], Any]
+Costs = Callable[[Unknowns], Apart]
 Until = float | Callable[[float, float], bool]
 _MOST_MODELS = 32
 """Then all are forgotten, the traces they were made from too."""
@@ -43,9 +43,13 @@ class _Model(NamedTuple):
 _look = compiled(linearise, static_argnames=("structure",))
 
 
+_TOGETHER = 4
+"""Candidates that a compiled program simulates at a time."""
+
+
 @partial(compiled, static_argnames=("structure",))
-def _costs(structure: Structure, problem: Problem, candidates: Unknowns) -> Float[Array, " c"]:
-    return jax.vmap(lambda there: cost(structure, problem, there))(candidates)
+def _costs(structure: Structure, problem: Problem, candidates: Unknowns) -> Apart:
+    return jax.vmap(lambda there: costs_apart(structure, problem, there))(candidates)
 
 
 _QUIETLY = partial(np.errstate, all="ignore")
@@ -59,7 +63,7 @@ def _key(structure: Structure, problem: Problem, start: Unknowns) -> Any:
 
 
 def _many(leaf: Any) -> jax.ShapeDtypeStruct:
-    return jax.ShapeDtypeStruct((CANDIDATES, *leaf.shape), leaf.dtype)
+    return jax.ShapeDtypeStruct((_TOGETHER, *leaf.shape), leaf.dtype)
 
 
 def compile_ahead(tasks: Sequence[Task]) -> None:
@@ -104,14 +108,34 @@ def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tup
                 lambda there: of_all(ask_together(linearised_together, kind, (d, there))),
                 lambda candidates: ask_together(costs_together, kind, (d, candidates)),
             )
-        many = side_by_side(d, CANDIDATES)
-        return lambda there: of_all(linearised_directly(d, there)), partial(costs_directly, d, many)
+        many = cache(partial(side_by_side, d))
+        return (
+            lambda there: of_all(linearised_directly(d, there)),
+            lambda candidates: costs_directly(d, many(len(candidates.z)), candidates),
+        )
     compile_ahead([(structure, problem, start)])
     model = _models[_key(structure, problem, start)]
     return (
         lambda there: jax.tree.map(np.asarray, model.look(problem, there)),
-        lambda candidates: np.asarray(model.costs(problem, candidates)),
+        partial(_in_parts, partial(model.costs, problem)),
     )
+
+
+def _in_parts(costs: Costs, candidates: Unknowns) -> Apart:
+    """Costs at any number of candidates, by a program for `_TOGETHER`."""
+    c = len(candidates.z)
+    found = []
+    for first in range(0, c, _TOGETHER):
+        some = np.minimum(np.arange(first, first + _TOGETHER), c - 1)
+        found.append(jax.tree.map(np.asarray, costs(jax.tree.map(lambda leaf, some=some: leaf[some], candidates))))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:c], *found)
+
+
+def _answered(steps: Steps, costs: Costs) -> Apart:
+    """Costs of the steps asked for; the others' are infinite."""
+    own, shared = (np.full(leaf.shape, np.inf) for leaf in steps.known)
+    own[steps.asked], shared[steps.asked] = costs(Unknowns(*(leaf[steps.asked] for leaf in steps.candidates)))
+    return Apart(own, shared)
 
 
 def minimise_in_turns(
@@ -135,7 +159,7 @@ def minimise_in_turns(
         if until and np.isfinite(triangle.squares).all() and enough(search.state.cost, search.state.promise):
             return search.state.optimum._replace(outcome=np.asarray(Outcome.OPTIMUM))
         while search.going:
-            found = costs(search.candidates)
+            found = _answered(search.steps, costs)
             with _QUIETLY():
                 search = tried(search, found)
         state = search.state

@@ -1,10 +1,11 @@
-"""Levenberg-Marquardt with the best of several damped steps, on the reduced output-error problem.
+"""Levenberg-Marquardt on the reduced output-error problem: a trust region for the parameters, and in every step each
+experiment's own share of its own way.
 
 Units are those of `chart`, so that the damping is a weak pull towards the last iterate for directions that the data hardly
-determines and nothing for those it does, whatever the parameters' units. Sticking friction puts small kinks into the
-cost, and the caster's flips large ones, on which the usual schedule of one damping after another takes many
-linearisations; so every step tries several dampings at once, by simulation, and linearises at the best. A damping is
-chosen by the length of the step that it allows (Moré, Lecture Notes in Mathematics 630, 1978).
+determines and nothing for those it does, whatever the parameters' units. A damping is chosen by the length of the step that
+it allows (Moré, Lecture Notes in Mathematics 630, 1978), and that length by how well the last step kept what the linearisation
+promised. Sticking friction puts small kinks into the cost, and the caster's flips large ones; most of them lie in an
+experiment's initial state, so that one experiment would stop all: hence `steps`.
 
 Parameters on a bound that the cost pushes them against are held there (projection: Bertsekas, SIAM Journal on Control and
 Optimization 20, 1982).
@@ -25,23 +26,29 @@ from .arrow import Eliminated, eliminate, gradient, norms
 from .bounds import Bounds
 from .chart import Chart, chart_at
 from .optimum import Optimum, Outcome
-from .problem import Problem, Structure, Triangle, Unknowns, cost, traced_once
+from .polish import extrapolated
+from .problem import Apart, Problem, Structure, Triangle, Unknowns, costs_apart, traced_once
+from .steps import Steps, best_of, no_steps, others, simulated, steps_of
 
 _LEAST = 1e-3
 """Damping that even the longest step has: directions whose standard error is above thirty units are hardly moved."""
-_STRAIGHT = (np.inf, 1.0, 0.1)
-_CURVED = (3.0, 1.0, 0.3, 0.03)
-"""Lengths of the steps that are tried, in units of the chart. A simulation alone is cheap beside a linearisation, and the
-steps run as its lanes."""
-CANDIDATES = len(_STRAIGHT) + len(_CURVED)
-_SHORTER, _LONGER = 0.01, 30.0
-_ROUNDS = 4
-"""How often all of them shrink, and by what factor, while none lowers the cost."""
+_RADIUS = 1.0
+"""Length of the parameters' first step at most, in units of the chart."""
+_SHORTER = 0.1
+"""By what factor a step shrinks, from its own length, while none lowers the cost."""
+_ROUNDS = 6
+"""How often steps are asked for, the last time from the beginning: the usual shares, the other ones, and shorter steps."""
+_GOOD, _POOR = 0.75, 0.25
+"""Share of the promised drop above which the next step may be longer, and below which it must be shorter."""
+_KEPT = 1e-3
+"""Share of the promised drop that a step must bring."""
+_GROWS = 4.0
+"""By what factor an experiment's usual share grows after it took the longest one."""
 _BISECTIONS, _NEWTON = 40, 60
 _SOLVED = 1e-12
 """Relative change of a damping that is none."""
-_PROMISE = 5e-5
-"""Promised drop of the cost, that of a hundredth of a standard error, below which undamped steps begin."""
+_PROMISE = 1e-3
+"""Promised drop of the cost, that of a twentieth of a standard error, below which undamped steps begin."""
 _EXACT = 1e-14
 """Promised drop of the cost below which undamped steps end: a ten-millionth of a standard error."""
 _POLISHED, _MISS = 8, 4
@@ -51,6 +58,8 @@ _EQUAL = 1e-9
 _NOTICEABLE = 0.01
 """Drop of the cost (half chi-squared) that counts as progress."""
 _STALLED_STEPS = 2
+_LESS = 0.5
+"""Share of a promise below which the next one is progress, too."""
 KINK = 0.5
 """Promised drop of the cost, that of one standard error, up to which a point that no step improves is a minimum: kinks such
 as sticking makes promise a little for ever."""
@@ -110,7 +119,12 @@ def promise_of(problem: Problem, unknowns: Unknowns, triangle: Triangle) -> Floa
 
 class State(NamedTuple):
     """Between two linearisations: `there` is looked at next, `reached`, its `triangle` and its `cost` are the best so far.
-    `reach` is the length, in units of `_STRAIGHT` and `_CURVED`, about which the last step was found."""
+
+    `least`: the least promise since the cost last dropped noticeably. Around a kink the linearisations on its two sides
+    promise different drops, and where one of them promises nothing there is none. `before`, `after`: where the last undamped
+    step, not extrapolated, began and led. `radius`: length of the parameters' step at most, in units of the chart; `shares`
+    [E]: those of the experiments' own ways on which they went last.
+    """
 
     there: Unknowns
     reached: Unknowns
@@ -120,9 +134,13 @@ class State(NamedTuple):
     steps: Int[Array, ""]
     stalled: Int[Array, ""]
     promise: Float[Array, ""]
+    least: Float[Array, ""]
     outcome: Int[Array, ""]
     polished: Int[Array, ""]
-    reach: Float[Array, ""]
+    before: Unknowns
+    after: Unknowns
+    radius: Float[Array, ""]
+    shares: Float[Array, " E"]
 
     @property
     def optimum(self) -> Optimum:
@@ -131,27 +149,26 @@ class State(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Steps from one linearisation. While it is `going`, the costs at its `candidates` are asked for; `state` is what
-    follows if it ends here."""
+    """Steps from one linearisation, `scaled` to the units of the chart. While it is `going`, the costs of the `steps` asked
+    for are worked out; `state` is what follows if it ends here. `radius`: that of this round."""
 
     state: State
     chart: Chart
+    scaled: Triangle
     system: Eliminated
     now: Float[Array, ""]
     near: Bool[Array, ""]
     round: Int[Array, ""]
     flat: Bool[Array, ""]
-    candidates: Unknowns
+    radius: Float[Array, ""]
+    steps: Steps
     going: Bool[Array, ""]
 
 
-def _candidates(chart: Chart, system: Eliminated, shrunk: Float[Array, ""] | float) -> Unknowns:
-    """Where steps lead that are `shrunk` times the usual ones (leading axis: their lengths)."""
-    xp, k = namespace(system.pull), len(_STRAIGHT)
-    steps = system.shared_step(_dampings(system, shrunk * xp.array(_STRAIGHT + _CURVED)))
-    own = system.own_step(steps, shrunk)
-    straight, curved = chart.straight(steps[:k], own[:k]), chart.curved(steps[k:], own[k:])
-    return Unknowns(*(xp.concatenate(both) for both in zip(straight, curved, strict=True)))
+def _steps(chart: Chart, system: Eliminated, radius: Float[Array, ""], shares: Float[Array, " E"], first: Any) -> Steps:
+    xp = namespace(system.pull)
+    (damping,) = _dampings(system, xp.reshape(radius, (1,)))
+    return steps_of(chart, system, system.shared_step(damping), shares, first)
 
 
 def begin(start: Unknowns, shapes: Triangle) -> State:
@@ -159,51 +176,82 @@ def begin(start: Unknowns, shapes: Triangle) -> State:
     empty = Triangle(*(np.full(leaf.shape, np.inf, leaf.dtype) for leaf in shapes))
     none, infinite = np.asarray(0), np.asarray(np.inf)
     return State(
-        start, start, empty, infinite, infinite, none, none, infinite, np.asarray(UNDECIDED), none, np.asarray(1.0)
+        there=start,
+        reached=start,
+        triangle=empty,
+        cost=infinite,
+        start_cost=infinite,
+        steps=none,
+        stalled=none,
+        promise=infinite,
+        least=infinite,
+        outcome=np.asarray(UNDECIDED),
+        polished=none,
+        before=start,
+        after=start,
+        radius=np.asarray(_RADIUS),
+        shares=np.ones(start.states.shape[0]),
     )
 
 
-def _shrunk(state: State, round: Int[Array, ""] | int) -> Float[Array, ""]:
-    """By how much the usual steps are shrunk in a round: the last one asks those that were left out at first."""
-    xp = namespace(state.reach)
-    return xp.where((round == _ROUNDS - 1) & (state.reach < 1.0), 1.0, state.reach * _SHORTER**round)
+def _following(search: Search, steps: Steps) -> tuple[Float[Array, ""], Steps]:
+    """Radius and steps of the round after that of `steps`: the other shares, then shorter steps, in the end all from the
+    beginning."""
+    xp, state = namespace(search.now), search.state
+    several = len(steps.shares) > 1
+    shorter = xp.minimum(search.radius, steps.length) * _SHORTER
+    last = search.round + 2 == _ROUNDS
+    radius = xp.where(last, _RADIUS, shorter)
+    new = _steps(search.chart, search.system, radius, xp.where(last, 1.0, state.shares), False)
+    if not several:
+        return radius, new
+    same = search.round == 0
+    return xp.where(same, search.radius, radius), chosen(same, others(steps), new)
 
 
-def tried(search: Search, costs: Float[Array, " c"]) -> Search:
-    """The search once the costs at its candidates are known: it has found a lower one, or all steps shrink, or it is over."""
+def tried(search: Search, found: Apart) -> Search:
+    """The search once the costs of the steps asked for are known: a lower one is there, or others are asked for, or it is
+    over."""
     xp, now, state = namespace(search.now), search.now, search.state
-    costs = xp.where(xp.isfinite(costs), costs, xp.inf)
-    best = xp.argmin(costs)
-    below = costs[best] < now
-    # Where only short steps lead on, the next ones begin there, and may grow.
-    longest = (best == 0) | (best == len(_STRAIGHT))
-    reach = xp.minimum(_shrunk(state, search.round) * xp.where(longest, _LONGER, 1.0), 1.0)
-    there = chosen(below, Unknowns(*(leaf[best] for leaf in search.candidates)), state.there)
-    same = (~xp.isfinite(costs) | (xp.abs(costs - now) <= _ROUNDING * now)).all()
-    flat = xp.where(search.round == 0, same & xp.isfinite(costs).any(), search.flat)
-    lower = below & ~flat
+    steps = simulated(search.steps, found)
+    best = best_of(steps, search.scaled, search.system)
+    drop = now - best.cost
+    ratio = drop / best.promise
+    kept = (drop > 0.0) & (drop > _KEPT * best.promise)
+    # A poor step may owe that to a few experiments alone.
+    poor = (search.round == 0) & (ratio < _POOR) & (len(steps.shares) > 1)
+    totals = steps.known.own.sum(axis=1) + steps.known.shared
+    same = (~xp.isfinite(totals) | (xp.abs(totals - now) <= _ROUNDING * now)).all()
+    flat = xp.where(search.round == 0, same & xp.isfinite(totals).any(), search.flat)
+    lower = kept & ~poor & ~flat
     going = ~lower & (search.round + 1 < _ROUNDS)
     lost = xp.where(search.near, Outcome.OPTIMUM, xp.where(flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS))
+    longer = xp.maximum(search.radius, 2.0 * steps.length)
+    radius = xp.where(ratio > _GOOD, longer, xp.where(ratio < _POOR, 0.5 * steps.length, search.radius))
+    shares = xp.minimum(xp.where(best.which == 0, _GROWS, 1.0) * best.shares, 1.0)
+    following = (search.radius, steps) if surely_not(going) else _following(search, steps)
     return search._replace(
         state=state._replace(
-            there=there, reach=xp.where(lower, reach, state.reach), outcome=xp.where(lower | going, UNDECIDED, lost)
+            there=chosen(lower, best.there, state.there),
+            radius=xp.where(lower, radius, state.radius),
+            shares=xp.where(lower, shares, state.shares),
+            outcome=xp.where(lower | going, UNDECIDED, lost),
         ),
         round=search.round + 1,
         flat=flat,
-        candidates=search.candidates
-        if surely_not(going)
-        else _candidates(search.chart, search.system, _shrunk(state, search.round + 1)),
+        radius=following[0],
+        steps=following[1],
         going=going,
     )
 
 
 class BestDampingLevenbergMarquardt(eqx.Module):
-    """Levenberg-Marquardt that tries several dampings at every step and takes the best.
+    """Levenberg-Marquardt with a trust region, in whose steps every experiment has its own share of its own way.
 
     All of it is jaxid's: the units, the step, the bounds, and the stop, which it makes where the linearisation promises no
-    drop of the cost above `promise` (some undamped steps follow while each comes closer), or where two steps in a row do
-    not lower it by `noticeable` (both in half chi-squared). Any `optimistix` least-squares solver can take its place.
-    `report` is called with the cost after every linearisation.
+    drop of the cost above `promise` (some undamped steps follow while each comes closer), or where two steps in a row neither
+    lower it by `noticeable` (both in half chi-squared) nor halve what is promised. Any `optimistix` least-squares solver can
+    take its place. `report` is called with the cost after every linearisation.
 
     What is decided between two simulations knows nothing of the robot (`decided`, `tried`): it runs as one program with the
     simulations (`minimise`), or by turns with them, in NumPy, where nothing is compiled for it (`in_turns`).
@@ -232,8 +280,11 @@ class BestDampingLevenbergMarquardt(eqx.Module):
         sound = xp.isfinite(triangle.squares).all() & (now < _UNSOUND)
         first = state.steps == 0
         drop = state.cost - now
-        stalled = xp.where(first | (drop > self.noticeable), 0, state.stalled + 1)
-        small = promise < xp.where(stalled >= _STALLED_STEPS, KINK, self.promise)
+        slow = ~first & (drop <= self.noticeable) & (promise > _LESS * state.least)
+        stalled = xp.where(slow, state.stalled + 1, 0)
+        least = xp.where(slow, xp.minimum(promise, state.least), promise)
+        ended = stalled >= _STALLED_STEPS
+        small = xp.where(ended, least < KINK, promise < self.promise)
         blind = (norms(triangle).z == 0.0).all() & xp.any(free)
         # Within a standard error of a minimum the search ends and undamped steps begin; the best place counts.
         polishing = (state.polished > 0) | (small & sound & ~blind)
@@ -241,9 +292,10 @@ class BestDampingLevenbergMarquardt(eqx.Module):
         better = sound & ((now < state.cost - _EQUAL) | (equal & (promise < state.promise)))
         worse = (state.polished > 0) & ~better
         spent = state.polished + xp.where(worse, _MISS, 1)
-        polish = polishing & sound & (promise > _EXACT) & (promise < KINK) & (spent <= _POLISHED)
+        smooth = (promise < KINK) & (~ended | (promise < self.noticeable))
+        polish = polishing & sound & (promise > _EXACT) & smooth & (spent <= _POLISHED)
         outcome = xp.select(
-            [polish, polishing, ~sound, blind, stalled >= _STALLED_STEPS, state.steps >= max_steps],
+            [polish, polishing, ~sound, blind, ended, state.steps >= max_steps],
             [
                 UNDECIDED,
                 Outcome.OPTIMUM,
@@ -254,33 +306,43 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             ],
             UNDECIDED,
         )
-        full = system.shared_step(_LEAST)
-        straight = chart.straight(full, system.own_step(full))
+        straight = following = here
+        if not surely_not(polish):
+            full = system.shared_step(_LEAST)
+            straight = chart.straight(full, system.own_step(full))
+            again = (state.polished > 0) & ~worse
+            ends = chart.within(extrapolated(triangle, here, straight, state.before, state.after))
+            following = chosen(polish, chosen(again, ends, straight), here)
         reached = chosen(
             worse, (state.reached, state.triangle, state.cost, state.promise), (here, triangle, now, promise)
         )
-        following = State(
-            chosen(polish, straight, here),
+        next_state = State(
+            following,
             *reached[:3],
             start_cost=xp.where(first, now, state.start_cost),
             steps=state.steps + 1,
             stalled=stalled,
             promise=reached[3],
+            least=least,
             outcome=outcome,
             polished=xp.where(polish, spent, state.polished),
-            reach=state.reach,
+            before=here,
+            after=straight,
+            radius=state.radius,
+            shares=state.shares,
         )
         going = (outcome == UNDECIDED) & ~polish
-        unknown = Unknowns(here.z[None], here.states[None])
         return Search(
-            state=following,
+            state=next_state,
             chart=chart,
+            scaled=scaled,
             system=system,
             now=now,
-            near=promise < KINK,
+            near=xp.minimum(promise, least) < KINK,
             round=xp.array(0),
             flat=xp.array(False),
-            candidates=unknown if surely_not(going) else _candidates(chart, system, state.reach),
+            radius=state.radius,
+            steps=no_steps(here) if surely_not(going) else _steps(chart, system, state.radius, state.shares, True),
             going=going,
         )
 
@@ -291,7 +353,9 @@ class BestDampingLevenbergMarquardt(eqx.Module):
         look, shapes = traced_once(structure, problem, start)
 
         def costs(search: Search) -> Search:
-            return tried(search, jax.vmap(lambda there: cost(structure, problem, there))(search.candidates))
+            return tried(
+                search, jax.vmap(lambda there: costs_apart(structure, problem, there))(search.steps.candidates)
+            )
 
         def step(state: State) -> State:
             search: Any = self.decided(problem.bounds, problem.free, state, look(state.there, problem), max_steps)

@@ -142,15 +142,29 @@ def simulate_all(structure: Structure, problem: Problem, unknowns: Unknowns) -> 
     return over_experiments(one, unknowns.states, (problem.dt, problem.inputs, problem.start, problem.prescribed))
 
 
-def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, ""]:
-    """Half the sum of squares, priors included, from a simulation alone."""
+class Apart(NamedTuple):
+    """A cost, half the sum of squares, in parts: by experiment, its own initial states' priors included, and the parameters'
+    priors."""
+
+    own: Float[Array, "*lanes E"]
+    shared: Float[Array, "*lanes"]
+
+
+def costs_apart(structure: Structure, problem: Problem, unknowns: Unknowns) -> Apart:
+    """Half the sums of squares, priors included, from a simulation alone."""
     y = simulate_all(structure, problem, unknowns)
     residual = jnp.where(problem.mask, (y - problem.outputs) / problem.sigma, 0.0)
     residual = residual if problem.weight is None else residual * problem.weight
     theta = parameters_at(problem, unknowns.z)
     pull = jnp.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2
     own = jnp.where(problem.state_free, problem.state_precision * problem.state_scale**2, 0.0) * unknowns.states**2
-    return 0.5 * (jnp.sum(residual**2) + jnp.sum(pull) + jnp.sum(own))
+    return Apart(0.5 * (jnp.sum(residual**2, axis=(1, 2)) + jnp.sum(own, axis=1)), 0.5 * jnp.sum(pull))
+
+
+def cost(structure: Structure, problem: Problem, unknowns: Unknowns) -> Float[Array, ""]:
+    """Half the sum of squares, priors included, from a simulation alone."""
+    own, shared = costs_apart(structure, problem, unknowns)
+    return jnp.sum(own) + shared
 
 
 def whitened(structure: Structure, problem: Problem, theta, columns, own, own_free, e, measured, mask, robust=None):

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from ...kernel.groups import grouped, ungrouped
-from ...kernel.machine import lanes
 from .direct import Direct, Logs, log_triangles, reduced, slopes_at
 from .direct_costs import costs_of, log_squares, side_by_side
-from .problem import Triangle, Unknowns, parameters_at
+from .problem import Apart, Triangle, Unknowns, parameters_at
 
 Array = Any
 """NumPy's, or what can be read as such."""
@@ -22,8 +21,6 @@ _AT_A_TIME = 2_000_000
 """Numbers of sensitivities, or of simulations, up to which problems are taken together."""
 _AS_LONG = 2.0
 """Logs that differ in length by more than about this factor are not padded to one length."""
-_FILLED = 2
-"""So many groups of lanes waste little of the last one."""
 
 
 def kind_of(d: Direct) -> Hashable:
@@ -103,23 +100,25 @@ def linearised_together(asked: Sequence[Asked]) -> list[Triangle]:
     return found
 
 
-def costs_together(asked: Sequence[Asked]) -> list[Array]:
-    """`costs_directly` of every problem at its candidates, as many for each; all of one kind."""
-    found: list[Array] = []
+def costs_together(asked: Sequence[Asked]) -> list[Apart]:
+    """`costs_directly` of every problem at its candidates, however many; all of one kind."""
+    found: list[Apart] = []
     for part in _parts(asked, lambda one: one[0].logs.measured.size * len(one[1].z)):
-        ds = [d for d, _ in part]
+        # Every candidate is a set of logs of its own.
+        each = [
+            (d, Unknowns(z, states)) for d, there in part for z, states in zip(*map(np.asarray, there), strict=True)
+        ]
         theta = [parameters_at(d.problem, np.asarray(there.z)) for d, there in part]
-        states = [np.asarray(there.states) for _, there in part]
+        ds = [d for d, _ in each]
         all_of_them = merged(ds)
-        # Where the logs fill the lanes as they are, candidates follow one another, and nothing is copied for them.
-        times = len(theta[0]) if len(all_of_them.begin) < _FILLED * lanes() else 1
         with np.errstate(over="ignore", invalid="ignore"):
             squares = log_squares(
                 all_of_them,
-                side_by_side(all_of_them, times),
-                np.repeat(np.stack(theta, axis=1), [len(d.begin) for d in ds], axis=1),
-                np.concatenate(states, axis=1),
-            )
-            each = zip(theta, states, _divided(squares, ds, axis=1), strict=True)
-            found += [costs_of(d.problem, *own) for d, own in zip(ds, each, strict=True)]
+                side_by_side(all_of_them, 1),
+                np.repeat(np.concatenate(theta), [len(d.begin) for d in ds], axis=0)[None],
+                np.concatenate([there.states for _, there in each])[None],
+            )[0]
+            own = iter(_divided(squares, ds))
+            for (d, there), at in zip(part, theta, strict=True):
+                found.append(costs_of(d.problem, at, np.asarray(there.states), np.stack([next(own) for _ in at])))
     return found
