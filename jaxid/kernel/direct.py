@@ -15,6 +15,7 @@ from .dense_kernel import ROWS, write_rotation, write_solution, write_triangle
 from .groups import grouped, ungrouped
 from .look_kernel import LOOKED, SEEN, write_costs, write_look
 from .machine import function, lanes, loaded
+from .remembered import Made, remembered
 from .rollout_kernel import ARGUMENTS, TANGENTS, Program
 from .traced import MOST_MODELS, program
 
@@ -31,14 +32,18 @@ def _rollout(system: System, moving: tuple[int, ...] | None, inputs_move: bool =
 
 @lru_cache(MOST_MODELS)
 def _costs(system: System) -> Callable[..., None]:
-    module = write_costs(_program(system), lanes())
-    return function(loaded(module), "costs", 4, len(SEEN) + 1)
+    found = remembered(system.identity, "costs", lambda: Made((loaded(write_costs(_program(system), lanes())),)))
+    return function(found.code[0], "costs", 4, len(SEEN) + 1)
 
 
 @lru_cache(MOST_MODELS)
 def _look(system: System, moving: tuple[int, ...], starts: tuple[int, ...]) -> Callable[..., None]:
-    module = write_look(_program(system, moving), starts, lanes())
-    return function(loaded(module), "look", 5, len(SEEN) + len(LOOKED))
+
+    def make() -> Made:
+        return Made((loaded(write_look(_program(system, moving), starts, lanes())),))
+
+    found = remembered(system.identity, f"look {moving} {starts}", make)
+    return function(found.code[0], "look", 5, len(SEEN) + len(LOOKED))
 
 
 def _program(system: System, moving: tuple[int, ...] | None = None) -> Program:
