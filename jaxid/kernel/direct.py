@@ -17,6 +17,7 @@ from .look_kernel import LOOKED, SEEN, write_costs, write_look
 from .machine import function, lanes, loaded
 from .remembered import Made, remembered
 from .rollout_kernel import ARGUMENTS, TANGENTS, Program
+from .threads import over_groups
 from .traced import MOST_MODELS, program
 
 Array = np.ndarray
@@ -56,12 +57,23 @@ def _dense(write: Callable[[int], Any], results: int) -> Callable[..., None]:
     return function(loaded(module), module.name, 3, 1 + results)
 
 
+def _part(seen: Seen, some: slice) -> Seen:
+    """Some of the groups."""
+    shares, *rest = seen
+    p, x, u, dt, fixed = (array[some] for array in rest)
+    return shares, p, x, u, dt, fixed
+
+
 def outputs(system: System, seen: Seen) -> Float[Array, "G T Y L"]:
     """Outputs of rollouts at every sample. Raises `Untranslated`."""
     shares, _, _, u, _, _ = seen
     G, T, R, _, width = u.shape
-    y = np.empty((G, T, system.outputs, width))
-    _rollout(system, None)(G, T, R, 0, len(shares), *seen, y)
+    y, code = np.empty((G, T, system.outputs, width)), _rollout(system, None)
+
+    def run(some: slice) -> None:
+        code(some.stop - some.start, T, R, 0, len(shares), *_part(seen, some), y[some])
+
+    over_groups(run, G, T * len(shares))
     return y
 
 
@@ -71,8 +83,12 @@ def squares(
     """Sums of squared weighted residuals of rollouts. Raises `Untranslated`."""
     shares, _, _, u, _, _ = seen
     G, T, R, _, width = u.shape
-    found = np.empty((G, system.outputs, width))
-    _costs(system)(G, T, R, len(shares), *seen, measured, weight, found)
+    found, code = np.empty((G, system.outputs, width)), _costs(system)
+
+    def run(some: slice) -> None:
+        code(some.stop - some.start, T, R, len(shares), *_part(seen, some), measured[some], weight[some], found[some])
+
+    over_groups(run, G, T * len(shares))
     return found
 
 
@@ -101,9 +117,15 @@ def looked(
     squares (`look_kernel`). Raises `Untranslated`."""
     shares, _, _, u, _, _ = seen
     G, T, R, _, width = u.shape
-    triangle, sums, block = under.copy(), np.empty((G, system.outputs, width)), np.empty((under.shape[1], ROWS, width))
+    triangle, sums, N = under.copy(), np.empty((G, system.outputs, width)), under.shape[1]
     look = _look(system, to.moving, to.starts)
-    look(G, T, R, len(shares), 1, *seen, measured, weight, to.by_state, to.by_parameter, block, triangle, sums)
+
+    def run(some: slice) -> None:
+        block, seen_ = np.empty((N, ROWS, width)), (*_part(seen, some), measured[some], weight[some])
+        own = to.by_state[some], to.by_parameter[some], block, triangle[some], sums[some]
+        look(some.stop - some.start, T, R, len(shares), 1, *seen_, *own)
+
+    over_groups(run, G, T * len(shares), N)
     return triangle, sums
 
 
@@ -115,7 +137,13 @@ def rows(
     G, T, R, _, width = u.shape
     found = np.empty((G, T, system.outputs, len(to.moving) + len(to.starts) + 1, width))
     look, sums = _look(system, to.moving, to.starts), np.empty((G, system.outputs, width))
-    look(G, T, R, len(shares), 0, *seen, measured, weight, to.by_state, to.by_parameter, found, _NOTHING, sums)
+
+    def run(some: slice) -> None:
+        seen_ = (*_part(seen, some), measured[some], weight[some])
+        own = to.by_state[some], to.by_parameter[some], found[some], _NOTHING, sums[some]
+        look(some.stop - some.start, T, R, len(shares), 0, *seen_, *own)
+
+    over_groups(run, G, T * len(shares), found.shape[3])
     return found
 
 
@@ -130,8 +158,8 @@ def tangents(
         some = slice(first, first + MOST_DIRECTIONS)
         own = [np.ascontiguousarray(d[:, some]) for d in (dp, dx)]
         K = own[0].shape[1]
-        dy = np.empty((G, T, system.outputs, K, width))
-        _rollout(system, moving)(G, T, R, K, len(shares), *seen, *own, np.zeros((G, T, R, K, 0, width)), dy)
+        dy, code = np.empty((G, T, system.outputs, K, width)), _rollout(system, moving)
+        _moved(code, seen, (*own, np.zeros((G, T, R, K, 0, width))), dy)
         parts.append(dy)
     if not parts:
         return np.zeros((G, T, system.outputs, 0, width))
@@ -147,10 +175,22 @@ def input_tangents(system: System, seen: Seen, du: Float[Array, "G T R K U L"]) 
         some = np.ascontiguousarray(du[:, :, :, first : first + MOST_DIRECTIONS])
         K = some.shape[3]
         still = np.zeros((G, K, 0, width)), np.zeros((G, K, x.shape[1], width))
-        dy = np.empty((G, T, system.outputs, K, width))
-        _rollout(system, (), True)(G, T, R, K, len(shares), *seen, *still, some, dy)
+        dy, code = np.empty((G, T, system.outputs, K, width)), _rollout(system, (), True)
+        _moved(code, seen, (*still, some), dy)
         parts.append(dy)
     return np.concatenate(parts, axis=3)
+
+
+def _moved(code: Callable[..., None], seen: Seen, directions: tuple[Array, Array, Array], dy: Array) -> None:
+    shares, _, _, u, _, _ = seen
+    G, T, R, _, _ = u.shape
+    K = dy.shape[3]
+
+    def run(some: slice) -> None:
+        own = (*(d[some] for d in directions), dy[some])
+        code(some.stop - some.start, T, R, K, len(shares), *_part(seen, some), *own)
+
+    over_groups(run, G, T * len(shares), K)
 
 
 def triangle(A: Float[Array, "G m n L"]) -> Float[Array, "G n n L"]:
