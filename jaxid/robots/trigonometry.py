@@ -26,14 +26,19 @@ def _horner(coefficients: list[float], z: Scalar) -> Scalar:
     return total
 
 
-@jax.custom_jvp
-def sincos(x: Scalar) -> tuple[Scalar, Scalar]:
-    """(sin x, cos x) of an angle [rad]."""
+@jax.jit  # traced once, not operation by operation for every angle of every model
+def _polynomials(x: Scalar) -> tuple[Scalar, Scalar]:
     turns = jnp.round(x * (1.0 / _PI_HIGH))
     r = x - turns * _PI_HIGH - turns * _PI_LOW
     sign = 1.0 - 2.0 * (turns - 2.0 * jnp.floor(0.5 * turns))
     z = r * r
     return sign * r * _horner(_SINE, z), sign * _horner(_COSINE, z)
+
+
+@jax.custom_jvp
+def sincos(x: Scalar) -> tuple[Scalar, Scalar]:
+    """(sin x, cos x) of an angle [rad]."""
+    return _polynomials(x)
 
 
 @sincos.defjvp

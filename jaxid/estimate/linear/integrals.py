@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
@@ -88,15 +89,21 @@ def walked(robot: Robot, asked: Asked, numbers: Mapping[str, float], each: Seque
 
 def has_mass_matrix(robot: Robot, names: tuple[str, ...]) -> bool:
     """Whether dry friction acts on every measured speed, so that the mass matrix can be read off."""
-    p, start = robot.parameters.numbers, robot.initial_state()
+    numbers = robot.parameters.numbers
+    return _reads_off(robot.structure, names, tuple((name, float(value)) for name, value in numbers.items()))
+
+
+@lru_cache(256)
+def _reads_off(robot: Robot, names: tuple[str, ...], numbers: tuple[tuple[str, float], ...]) -> bool:
+    p, start = dict(numbers), robot.initial_state()
     axes = len(robot.rubbing(start, p))
     if axes < len(names):
         return False
     positions = positions_of(robot, names)
     try:
-        slopes = rubbing_slopes(robot.structure, names, positions, tuple(p))
+        slopes = rubbing_slopes(robot, names, positions, tuple(p))
     except Untranslated:
-        found = rubbing_slopes_in_xla(robot.structure, names, p)
+        found = rubbing_slopes_in_xla(robot, names, p)
     else:
         somewhere = np.array([start[name] for name in positions] + [0.1] * len(names))
         found = slopes(np.array([*p.values()], dtype=float), somewhere[None, None], np.zeros((1, 0)))
