@@ -22,7 +22,7 @@ from .levenberg_marquardt import UNDECIDED, BestDampingLevenbergMarquardt, begin
 from .optimum import Optimum, Outcome
 from .problem import Apart, Problem, Structure, Triangle, Unknowns, costs_apart, linearise
 from .steps import Steps
-from .together import costs_together, kind_of, linearised_together
+from .together import costs_together, kind_of, linearised_together, member_of
 from .what_counts import of_what_counts
 
 Task = tuple[Structure, Problem, Unknowns]
@@ -104,9 +104,10 @@ def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tup
 
         kind = kind_of(d) if in_batch() else None
         if kind is not None:
+            own = member_of(d)
             return (
-                lambda there: of_all(ask_together(linearised_together, kind, (d, there))),
-                lambda candidates: ask_together(costs_together, kind, (d, candidates)),
+                lambda there: of_all(ask_together(linearised_together, kind, (own, there))),
+                lambda candidates: ask_together(costs_together, kind, (own, candidates)),
             )
         many = cache(partial(side_by_side, d))
         return (
