@@ -8,7 +8,6 @@ comes seconds sooner; the Jacobian stays in the lanes in which it was simulated 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -29,6 +28,7 @@ from .problem import (
     Unknowns,
     linearise,
     parameters_at,
+    plain,
     residual_weights,
     sensitivities,
     simulate_all,
@@ -94,7 +94,7 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
     model, names = _model(structure, problem)
     if model is None:
         return None
-    problem = jax.tree.map(np.asarray, problem)
+    problem = plain(problem)
     robot, fixed = structure.robot, problem.prescribed
     E, T = problem.dt.shape
     known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))

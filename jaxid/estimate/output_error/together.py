@@ -167,7 +167,7 @@ def costs_together(asked: Sequence[Asked]) -> list[Apart]:
                 all_of_them,
                 side_by_side(all_of_them, 1),
                 np.repeat(np.concatenate(theta), E, axis=0)[None],
-                np.concatenate([own.reshape(-1, own.shape[-1]) for own in states])[None],
+                np.concatenate([own.reshape(own.shape[0] * own.shape[1], -1) for own in states])[None],
             )[0]
             own = np.split(squares, np.cumsum([x.shape[0] * x.shape[1] for x in states])[:-1])
             for (m, _), at, x, sums in zip(part, theta, states, own, strict=True):

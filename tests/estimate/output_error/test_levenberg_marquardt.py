@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
 from jaxid.estimate.output_error.bounds import Bounds
-from jaxid.estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt, begin, tried
+from jaxid.estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt, begin, decided, tried
 from jaxid.estimate.output_error.optimum import Outcome
 from jaxid.estimate.output_error.polish import extrapolated
 from jaxid.estimate.output_error.problem import Apart, Triangle, Unknowns, linearise, parameters_at, simulate_all
@@ -83,7 +83,7 @@ def test_by_turns_nothing_is_compiled_and_the_optimum_is_that_of_the_pure_form(a
 def test_one_decision_is_the_same_in_numpy_and_in_a_program():
     """Random linearisations, with and without initial states of their own, bounds, and columns that show nothing."""
     rng = np.random.default_rng(5)
-    solver = BestDampingLevenbergMarquardt()
+    rule = BestDampingLevenbergMarquardt().rule
     for E, s, n in ((3, 2, 4), (1, 0, 5), (4, 1, 1)):
         shared = np.triu(rng.normal(size=(n, n))) * 10.0 ** rng.uniform(-3, 3, n)
         shared[:, -1] *= float(n != 5)
@@ -99,8 +99,8 @@ def test_one_decision_is_the_same_in_numpy_and_in_a_program():
         bounds = Bounds(np.where(np.arange(n) % 2, -np.inf, 0.0), np.full(n, np.inf), np.full(n, 2.0))
         here = Unknowns(rng.uniform(0.0, 1.0, n), rng.normal(size=(E, s)))
         asked = bounds, np.ones(n, dtype=bool), begin(here, triangle), triangle
-        plain = solver.decided(*asked, 100)
-        program = jax.jit(lambda *asked: solver.decided(*asked, 100))(*asked)
+        plain = decided(rule, *asked, 100)
+        program = jax.jit(lambda *asked: decided(rule, *asked, 100))(*asked)
         assert bool(plain.going) and bool(program.going)
         np.testing.assert_allclose(plain.state.promise, program.state.promise, rtol=1e-9)
         for ours, theirs in zip(jax.tree.leaves(plain.steps), jax.tree.leaves(program.steps), strict=True):
@@ -139,7 +139,9 @@ def test_every_experiment_takes_its_own_share_of_a_step():
     )
     bounds = Bounds(np.full(n, -np.inf), np.full(n, np.inf), np.ones(n))
     here = Unknowns(np.zeros(n), np.zeros((E, s)))
-    search = BestDampingLevenbergMarquardt().decided(bounds, np.ones(n, bool), begin(here, triangle), triangle, 100)
+    search = decided(
+        BestDampingLevenbergMarquardt().rule, bounds, np.ones(n, bool), begin(here, triangle), triangle, 100
+    )
     steps = search.steps
     assert steps.asked.sum() == 1 and steps.asked[0]  # the usual share, along the straight line
     found = Apart(np.full(steps.known.own.shape, 1e9), np.zeros(steps.known.shared.shape))
