@@ -68,10 +68,12 @@ def other_ways(problem: OtherProblem) -> tuple[dict[str, Way], dict[str, float]]
 
 
 def _laid_out(structure: Any, arrays: Any, unknowns: Any, direct: Any) -> tuple[Any, Any]:
+    from jaxid.estimate.output_error.what_counts import of_what_counts
+
     found = direct(structure, arrays)
     if found is None:
         raise RuntimeError("this robot has no machine code here")
-    return found, unknowns
+    return of_what_counts(found)[0], unknowns  # as a fit does
 
 
 def _with_cpp(ways: dict[str, Way], costs: dict[str, float], task: Callable, x: np.ndarray):

@@ -92,9 +92,11 @@ def squares(
     return found
 
 
-class Directions(NamedTuple):
-    """The parameters `moving` and the initial states `starts`, each by itself, in these units: `by_state` [G, s, L],
-    `by_parameter` [G, n, L]."""
+class Alone(NamedTuple):
+    """Directions in which one number moves: the parameters `moving` and the initial states `starts`.
+
+    `by_state` [G, s, L], `by_parameter` [G, n, L]: their units.
+    """
 
     moving: tuple[int, ...]
     starts: tuple[int, ...]
@@ -108,7 +110,7 @@ _NOTHING = np.zeros(0)
 def looked(
     system: System,
     seen: Seen,
-    to: Directions,
+    to: Alone,
     measured: Float[Array, "G T Y L"],
     weight: Float[Array, "G T Y L"],
     under: Float[Array, "G N N L"],
@@ -130,7 +132,7 @@ def looked(
 
 
 def rows(
-    system: System, seen: Seen, to: Directions, measured: Float[Array, "G T Y L"], weight: Float[Array, "G T Y L"]
+    system: System, seen: Seen, to: Alone, measured: Float[Array, "G T Y L"], weight: Float[Array, "G T Y L"]
 ) -> Float[Array, "G T Y N L"]:
     """The weighted residuals' derivatives and the residuals. Raises `Untranslated`."""
     shares, _, _, u, _, _ = seen

@@ -13,9 +13,11 @@ def grouped(x: Array) -> Array:
     groups = -(-len(x) // width)
     if groups * width > len(x):
         x = np.concatenate([x, np.repeat(x[-1:], groups * width - len(x), axis=0)])
-    return np.ascontiguousarray(np.moveaxis(x.reshape(groups, width, *x.shape[1:]), 1, -1), dtype=np.float64)
+    apart = x.reshape(groups, width, *x.shape[1:])
+    return np.ascontiguousarray(apart.transpose(0, *range(2, apart.ndim), 1), dtype=np.float64)
 
 
 def ungrouped(x: Array, E: int) -> Array:
     """[G, ..., L] -> [E, ...]."""
-    return np.moveaxis(x, -1, 1).reshape(x.shape[0] * x.shape[-1], *x.shape[1:-1])[:E]
+    together = x.transpose(0, x.ndim - 1, *range(1, x.ndim - 1))
+    return together.reshape(x.shape[0] * x.shape[-1], *x.shape[1:-1])[:E]

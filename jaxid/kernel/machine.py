@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import jax
 import llvmlite.binding as llvm
@@ -194,9 +195,22 @@ def loaded_again(name: str) -> bool:
 
 def function(name: str, symbol: str, sizes: int, arrays: int) -> Callable[..., None]:
     """A function of a loaded module, which takes so many sizes and then so many contiguous NumPy arrays of doubles."""
-    pointer = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
-    kinds = [ctypes.c_int64] * sizes + [pointer] * arrays
-    return ctypes.CFUNCTYPE(None, *kinds)(_engines[name].get_function_address(symbol))
+    kinds = [ctypes.c_int64] * sizes + [ctypes.c_void_p] * arrays
+    call = ctypes.CFUNCTYPE(None, *kinds)(_engines[name].get_function_address(symbol))
+
+    def checked(*given: Any) -> None:
+        call(*given[:sizes], *map(_address, given[sizes:]))
+
+    return checked
+
+
+_DOUBLES = np.dtype(np.float64)
+
+
+def _address(array: np.ndarray) -> int:
+    if array.dtype != _DOUBLES or not array.flags.c_contiguous:
+        raise TypeError("machine code takes contiguous arrays of doubles")
+    return array.__array_interface__["data"][0]
 
 
 def register(name: str) -> str:

@@ -58,6 +58,10 @@ class Rollout:
     T: Value
     R: Value
     substeps: Value
+    group: Value
+    t: Value
+    row: Value
+    h: Value
 
     def __init__(self, program: Program, lanes: int, name: str, sizes: int, arrays: Sequence[str]):
         self.program, self.lanes = program, lanes

@@ -34,7 +34,9 @@ def test_commands_late_by_a_random_time_are_on_average_a_mean():
     levels = np.repeat(rng.uniform(-5.0, 5.0, 20), 10)
     with float64():
         effect, p = law(robot, "input_delay")
-        acting = np.asarray(effect.command(jnp.asarray(levels[:, None]), jnp.asarray(TIME), jnp.full(200, DT), p, robot))
+        acting = np.asarray(
+            effect.command(jnp.asarray(levels[:, None]), jnp.asarray(TIME), jnp.full(200, DT), p, robot)
+        )
     # When a command acts that was given in an interval, the mean over the interval of what acts in it.
     inside = TIME[:, None] + rng.uniform(0.0, DT, (200, MANY)) - rng.uniform(0.0, 2.0 * DELAY, (200, MANY))
     given = np.where(inside >= 0.0, levels[np.clip((inside / DT).astype(int), 0, 199)], 0.0)

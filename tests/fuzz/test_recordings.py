@@ -100,7 +100,9 @@ def test_files_that_break_off(tmp_path, sound, kind):
         log = outcome(path, mapping)
         if log is None:
             continue
-        if len(log) == len(whole):  # an SQLite file without its last page, which nothing stood on; MCAP without its index
+        if len(log) == len(
+            whole
+        ):  # an SQLite file without its last page, which nothing stood on; MCAP without its index
             np.testing.assert_array_equal(log.outputs, whole.outputs)
             continue
         # Of this one chunk of MCAP all is left or nothing. One that ends between two records is a shorter data log.

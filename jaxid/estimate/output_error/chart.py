@@ -26,7 +26,8 @@ from .problem import Triangle, Unknowns
 
 
 class Chart(NamedTuple):
-    """Units of the unknowns at `here`. `held` parameters are on a bound that the cost pushes them against."""
+    """Units of the unknowns at `here`. `held` parameters are on a bound that the cost pushes them against. `slope` and `norm`:
+    the gradient of the cost and the lengths of the Jacobian's columns, in the problem's own units."""
 
     here: Unknowns
     units: Unknowns
@@ -34,6 +35,8 @@ class Chart(NamedTuple):
     upper: Float[Array, " n"]
     width: Float[Array, " n"]
     held: Bool[Array, " n"]
+    slope: Unknowns
+    norm: Unknowns
 
     def scaled(self, triangle: Triangle) -> Triangle:
         """The linearisation for steps in these units, parameters that are held left out."""
@@ -87,12 +90,14 @@ def chart_at(bounds: Bounds, here: Unknowns, triangle: Triangle) -> Chart:
     residual = xp.maximum(xp.sqrt(2.0 * triangle.cost), 1.0)
     free = xp.maximum(size, xp.where(norm.z > 0, residual, 1.0) * width)
     states = _widths(norm.states, xp.abs(here.states)) * xp.where(norm.states > 0, residual, 1.0)
-    slope = gradient(triangle).z
+    slope = gradient(triangle)
     return Chart(
         here=here,
         units=Unknowns(xp.where(bounded, xp.hypot(nearest, width), free), xp.maximum(states, xp.abs(here.states))),
         lower=lower,
         upper=upper,
         width=width,
-        held=((here.z <= lower) & (slope >= 0)) | ((here.z >= upper) & (slope <= 0)),
+        held=((here.z <= lower) & (slope.z >= 0)) | ((here.z >= upper) & (slope.z <= 0)),
+        slope=slope,
+        norm=norm,
     )

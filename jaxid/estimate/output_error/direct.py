@@ -8,12 +8,11 @@ comes seconds sooner; the Jacobian stays in the lanes in which it was simulated 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
 from ..._compile import compiled
-from ...kernel.direct import Directions, input_tangents, looked, one_triangle, outputs, rows, tangents, triangle
+from ...kernel.direct import Alone, input_tangents, looked, one_triangle, outputs, rows, tangents, triangle
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.look_kernel import MOST_OUTPUTS
 from ...kernel.machine import lanes
@@ -29,6 +28,7 @@ from .problem import (
     Unknowns,
     linearise,
     parameters_at,
+    plain,
     residual_weights,
     sensitivities,
     simulate_all,
@@ -39,7 +39,7 @@ Array = Any
 _LONG = 16_000_000
 """Numbers of the sensitivities, lanes filled up, from which they are worked out a stretch of time after the other."""
 _MOST_ALONE = 40
-"""Directions up to which each is written out by itself in machine code."""
+"""Alone up to which each is written out by itself in machine code."""
 _NO_UNITS = np.zeros((0, 0, 0))
 
 
@@ -94,7 +94,7 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
     model, names = _model(structure, problem)
     if model is None:
         return None
-    problem = jax.tree.map(np.asarray, problem)
+    problem = plain(problem)
     robot, fixed = structure.robot, problem.prescribed
     E, T = problem.dt.shape
     known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
@@ -125,13 +125,16 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
 
 
 def starts_at(d: Direct, states: Float[Array, "*c E s"]) -> Float[Array, "*c E S"]:
-    x = np.array(np.broadcast_to(d.begin, (*states.shape[:-2], *d.begin.shape)), dtype=float)
-    x[..., d.starts] += d.state_scale * states
+    x = np.empty((*states.shape[:-2], *d.begin.shape))
+    x[:] = d.begin
+    if d.starts:
+        x[..., d.starts] += d.state_scale * states
     return x
 
 
 def numbers_at(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
-    p = np.broadcast_to(d.numbers, (*theta.shape[:-1], d.numbers.shape[-1])).copy()
+    p = np.empty((*theta.shape[:-1], d.numbers.shape[-1]))
+    p[:] = d.numbers
     p[..., d.moving] = theta
     return p
 
@@ -140,10 +143,14 @@ def _seen(d: Direct, theta: Float[Array, "*E n"], states: Float[Array, "E s"]):
     """What the machine code reads. The parameters are those of all logs or, without effects on records, of each."""
     numbers, records, n = numbers_at(d, theta), d.model.records, len(d.shares)
     own = numbers[..., list(d.model.places)]
-    u, E = d.logs.u, len(d.begin)
+    u = d.logs.u
     if records.commands is not None:
         u = grouped(commanded(records, numbers, d.problem.inputs, d.problem.dt, n))
-    p = grouped(np.broadcast_to(own, (E, own.shape[-1])))
+    if own.ndim == 1:  # of all logs
+        p = np.empty((len(u), len(own), lanes()))
+        p[:] = own[:, None]
+    else:
+        p = grouped(own)
     return d.shares, p, grouped(starts_at(d, states)), u, d.logs.dt, d.logs.fixed
 
 
@@ -193,7 +200,7 @@ def _tangents(
     return grouped(measured_slopes(records, numbers, ungrouped(y, E), problem.dt, steps, ungrouped(dy, E)))
 
 
-def _alone(d: Direct) -> Directions | None:
+def _alone(d: Direct) -> Alone | None:
     """What the machine code of fits needs of the directions, their units left out; None where effects on whole records move,
     or the directions are many."""
     records, at = d.model.records, {place: i for i, place in enumerate(d.model.places)}
@@ -202,12 +209,15 @@ def _alone(d: Direct) -> Directions | None:
         return None
     if len(d.moving) + len(d.starts) > _MOST_ALONE or d.model.system.outputs > MOST_OUTPUTS:
         return None
-    return Directions(tuple(at[place] for place in d.moving), d.starts, _NO_UNITS, _NO_UNITS)
+    return Alone(tuple(at[place] for place in d.moving), d.starts, _NO_UNITS, _NO_UNITS)
 
 
-def _units(d: Direct, to: Directions, columns: Float[Array, "*E n"]) -> Directions:
-    E = len(d.begin)
-    by_parameter = grouped(np.broadcast_to(columns, (E, columns.shape[-1])))
+def _units(d: Direct, to: Alone, columns: Float[Array, "*E n"]) -> Alone:
+    if columns.ndim == 1:
+        by_parameter = np.empty((len(d.logs.dt), len(columns), lanes()))
+        by_parameter[:] = columns[:, None]
+    else:
+        by_parameter = grouped(columns)
     return to._replace(by_state=grouped(d.state_slope), by_parameter=by_parameter)
 
 
@@ -238,17 +248,15 @@ def _stretches(
 ) -> Iterator[tuple[slice, Float[Array, "E m Y k"]]]:
     """What `_whitened` has of the samples of one stretch of time after the other: [E, m, Y, s + n + 1]."""
     system, places, _ = d.model
-    problem, (E, S), s, n = d.problem, d.begin.shape, len(d.starts), theta.shape[-1]
+    (E, S), s, n = d.begin.shape, len(d.starts), theta.shape[-1]
     at = {place: i for i, place in enumerate(places)}
     inside = [j for j, place in enumerate(d.moving) if place in at]
     dp, dx = np.zeros((E, s + n, len(inside))), np.zeros((E, s + n, S))
     dp[:, [s + j for j in inside], np.arange(len(inside))] = columns[..., inside]
     dx[:, np.arange(s), list(d.starts)] = d.state_slope
-    T = problem.dt.shape[1]
-    fixed = np.stack([*problem.prescribed.values()], axis=-1) if problem.prescribed else np.zeros((E, T, 0))
+    u, dt, fixed, seen, weight = (ungrouped(x, E) for x in d.logs)
     p = np.broadcast_to(numbers_at(d, theta)[..., list(places)], (E, len(places)))
-    run = Rollouts(d.shares, p, starts_at(d, states), problem.inputs, problem.dt, fixed)
-    weight, seen = residual_weights(problem), np.where(problem.mask, problem.outputs, 0.0)
+    run = Rollouts(d.shares, p, starts_at(d, states), u[:, :, 0], dt, fixed)
     with np.errstate(over="ignore", invalid="ignore"):
         for part, y, dy in in_segments(system, tuple(at[d.moving[j]] for j in inside), run, dp, dx):
             own = weight[:, part, :, None]
@@ -261,7 +269,7 @@ def _long_triangles(
     d: Direct, theta: Float[Array, "*E n"], slope: Float[Array, "*E n"], states: Float[Array, "E s"]
 ) -> tuple[Float[Array, "E k k"], Float[Array, "E ny"]]:
     """Triangles of every log without the initial states' priors, and the squares, for `log_triangles`."""
-    E, T, Y = d.problem.outputs.shape
+    E, (_, T, Y, _) = len(d.begin), d.logs.measured.shape
     K = len(d.starts) + theta.shape[-1] + 1
     R, squares = np.zeros((E, K, K)), np.zeros((E, Y))
     for _, both in _stretches(d, theta, slope, states):
@@ -343,18 +351,20 @@ def log_triangles(
 
 def _priors(d: Direct, states: Float[Array, "E s"], n: int) -> Float[Array, "G k k L"]:
     """Triangles of the initial states' priors."""
-    E, s = states.shape
-    prior = np.zeros((E, s + n + 1, s + n + 1))
-    prior[:, np.arange(s), np.arange(s)], prior[:, :s, -1] = d.state_stiffness, d.state_stiffness * states
-    return grouped(prior)
+    s = states.shape[1]
+    prior = np.zeros((len(d.logs.dt), s + n + 1, s + n + 1, lanes()))
+    if s:
+        stiff = grouped(d.state_stiffness)
+        prior[:, np.arange(s), np.arange(s)], prior[:, :s, -1] = stiff, stiff * grouped(states)
+    return prior
 
 
-def _triangles_on_the_way(d: Direct, alone: Directions, theta, slope, states):
+def _triangles_on_the_way(d: Direct, alone: Alone, theta, slope, states):
     """Triangles, priors included, and squares, in lanes, from one pass that keeps nothing as long as the logs."""
     under = _priors(d, states, theta.shape[-1])
     to, seen = _units(d, alone, slope), _seen(d, theta, states)
     R, squares = looked(d.model.system, seen, to, d.logs.measured, d.logs.weight, under)
-    lost = ~np.isfinite(R).all(axis=(1, 2))
+    lost: Any = ~np.isfinite(R).all(axis=(1, 2))
     if lost.any():
         far = under.copy()
         far[:, -1, -1] = np.sqrt(far[:, -1, -1] ** 2 + DIVERGED**2 * d.logs.measured[0, :, :, 0].size)

@@ -18,11 +18,11 @@ from ..._compile import compiled, forget_programs
 from .direct import direct, linearised_directly, runs_directly
 from .direct_costs import costs_directly, side_by_side
 from .lanes import ask_together, in_batch
-from .levenberg_marquardt import UNDECIDED, BestDampingLevenbergMarquardt, begin, tried
+from .levenberg_marquardt import UNDECIDED, BestDampingLevenbergMarquardt, begin, decided, tried
 from .optimum import Optimum, Outcome
-from .problem import Apart, Problem, Structure, Triangle, Unknowns, costs_apart, linearise
+from .problem import Apart, Problem, Structure, Triangle, Unknowns, costs_apart, linearise, plain
 from .steps import Steps
-from .together import costs_together, kind_of, linearised_together
+from .together import costs_together, kind_of, linearised_together, member_of
 from .what_counts import of_what_counts
 
 Task = tuple[Structure, Problem, Unknowns]
@@ -104,9 +104,10 @@ def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tup
 
         kind = kind_of(d) if in_batch() else None
         if kind is not None:
+            own = member_of(d)
             return (
-                lambda there: of_all(ask_together(linearised_together, kind, (d, there))),
-                lambda candidates: ask_together(costs_together, kind, (d, candidates)),
+                lambda there: of_all(ask_together(linearised_together, kind, (own, there))),
+                lambda candidates: ask_together(costs_together, kind, (own, candidates)),
             )
         many = cache(partial(side_by_side, d))
         return (
@@ -150,12 +151,13 @@ def minimise_in_turns(
     `until(cost, promised drop)` is true of the best one."""
     enough = until if callable(until) else lambda _, promise: promise <= until
     look, costs = _simulations(structure, problem, start)
-    bounds, free, there = jax.tree.map(np.asarray, (problem.bounds, problem.free, start))
+    numbers, there = plain(problem), jax.tree.map(np.asarray, start)
+    bounds, free, rule = numbers.bounds, numbers.free, solver.rule
     triangle = look(there)
     state = begin(there, triangle)
     while True:
         with _QUIETLY():
-            search = solver.decided(bounds, free, state, triangle, max_steps)
+            search = decided(rule, bounds, free, state, triangle, max_steps)
         if until and np.isfinite(triangle.squares).all() and enough(search.state.cost, search.state.promise):
             return search.state.optimum._replace(outcome=np.asarray(Outcome.OPTIMUM))
         while search.going:

@@ -22,8 +22,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..._arrays import AnyArray as Array
 from ..._arrays import chosen, namespace, surely_not
-from .arrow import Eliminated, eliminate, gradient, norms
-from .bounds import Bounds
+from .arrow import Eliminated, eliminate
 from .chart import Chart, chart_at
 from .optimum import Optimum, Outcome
 from .polish import extrapolated
@@ -104,17 +103,18 @@ def _newton(squares: np.ndarray, values: np.ndarray, lengths: np.ndarray) -> np.
     return damping
 
 
-def _promise(scaled: Triangle, system: Eliminated) -> Float[Array, ""]:
+def _promise(chart: Chart, system: Eliminated) -> Float[Array, ""]:
     """Drop of the cost (half chi-squared) that the longest step promises: -½ (Jᵀ r) · step, what the step itself may cost by
     its damping left out."""
-    slope, step = gradient(scaled), system.shared_step(_LEAST)
-    return -0.5 * ((slope.z * step).sum() + (slope.states * system.own_step(step)).sum())
+    step = system.shared_step(_LEAST)
+    by_z = namespace(step).where(chart.held, 0.0, chart.units.z * chart.slope.z)
+    return -0.5 * ((by_z * step).sum() + (chart.units.states * chart.slope.states * system.own_step(step)).sum())
 
 
 def promise_of(problem: Problem, unknowns: Unknowns, triangle: Triangle) -> Float[Array, ""]:
     """Drop of the cost (half chi-squared) that a linearisation promises, bounds respected."""
-    scaled = chart_at(problem.bounds, unknowns, triangle).scaled(triangle)
-    return _promise(scaled, eliminate(scaled, _LEAST))
+    chart = chart_at(problem.bounds, unknowns, triangle)
+    return _promise(chart, eliminate(chart.scaled(triangle), _LEAST))
 
 
 class State(NamedTuple):
@@ -245,6 +245,95 @@ def tried(search: Search, found: Apart) -> Search:
     )
 
 
+class Rule(NamedTuple):
+    """When a search ends, and what is told of it (`BestDampingLevenbergMarquardt`)."""
+
+    promise: float
+    noticeable: float
+    report: Callable[[Any], None] | None
+
+
+def decided(
+    rule: Rule,
+    bounds: Any,
+    free: Bool[Array, " n"],
+    state: State,
+    triangle: Triangle,
+    max_steps: Int[Array, ""] | int,
+) -> Search:
+    """What follows from the linearisation `triangle` at `state.there`: the end, an undamped step, or a search."""
+    xp, here, now = namespace(triangle.shared), state.there, triangle.cost
+    if rule.report is not None:
+        rule.report(now) if xp is np else jax.debug.callback(rule.report, now)
+    chart = chart_at(bounds, here, triangle)
+    scaled = chart.scaled(triangle)
+    system = eliminate(scaled, _LEAST)
+    promise = _promise(chart, system)
+    sound = xp.isfinite(triangle.squares).all() & (now < _UNSOUND)
+    first = state.steps == 0
+    drop = state.cost - now
+    slow = ~first & (drop <= rule.noticeable) & (promise > _LESS * state.least)
+    stalled = xp.where(slow, state.stalled + 1, 0)
+    least = xp.where(slow, xp.minimum(promise, state.least), promise)
+    ended = stalled >= _STALLED_STEPS
+    small = xp.where(ended, least < KINK, promise < rule.promise)
+    blind = (chart.norm.z == 0.0).all() & xp.any(free)
+    # Within a standard error of a minimum the search ends and undamped steps begin; the best place counts.
+    polishing = (state.polished > 0) | (small & sound & ~blind)
+    equal = xp.abs(now - state.cost) <= _EQUAL
+    better = sound & ((now < state.cost - _EQUAL) | (equal & (promise < state.promise)))
+    worse = (state.polished > 0) & ~better
+    spent = state.polished + xp.where(worse, _MISS, 1)
+    smooth = (promise < KINK) & (~ended | (promise < rule.noticeable))
+    polish = polishing & sound & (promise > _EXACT) & smooth & (spent <= _POLISHED)
+    outcome = xp.where(state.steps >= max_steps, Outcome.STEP_LIMIT, UNDECIDED)
+    for holds, what in (
+        (ended, Outcome.NO_PROGRESS),
+        (blind, Outcome.INSENSITIVE),
+        (~sound, Outcome.DIVERGED),
+        (polishing, Outcome.OPTIMUM),
+        (polish, UNDECIDED),
+    ):  # the last of them decides
+        outcome = xp.where(holds, what, outcome)
+    straight = following = here
+    if not surely_not(polish):
+        full = system.shared_step(_LEAST)
+        straight = chart.straight(full, system.own_step(full))
+        again = (state.polished > 0) & ~worse
+        ends = chart.within(extrapolated(triangle, here, straight, state.before, state.after))
+        following = chosen(polish, chosen(again, ends, straight), here)
+    reached = chosen(worse, (state.reached, state.triangle, state.cost, state.promise), (here, triangle, now, promise))
+    next_state = State(
+        following,
+        *reached[:3],
+        start_cost=xp.where(first, now, state.start_cost),
+        steps=state.steps + 1,
+        stalled=stalled,
+        promise=reached[3],
+        least=least,
+        outcome=outcome,
+        polished=xp.where(polish, spent, state.polished),
+        before=here,
+        after=straight,
+        radius=state.radius,
+        shares=state.shares,
+    )
+    going = (outcome == UNDECIDED) & ~polish
+    return Search(
+        state=next_state,
+        chart=chart,
+        scaled=scaled,
+        system=system,
+        now=now,
+        near=xp.minimum(promise, least) < KINK,
+        round=xp.array(0),
+        flat=xp.array(False),
+        radius=state.radius,
+        steps=no_steps(here) if surely_not(going) else _steps(chart, system, state.radius, state.shares, True),
+        going=going,
+    )
+
+
 class BestDampingLevenbergMarquardt(eqx.Module):
     """Levenberg-Marquardt with a trust region, in whose steps every experiment has its own share of its own way.
 
@@ -261,90 +350,10 @@ class BestDampingLevenbergMarquardt(eqx.Module):
     noticeable: float = _NOTICEABLE
     report: Callable[[Float[Array, ""]], None] | None = None
 
-    def decided(
-        self,
-        bounds: Bounds,
-        free: Bool[Array, " n"],
-        state: State,
-        triangle: Triangle,
-        max_steps: Int[Array, ""] | int,
-    ) -> Search:
-        """What follows from the linearisation `triangle` at `state.there`: the end, an undamped step, or a search."""
-        xp, here, now = namespace(triangle.shared), state.there, triangle.cost
-        if self.report is not None:
-            self.report(now) if xp is np else jax.debug.callback(self.report, now)
-        chart = chart_at(bounds, here, triangle)
-        scaled = chart.scaled(triangle)
-        system = eliminate(scaled, _LEAST)
-        promise = _promise(scaled, system)
-        sound = xp.isfinite(triangle.squares).all() & (now < _UNSOUND)
-        first = state.steps == 0
-        drop = state.cost - now
-        slow = ~first & (drop <= self.noticeable) & (promise > _LESS * state.least)
-        stalled = xp.where(slow, state.stalled + 1, 0)
-        least = xp.where(slow, xp.minimum(promise, state.least), promise)
-        ended = stalled >= _STALLED_STEPS
-        small = xp.where(ended, least < KINK, promise < self.promise)
-        blind = (norms(triangle).z == 0.0).all() & xp.any(free)
-        # Within a standard error of a minimum the search ends and undamped steps begin; the best place counts.
-        polishing = (state.polished > 0) | (small & sound & ~blind)
-        equal = xp.abs(now - state.cost) <= _EQUAL
-        better = sound & ((now < state.cost - _EQUAL) | (equal & (promise < state.promise)))
-        worse = (state.polished > 0) & ~better
-        spent = state.polished + xp.where(worse, _MISS, 1)
-        smooth = (promise < KINK) & (~ended | (promise < self.noticeable))
-        polish = polishing & sound & (promise > _EXACT) & smooth & (spent <= _POLISHED)
-        outcome = xp.select(
-            [polish, polishing, ~sound, blind, ended, state.steps >= max_steps],
-            [
-                UNDECIDED,
-                Outcome.OPTIMUM,
-                Outcome.DIVERGED,
-                Outcome.INSENSITIVE,
-                Outcome.NO_PROGRESS,
-                Outcome.STEP_LIMIT,
-            ],
-            UNDECIDED,
-        )
-        straight = following = here
-        if not surely_not(polish):
-            full = system.shared_step(_LEAST)
-            straight = chart.straight(full, system.own_step(full))
-            again = (state.polished > 0) & ~worse
-            ends = chart.within(extrapolated(triangle, here, straight, state.before, state.after))
-            following = chosen(polish, chosen(again, ends, straight), here)
-        reached = chosen(
-            worse, (state.reached, state.triangle, state.cost, state.promise), (here, triangle, now, promise)
-        )
-        next_state = State(
-            following,
-            *reached[:3],
-            start_cost=xp.where(first, now, state.start_cost),
-            steps=state.steps + 1,
-            stalled=stalled,
-            promise=reached[3],
-            least=least,
-            outcome=outcome,
-            polished=xp.where(polish, spent, state.polished),
-            before=here,
-            after=straight,
-            radius=state.radius,
-            shares=state.shares,
-        )
-        going = (outcome == UNDECIDED) & ~polish
-        return Search(
-            state=next_state,
-            chart=chart,
-            scaled=scaled,
-            system=system,
-            now=now,
-            near=xp.minimum(promise, least) < KINK,
-            round=xp.array(0),
-            flat=xp.array(False),
-            radius=state.radius,
-            steps=no_steps(here) if surely_not(going) else _steps(chart, system, state.radius, state.shares, True),
-            going=going,
-        )
+    @property
+    def rule(self) -> Rule:
+        """What decisions depend on."""
+        return Rule(self.promise, self.noticeable, self.report)
 
     def minimise(
         self, structure: Structure, problem: Problem, start: Unknowns, max_steps: Int[Array, ""] | int
@@ -358,7 +367,7 @@ class BestDampingLevenbergMarquardt(eqx.Module):
             )
 
         def step(state: State) -> State:
-            search: Any = self.decided(problem.bounds, problem.free, state, look(state.there, problem), max_steps)
+            search: Any = decided(self.rule, problem.bounds, problem.free, state, look(state.there, problem), max_steps)
             return jax.lax.while_loop(lambda search: search.going, costs, search).state
 
         end = jax.lax.while_loop(lambda state: state.outcome == UNDECIDED, step, begin(start, shapes))

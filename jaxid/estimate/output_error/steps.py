@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..._arrays import AnyArray as Array
-from ..._arrays import namespace
+from ..._arrays import namespace, surely_not
 from .arrow import Eliminated
 from .chart import Chart
 from .problem import Apart, Triangle, Unknowns
@@ -75,15 +75,17 @@ def steps_of(
     shares = xp.array(_SHARES[:k])[:, None] * usual
     step = xp.broadcast_to(shared, (k, len(shared)))
     own = system.own_step(step, shares[:, :, None])
-    straight, curved = chart.straight(step, own), chart.curved(step, own)
     length = xp.sqrt((shared**2).sum())
+    far = length > _FAR
+    straight = chart.straight(step, own)
+    curved = straight if surely_not(far) else chart.curved(step, own)
     early = xp.where(first, xp.arange(k) == 0, True)
     return Steps(
         shared,
         length,
         shares,
         Unknowns(*(xp.concatenate(both) for both in zip(straight, curved, strict=True))),
-        xp.concatenate([early, early & (length > _FAR)]),
+        xp.concatenate([early, early & far]),
         Apart(xp.full((_PATHS * k, E), xp.inf), xp.full(_PATHS * k, xp.inf)),
     )
 

@@ -1,4 +1,5 @@
-"""A problem in lanes without the outputs that nobody measured: they need not be simulated, differentiated or weighed."""
+"""A problem in lanes without the outputs that nobody measured and without what lies behind the last measurement: these need
+not be simulated, differentiated or weighed."""
 
 from functools import lru_cache
 
@@ -6,7 +7,7 @@ import numpy as np
 
 from ...kernel.call import System
 from ...robots.effect import Scalars
-from .direct import Direct
+from .direct import Direct, Logs
 
 _MOST_SYSTEMS = 256
 
@@ -23,10 +24,15 @@ def _showing(system: System, outputs: tuple[int, ...]) -> System:
 
 
 def of_what_counts(d: Direct) -> tuple[Direct, list[int]]:
-    """The problem without outputs that weigh nothing in any log, such as currents that nobody measured, and the places of
-    the others. With effects on sensors all stay."""
-    there = np.flatnonzero(np.any(d.logs.weight > 0.0, axis=(0, 1, 3))).tolist()
-    if not there or len(there) == d.model.system.outputs or d.model.records.measures is not None:
+    """The problem without outputs that weigh nothing in any log, such as currents that nobody measured, and without samples
+    that come after all that weighs, and the places of the outputs that stay. With effects on sensors all outputs stay, with
+    effects on whole records all samples."""
+    counts, records = d.logs.weight > 0.0, d.model.records
+    long = np.flatnonzero(counts.any(axis=(0, 2, 3)))
+    if len(long) and records.commands is None and records.measures is None and long[-1] + 1 < d.logs.dt.shape[1]:
+        d = d._replace(logs=Logs(*(np.ascontiguousarray(x[:, : long[-1] + 1]) for x in d.logs)))
+    there = np.flatnonzero(counts.any(axis=(0, 1, 3))).tolist()
+    if not there or len(there) == d.model.system.outputs or records.measures is not None:
         return d, list(range(d.model.system.outputs))
     logs = d.logs._replace(
         measured=np.ascontiguousarray(d.logs.measured[:, :, there]),

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxid.estimate.output_error.direct as direct_module
 import jaxid.estimate.output_error.problem as by_xla
 from jaxid import Axis, Integrator, LogSet, Parameter
 from jaxid.effects import effect_by_id
@@ -41,6 +42,12 @@ def agree(found, expected, tolerance=1e-11):
     found, expected = (np.asarray(x) for x in (found, expected))
     assert found.shape == expected.shape
     np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance * max(1.0, np.abs(expected).max()))
+
+
+def agree_apart(found, each):
+    """Costs by experiment and of priors at many unknowns, against those at each."""
+    agree(found.own, np.stack([np.asarray(own.own) for own in each]))
+    agree(found.shared, [float(own.shared) for own in each])
 
 
 def test_what_no_log_measured_is_neither_simulated_nor_weighed(problem):
@@ -86,9 +93,23 @@ def test_costs_of_candidates_are_xlas(problem, xla, times):
     candidates = jax.tree.map(lambda leaf: np.stack([f * np.asarray(leaf) for f in factors]), there)
     d = direct(structure, numbers)
     found = costs_directly(d, side_by_side(d, times), candidates)
-    agree(
-        found, [xla(by_xla.cost, structure, numbers, jax.tree.map(lambda x, k=k: x[k], candidates)) for k in range(5)]
-    )
+    each = [jax.tree.map(lambda x, k=k: x[k], candidates) for k in range(5)]
+    agree_apart(found, [xla(by_xla.costs_apart, structure, numbers, own) for own in each])
+    agree(found.own.sum(axis=1) + found.shared, [xla(by_xla.cost, structure, numbers, own) for own in each])
+
+
+def test_many_directions_go_another_way_to_the_same_numbers(problem, monkeypatch):
+    """Directions that are not written out by themselves, and outputs that are kept as long as the logs."""
+    structure, numbers, there = problem
+    d = direct(structure, numbers)
+    alone = linearised_directly(d, there)
+    theta = by_xla.parameters_at(d.problem, np.asarray(there.z))
+    rows = sensitivities_directly(d, theta, np.asarray(there.states))
+    monkeypatch.setattr(direct_module, "_MOST_ALONE", 0)
+    for one, other in zip(linearised_directly(d, there), alone, strict=True):
+        agree(one, other)
+    for one, other in zip(sensitivities_directly(d, theta, np.asarray(there.states)), rows, strict=True):
+        agree(one, other)
 
 
 def test_a_log_on_which_the_simulation_diverges_harms_no_other(problem, xla):
@@ -145,9 +166,9 @@ def test_effects_on_commands_and_sensors_are_those_of_xla(axis_log, xla):
     assert np.all(np.abs(np.asarray(found.shared)).max(axis=0) > 1e-6)
     candidates = jax.tree.map(lambda leaf: np.stack([f * np.asarray(leaf) for f in (1.0, 1.1, 1.2)]), there)
     each = [jax.tree.map(lambda x, k=k: x[k], candidates) for k in range(3)]
-    costs = [xla(by_xla.cost, structure, numbers, own) for own in each]
+    costs = [xla(by_xla.costs_apart, structure, numbers, own) for own in each]
     for times in (1, 3):
-        agree(costs_directly(d, side_by_side(d, times), candidates), costs)
+        agree_apart(costs_directly(d, side_by_side(d, times), candidates), costs)
     agree(simulated_now(structure, numbers, there), xla(by_xla.simulate_all, structure, numbers, there))
 
 

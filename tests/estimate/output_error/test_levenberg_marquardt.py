@@ -10,8 +10,10 @@ from scipy.optimize import least_squares
 
 from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
 from jaxid.estimate.output_error.bounds import Bounds
-from jaxid.estimate.output_error.levenberg_marquardt import CANDIDATES, BestDampingLevenbergMarquardt, begin, tried
-from jaxid.estimate.output_error.problem import Triangle, Unknowns, linearise, parameters_at, simulate_all
+from jaxid.estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt, begin, decided, tried
+from jaxid.estimate.output_error.optimum import Outcome
+from jaxid.estimate.output_error.polish import extrapolated
+from jaxid.estimate.output_error.problem import Apart, Triangle, Unknowns, linearise, parameters_at, simulate_all
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.solvers import minimise, minimise_compiled, minimise_lanes
 
@@ -81,7 +83,7 @@ def test_by_turns_nothing_is_compiled_and_the_optimum_is_that_of_the_pure_form(a
 def test_one_decision_is_the_same_in_numpy_and_in_a_program():
     """Random linearisations, with and without initial states of their own, bounds, and columns that show nothing."""
     rng = np.random.default_rng(5)
-    solver = BestDampingLevenbergMarquardt()
+    rule = BestDampingLevenbergMarquardt().rule
     for E, s, n in ((3, 2, 4), (1, 0, 5), (4, 1, 1)):
         shared = np.triu(rng.normal(size=(n, n))) * 10.0 ** rng.uniform(-3, 3, n)
         shared[:, -1] *= float(n != 5)
@@ -97,17 +99,87 @@ def test_one_decision_is_the_same_in_numpy_and_in_a_program():
         bounds = Bounds(np.where(np.arange(n) % 2, -np.inf, 0.0), np.full(n, np.inf), np.full(n, 2.0))
         here = Unknowns(rng.uniform(0.0, 1.0, n), rng.normal(size=(E, s)))
         asked = bounds, np.ones(n, dtype=bool), begin(here, triangle), triangle
-        plain = solver.decided(*asked, 100)
-        program = jax.jit(lambda *asked: solver.decided(*asked, 100))(*asked)
+        plain = decided(rule, *asked, 100)
+        program = jax.jit(lambda *asked: decided(rule, *asked, 100))(*asked)
         assert bool(plain.going) and bool(program.going)
         np.testing.assert_allclose(plain.state.promise, program.state.promise, rtol=1e-9)
-        for ours, theirs in zip(plain.candidates, program.candidates, strict=True):
+        for ours, theirs in zip(jax.tree.leaves(plain.steps), jax.tree.leaves(program.steps), strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-9)
-        costs = np.full(CANDIDATES, 1e9)
-        shrunk, theirs = tried(plain, costs), jax.jit(tried)(program, costs)
-        np.testing.assert_allclose(shrunk.candidates.z, theirs.candidates.z, rtol=1e-8, atol=1e-9)
-        costs[3] = 0.0
-        np.testing.assert_allclose(tried(plain, costs).state.there.z, plain.candidates.z[3])
+        nothing = Apart(np.full(plain.steps.known.own.shape, 1e9), np.zeros(plain.steps.known.shared.shape))
+        shrunk, theirs = plain, program
+        for _ in range(5):  # the other shares, shorter steps, and in the end all from the beginning
+            shrunk, theirs = tried(shrunk, nothing), jax.jit(tried)(theirs, nothing)
+            assert bool(shrunk.going) and bool(theirs.going)
+            np.testing.assert_array_equal(shrunk.steps.asked, theirs.steps.asked)
+            np.testing.assert_allclose(shrunk.steps.candidates.z, theirs.steps.candidates.z, rtol=1e-8, atol=1e-9)
+        shrunk, theirs = tried(shrunk, nothing), jax.jit(tried)(theirs, nothing)
+        assert not bool(shrunk.going) and not bool(theirs.going)
+        assert int(shrunk.state.outcome) == int(theirs.state.outcome) == Outcome.NO_PROGRESS
+        good = nothing._replace(own=np.zeros(nothing.own.shape))
+        taken, theirs = tried(plain, good), jax.jit(tried)(program, good)
+        np.testing.assert_allclose(taken.state.there.z, plain.steps.candidates.z[0])
+        for name in ("there", "radius", "shares", "outcome", "stalled", "least"):
+            pair = (jax.tree.leaves(getattr(one.state, name)) for one in (taken, theirs))
+            for ours, other in zip(*pair, strict=True):
+                np.testing.assert_allclose(ours, other, rtol=1e-8, atol=1e-9)
+
+
+def test_every_experiment_takes_its_own_share_of_a_step():
+    """Where the whole step is good for one experiment and bad for another, each gets what is good for it."""
+    rng = np.random.default_rng(3)
+    E, s, n = 3, 1, 2
+    triangle = Triangle(
+        np.triu(rng.normal(size=(n, n))) + 3.0 * np.eye(n),
+        rng.normal(size=(E, s, n)),
+        np.full((E, s, s), 2.0),
+        0.1 * rng.normal(size=n),
+        rng.normal(size=(E, s)),
+        np.zeros(1),
+        np.ones((E, 1)),
+    )
+    bounds = Bounds(np.full(n, -np.inf), np.full(n, np.inf), np.ones(n))
+    here = Unknowns(np.zeros(n), np.zeros((E, s)))
+    search = decided(
+        BestDampingLevenbergMarquardt().rule, bounds, np.ones(n, bool), begin(here, triangle), triangle, 100
+    )
+    steps = search.steps
+    assert steps.asked.sum() == 1 and steps.asked[0]  # the usual share, along the straight line
+    found = Apart(np.full(steps.known.own.shape, 1e9), np.zeros(steps.known.shared.shape))
+    search = tried(search, found)
+    k = len(steps.shares)
+    assert search.steps.asked[:k].tolist() == [False] + [True] * (k - 1)
+    best = [1, 3, 2]
+    found.own[best, range(E)] = 0.0
+    state = tried(search, found).state
+    np.testing.assert_array_equal(state.there.z, steps.candidates.z[0])
+    np.testing.assert_array_equal(state.there.states, steps.candidates.states[best, range(E)])
+    np.testing.assert_array_equal(state.shares, steps.shares[best, range(E)])
+
+
+def test_steps_next_to_a_minimum_are_extrapolated_to_where_they_end():
+    """x -> q x in one direction: two steps show where all end, in whatever lengths."""
+    rng = np.random.default_rng(7)
+    n, E, s = 3, 2, 1
+    triangle = Triangle(
+        np.triu(rng.normal(size=(n, n))) + 3.0 * np.eye(n),
+        rng.normal(size=(E, s, n)),
+        np.full((E, s, s), 2.0),
+        np.zeros(n),
+        np.zeros((E, s)),
+        np.zeros(1),
+        np.ones((E, 1)),
+    )
+    end = Unknowns(rng.normal(size=n), rng.normal(size=(E, s)))
+    off = Unknowns(rng.normal(size=n), rng.normal(size=(E, s)))
+
+    def at(share):
+        return Unknowns(end.z + share * off.z, end.states + share * off.states)
+
+    found = extrapolated(triangle, at(0.6), at(0.36), at(1.0), at(0.6))
+    np.testing.assert_allclose(found.z, end.z, rtol=1e-12)
+    np.testing.assert_allclose(found.states, end.states, rtol=1e-12)
+    nowhere = extrapolated(triangle, at(0.6), at(-0.4), at(1.0), at(0.0))  # no sign of an end
+    np.testing.assert_array_equal(nowhere.z, at(-0.4).z)
 
 
 @pytest.fixture(scope="module")
