@@ -25,7 +25,7 @@ from .machine import lanes, loaded, register, write_handler
 def _target(write: Callable, results: int) -> str:
     module = write(lanes())
     write_handler(module, [(0, 0), (0, 1), (0, 2)], 1, results, function=module.name)
-    return register(loaded(module))
+    return register(loaded(module, rewrite=True))
 
 
 def _here(A: Array) -> bool:

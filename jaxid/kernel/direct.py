@@ -54,7 +54,7 @@ def _program(system: System, moving: tuple[int, ...] | None = None) -> Program:
 @cache
 def _dense(write: Callable[[int], Any], results: int) -> Callable[..., None]:
     module = write(lanes())
-    return function(loaded(module), module.name, 3, 1 + results)
+    return function(loaded(module, rewrite=True), module.name, 3, 1 + results)
 
 
 def _part(seen: Seen, some: slice) -> Seen:
