@@ -61,6 +61,21 @@ class Parameter:
             )
 
 
+def parameter(
+    value: float,
+    unit: str,
+    meaning: str,
+    source: str,
+    *,
+    positive: bool = True,
+    free: bool = False,
+    typical: float | None = None,
+) -> Parameter:
+    """A robot's parameter; positive ones are bounded below by zero."""
+    lower = 0.0 if positive else -math.inf
+    return Parameter(value, unit, free=free, lower=lower, typical=typical, source=source, meaning=meaning)
+
+
 class ParameterTable(Mapping[str, Parameter]):
     """An immutable, ordered mapping symbol -> `Parameter`. Every change returns a new table."""
 

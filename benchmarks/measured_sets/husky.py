@@ -22,10 +22,10 @@ import numpy as np
 import pandas as pd
 
 from jaxid import Channels, Effect, Log, LogSet, Parameter
-from jaxid.parameters import ParameterTable
+from jaxid.parameters import ParameterTable, parameter
 from jaxid.robots.effect import Levels, Numbers, State
 from jaxid.robots.effect import Scalars as Side
-from jaxid.robots.robot import Robot, parameter
+from jaxid.robots.robot import Robot
 
 from . import table
 

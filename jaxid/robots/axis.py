@@ -12,9 +12,9 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from ..logs import AXIS, Channels
-from ..parameters import ParameterTable
+from ..parameters import ParameterTable, parameter
 from .effect import Levels, Numbers, Scalars, State
-from .robot import Robot, parameter
+from .robot import Robot
 
 
 @dataclass(frozen=True, repr=False)

@@ -18,9 +18,9 @@ from types import MappingProxyType
 from typing import ClassVar, Literal, Self
 
 from ..logs import DIFFERENTIAL, DIFFERENTIAL_WHEELS, Channels
-from ..parameters import ParameterTable
+from ..parameters import ParameterTable, parameter
 from .effect import Levels, Numbers, Scalar, Scalars, State
-from .robot import Robot, parameter
+from .robot import Robot
 from .trigonometry import sincos
 
 

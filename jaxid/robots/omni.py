@@ -18,9 +18,9 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..logs import OMNI, Channels
-from ..parameters import ParameterTable
+from ..parameters import ParameterTable, parameter
 from .effect import Levels, Numbers, Scalar, Scalars, State
-from .robot import Robot, parameter
+from .robot import Robot
 from .scales import Scales
 from .trigonometry import sincos
 

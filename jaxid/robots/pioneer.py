@@ -14,10 +14,10 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from ..logs import PIONEER, Channels
-from ..parameters import ParameterTable
+from ..parameters import ParameterTable, parameter
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .pioneer_closed_form import bias, reduced_inertia
-from .robot import Robot, parameter
+from .robot import Robot
 from .scales import Scales
 from .trigonometry import sincos
 

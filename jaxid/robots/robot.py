@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Self
 import jax
 
 from ..logs import Channels
-from ..parameters import Parameter, ParameterTable
+from ..parameters import ParameterTable
 from . import signal_path
 from .effect import Effect, EffectError, Levels, Numbers, Scalar, Scalars, State, in_words
 from .scales import Scales
@@ -389,19 +389,4 @@ def _one(lever: Scalar) -> bool:
     return isinstance(lever, float) and bool(lever == 1.0)
 
 
-def parameter(
-    value: float,
-    unit: str,
-    meaning: str,
-    source: str,
-    *,
-    positive: bool = True,
-    free: bool = False,
-    typical: float | None = None,
-) -> Parameter:
-    """A robot's parameter; positive ones are bounded below by zero."""
-    lower = 0.0 if positive else -float("inf")
-    return Parameter(value, unit, free=free, lower=lower, typical=typical, source=source, meaning=meaning)
-
-
-__all__ = ["Effect", "EffectError", "Robot", "Scalar", "State", "parameter"]
+__all__ = ["Effect", "EffectError", "Robot", "Scalar", "State"]
