@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..._arrays import AnyArray as Array
-from ..._arrays import namespace
+from ..._arrays import namespace, surely_not
 from .problem import Triangle, Unknowns
 
 _KEPT = 3
@@ -49,38 +49,46 @@ def with_step(steps: Steps, here: Unknowns, there: Unknowns) -> Steps:
     return Steps(ahead(here, steps.before), ahead(there, steps.after), xp.minimum(steps.known + 1, _KEPT))
 
 
-def _moved(triangle: Triangle, step: Unknowns) -> Float[Array, " m"]:
-    """J times a step."""
-    own = (triangle.local * step.states[:, None, :]).sum(axis=2) + triangle.crossed @ step.z
-    return namespace(own).concatenate([own.ravel(), triangle.shared @ step.z])
+def _flat(points: Unknowns) -> Float[Array, "k N"]:
+    """Parameters and initial states of k points, one behind the other."""
+    z, states = points
+    return namespace(z).concatenate([z, states.reshape(len(z), states.shape[1] * states.shape[2])], axis=1)
 
 
-def _less(a: Unknowns, b: Unknowns, share: Float[Array, ""] | float = 1.0) -> Unknowns:
-    return Unknowns(a.z - share * b.z, a.states - share * b.states)
+def _moved(triangle: Triangle, steps: Float[Array, "k N"]) -> Float[Array, "k M"]:
+    """J times steps."""
+    E, s, n = triangle.crossed.shape
+    k = len(steps)
+    z, states = steps[:, :n], steps[:, n:].reshape(k, E, 1, s)
+    own = (triangle.local * states).sum(axis=3).reshape(k, E * s) + z @ triangle.crossed.reshape(E * s, n).T
+    return namespace(own).concatenate([own, z @ triangle.shared.T], axis=1)
 
 
 def extrapolated(triangle: Triangle, here: Unknowns, there: Unknowns, steps: Steps) -> Unknowns:
     """Where steps end of which this one leads from `here` to `there` after `steps`; lengths are those of `triangle`, the
     Jacobian `here`."""
-    xp = namespace(triangle.shared)
-    whole = _moved(triangle, _less(there, here))
-    left, end, found = whole, there, []
-    last = here, there
+    xp, (n, shape) = namespace(triangle.shared), (len(here.z), here.states.shape)
+    began, led = (
+        xp.concatenate([_flat(Unknowns(new.z[None], new.states[None])), _flat(old)])
+        for new, old in ((here, steps.before), (there, steps.after))
+    )
+    apart = led[:-1] - led[1:]
+    moved = _moved(triangle, xp.concatenate([led[:1] - began[:1], apart - (began[:-1] - began[1:])]))
+    left, changes, end = moved[0], moved[1:], led[0]
     for k in range(_KEPT):
-        earlier = tuple(Unknowns(*(leaf[k] for leaf in both)) for both in (steps.before, steps.after))
-        apart = _less(last[1], earlier[1])
-        change = _moved(triangle, _less(apart, _less(last[0], earlier[0])))
-        size = (change**2).sum()
-        for other, its, square in found:  # what the later changes show already
-            share = (change @ other) / square
-            change, apart = change - share * other, _less(apart, its, share)
-        square = (change**2).sum()
-        tells = (k < steps.known) & (square > _LEAST * size) & (square > 0.0)
+        if surely_not(k < steps.known):
+            break
+        change, way = changes[k], apart[k]
+        square = change @ change
+        tells = (k < steps.known) & (square > 0.0)
         square = xp.where(tells, square, 1.0)
         share = xp.where(tells, (change @ left) / square, 0.0)
-        left, end = left - share * change, _less(end, apart, share)
-        found.append((xp.where(tells, change, 0.0), apart, square))
-        last = earlier
-    beyond = _moved(triangle, _less(end, there))
-    near = (beyond**2).sum() <= _FARTHEST**2 * (whole**2).sum()
-    return Unknowns(*(xp.where(near, a, b) for a, b in zip(end, there, strict=True)))
+        left, end = left - share * change, end - share * way
+        # What the earlier changes show beyond this one.
+        same = xp.where(tells, changes @ change / square, 0.0)[:, None]
+        before = (changes**2).sum(axis=1, keepdims=True)
+        changes, apart = changes - same * change, apart - same * way
+        changes = xp.where((changes**2).sum(axis=1, keepdims=True) > _LEAST * before, changes, 0.0)
+    (beyond,) = _moved(triangle, (end - led[0])[None])
+    end = xp.where(beyond @ beyond <= _FARTHEST**2 * (moved[0] @ moved[0]), end, led[0])
+    return Unknowns(end[:n], end[n:].reshape(shape))
