@@ -17,7 +17,7 @@ from jaxid import PIONEER, Integrator, Log, LogSet, Pioneer, float64, output_err
 from jaxid.estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt
 from jaxid.estimate.output_error.problem import Problem, Structure, Unknowns, parameters_at
 from jaxid.estimate.output_error.setup import build
-from jaxid.estimate.output_error.solvers import minimise, minimise_compiled
+from jaxid.estimate.output_error.solvers import minimise_compiled
 
 from .pioneer_problem import FREE, SAMPLING, SIGMA, STATE_SCALE, SUBSTEPS, FitProblem
 from .reached import Clock, Reached
@@ -73,18 +73,14 @@ def core(problem: FitProblem, max_linearisations: int = 100) -> Reached:
 
 
 def path(problem: FitProblem) -> list[tuple[float, float]]:
-    """(processor seconds, lowest cost so far) after every step of `core`, warm: the same fit, its solver reporting."""
+    """(processor seconds, lowest cost so far) after every linearisation of `core`, warm: the same fit, its solver reporting."""
     clock = Clock()
-
     with float64():
         structure, arrays, unknowns = built(problem)
         solver = BestDampingLevenbergMarquardt(report=lambda cost: clock.note(float(cost)))
-        reporting = jax.jit(lambda p, u: minimise(structure, p, u, max_steps=100, solver=solver))
         for _ in range(2):  # the first compiles
-            jax.effects_barrier()
             clock.begin, clock.seen = time.process_time(), []
-            jax.block_until_ready(reporting(arrays, unknowns))
-    jax.effects_barrier()
+            minimise_compiled(structure, arrays, unknowns, max_steps=100, solver=solver)
     return clock.lowest()
 
 

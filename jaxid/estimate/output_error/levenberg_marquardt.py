@@ -22,10 +22,10 @@ from jaxtyping import Bool, Float, Int
 
 from ..._arrays import AnyArray as Array
 from ..._arrays import chosen, namespace, surely_not
+from . import polish
 from .arrow import Eliminated, eliminate
 from .chart import Chart, chart_at
 from .optimum import Optimum, Outcome
-from .polish import extrapolated
 from .problem import Apart, Problem, Structure, Triangle, Unknowns, costs_apart, traced_once
 from .steps import Steps, best_of, no_steps, others, simulated, steps_of
 
@@ -48,8 +48,8 @@ _SOLVED = 1e-12
 """Relative change of a damping that is none."""
 _PROMISE = 1e-3
 """Promised drop of the cost, that of a twentieth of a standard error, below which undamped steps begin."""
-_EXACT = 1e-14
-"""Promised drop of the cost below which undamped steps end: a ten-millionth of a standard error."""
+_EXACT = 2e-13
+"""Promised drop of the cost below which undamped steps end: six ten-millionths of a standard error."""
 _POLISHED, _MISS = 8, 4
 """How many of them there are at most; one that leads to nothing better counts for four."""
 _EQUAL = 1e-9
@@ -121,8 +121,8 @@ class State(NamedTuple):
     """Between two linearisations: `there` is looked at next, `reached`, its `triangle` and its `cost` are the best so far.
 
     `least`: the least promise since the cost last dropped noticeably. Around a kink the linearisations on its two sides
-    promise different drops, and where one of them promises nothing there is none. `before`, `after`: where the last undamped
-    step, not extrapolated, began and led. `radius`: length of the parameters' step at most, in units of the chart; `shares`
+    promise different drops, and where one of them promises nothing there is none. `undamped`: the last steps without
+    damping. `radius`: length of the parameters' step at most, in units of the chart; `shares`
     [E]: those of the experiments' own ways on which they went last.
     """
 
@@ -137,8 +137,7 @@ class State(NamedTuple):
     least: Float[Array, ""]
     outcome: Int[Array, ""]
     polished: Int[Array, ""]
-    before: Unknowns
-    after: Unknowns
+    undamped: polish.Steps
     radius: Float[Array, ""]
     shares: Float[Array, " E"]
 
@@ -187,8 +186,7 @@ def begin(start: Unknowns, shapes: Triangle) -> State:
         least=infinite,
         outcome=np.asarray(UNDECIDED),
         polished=none,
-        before=start,
-        after=start,
+        undamped=polish.no_steps(start),
         radius=np.asarray(_RADIUS),
         shares=np.ones(start.states.shape[0]),
     )
@@ -285,23 +283,23 @@ def decided(
     worse = (state.polished > 0) & ~better
     spent = state.polished + xp.where(worse, _MISS, 1)
     smooth = (promise < KINK) & (~ended | (promise < rule.noticeable))
-    polish = polishing & sound & (promise > _EXACT) & smooth & (spent <= _POLISHED)
+    polishes = polishing & sound & (promise > _EXACT) & smooth & (spent <= _POLISHED)
     outcome = xp.where(state.steps >= max_steps, Outcome.STEP_LIMIT, UNDECIDED)
     for holds, what in (
         (ended, Outcome.NO_PROGRESS),
         (blind, Outcome.INSENSITIVE),
         (~sound, Outcome.DIVERGED),
         (polishing, Outcome.OPTIMUM),
-        (polish, UNDECIDED),
+        (polishes, UNDECIDED),
     ):  # the last of them decides
         outcome = xp.where(holds, what, outcome)
-    straight = following = here
-    if not surely_not(polish):
+    following, undamped = here, state.undamped
+    if not surely_not(polishes):
         full = system.shared_step(_LEAST)
         straight = chart.straight(full, system.own_step(full))
-        again = (state.polished > 0) & ~worse
-        ends = chart.within(extrapolated(triangle, here, straight, state.before, state.after))
-        following = chosen(polish, chosen(again, ends, straight), here)
+        kept = undamped._replace(known=xp.where(worse, 0, undamped.known))
+        ends = chart.within(polish.extrapolated(triangle, here, straight, kept))
+        following, undamped = chosen(polishes, ends, here), polish.with_step(kept, here, straight)
     reached = chosen(worse, (state.reached, state.triangle, state.cost, state.promise), (here, triangle, now, promise))
     next_state = State(
         following,
@@ -312,13 +310,12 @@ def decided(
         promise=reached[3],
         least=least,
         outcome=outcome,
-        polished=xp.where(polish, spent, state.polished),
-        before=here,
-        after=straight,
+        polished=xp.where(polishes, spent, state.polished),
+        undamped=undamped,
         radius=state.radius,
         shares=state.shares,
     )
-    going = (outcome == UNDECIDED) & ~polish
+    going = (outcome == UNDECIDED) & ~polishes
     return Search(
         state=next_state,
         chart=chart,

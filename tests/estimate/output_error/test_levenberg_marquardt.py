@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
+from jaxid.estimate.output_error import polish
 from jaxid.estimate.output_error.bounds import Bounds
 from jaxid.estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt, begin, decided, tried
 from jaxid.estimate.output_error.optimum import Outcome
-from jaxid.estimate.output_error.polish import extrapolated
 from jaxid.estimate.output_error.problem import Apart, Triangle, Unknowns, linearise, parameters_at, simulate_all
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.solvers import minimise, minimise_compiled, minimise_lanes
@@ -103,15 +103,20 @@ def test_one_decision_is_the_same_in_numpy_and_in_a_program():
         program = jax.jit(lambda *asked: decided(rule, *asked, 100))(*asked)
         assert bool(plain.going) and bool(program.going)
         np.testing.assert_allclose(plain.state.promise, program.state.promise, rtol=1e-9)
-        for ours, theirs in zip(jax.tree.leaves(plain.steps), jax.tree.leaves(program.steps), strict=True):
-            np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-9)
+        asked_for = plain.steps.asked
+        np.testing.assert_array_equal(asked_for, program.steps.asked)
+        np.testing.assert_allclose(plain.steps.shares, program.steps.shares)
+        for ours, theirs in zip(plain.steps.candidates, program.steps.candidates, strict=True):
+            np.testing.assert_allclose(ours[asked_for], theirs[asked_for], rtol=1e-8, atol=1e-9)
         nothing = Apart(np.full(plain.steps.known.own.shape, 1e9), np.zeros(plain.steps.known.shared.shape))
         shrunk, theirs = plain, program
         for _ in range(5):  # the other shares, shorter steps, and in the end all from the beginning
             shrunk, theirs = tried(shrunk, nothing), jax.jit(tried)(theirs, nothing)
             assert bool(shrunk.going) and bool(theirs.going)
-            np.testing.assert_array_equal(shrunk.steps.asked, theirs.steps.asked)
-            np.testing.assert_allclose(shrunk.steps.candidates.z, theirs.steps.candidates.z, rtol=1e-8, atol=1e-9)
+            now_asked = shrunk.steps.asked
+            np.testing.assert_array_equal(now_asked, theirs.steps.asked)
+            for ours, other in zip(shrunk.steps.candidates, theirs.steps.candidates, strict=True):
+                np.testing.assert_allclose(ours[now_asked], other[now_asked], rtol=1e-8, atol=1e-9)
         shrunk, theirs = tried(shrunk, nothing), jax.jit(tried)(theirs, nothing)
         assert not bool(shrunk.going) and not bool(theirs.going)
         assert int(shrunk.state.outcome) == int(theirs.state.outcome) == Outcome.NO_PROGRESS
@@ -157,7 +162,7 @@ def test_every_experiment_takes_its_own_share_of_a_step():
 
 
 def test_steps_next_to_a_minimum_are_extrapolated_to_where_they_end():
-    """x -> q x in one direction: two steps show where all end, in whatever lengths."""
+    """Each direction keeps its own share of what is left: as many steps as directions, and one more, show where all end."""
     rng = np.random.default_rng(7)
     n, E, s = 3, 2, 1
     triangle = Triangle(
@@ -170,16 +175,35 @@ def test_steps_next_to_a_minimum_are_extrapolated_to_where_they_end():
         np.ones((E, 1)),
     )
     end = Unknowns(rng.normal(size=n), rng.normal(size=(E, s)))
-    off = Unknowns(rng.normal(size=n), rng.normal(size=(E, s)))
+    off = [(share, Unknowns(rng.normal(size=n), rng.normal(size=(E, s)))) for share in (0.8, -0.3, 0.1)]
 
-    def at(share):
-        return Unknowns(end.z + share * off.z, end.states + share * off.states)
+    def at(k, directions):
+        z = end.z + sum(share**k * by.z for share, by in off[:directions])
+        return Unknowns(z, end.states + sum(share**k * by.states for share, by in off[:directions]))
 
-    found = extrapolated(triangle, at(0.6), at(0.36), at(1.0), at(0.6))
-    np.testing.assert_allclose(found.z, end.z, rtol=1e-12)
-    np.testing.assert_allclose(found.states, end.states, rtol=1e-12)
-    nowhere = extrapolated(triangle, at(0.6), at(-0.4), at(1.0), at(0.0))  # no sign of an end
-    np.testing.assert_array_equal(nowhere.z, at(-0.4).z)
+    for directions in (1, 2, 3):
+        steps = polish.no_steps(at(0, directions))
+        for k in range(directions):
+            found = polish.extrapolated(triangle, at(k, directions), at(k + 1, directions), steps)
+            assert np.abs(found.z - end.z).max() > 1e-3  # not known yet
+            steps = polish.with_step(steps, at(k, directions), at(k + 1, directions))
+        found = polish.extrapolated(triangle, at(directions, directions), at(directions + 1, directions), steps)
+        np.testing.assert_allclose(found.z, end.z, atol=1e-10)
+        np.testing.assert_allclose(found.states, end.states, atol=1e-10)
+        program = jax.jit(polish.extrapolated)(
+            triangle, at(directions, directions), at(directions + 1, directions), steps
+        )
+        np.testing.assert_allclose(program.z, end.z, atol=1e-10)
+
+
+def test_steps_that_show_no_end_are_not_extrapolated():
+    triangle = Triangle(
+        np.eye(1), np.zeros((1, 0, 1)), np.zeros((1, 0, 0)), *(np.zeros(k) for k in (1, (1, 0), 1)), np.ones((1, 1))
+    )
+    places = [Unknowns(np.array([x]), np.zeros((1, 0))) for x in (0.0, 1.0, 1.99)]  # ever on
+    steps = polish.with_step(polish.no_steps(places[0]), places[0], places[1])
+    found = polish.extrapolated(triangle, places[1], places[2], steps)
+    np.testing.assert_array_equal(found.z, places[2].z)
 
 
 @pytest.fixture(scope="module")
