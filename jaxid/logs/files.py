@@ -11,6 +11,8 @@ from .formats import is_bag_folder
 from .log import Log, did_you_mean
 
 PathLike = str | Path
+LOG_ENDINGS = (".csv", ".tsv", ".csv.gz", ".tsv.gz", ".parquet", ".pq", ".bag", ".mcap", ".db3", ".wpilog", ".mat")
+"""Endings, in small letters, of the names of files that are logs in a folder of them."""
 _STRETCH = re.compile(r"(?P<path>.+)\[(?P<start>-?[\d.]*):(?P<stop>-?[\d.]*)\]")
 
 
@@ -44,6 +46,18 @@ def _stretch(path: PathLike) -> tuple[PathLike, float | None, float | None]:
 def _is_log(path: Path) -> bool:
     """Whether a pattern means this: a file, or a ROS 2 bag as a folder."""
     return path.is_file() or is_bag_folder(path)
+
+
+def logs_in(folder: Path) -> list[Path]:
+    """The logs in a folder, in alphabetical order: files whose names end as logs do, and ROS 2 bags as folders.
+
+    Of a folder that is a bag itself, this bag.
+    """
+    if is_bag_folder(folder):
+        return [folder]
+    return sorted(
+        p for p in folder.iterdir() if is_bag_folder(p) or p.is_file() and p.name.lower().endswith(LOG_ENDINGS)
+    )
 
 
 def _files(path: Path) -> list[Path]:
