@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from jaxid.cli import fleet as command
+from tests.recordings import Ros, ns
 
 MASSES = {"a": 1.0, "b": 2.0, "c": 4.0}
 FRICTION, NOISE, DT = 1.5, 0.005, 0.02
@@ -230,3 +231,47 @@ def test_a_run_of_workers_that_is_killed_goes_on(jaxid, without_dry_friction, tm
     again = subprocess.run(run, capture_output=True, text=True, check=True)
     assert f"{done} members are done already" in again.stderr
     same(alone, out)
+
+
+def bag(folder, mass, seed, storage):
+    """The run of `axis_log` as a ROS 2 bag: joint effort and velocity, in the header's time."""
+    ros = Ros()
+    axis_log(folder.with_suffix(".csv"), mass, seed)
+    frame = pd.read_csv(folder.with_suffix(".csv"))
+    folder.with_suffix(".csv").unlink()
+    rows = zip(frame["t"], frame["u"], frame["v"], strict=True)
+    joints = [(ns(t), ros.joints(ns(t), ["hub"], [v], effort=[u])) for t, u, v in rows]
+    ros.write(folder, {"/joints": joints}, storage)
+
+
+def test_fleets_of_bags(jaxid, without_dry_friction, tmp_path):
+    """A member's bags as folders in its folder, a member's folder that is a bag, and one without any, which is said."""
+    pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
+    robots, mapping = tmp_path / "robots", tmp_path / "map.toml"
+    mapping.write_text('u = "/joints.effort[hub]"\nv = "/joints.velocity[hub]"\n')
+    for seed in (0, 1):
+        bag(robots / "a" / f"run_{seed}", MASSES["a"], seed, "mcap")
+    bag(robots / "b" / "run_0", MASSES["b"], 10, "sqlite3")
+    (robots / "d").mkdir()
+    (robots / "d/readme.txt").write_text("no logs here")
+    arguments = (
+        "fleet",
+        "axis",
+        robots,
+        "--map",
+        mapping,
+        "--model",
+        without_dry_friction,
+        "--windows",
+        "none",
+        "--out",
+    )
+    status, _, remarks = jaxid(*arguments, tmp_path / "out")
+    assert status == 0 and "there is no log in it: d" in remarks
+    estimates = pd.read_parquet(tmp_path / "out/estimates.parquet").query("parameter == 'M'").set_index("member")
+    assert list(estimates.index) == ["a", "b"]
+    for name, row in estimates.iterrows():
+        assert abs(row["value"] - MASSES[name]) < 4 * row["std_error"] < 0.2
+    # Every bag of one folder is a member of its own where no folder holds several.
+    status, said, _ = jaxid(*arguments[:2], robots / "a", *arguments[3:], tmp_path / "alone")
+    assert status == 0 and "2 of 2 members fitted" in said

@@ -89,6 +89,77 @@ def test_sides_are_told_apart_by_the_names_of_topics_and_joints(jaxid, bag, tmp_
     assert found["v_left"] == "/joint_states.velocity[wheel_left_joint]"
 
 
+@pytest.fixture
+def stranger(tmp_path):
+    """Duties of both sides, a battery, encoders' joints, a gyro in degrees upside down; at rest for a second before."""
+    pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
+    ros, rng = Ros(), np.random.default_rng(5)
+    times = np.round(np.arange(600) * 0.02, 6)
+    duty = np.where(times[:, None] < 1, 0.0, np.repeat(rng.choice([-150.0, 60.0, 150.0], (24, 2)), 25, axis=0))
+    # What wheels of a first-order robot do: 0.2 s to reach 0.01 m/s per step of duty.
+    rims = np.zeros_like(duty)
+    for k in range(1, len(times)):
+        rims[k] = rims[k - 1] + 0.1 * (0.01 * duty[k - 1] - rims[k - 1])
+    speed, rate = rims.mean(axis=1), (rims[:, 0] - rims[:, 1]) / 0.4
+    names = ["base_wheel_r", "base_wheel_l"]
+    battery = ("my_msgs/msg/Battery", "float32 voltage")
+    dps = ("my_msgs/msg/Rate", "float64 yaw_deg_per_s")
+    ros = Ros(extra=(battery, dps))
+    topics = {
+        "/pwm/right": [(ns(t), ros.number(duty[k, 0])) for k, t in enumerate(times)],
+        "/pwm/left": [(ns(t), ros.number(duty[k, 1])) for k, t in enumerate(times)],
+        "/battery": [(ns(t), ros.make(battery[0], voltage=12.0 - 0.1 * t)) for t in times[::50]],
+        "/joint_states": [(ns(t), ros.joints(ns(t), names, rims[k] / 0.05)) for k, t in enumerate(times)],
+        "/speed_mm_s": [(ns(t), ros.number(1000 * speed[k] + rng.normal())) for k, t in enumerate(times)],
+        "/gyro": [
+            (ns(t), ros.make(dps[0], yaw_deg_per_s=-np.degrees(rate[k]) + rng.normal())) for k, t in enumerate(times)
+        ],
+    }
+    return ros.write(tmp_path / "stranger", topics)
+
+
+def test_units_are_proposed_and_what_nobody_can_know_is_asked_for(jaxid, stranger, tmp_path):
+    out = tmp_path / "map.toml"
+    status, said, _ = jaxid("look", stranger, "--robot", "pioneer", "--write", out)
+    assert status == 0
+    proposed = tomllib.loads(out.read_text())
+    assert proposed["V2"]["field"] == "/pwm/right.data" and proposed["V2"]["scale"] == "?"  # and not the battery
+    assert proposed["eta1"] == {"field": "/speed_mm_s.data", "scale": 0.001, "offset": 0.0}
+    assert proposed["eta2"]["scale"] == pytest.approx(np.pi / 180)
+    assert "V2, V3: a duty; give the V that one unit of it stands for." in said
+    status, _, remarks = jaxid("fit", "pioneer", "--fit", stranger, "--map", out, "--out", tmp_path / "out")
+    assert status == 1 and "'V2' has scale = '?'; give a number" in remarks
+
+
+def test_a_sign_is_found_in_the_look_already(jaxid, stranger):
+    status, said, _ = jaxid("look", stranger, "--robot", "differential")
+    assert status == 0 and "With these proposals pre-flight finds" in said
+    assert "output 'w' has the opposite sign or inputs 'u_right' and 'u_left' are swapped" in " ".join(said.split())
+
+
+def test_a_robot_at_rest_has_no_frozen_sensor(stranger):
+    assert look(stranger).doubts == {}
+
+
+def test_two_wheels_are_no_body_but_can_be_one(jaxid, tmp_path):
+    """Without odometry nothing is guessed: the lines that make the body's speeds of the wheels' wait for the radius."""
+    ros, rng = Ros(), np.random.default_rng(2)
+    names = ["left_wheel_joint", "right_wheel_joint"]
+    topics = {
+        "/cmd": [(ns(t), ros.numbers(rng.normal(size=2))) for t in TIMES],
+        "/joint_states": [(ns(t), ros.joints(ns(t), names, rng.normal(size=2))) for t in TIMES],
+    }
+    out = tmp_path / "map.toml"
+    status, said, _ = jaxid("look", ros.write(tmp_path / "run", topics), "--robot", "pioneer", "--write", out)
+    assert status == 0 and "by its place in the array alone" in said
+    text = out.read_text()
+    assert set(tomllib.loads(text)) == {"V2", "V3"}
+    line = next(line for line in text.splitlines() if line.startswith("# eta2 = {"))
+    entry = line[2:].replace("-R / (2 b)", "-0.25").replace("R / (2 b)", "0.25")
+    fields = {"/joint_states.velocity[right_wheel_joint]": 0.25, "/joint_states.velocity[left_wheel_joint]": -0.25}
+    assert tomllib.loads(entry)["eta2"]["fields"] == fields
+
+
 def test_tables_and_matlab_files_are_looked_at_alike(jaxid, tmp_path):
     status, said, _ = jaxid("look", DEMO / "omni/fit_steps.csv", "--robot", "omni")
     assert status == 0 and "50 Hz" in said and "sideways speed" in said

@@ -49,15 +49,19 @@ def runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
     return edges[::2], edges[1::2] - edges[::2]
 
 
-def _clock(log: Log) -> Iterator[Finding]:
+def _clock(log: Log, measured: str = "") -> Iterator[Finding]:
+    """Findings about the times of a log; of those of one channel, `measured`, where commands have clocks of their own."""
     steps = np.diff(log.time)
     usual = log.sampling_interval
     gaps = np.flatnonzero(steps > 2.5 * usual)
     if len(gaps):
         longest = int(gaps[np.argmax(steps[gaps])])
+        unknown = "the input there is unknown; cut the log at the gap unless the input was held through it"
+        if measured:
+            unknown = "nothing compares the simulation there with the robot; look at what lost them, or cut the log at the gap"
         text = (
             f"the clock jumps by {steps[longest]:.4g} s where {usual:.4g} s is usual ({len(gaps)} gap(s) in all), and "
-            "the input there is unknown; cut the log at the gap unless the input was held through it"
+            f"{unknown}"
         )
         yield finding(log, "t", longest, "warning", "time_gap", text)
     skipped = np.flatnonzero((steps > 1.5 * usual) & (steps <= 2.5 * usual))
@@ -275,7 +279,7 @@ def _on_their_own_rows(log: Log) -> Iterator[Finding]:
             continue
         own, rows = alone
         values = own.output(name)
-        found = [*_clock(own)]
+        found = [*_clock(own, name)]
         if np.ptp(values) > 0:
             found += [*_frozen(own, name, values, nothing_else_changes(log, name, rows)), *_spikes(own, name, values)]
             found += [*_saturated(own, name, values), *_resolution(own, name, values)]

@@ -12,7 +12,7 @@ from typing import Any
 
 from .._dask import Lost, of_scheduler, on_this_machine, worked_off
 from ..estimate.output_error.far_members import far_estimates
-from ..logs.formats import RECORDINGS
+from ..logs.files import LOG_ENDINGS, logs_in
 from ..report.document import write_page
 from ..report.fleet_files import MEMBERS, Row, member_row, read_parts, with_distances, write_part, write_tables
 from ..report.tables import to_text
@@ -26,29 +26,34 @@ from .folder import results_in
 
 PART = 32
 """Members in a part: little is lost with it, and their logs fill the lanes of machine code."""
-_ENDINGS = (".csv", ".parquet", ".pq", *RECORDINGS)
 
 
 def members_of(folder: Path) -> dict[str, list[Path]]:
     """Logs by member: a member is a folder with logs, or, where there are none, a log. Raises `UnusableInput`."""
     if not folder.is_dir():
         raise UnusableInput(f"{folder} is no folder; give one with a folder of logs for every robot.")
-
-    def logs_in(place: Path) -> list[Path]:
-        return sorted(p for p in place.iterdir() if p.is_file() and p.suffix.lower() in _ENDINGS)
-
-    folders = {place.name: logs_in(place) for place in sorted(folder.iterdir()) if place.is_dir()}
-    found = {name: logs for name, logs in folders.items() if logs}
     own = logs_in(folder)
+    folders = {p.name: logs_in(p) for p in sorted(folder.iterdir()) if p.is_dir() and p not in own and p.name[0] != "."}
+    found = {name: logs for name, logs in folders.items() if logs}
     if found and own:
         raise UnusableInput(
             f"{folder} has folders with logs and logs of its own, such as {own[0].name}; put each robot's into a folder."
         )
     if not (found or own):
         raise UnusableInput(
-            f"{folder} holds no logs ({', '.join(_ENDINGS)}), nor does any folder in it; check the path."
+            f"{folder} holds no logs ({', '.join(LOG_ENDINGS)}, ROS 2 bags as folders), nor does any folder in it; check the "
+            "path."
         )
-    return found or {path.stem: [path] for path in own}
+    if found and (without := [name for name in folders if name not in found]):
+        listed = ", ".join(without[:5]) + (f" and {len(without) - 5} more" if len(without) > 5 else "")
+        say(f"warning: {folder}: left out, since there is no log in it: {listed}.", style="yellow")
+    return found or _by_name(own)
+
+
+def _by_name(logs: Sequence[Path]) -> dict[str, list[Path]]:
+    """A member for every log, called like it without its ending where that tells them apart."""
+    short = [path.name if path.is_dir() else path.stem for path in logs]
+    return {path.name if short.count(name) > 1 else name: [path] for name, path in zip(short, logs, strict=True)}
 
 
 def _here(work: Work, parts: Mapping[str, Sequence[Member]]) -> Iterator[tuple[str, list[Row]]]:

@@ -177,8 +177,9 @@ def part_name(common: bytes, members: Sequence[Member]) -> str:
     for name, paths in members:
         _add(digest, name.encode())
         for path in paths:
-            _add(digest, path.name.encode())
-            _add(digest, path.read_bytes())
+            for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+                _add(digest, file.name.encode())
+                _add(digest, file.read_bytes())
     return digest.hexdigest()[:32]
 
 

@@ -1,17 +1,19 @@
 """`jaxid look`: what a file holds, stream by stream, what is odd in it, and what could be what for a robot."""
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from .._atomic import write_text
 from .._toml import read_toml
-from ..logs import LogError
+from ..logs import LogError, LogWarning, read_logs
+from ..logs.files import named_files
 from ..logs.look import Look, Stream, look
-from ..logs.propose import Proposal, mapping_text, propose
-from ..logs.read import files_of
+from ..logs.propose import Proposal, mapping_text, propose, proposed_mapping
 from ..logs.series import Series
 from ..report.tables import Cell, Table, to_text
 from ..robots import Robot
@@ -32,17 +34,19 @@ def _row(stream: Stream) -> tuple[Cell, ...]:
     rate = f"{1.0 / stream.interval:.4g} Hz" if stream.interval > 0 else "-"
     jitter = f"{stream.jitter:.1%}" if math.isfinite(stream.jitter) else "-"
     gaps = f"{stream.gaps} (longest {_seconds(stream.longest)})" if stream.gaps else "-"
-    late = f"{_seconds(stream.late)}, at most {_seconds(stream.latest)}" if math.isfinite(stream.late) else "-"
+    late = f"{_seconds(stream.late)} ({_seconds(stream.latest)})" if math.isfinite(stream.late) else "-"
     topic = stream.topic
-    cells = (topic.kind, f"{topic.messages:,}", rate, jitter, gaps, late)
+    cells = (topic.kind.replace("/msg/", "/"), f"{topic.messages:,}", rate, jitter, gaps, late)
     marks = ("dim", "", "", "bad" if stream.jitter > 0.1 else "", "bad" if stream.gaps else "", "")
     return (Cell(topic.name), *(Cell(text, mark) for text, mark in zip(cells, marks, strict=True)))
 
 
 def _streams(seen: Look) -> Table:
-    header = ("topic", "type", "messages", "rate", "jitter", "gaps", "received after stamp")
+    header = ("topic", "type", "messages", "rate", "jitter", "gaps", "delay (largest)")
     notes = [f"{stream.topic.name}: {stream.topic.remark}." for stream in seen.streams if stream.topic.remark]
     notes += [f"warning: {text}." for _, text in seen.recording.notes]
+    if any(math.isfinite(stream.late) for stream in seen.streams):
+        notes.append("Delay: from a message's own stamp to its receipt, usual and largest.")
     return Table("Topics", header, tuple(map(_row, seen.streams)), tuple(notes))
 
 
@@ -72,17 +76,20 @@ def _fields(seen: Look) -> Table:
 
 
 def _proposals(proposals: Sequence[Proposal]) -> Table:
-    rows = [
-        (
-            Cell(one.channel),
-            Cell(one.unit, "dim"),
-            Cell(one.field or "?", "" if one.field else "bad"),
-            Cell(one.why, "dim"),
-        )
-        for one in proposals
-    ]
-    note = "By names and units alone: look every line over, with its unit and its sign."
-    return Table("What could be what", ("channel", "unit", "field", "meaning"), tuple(rows), (note,))
+    rows = []
+    for one in proposals:
+        unknown = math.isnan(one.scale)
+        scale = Cell("?" if unknown else f"{one.scale:.6g}" if one.field else "", "bad" if unknown else "")
+        nothing = "of two wheels" if one.hint else "none, may be missing" if one.optional else "?"
+        field = Cell(one.field or nothing, "" if one.field else "dim" if one.optional else "bad")
+        rows.append((Cell(one.channel), Cell(one.unit, "dim"), field, scale, Cell(one.why, "dim")))
+    of_source: dict[str, list[str]] = {}
+    for one in proposals:
+        of_source.setdefault(one.source, []).append(one.channel)
+    notes = [f"{', '.join(channels)}: {source}." for source, channels in of_source.items() if source]
+    notes += [one.hint for one in proposals if one.hint]
+    notes.append("By names and units alone: look every line over, with its unit and its sign.")
+    return Table("What could be what", ("channel", "unit", "field", "scale", "meaning"), tuple(rows), tuple(notes))
 
 
 def _words(robot: Robot) -> Mapping[str, str]:
@@ -101,9 +108,10 @@ def _words(robot: Robot) -> Mapping[str, str]:
 
 def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | None, overwrite: bool = False) -> None:
     """Print the file's streams, fields and, for a robot, proposals; write these to `write` as a mapping."""
-    paths = files_of(file)
-    if len(paths) > 1:
-        raise UnusableInput(f"{file} matches {len(paths)} files; look at one after the other.")
+    meant = named_files(file)
+    path = meant[0].path
+    if len(meant) > 1:
+        raise UnusableInput(f"{file} matches {len(meant)} files; look at one after the other.")
     if write is not None and spec is None:
         raise UnusableInput(
             "--write needs the robot whose channels are to be mapped; give --robot, such as --robot pioneer."
@@ -113,19 +121,36 @@ def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | No
             f"{write} is there already, and may have been edited; name another file, or give --overwrite."
         )
     robot = load_robot(spec) if spec is not None else None
-    with step(f"Reading {paths[0]}"):
-        seen = look(paths[0], _time_field(mapping))
+    with step(f"Reading {path}"):
+        seen = look(path, _time_field(mapping))
     tables = [_streams(seen), _fields(seen)]
+    proposals: Sequence[Proposal] = ()
     if robot is not None:
         robot = robot.for_columns(seen.recording.series)
         proposals = propose(seen, robot.channels, _words(robot))
         tables.append(_proposals(proposals))
         if write is not None:
             stamped = any(series.stamped is not None for series in seen.recording.series.values())
-            write_text(write, mapping_text(paths[0], seen, proposals, stamped))
+            write_text(write, mapping_text(path, seen, proposals, stamped))
     show(to_text(tables, ()))
+    if robot is not None:
+        own = mapping or proposed_mapping(proposals, robot.channels)
+        if own is not None:
+            _preflight(file, robot, own, "your mapping" if mapping else "these proposals")
     if write is not None:
         say(f"{write}: a proposed mapping; check every line, then give it by --map {write}")
+
+
+def _preflight(path: str, robot: Robot, mapping: Mapping[str, Any] | Path, whose: str) -> None:
+    """Print what pre-flight finds in the file as the mapping reads it: signs, sides and sizes that contradict one another."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LogWarning)
+            found = [str(f) for f in read_logs(path, robot, mapping=mapping).preflight() if f.severity != "note"]
+    except LogError as error:
+        found = [str(error)]
+    said = [*found] or ["nothing; signs, sides and sizes agree."]
+    show("\n".join([f"\nWith {whose} pre-flight finds", *said]))
 
 
 def _time_field(mapping: Path | None) -> str | None:

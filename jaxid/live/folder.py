@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from io import BufferedIOBase
 from pathlib import Path
 
+from ..logs.files import LOG_ENDINGS
 from ..logs.formats import is_bag_folder
 
 LARGEST = 256 * 1024**2
 """Bytes of the largest log that is taken from the page; larger ones are copied into the folder."""
-ENDINGS = (
-    ".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz", ".parquet", ".pq", ".bag", ".mcap", ".db3", ".wpilog", ".mat",
-)  # fmt: skip
+ENDINGS = (*LOG_ENDINGS, ".txt", ".txt.gz")
 _LONGEST = 200
 _AT_A_TIME = 1 << 20
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.I)

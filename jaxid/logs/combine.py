@@ -27,6 +27,8 @@ _REGULAR = 3.0
 """Largest interval of a regular publisher, in usual ones; a longer silence of one says that it has stopped."""
 _ENOUGH = 10
 """Messages from which on a publisher may be called regular."""
+_EVEN = 0.9
+"""Share of the intervals of a regular publisher that are no longer than one and a half times the usual one."""
 _WORTH_SAYING = 1.0  # s of a recording that is not used
 
 Note = tuple[Severity, str, str | None, str]
@@ -40,15 +42,27 @@ class Signal(NamedTuple):
     values: Array
 
 
+class Silence(NamedTuple):
+    """A stretch in which a regular command stayed away and was held: it is unknown from `begin` [s of the log] on; what to
+    say."""
+
+    command: str
+    begin: float
+    severity: Severity
+    text: str
+
+
 @dataclass(frozen=True)
 class Rows:
-    """`time` [T] s from the log's first row, at `begin` [ns]; `inputs` and `outputs` [T] by channel; what to say."""
+    """`time` [T] s from the log's first row, at `begin` [ns]; `inputs` and `outputs` [T] by channel; what to say; when
+    commands stayed away."""
 
     time: Array
     begin: int
     inputs: dict[str, Array]
     outputs: dict[str, Array]
     notes: tuple[Note, ...]
+    silences: tuple[Silence, ...] = ()
 
 
 def usual_interval(time: Stamps) -> float:
@@ -56,12 +70,37 @@ def usual_interval(time: Stamps) -> float:
     return float(np.median(np.diff(time))) if len(time) > 1 else float("inf")
 
 
+def _regular(time: Stamps) -> float:
+    """The interval [ns] at which a publisher repeats itself whether anything changes or not; infinite for one that does not."""
+    if len(time) < _ENOUGH:
+        return float("inf")
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    return usual if np.mean(steps <= 1.5 * usual) >= _EVEN else float("inf")
+
+
 def _known_until(time: Stamps) -> float:
     """How long a command counts as held [ns]: of a regular publisher not much longer than its interval."""
-    steps = np.diff(time)
-    if len(time) < _ENOUGH or steps.max() > _REGULAR * np.median(steps):
-        return float("inf")
-    return float(time[-1] + _REGULAR * np.median(steps))
+    return float(time[-1] + _REGULAR * _regular(time))
+
+
+def _silences(inputs: dict[str, Signal], start: int, stop: int) -> tuple[Silence, ...]:
+    """Stretches within the log in which a regular command stayed away, and was held."""
+    found: list[Silence] = []
+    for name, signal in inputs.items():
+        usual = _regular(signal.time)
+        gaps = np.flatnonzero(np.diff(signal.time) > _REGULAR * usual)
+        for gap in gaps[(signal.time[gaps + 1] > start) & (signal.time[gaps] < stop)]:
+            last = float(signal.time[gap] - start)
+            silent = float(signal.time[gap + 1] - signal.time[gap])
+            text = (
+                f"no message of command {name!r}, which comes every {usual * 1e-9:.3g} s, came for {silent * 1e-9:.3g} s from "
+                f"t = {last * 1e-9:.4g} s on, and {signal.values[gap]:.4g} was held; cut the log there if something else was "
+                "applied"
+            )
+            severity: Severity = "warning" if signal.values[gap] else "note"
+            found.append(Silence(name, (last + 1.5 * usual) * 1e-9, severity, text))
+    return tuple(found)
 
 
 def _rows(instants: list[Stamps], near: float) -> tuple[Stamps, list[NDArray[np.int64]]]:
@@ -208,4 +247,6 @@ def combine(inputs: dict[str, Signal], outputs: dict[str, Signal], needed: set[s
             "measurement; a cell without one is NaN, and nothing was resampled"
         )
         notes.append(("note", "several_clocks", None, text))
-    return Rows((rows - rows[0]) / 1e9, int(rows[0]), columns, filled, tuple(notes))
+    return Rows(
+        (rows - rows[0]) / 1e9, int(rows[0]), columns, filled, tuple(notes), _silences(inputs, int(rows[0]), stop)
+    )

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
+SILENT_COMMAND = "silent_command"
+"""Check that finds what lies between the sample that it names and the one before."""
 
 
 class LogError(ValueError):

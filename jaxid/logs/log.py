@@ -20,7 +20,7 @@ from .._renamed import renamed
 from .channels import Channels
 from .content_hash import content_hash
 from .dataset import log_dataset
-from .finding import Finding, LogError, did_you_mean
+from .finding import SILENT_COMMAND, Finding, LogError, did_you_mean
 
 if TYPE_CHECKING:
     import xarray
@@ -230,7 +230,7 @@ class Log:
         findings = [
             replace(finding, file=name, sample=None if finding.sample is None else finding.sample - first)
             for finding in self.findings
-            if finding.sample is None or first <= finding.sample < last
+            if finding.sample is None or first + (finding.check == SILENT_COMMAND) <= finding.sample < last
         ]
         return Log(
             name,

@@ -1,5 +1,6 @@
 """A look at a file before anything is made of it: its streams, how regularly they came, and what is odd about its signals."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -57,8 +58,52 @@ def _stream(topic: Topic, series: Sequence[Series]) -> Stream:
     return Stream(topic, len(series), usual, jitter, gaps, float(steps.max(initial=0.0)), late, latest)
 
 
-def _doubt(series: Series) -> str:
-    """What is odd about one signal by itself; empty where nothing is."""
+_COORDINATE = re.compile(r"(.*(?:position|translation))\.([xyz])")
+_SMOOTH = 0.5
+"""Spread of a signal's steps, in that of the signal, below which it follows the motion rather than noise."""
+_MOVES = 0.2
+"""Spread over a stretch, in that over the whole file, from which on a signal moves there."""
+
+
+def _time(series: Series) -> np.ndarray:
+    return series.received if series.stamped is None else series.stamped
+
+
+class _Motion:
+    """Commands and measurements that follow the motion, to tell a sensor that froze from a robot that stood still."""
+
+    def __init__(self, every: Sequence[Series]):
+        self._by_name = {series.name: series for series in every}
+        self._moving = []
+        for series in every:
+            finite = np.isfinite(series.values)
+            values, time = series.values[finite], _time(series)[finite]
+            spread = float(np.std(values)) if len(values) > 2 else 0.0
+            if spread > 0 and float(np.std(np.diff(values))) < _SMOOTH * spread:
+                self._moving.append((series.topic, time, values, spread))
+
+    def explains(self, series: Series, begin: int, end: int) -> bool:
+        """Whether a signal may well have stayed the same between two times [ns]: nothing moved, or along another axis."""
+        coordinate = _COORDINATE.fullmatch(series.name)
+        along = [] if coordinate is None else [f"{coordinate[1]}.{axis}" for axis in "xyz" if axis != coordinate[2]]
+        for other in (self._by_name[name] for name in along if name in self._by_name):
+            there = other.values[(_time(other) >= begin) & (_time(other) <= end)]
+            if len(there) and np.ptp(there) > 0:
+                return True
+        return not self._elsewhere(series.topic, begin, end)
+
+    def _elsewhere(self, topic: str, begin: int, end: int) -> bool:
+        """Whether anything of another topic moved between two times; True where there is nothing to tell it by."""
+        others = [(time, values, spread) for other, time, values, spread in self._moving if other != topic]
+        for time, values, spread in others:
+            there = values[(time >= begin) & (time <= end)]
+            if len(there) > 1 and float(np.std(there)) > _MOVES * spread:
+                return True
+        return not others
+
+
+def _doubt(series: Series, motion: _Motion) -> str:
+    """What is odd about one signal; empty where nothing is."""
     if series.fault:
         return series.fault
     values = series.values
@@ -67,13 +112,17 @@ def _doubt(series: Series) -> str:
         return "holds no number"
     if len(finite) < len(values):
         return f"is not finite in {len(values) - len(finite)} of {len(values)} messages"
-    time = series.received if series.stamped is None else series.stamped
+    time = _time(series)
     if np.any(np.diff(time) < 0):
         return f"has stamps that run backwards ({np.count_nonzero(np.diff(time) < 0)} time(s))"
     if np.ptp(values) == 0:
         return ""
-    edges = np.flatnonzero(np.diff(values) != 0)
-    longest = int(np.max(np.diff(np.concatenate([[-1], edges, [len(values) - 1]]))))
+    edges = np.concatenate([[-1], np.flatnonzero(np.diff(values) != 0), [len(values) - 1]])
+    lengths = np.diff(edges)
+    for which in np.flatnonzero(lengths > _FROZEN):
+        if motion.explains(series, int(time[edges[which] + 1]), int(time[edges[which + 1]])):
+            lengths[which] = 0
+    longest = int(np.max(lengths))
     changing = np.count_nonzero(np.diff(values) != 0) > 0.5 * len(values)
     if changing and longest > _FROZEN and len(values) > 4 * _FROZEN:
         return f"stays the same for {longest} messages in a row, while it changes nearly always otherwise"
@@ -90,5 +139,6 @@ def look(path: Path, time_field: str | None = None) -> Look:
     for series in recording.series.values():
         own.setdefault(series.topic, []).append(series)
     streams = tuple(_stream(topic, own.get(name, [])) for name, topic in recording.topics.items())
-    doubts = {name: said for name, series in recording.series.items() if (said := _doubt(series))}
+    motion = _Motion(list(recording.series.values()))
+    doubts = {name: said for name, series in recording.series.items() if (said := _doubt(series, motion))}
     return Look(recording, streams, doubts)

@@ -1,4 +1,5 @@
-"""A user's mapping: standard column name to the file's column or field, with scale and offset; a dict or a TOML file."""
+"""A user's mapping: standard column name to the file's column or field, or a weighted sum of several, with scale and offset; a
+dict or a TOML file."""
 
 import math
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ class Source(NamedTuple):
 
     `column` is a table's column or a recording's field, such as `/odom.twist.twist.linear.x`. `derivative`: the rate of change
     of that is meant. `stamp`, of time: whose clock counts in a recording, the sender's ("header") or the recorder's
-    ("receive").
+    ("receive"). `terms`: columns and their weights, where `column` is their sum and its name.
     """
 
     column: str
@@ -25,6 +26,12 @@ class Source(NamedTuple):
     interval: float | None = None
     derivative: bool = False
     stamp: str | None = None
+    terms: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What is to be read from the file."""
+        return tuple(name for name, _ in self.terms) or (self.column,)
 
 
 STAMPS = ("header", "receive")
@@ -38,6 +45,12 @@ def _finite(value: Any) -> bool:
         return False
 
 
+def _shown(terms: tuple[tuple[str, float], ...]) -> str:
+    """A weighted sum in words, such as "0.05 right - 0.05 left"."""
+    text = " ".join(f"{'-' if weight < 0 else '+'} {abs(weight):.6g} {field}" for field, weight in terms)
+    return text.removeprefix("+ ")
+
+
 def _wrong(key: str, value: Any) -> str:
     """What an entry's value should be instead; empty where it is right."""
     if key in _NUMBERS:
@@ -46,6 +59,9 @@ def _wrong(key: str, value: Any) -> str:
         return "" if isinstance(value, bool) else "give true or false"
     if key == "stamp":
         return "" if value in STAMPS else f"use {' or '.join(map(repr, STAMPS))}"
+    if key == "fields":
+        weighted = isinstance(value, Mapping) and len(value) and all(_finite(w) and w != 0 for w in value.values())
+        return "" if weighted else "give the fields with their weights, such as { right = 0.05, left = 0.05 }"
     return "" if isinstance(value, str) else "give a name"
 
 
@@ -54,7 +70,8 @@ def _source(place: str, name: str, entry: Any) -> Source:
         return Source(entry)
     if not isinstance(entry, Mapping):
         raise LogError(f"{place} of {name!r} is {shown(entry)}; give a column name or {{column=..., scale=...}}.")
-    known = ("column", "field", "scale", "offset", *(("interval", "stamp") if name == "t" else ("derivative",)))
+    own = ("interval", "stamp") if name == "t" else ("fields", "derivative")
+    known = ("column", "field", "scale", "offset", *own)
     for key, value in entry.items():
         if key not in known:
             raise LogError(
@@ -66,9 +83,12 @@ def _source(place: str, name: str, entry: Any) -> Source:
         raise LogError(f"{place} of {name!r} has a scale or interval of zero or less where it cannot; correct it.")
     if "interval" in entry and len(entry) > 1:
         raise LogError(f"{place} of {name!r} has an interval and a column or scale; give one of the two.")
-    if "column" in entry and "field" in entry:
-        raise LogError(f"{place} of {name!r} has a column and a field; give one of the two.")
-    found = {"column" if key == "field" else key: value for key, value in entry.items()}
+    several = [key for key in ("column", "field", "fields") if key in entry]
+    if len(several) > 1:
+        raise LogError(f"{place} of {name!r} has a {' and a '.join(several)}; give one of them.")
+    found = {"column" if key == "field" else key: value for key, value in entry.items() if key != "fields"}
+    if terms := tuple((str(field), float(weight)) for field, weight in entry.get("fields", {}).items()):
+        found |= {"terms": terms, "column": _shown(terms)}
     return Source(**{"column": name, **found})
 
 

@@ -1,26 +1,37 @@
 """What could be what: for each channel of a robot the signal of a file that looks like it, and a mapping file to be edited."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .channels import Channels
 from .look import Look
 from .series import Series
+from .units import Unit, unit_in_name
+from .wheel_pairs import of_one_side, wheel_pair
 
 
 class Proposal(NamedTuple):
-    """The field that could be a channel, its unit, why, and the runners-up; an empty field where there is none."""
+    """The field that could be a channel, its unit, why, and the runners-up; an empty field where there is none.
+
+    `scale` makes numbers of the channel's unit of those of the field, `source` says what it was read from. It is NaN where
+    only the robot's owner knows it (a duty, an encoder's counts), and `source` then says what it is a matter of. `hint`: a line
+    for a mapping that makes the channel of two wheels, where it has no field of its own.
+    """
 
     channel: str
     unit: str
     field: str
     why: str
     others: tuple[str, ...]
-    derivative: bool = False
+    scale: float = 1.0
+    source: str = ""
+    hint: str = ""
+    optional: bool = False
 
 
 # What people call things, by the words that a channel's meaning holds.
@@ -35,6 +46,8 @@ _MEANINGS: Mapping[str, tuple[str, ...]] = {
     "rad": ("yaw", "heading", "position", "angle"),
 }
 _COMMANDS = ("cmd", "command", "volt", "motor", "duty", "pwm", "control", "ref", "input", "output")
+_SUPPLIES = ("battery", "batt", "vbat", "supply", "vbus")
+"""Whose voltage is no command's."""
 
 
 def _of_side(side: str, name: str) -> bool:
@@ -50,6 +63,13 @@ def _side_score(said: str, name: str) -> float:
     return 0.0
 
 
+def _unit(series: Series) -> Unit:
+    """What a signal's numbers are in: as its format says, else as its name does, else nothing."""
+    if series.unit or series.said:
+        return Unit(series.unit, series.to_si, series.said)
+    return unit_in_name(series.name) or Unit("", 1.0, "")
+
+
 def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, place: int) -> float:
     """How well a signal fits a channel: by its name, its promised unit, and the words in its path."""
     name, said = series.name.lower(), f"{channel} {wanted}".lower()
@@ -59,10 +79,15 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
     if series.name == channel or (last == channel and (len(channel) > 1 or not series.name.startswith("/"))):
         return 100.0
     units = [one for one in unit.split(" or ") if one]
-    if series.unit and any(one in series.unit.split(" or ") for one in units):
-        score += 4.0
-    elif series.unit and units:
+    si, factor, measure = _unit(series)
+    if si and any(one in si.split(" or ") for one in units):
+        score += 4.0 if series.unit else 3.0
+    elif si and any(one in _MEANINGS for one in units):
         return 0.0
+    if command and any(word in name for word in _SUPPLIES):
+        return 0.0
+    if math.isnan(factor) and command != (measure == "duty"):
+        return 0.0  # a duty is no measurement, and a count no command
     words = [word for one in units for word in _MEANINGS.get(one, ())] or [*_COMMANDS]
     found = next((k for k, word in enumerate(words) if word in name), None)
     score += 0.0 if found is None else 3.0 - 0.2 * found
@@ -88,6 +113,8 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
     """
     usable = [series for series in seen.recording.series.values() if not series.fault and len(series) > 1]
     taken: set[str] = set()
+    wheels = wheel_pair(usable)
+    sides = of_one_side(series.name for series in usable) if len(channels.outputs) > 1 else set()
     proposals = []
     for channel in channels:
         command = channel in channels.inputs
@@ -99,20 +126,48 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
                 series,
             )
             for series in usable
+            # What one wheel does is not what the body does.
+            if command or series.name not in sides or _of_side("right", wanted) or _of_side("left", wanted)
         ]
         ranked = sorted(scored, key=lambda pair: (-pair[0], -len(pair[1]), pair[1].name))
         good = [(score, series) for score, series in ranked if score >= _LEAST and series.name not in taken]
         if not good:
-            proposals.append(Proposal(channel, unit, "", wanted, ()))
+            hint = wheels.hint(channel, unit) if wheels is not None and not command else ""
+            proposals.append(Proposal(channel, unit, "", wanted, (), 1.0, "", hint, channel in channels.optional))
             continue
         series = good[0][1]
         taken.add(series.name)
-        why = ", ".join(
-            filter(None, (wanted, series.unit and f"in {series.unit}", series.frame and f"frame {series.frame}"))
-        )
-        others = tuple(other.name for _, other in good[1:4])
-        proposals.append(Proposal(channel, unit, series.name, why, others))
+        others = tuple(other.name for _, other in good[1:] if np.ptp(other.values) > 0)[:3]
+        scale, source = _scale(unit, series)
+        if command and series.name.endswith("]") and not _side_score(wanted, series.name.lower()) > 0:
+            source = ", ".join(filter(None, (source, "by its place in the array alone")))
+        inside = series.said or series.unit
+        why = ", ".join(filter(None, (wanted, inside and f"in {inside}", series.frame and f"frame {series.frame}")))
+        proposals.append(Proposal(channel, unit, series.name, why, others, scale, source))
     return proposals
+
+
+def _scale(unit: str, series: Series) -> tuple[float, str]:
+    """The factor from a field to a channel's `unit`, and what says so; empty where nothing does."""
+    if unit and not any(one in _MEANINGS for one in unit.split(" or ")):
+        return 1.0, ""  # a command in whatever unit the robot's owner likes
+    _, factor, said = _unit(series)
+    if math.isnan(factor):
+        if said == "duty":
+            return math.nan, f"a duty; give the {unit or 'command'} that one unit of it stands for"
+        return math.nan, f"an encoder's counts; give the {unit or 'way'} that one of them is"
+    if factor != 1.0:
+        return factor, f"{'the file' if series.said else 'the name'} says {said}"
+    return 1.0, "" if said or series.unit else "nothing says the unit"
+
+
+def proposed_mapping(proposals: Sequence[Proposal], channels: Channels) -> dict[str, Any] | None:
+    """The proposals as a mapping; None where one that is needed has no field, or a scale that only the owner knows."""
+    usable = {one.channel: one for one in proposals if one.field and math.isfinite(one.scale)}
+    stand_ins = {name for name in channels if channels.substitutes.get(name) in usable}
+    if not set(channels) <= {*usable, *channels.optional, *stand_ins}:
+        return None
+    return {name: {"field": one.field, "scale": one.scale} for name, one in usable.items()}
 
 
 def mapping_text(path: Path, seen: Look, proposals: Sequence[Proposal], stamps: bool) -> str:
@@ -127,9 +182,16 @@ def mapping_text(path: Path, seen: Look, proposals: Sequence[Proposal], stamps: 
         unit = f" [{one.unit}]" if one.unit else ""
         lines.append("")
         lines.append(f"# {one.channel}{unit}" + (f": {one.why}" if one.why else ""))
-        if not one.field:
-            lines.append(f'# {one.channel} = {{ field = "?", scale = 1.0 }}   # nothing here looks like it')
+        if not one.field and one.optional:
+            lines.append(f"# {one.channel} may be missing, and nothing here looks like it")
             continue
-        lines.append(f'{one.channel} = {{ field = "{one.field}", scale = 1.0, offset = 0.0 }}')
+        if not one.field:
+            nothing = f'{one.channel} = {{ field = "?", scale = 1.0 }}   # nothing here looks like it'
+            lines.append(f"# {one.hint or nothing}")
+            continue
+        # Not a number: whoever has not looked it up is told so when the mapping is read.
+        scale = '"?"' if math.isnan(one.scale) else repr(one.scale)
+        remark = f"   # {one.source}" if one.source else ""
+        lines.append(f'{one.channel} = {{ field = "{one.field}", scale = {scale}, offset = 0.0 }}{remark}')
         lines += [f'#   or "{other}"' for other in one.others]
     return "\n".join(lines) + "\n"

@@ -11,9 +11,24 @@ from .noise import counting_step
 Vector = Float[np.ndarray, " n"]
 
 
-def _wrapped(angles: Vector) -> bool:
-    """Whether an angle jumps by a turn at half a turn."""
-    return bool(np.max(np.abs(angles)) < 3.2 and np.max(np.abs(np.diff(angles))) > np.pi)
+_PERIODS = ((2.0 * np.pi, 0.05), (360.0, 0.5), (65536.0, 0.0))
+"""A turn [rad, degrees] and a counter of 16 bits, and by how much positions may lie beyond their range."""
+
+
+def unwrapped(positions: Vector) -> Vector:
+    """Positions without the jumps of angles at a turn, in rad or degrees, and of counters of 16 bits at their end.
+
+    They count as wrapped where all lie in one turn, from zero or about it, and steps are longer than half of it.
+    """
+    if len(positions) < 2:
+        return positions
+    low, high, step = float(np.min(positions)), float(np.max(positions)), float(np.max(np.abs(np.diff(positions))))
+    for period, margin in _PERIODS:
+        within = (low >= -margin and high <= period + margin) or max(-low, high) <= period / 2 + margin
+        whole = period != 65536.0 or bool(np.all(positions == np.round(positions)))
+        if within and whole and step > 0.5 * period:
+            return np.unwrap(positions, period=period)
+    return positions
 
 
 def rate(time: Vector, positions: Vector, name: str, column: str, path: Path) -> tuple[Vector, str]:
@@ -21,14 +36,14 @@ def rate(time: Vector, positions: Vector, name: str, column: str, path: Path) ->
     first and the last, and a sentence without file and full stop that says what this does to the noise.
 
     Steps q of a counter, whose rounding errors have the variance q^2/12 and are independent of one another, become noise of
-    q / (sqrt(6) 2 h) at samples h apart. Angles that jump at half a turn are unwrapped first. Raises `LogError` for fewer than
+    q / (sqrt(6) 2 h) at samples h apart. Angles that jump at a turn are `unwrapped` first. Raises `LogError` for fewer than
     three positions.
     """
     if len(positions) < 3:
         raise LogError(
             f"{path}: {column!r} has {len(positions)} position(s), too few to differentiate for {name!r}; map another one."
         )
-    positions = np.unwrap(positions) if _wrapped(positions) else positions
+    positions = unwrapped(positions)
     with np.errstate(all="ignore"):  # times that repeat are an error of their own
         speeds = np.gradient(positions, time)
     speeds[[0, -1]] = np.nan  # a one-sided difference there would be another, coarser sensor

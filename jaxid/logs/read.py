@@ -9,9 +9,8 @@ Decisions taken here, each leaving a finding that pre-flight repeats:
   other time that does not increase is an error.
 """
 
-import glob
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,60 +18,15 @@ import numpy as np
 import pandas as pd
 
 from .channels import POSE, Channels
+from .files import PathLike, files_of, named_files
 from .finding import Finding, LogError, LogWarning
-from .formats import format_of, is_bag_folder, read_recording
+from .formats import format_of, read_recording
 from .log import ABSURD, Log, LogSet, channels_of, did_you_mean
 from .mapping import Source, read_mapping
 from .rates import rate
 from .recorded import read_recorded
+from .sums import with_summed_columns
 from .table import Table, read_table
-
-PathLike = str | Path
-
-
-def _is_log(path: Path) -> bool:
-    """Whether a pattern means this: a file, or a ROS 2 bag as a folder."""
-    return path.is_file() or is_bag_folder(path)
-
-
-def files_of(paths: PathLike | Iterable[PathLike]) -> list[Path]:
-    """The files that paths and patterns mean. Raises `LogError` for what is no log, or is there twice."""
-    found: list[Path] = []
-    for path in [paths] if isinstance(paths, str | Path) else paths:
-        path = Path(path).expanduser()
-        if _is_log(path):
-            found.append(path)
-        elif path.is_dir():
-            raise LogError(f"{path} is a folder; give its logs, such as {path / '*.csv'}.")
-        elif path.exists():
-            raise LogError(f"{path} is a pipe or device, no file; write the log to a file first.")
-        elif glob.has_magic(str(path)):
-            matches = sorted(match for match in map(Path, glob.glob(str(path), recursive=True)) if _is_log(match))
-            if not matches:
-                raise LogError(f"No file matches {path}; check the pattern and the folder you start from.")
-            found += matches
-        else:
-            near = [other.name for other in path.parent.iterdir() if other != path] if path.parent.is_dir() else []
-            raise LogError(f"{path} does not exist{did_you_mean(path.name, near)}; check the path.")
-    if not found:
-        raise LogError("No logs were given; give a file, a pattern such as logs/*.csv, or a list of them.")
-    real = [path.resolve() for path in found]
-    for path, target in zip(found, real, strict=True):
-        if real.count(target) > 1:
-            raise LogError(f"{path} is given twice; name each log once, or it would count double.")
-    return found
-
-
-def _names(paths: Sequence[Path]) -> list[str]:
-    """File names, with as many parent folders as it takes to tell equal ones apart."""
-    parts = [path.resolve().parts for path in paths]
-    names = []
-    for own in parts:
-        depth = 1
-        while sum(other[-depth:] == own[-depth:] for other in parts) > 1:
-            depth += 1
-        names.append("/".join(own[-depth:]))
-    return names
 
 
 def _where(table: Table, row: int) -> str:
@@ -201,6 +155,8 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
             message = f"{name}: {what} {place}; {remedy}."
             findings.append(Finding(name, column, int(rows[0]), "warning", check, message))
 
+    plain = table
+    table = with_summed_columns(plain, mapping, lambda column: _numbers(plain, column, path), path)
     sources = _sources(table, channels, mapping, path)
     if sources["t"].stamp is not None:
         raise LogError(
@@ -270,7 +226,8 @@ def read_logs(
     **Arguments:**
 
     - `paths`: a file (or a ROS 2 bag's folder), a pattern (`"logs/*.csv"`), or a list of them; patterns are read in
-      alphabetical order.
+      alphabetical order. `"run.mcap[3:18.5]"` is what lies from 3 s up to 18.5 s of a log's own time, `"run.mcap[3:]"` what
+      comes after 3 s (`Log.window`).
     - `robot`: `"pioneer"`, `"omni"`, `"axis"`, `"differential"`, a `Channels`, or any object with `.channels`.
     - `mapping`: standard name to the file's column, as a dict or the path of a TOML file:
       `V2 = "right_volts"`, `eta1 = {column = "speed_mm_s", scale = 0.001}` (value = scale * column + offset), for
@@ -288,8 +245,7 @@ def read_logs(
     """
     channels = channels_of(robot)
     sources = read_mapping(mapping, channels)
-    found = files_of(paths)
-    logs = LogSet(_read(path, name, channels, sources) for path, name in zip(found, _names(found), strict=True))
+    logs = LogSet(one.cut(_read(one.path, one.name, channels, sources)) for one in named_files(paths))
     for finding in logs.preflight():
         if finding.severity != "note":
             warnings.warn(str(finding), LogWarning, stacklevel=2)

@@ -14,12 +14,13 @@ import pandas as pd
 
 from .channels import POSE, Channels
 from .combine import Note, Rows, Signal, combine
-from .finding import Finding, LogError
+from .finding import SILENT_COMMAND, Finding, LogError
 from .formats import format_of, read_recording
 from .log import ABSURD, Log, did_you_mean
 from .mapping import Source
 from .rates import rate
 from .series import Recording, Series
+from .sums import with_summed_fields
 
 _OTHER_CLOCK = 1.0  # s between a message's stamp and its receipt that no transport takes
 _CLOCKS_APART = 0.05  # s between the usual delays of two topics that no transport explains
@@ -223,6 +224,11 @@ def _poses(rows: Rows, signals: dict[str, Signal]) -> tuple[pd.DataFrame, list[N
     return pd.DataFrame(columns), notes
 
 
+def _after(rows: Rows, begin: float) -> int:
+    """The first row later than `begin` [s]."""
+    return min(int(np.searchsorted(rows.time, begin, side="right")), len(rows.time) - 1)
+
+
 def read_recorded(path: Path, name: str, channels: Channels, mapping: dict[str, Source]) -> Log:
     """A recording (a bag, a data log, a MATLAB file) as a log called `name`.
 
@@ -232,14 +238,18 @@ def read_recorded(path: Path, name: str, channels: Channels, mapping: dict[str, 
     if time.interval is not None:
         raise LogError(f"{path} has time stamps of its own; take t = {{interval = ...}} out of the mapping.")
     wanted = _wanted(path, channels, mapping)
-    recording = read_recording(path, [s.column for s in wanted.values()], time.column if "t" in mapping else None)
+    fields = [field for source in wanted.values() for field in source.columns]
+    recording = read_recording(path, fields, time.column if "t" in mapping else None)
     assert recording is not None  # the caller has looked
+    plain = recording
+    recording, summed = with_summed_fields(plain, wanted, lambda field, name: found(plain, field, name, path), path)
     there = _there(recording, path, channels, wanted, mapping)
     clock, notes = _clock(path, there, time.stamp)
     if time.scale != 1.0:
         clock = {n: np.round(time.scale * stamps).astype(np.int64) for n, stamps in clock.items()}
     signals, more = _signals(path, channels, wanted, there, clock)
     notes = [*(("warning", check, None, text) for check, text in recording.notes), *notes, *more]
+    notes += [("note", check, None, text) for check, text in dict.fromkeys(summed)]
     notes += _absent(recording, there)
     try:
         inputs = {n: signals[n] for n in channels.inputs}
@@ -252,6 +262,10 @@ def read_recorded(path: Path, name: str, channels: Channels, mapping: dict[str, 
         told = [
             Finding(name, channel, None, severity, check, f"{name}: {text}.")
             for severity, check, channel, text in [*notes, *rows.notes, *more]
+        ]
+        told += [
+            Finding(name, one.command, _after(rows, one.begin), one.severity, SILENT_COMMAND, f"{name}: {one.text}.")
+            for one in rows.silences
         ]
         return Log(name, rows.time + time.offset, commands, columns, channels, poses, str(path), tuple(told))
     except LogError as error:

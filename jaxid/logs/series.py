@@ -17,7 +17,8 @@ class Series:
     - `values`: `[n]`, in the file's own unit.
     - `received`: `[n]` ns, when the recorder had it; `stamped`: `[n]` ns, when its sender says that it was measured, or
       `None` where the sender says nothing.
-    - `unit`: SI unit that the format promises (empty: none); `frame`: what a pose or a rate is told in.
+    - `unit`: SI unit that the format promises (empty: none), which `values` times `to_si` are in; `said`: how the file itself
+      writes their unit, such as "Rotation per Second"; `frame`: what a pose or a rate is told in.
     - `fault`: why it cannot be used, a sentence without file name and full stop; empty where it can.
     """
 
@@ -29,6 +30,8 @@ class Series:
     unit: str = ""
     frame: str = ""
     fault: str = ""
+    to_si: float = 1.0
+    said: str = ""
 
     def __len__(self) -> int:
         return len(self.values)

@@ -118,8 +118,9 @@ def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int | No
         console.print(Text(table.title, style="bold"))
         shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), show_edge=False)
         for position, name in enumerate(table.header):
-            # Names must stay whole: a wrapped symbol cannot be read.
-            shown.add_column(Text(name), justify="right" if position else "left", no_wrap=position == 0)
+            # Names must stay whole: a wrapped symbol cannot be read. Of a path that is too long no part is left out.
+            justify, overflow = ("right", "fold") if position else ("left", "ellipsis")
+            shown.add_column(Text(name), justify=justify, no_wrap=position == 0, overflow=overflow)
         for row in table.rows:
             shown.add_row(
                 *(Text(cell.text, style=" ".join(_STYLES.get(mark, "") for mark in cell.mark.split())) for cell in row)

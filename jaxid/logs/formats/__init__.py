@@ -21,8 +21,6 @@ _WORDS = {
     "wpilog": "a WPILib data log",
     "mat": "a MATLAB file",
 }
-RECORDINGS = tuple(f".{name}" for name in _WORDS)
-"""Endings of the files that hold recordings."""
 
 
 def is_bag_folder(path: Path) -> bool:
@@ -81,4 +79,4 @@ def read_recording(
     return read_ros(path, fields)
 
 
-__all__ = ["RECORDINGS", "format_of", "is_bag_folder", "read_recording"]
+__all__ = ["format_of", "is_bag_folder", "read_recording"]

@@ -1,6 +1,7 @@
 """WPILib data logs (.wpilog) of FRC robots, by the library robotpy-wpiutil: entries of numbers, arrays and structs.
 
 A robot is switched off while it records: a log whose last record breaks off is read up to there, and says so.
+An entry's metadata may say its unit, as those of FRC SysId do ("Rotation per Second", by WPILib's SysIdRoutineLog).
 Structs (`struct:Pose2d` and the like) are decoded by the schemas that the log carries.
 """
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from ..finding import LogError
 from ..series import Recording, Series, Topic
+from ..units import unit_said
 from .structs import Struct, StructError, struct_of
 
 _NEEDED = "needs the package robotpy-wpiutil; install it with: pip install jaxid-robots[wpilog]"
@@ -23,6 +25,7 @@ _ARRAYS = {
 }
 _SCHEMA = "/.schema/struct:"
 _LONGEST_ARRAY = 32
+_LONGEST_METADATA = 1000
 
 
 def _end(data: bytes, place: int, size: int) -> int:
@@ -34,8 +37,9 @@ def _end(data: bytes, place: int, size: int) -> int:
 class _Entry:
     """One entry of the log and what was recorded in it."""
 
-    def __init__(self, name: str, kind: str):
+    def __init__(self, name: str, kind: str, metadata: str = ""):
         self.name, self.kind = name, kind
+        self.unit = unit_said(metadata[:_LONGEST_METADATA])
         self.times: list[int] = []
         self.rows: list[tuple[float, ...]] = []
         self.names: tuple[str, ...] | None = None
@@ -115,7 +119,7 @@ def read_wpilog(path: Path) -> Recording:
             place, number, time = end, record.getEntry(), record.getTimestamp()
             if record.isStart():
                 began = record.getStartData()
-                entry = named.setdefault(began.name, _Entry(began.name, began.type))
+                entry = named.setdefault(began.name, _Entry(began.name, began.type, began.metadata))
                 if entry.kind != began.type:
                     entry.fault = f"{began.name} changes its type from {entry.kind} to {began.type}"
                     entry = _Entry(began.name, began.type)  # what follows is of the other type, and goes nowhere
@@ -153,7 +157,17 @@ def _series(entry: _Entry) -> list[Series]:
     times = np.array(entry.times, dtype=np.int64)
     order = np.argsort(times, kind="stable")
     values = np.array(entry.rows, dtype=float)[order]
+    si, factor, said = entry.unit or ("", 1.0, "")
     return [
-        Series(name, entry.name, values[:, place], times[order], fault=entry.fault)
+        Series(
+            name,
+            entry.name,
+            values[:, place],
+            times[order],
+            unit=si if np.isfinite(factor) else "",
+            fault=entry.fault,
+            to_si=factor,
+            said=said,
+        )
         for place, name in enumerate(entry.names)
     ]

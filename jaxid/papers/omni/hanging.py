@@ -13,7 +13,8 @@ import numpy as np
 
 from ...estimate.result import Estimate
 from ...logs import Channels, Log, LogError, LogSet, read_logs
-from ...logs.read import PathLike, _numbers, files_of
+from ...logs.files import PathLike, files_of
+from ...logs.read import _numbers
 from ...logs.table import read_table
 from ..mean import mean_of
 from ..paper_table import PaperTable

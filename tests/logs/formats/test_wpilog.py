@@ -83,3 +83,59 @@ def test_without_the_library_the_remedy_is_the_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "wpiutil.log", None)
     with pytest.raises(LogError, match=r"pip install jaxid-robots\[wpilog\]"):
         read_recording(path)
+
+
+def sysid(path, seconds=3.0):
+    """Two tests as WPILib's SysIdRoutineLog records them: nothing is recorded between them."""
+    from wpiutil import DataLogWriter
+    from wpiutil.log import DoubleLogEntry, StringLogEntry
+
+    writer = DataLogWriter(str(path))
+    names = {"voltage": "Volt", "velocity": "Rotation per Second", "position": "Rotation"}
+    made = {name: DoubleLogEntry(writer, f"{name}-front-drive", unit, 1) for name, unit in names.items()}
+    state = StringLogEntry(writer, "sysid-test-state-drive", "", 1)
+    for begin, said, volts in ((5.0, "dynamic-forward", 6.0), (5.0 + 2.0 + seconds, "dynamic-reverse", -6.0)):
+        for k in range(100):
+            micros = round(1e6 * (begin + 0.02 * k))
+            state.append(said, micros)
+            for name, value in (("voltage", volts), ("velocity", 0.01 * volts * k), ("position", 0.001 * k * k)):
+                made[name].append(value, micros)
+        state.append("none", round(1e6 * (begin + 2.0)))
+    writer.flush()
+    writer.stop()
+    return path
+
+
+def test_sysids_units_are_read_and_proposed(tmp_path):
+    import jaxid
+    from jaxid.logs import AXIS
+    from jaxid.logs.look import look
+    from jaxid.logs.propose import propose, proposed_mapping
+
+    path = sysid(tmp_path / "run.wpilog")
+    seen = look(path)
+    velocity = seen.recording.series["velocity-front-drive"]
+    assert (velocity.unit, velocity.said) == ("rad/s", "Rotation per Second")
+    mapping = proposed_mapping(propose(seen, AXIS, {}), AXIS)
+    assert mapping is not None
+    assert {name: entry["field"] for name, entry in mapping.items()} == {
+        "u": "voltage-front-drive",
+        "v": "velocity-front-drive",
+        "q": "position-front-drive",
+    }
+    log = jaxid.read_logs(path, "axis", mapping=mapping)[0]
+    np.testing.assert_allclose(log.output("v")[:100], 2 * np.pi * 0.06 * np.arange(100))
+
+
+def test_voltages_that_stayed_away_between_two_tests_are_said(tmp_path):
+    import jaxid
+
+    mapping = {name: f"{field}-front-drive" for name, field in (("u", "voltage"), ("v", "velocity"), ("q", "position"))}
+    path = sysid(tmp_path / "run.wpilog")
+    whole = jaxid.read_logs(path, "axis", mapping=mapping)[0]
+    said = [finding for finding in whole.findings if finding.check == "silent_command"]
+    assert [finding.severity for finding in said] == ["warning"]
+    assert "which comes every 0.02 s, came for 3.02 s from t = 1.98 s on, and 6 was held" in said[0].message
+    for stretch in ("[0:2]", "[5:]"):
+        part = jaxid.read_logs(f"{path}{stretch}", "axis", mapping=mapping)
+        assert len(part[0]) == 100 and not [f for f in part.preflight() if f.check in ("silent_command", "time_gap")]
