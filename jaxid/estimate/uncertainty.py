@@ -32,7 +32,8 @@ def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: ND
     """Covariance (JᵀJ)⁻¹ from a whitened Jacobian `[m, n]` with respect to the physical parameters.
 
     Parameters that are not `free` have zero variance. Directions that the Jacobian leaves at zero get no variance of
-    their own; the parameters that take part in them are not determined.
+    their own; the parameters that take part in them are not determined. A Jacobian that overflowed (of a simulation in which
+    every difference grows without limit) tells nothing of any of them.
     """
     n = jacobian.shape[1]
     covariance = np.zeros((n, n))
@@ -40,6 +41,9 @@ def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: ND
     index = np.flatnonzero(free)
     if index.size == 0:
         return Spread(covariance, determined, unseen)
+    if not np.isfinite(jacobian[:, index]).all():
+        unseen[index] = True
+        return Spread(covariance, np.zeros(n, dtype=bool), unseen)
     block = jacobian[:, index]
     norms = np.linalg.norm(block, axis=0)
     used = np.where(norms > 0, norms, 1.0)

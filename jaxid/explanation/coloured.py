@@ -8,7 +8,7 @@ in independent samples, and held against what drove the robot.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,27 @@ def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> floa
     return min(2.0 * len(parts) * min(p_values), 1.0)
 
 
+class _Tested(NamedTuple):
+    """What the shape of logs with one colour of noise says: p values of its being noise at all, forgotten briefly, and made by
+    a short filter, and whether it is faster than any force."""
+
+    noise: float
+    briefly: float
+    simply: float
+    faster: bool
+
+    @classmethod
+    def of(cls, colour: Colour, parts: Sequence[Array], memory: float, rounding: float) -> Self:
+        """The tests of `parts` [T], one of each log."""
+        white = [colour.whiten(own, np.ones(len(own), bool)) for own in parts]
+        return cls(
+            min(shape_of.even(colour, parts), shape_of.steady(parts)),
+            shape_of.briefly(colour, parts, memory, rounding),
+            shape_of.filtered_simply(colour, white, rounding),
+            shape_of.fast(colour, memory) and not shape_of.beside_white(colour, rounding),
+        )
+
+
 def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> OnlyColour | None:
     """What is left on `states` (residuals with the logs they are of) if it is coloured noise by all that its shape and its
     relation to what drove the robot tell, at the level of the first state; else None. Whether a candidate explains it is for
@@ -116,18 +137,22 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
     for name, colour in coloured.items():
         parts = [without_jumps(own[np.isfinite(own)]) for own in parts_of([state for state, _ in states], name)]
         parts = [own for own in parts if len(own) > _FEWEST]
-        white = [colour.whiten(own, np.ones(len(own), bool)) for own in parts]
-        if not white or noise < level:
+        if not parts or noise < level:
             return None
-        noise = min(noise, count * shape_of.even(colour, parts), count * shape_of.steady(parts))
         rounding = _rounding(states, name)
-        briefly = shape_of.briefly(colour, parts, memory, rounding)
+        groups = [_Tested.of(*group, memory, rounding) for group in shape_of.alike(colour, parts, level / count)]
+        several = count * len(groups)
+        noise = min(noise, several * min(group.noise for group in groups))
+        briefly = several * min(group.briefly for group in groups)
         # No filter of usual length leaves so little of its noise in neighbouring differences.
-        if noise < level or (first.by_channel.get(name, 0.0) > FAR and count * briefly < level):
+        if noise < level or (first.by_channel.get(name, 0.0) > FAR and briefly < level):
             return None
-        own = count * max(briefly, shape_of.filtered_simply(colour, white, rounding))
+        own = several * min(max(group.briefly, group.simply) for group in groups)
+        fast = all(group.faster for group in groups)
+        # What comes on some logs more than on others, and is as slow as the motion, may be a disturbance of these.
+        own = own if fast or len(groups) == 1 else 0.0
         shape, simple = min(shape, own), simple and own >= level
-        faster &= shape_of.fast(colour, memory) and not shape_of.beside_white(colour, rounding)
+        faster &= fast
     return OnlyColour(coloured, simple, faster, min(GATES * min(noise, shape), 1.0))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._distributions import chi_squared_tail, normal_tail
-from ..estimate.noise_colour import Colour
+from ..estimate.noise_colour import Colour, colour_of
 from ..estimate.portmanteau import forgotten, robust_portmanteau, steadiness
 from ..logs.noise import usual_size, white_level
 
@@ -51,6 +51,14 @@ def even(colour: Colour, parts: Sequence[Array]) -> float:
     errors = [np.sqrt((inflated + 2.31) / (2.0 * len(own))) for own in parts]
     off = [max(abs(np.log(size)) - _SLACK, 0.0) / error for size, error in zip(sizes, errors, strict=True)]
     return min(2.0 * float(normal_tail(max(off))) * len(off), 1.0)
+
+
+def alike(colour: Colour, parts: Sequence[Array], level: float) -> list[tuple[Colour, list[Array]]]:
+    """The logs' noise, `parts` [T], with its colour: all of them together where they have as much of it by their differences
+    (at `level`), else every log with its own, as where a sensor's filter was changed between two days."""
+    if even(colour, parts) >= level:
+        return [(colour, list(parts))]
+    return [(colour_of([own]), [own]) for own in parts]
 
 
 def steady(parts: Sequence[Array]) -> float:

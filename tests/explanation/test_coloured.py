@@ -66,6 +66,20 @@ def test_a_sensors_filter_is_told_from_what_may_be_a_disturbance(motions):
     assert both is not None and not both.simple
 
 
+def test_a_filter_that_was_changed_between_two_days_is_a_sensors_on_both(motions):
+    def own(rng, u, v):
+        return 1.2 * first_order(0.6, SAMPLES, rng) if u[0] == FIRST else rng.normal(size=SAMPLES)
+
+    found = only_colour(made(motions, own), memory=25.0)
+    assert found is not None and found.simple and found.faster
+
+    def slower(rng, u, v):  # as slow as the robot, on one log only: that may be its floor
+        return 3.0 * first_order(0.97, SAMPLES, rng) if u[0] == FIRST else rng.normal(size=SAMPLES)
+
+    found = only_colour(made(motions, slower), memory=25.0)
+    assert found is None or not found.simple
+
+
 def follows_speed(rng, u, v):
     return 2.8 * first_order(0.8, SAMPLES, rng) + 3.0 * v * np.abs(v) / np.std(v * np.abs(v))
 
@@ -113,6 +127,19 @@ def test_nothing_is_missing_where_only_the_sensors_noise_is_coloured(axis_law):
         assert found.before.normalised_rms > 2.0 and "coloured" in found.sentence
         assert found.colour.colours["v"].correlation == pytest.approx(0.8, abs=0.08)
         assert found.to_dict()["colour"]["channels"]["v"]["order"] == found.colour.colours["v"].order
+
+
+def test_nothing_is_missing_where_the_sensor_was_filtered_on_some_logs_only(axis_law):
+    logs = []
+    for k in range(6):
+        rng = np.random.default_rng([9, k])
+        u = np.repeat(rng.uniform(-4, 4, SAMPLES // 20), 20)
+        noise = 0.01 * first_order(0.6 if k % 3 == 1 else 0.0, SAMPLES, rng)
+        outputs = {"v": axis_law(u, DT)[0] + noise}
+        logs.append(Log.from_arrays(f"run {k}", DT * np.arange(SAMPLES), u[:, None], outputs, AXIS))
+    fitted, check = LogSet(logs[:4]), LogSet(logs[4:])
+    found = explain(output_error(ROBOT, fitted), fitted, check)
+    assert found.verdict == "adequate" and found.colour is not None and found.colour.simple
 
 
 def test_slow_noise_beside_white_noise_is_left_open_and_no_force_is_blamed(axis_law):

@@ -55,6 +55,11 @@ def fitted(
     if len(diverging(optimum)) > len(left_out):
         return _from_own_values(fit, options, start)
     problem, optimum, iterations = _settled(fit.structure, problem, optimum, options)
+    if _overflows(optimum):
+        raise ParameterError(
+            f"the simulation of {robot.name!r} is finite where the fit ended and its derivatives are not, as of an unstable "
+            "simulation, or of a root at zero; check the logs' units and signs, or give other start values"
+        )
     stand = _Stand(robot, fit.structure, problem, optimum, iterations)
     stand, error, doubt = _with_suited_steps(fit, stand, options)
     names = [fit.logs[e].name for e in left_out]
@@ -133,6 +138,13 @@ def _robustly(fit: Posed, stand: _Stand, options: Options) -> tuple[_Stand, Robu
     return stand._replace(problem=found.problem, optimum=found.optimum, iterations=iterations), found
 
 
+def _overflows(optimum: Optimum) -> bool:
+    """Whether derivatives of the simulation are not finite there, as where every difference grows, though it itself may be."""
+    return not all(
+        np.isfinite(part).all() for part in (optimum.triangle.shared, optimum.triangle.crossed, optimum.triangle.local)
+    )
+
+
 def _bounded(stand: _Stand, options: Options) -> AtBounds:
     return on_bounds(stand.structure, stand.problem, stand.optimum, options.max_steps, options.solver)
 
@@ -146,7 +158,7 @@ def _where_nothing_falls(stand: _Stand, options: Options) -> tuple[_Stand, AtBou
         if around.lower is None:
             break
         again = options.minimise(stand.structure, stand.problem, around.lower)
-        if not again.cost < stand.optimum.cost:
+        if not again.cost < stand.optimum.cost or _overflows(again):
             break
         options.report("the cost falls on from there; went on")
         problem, optimum, more = _settled(stand.structure, stand.problem, again, options)

@@ -29,6 +29,13 @@ def test_fewer_rows_than_parameters_leave_directions_open(jacobian):
     assert not found.determined.all()
 
 
+def test_derivatives_that_overflowed_determine_nothing(jacobian):
+    jacobian[3, 2] = np.inf
+    found = spread(jacobian, ALL, np.full(4, 1e9))
+    assert np.isfinite(found.covariance).all()
+    assert not found.determined.any() and found.unseen.all()
+
+
 def test_held_parameters_have_no_variance_and_do_not_widen_the_others(jacobian):
     free = np.array([True, False, True, True])
     found = spread(jacobian, free, np.full(4, 1e9))
