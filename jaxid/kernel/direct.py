@@ -158,10 +158,10 @@ def tangents(
     parts = []
     for first in range(0, dp.shape[1], MOST_DIRECTIONS):
         some = slice(first, first + MOST_DIRECTIONS)
-        own = [np.ascontiguousarray(d[:, some]) for d in (dp, dx)]
-        K = own[0].shape[1]
+        own_p, own_x = (np.ascontiguousarray(d[:, some]) for d in (dp, dx))
+        K = own_p.shape[1]
         dy, code = np.empty((G, T, system.outputs, K, width)), _rollout(system, moving)
-        _moved(code, seen, (*own, np.zeros((G, T, R, K, 0, width))), dy)
+        _moved(code, seen, (own_p, own_x, np.zeros((G, T, R, K, 0, width))), dy)
         parts.append(dy)
     if not parts:
         return np.zeros((G, T, system.outputs, 0, width))
