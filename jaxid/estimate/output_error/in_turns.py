@@ -90,7 +90,7 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
     _models.update(zip(missing, map(_Model, programs[::2], programs[1::2]), strict=True))
 
 
-def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tuple[Look, Costs]:
+def simulations(structure: Structure, problem: Problem, start: Unknowns) -> tuple[Look, Costs]:
     """Linearisation at given unknowns, and the costs at candidates, of a problem; of many fits in a batch together."""
     d = direct(structure, problem)
     if d is not None:
@@ -150,7 +150,7 @@ def minimise_in_turns(
     """`solver.minimise`, part by part; it ends as soon as a linearisation promises no drop of the cost above `until`, or
     `until(cost, promised drop)` is true of the best one."""
     enough = until if callable(until) else lambda _, promise: promise <= until
-    look, costs = _simulations(structure, problem, start)
+    look, costs = simulations(structure, problem, start)
     numbers, there = plain(problem), jax.tree.map(np.asarray, start)
     bounds, free, rule = numbers.bounds, numbers.free, solver.rule
     triangle = look(there)
