@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._compile import compiled
-from .direct import runs_directly
 from .in_turns import simulations
+from .laid_out import runs_directly
 from .lanes import Operation, ask
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns, simulate_all

@@ -15,8 +15,9 @@ import jax
 import numpy as np
 
 from ..._compile import compiled, forget_programs
-from .direct import direct, linearised_directly, runs_directly
+from .direct import linearised_directly
 from .direct_costs import costs_directly, side_by_side
+from .laid_out import direct, runs_directly
 from .lanes import ask_together, in_batch
 from .levenberg_marquardt import UNDECIDED, BestDampingLevenbergMarquardt, begin, decided, tried
 from .optimum import Optimum, Outcome
