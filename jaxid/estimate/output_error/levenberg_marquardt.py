@@ -197,6 +197,8 @@ def _following(search: Search, steps: Steps) -> tuple[Float[Array, ""], Steps]:
     beginning."""
     xp, state = namespace(search.now), search.state
     several = len(steps.shares) > 1
+    if several and surely_not(search.round > 0):
+        return search.radius, others(steps)
     shorter = xp.minimum(search.radius, steps.length) * _SHORTER
     last = search.round + 2 == _ROUNDS
     radius = xp.where(last, _RADIUS, shorter)
@@ -217,10 +219,11 @@ def tried(search: Search, found: Apart) -> Search:
     ratio = drop / best.promise
     kept = (drop > 0.0) & (drop > _KEPT * best.promise)
     # A poor step may owe that to a few experiments alone.
-    poor = (search.round == 0) & (ratio < _POOR) & (len(steps.shares) > 1)
+    several = len(steps.shares) > 1
+    poor = (search.round == 0) & (ratio < _POOR) & several
     totals = steps.known.own.sum(axis=1) + steps.known.shared
     same = (~xp.isfinite(totals) | (xp.abs(totals - now) <= _ROUNDING * now)).all()
-    flat = xp.where(search.round == 0, same & xp.isfinite(totals).any(), search.flat)
+    flat = xp.where(search.round == int(several), same & xp.isfinite(totals).any(), search.flat)
     lower = kept & ~poor & ~flat
     going = ~lower & (search.round + 1 < _ROUNDS)
     lost = xp.where(search.near, Outcome.OPTIMUM, xp.where(flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS))
