@@ -28,7 +28,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxid import Axis, Integrator, Log, LogSet, Omni, Pioneer, Robot, float64, output_error_problem
-from jaxid.estimate.output_error.direct import direct, linearised_directly
+from jaxid.estimate.output_error.direct import linearised_directly
+from jaxid.estimate.output_error.laid_out import direct
 from jaxid.estimate.output_error.problem import linearise
 from jaxid.kernel.direct import outputs, tangents
 from jaxid.kernel.groups import grouped, ungrouped

@@ -46,7 +46,8 @@ def repeated(problem: FitProblem, experiments: int, samples: int | None = None) 
 def pioneer_ways(problem: FitProblem) -> tuple[dict[str, Way], dict[str, float]]:
     """The ways to linearise at the start, and the costs that each finds there."""
     from jaxid import float64
-    from jaxid.estimate.output_error.direct import direct, linearised_directly
+    from jaxid.estimate.output_error.direct import linearised_directly
+    from jaxid.estimate.output_error.laid_out import direct
 
     with float64():
         laid_out, there = _laid_out(*jaxid_fit.built(problem), direct)
@@ -58,7 +59,8 @@ def pioneer_ways(problem: FitProblem) -> tuple[dict[str, Way], dict[str, float]]
 def other_ways(problem: OtherProblem) -> tuple[dict[str, Way], dict[str, float]]:
     """The same for the omni and the pendulum."""
     from jaxid import float64
-    from jaxid.estimate.output_error.direct import direct, linearised_directly
+    from jaxid.estimate.output_error.direct import linearised_directly
+    from jaxid.estimate.output_error.laid_out import direct
 
     with float64():
         laid_out, there = _laid_out(*problem.built(), direct)

@@ -44,7 +44,8 @@ def over_sizes(problem: FitProblem, quick: bool) -> list[dict[str, Any]]:
 def over_parameters(problem: FitProblem) -> list[dict[str, Any]]:
     """The first few of the parameters free, initial states always."""
     from jaxid import float64
-    from jaxid.estimate.output_error.direct import direct, linearised_directly
+    from jaxid.estimate.output_error.direct import linearised_directly
+    from jaxid.estimate.output_error.laid_out import direct
     from jaxid.estimate.output_error.setup import build
     from jaxid.estimate.output_error.what_counts import of_what_counts
 

@@ -5,7 +5,8 @@ import pytest
 
 from jaxid import Log, LogSet, Pioneer, float64
 from jaxid.estimate.output_error import direct as module
-from jaxid.estimate.output_error.direct import direct, log_triangles, sensitivities_directly, slopes_at
+from jaxid.estimate.output_error.direct import log_triangles, sensitivities_directly, slopes_at
+from jaxid.estimate.output_error.laid_out import direct
 from jaxid.estimate.output_error.problem import DIVERGED, parameters_at
 from jaxid.estimate.output_error.setup import build
 from jaxid.simulation import segments
@@ -34,6 +35,7 @@ def test_stretches_of_time_change_nothing(logs, monkeypatch):
         theta, slope = parameters_at(d.problem, z), slopes_at(d.problem, z)
         R, squares = log_triangles(d, theta, slope, states)
         residual, jacobian = sensitivities_directly(d, theta, states)
+        monkeypatch.setattr(module, "_MOST_ALONE", 0)
         monkeypatch.setattr(module, "_LONG", 0)
         monkeypatch.setattr(segments, "_SAMPLES", 40)
         found, own = log_triangles(d, theta, slope, states)
@@ -43,6 +45,7 @@ def test_stretches_of_time_change_nothing(logs, monkeypatch):
 
 
 def test_a_log_that_diverges_spoils_no_other(monkeypatch):
+    monkeypatch.setattr(module, "_MOST_ALONE", 0)
     monkeypatch.setattr(module, "_LONG", 0)
     monkeypatch.setattr(segments, "_SAMPLES", 40)
     with float64():

@@ -1,12 +1,11 @@
-"""Simulations, costs and linearisations of an output-error problem from NumPy, in machine code alone.
+"""Simulations, sensitivities and linearisations of an output-error problem from NumPy, in machine code alone.
 
-The same as `problem.simulate_all`, `cost` and `linearise`, which XLA compiles for every model, every number of logs and
-samples and every number of steps. Here only the robot's own machine code is made, once for all of these, so that an answer
-comes seconds sooner; the Jacobian stays in the lanes in which it was simulated until it is a triangle.
+The same as `problem.simulate_all`, `sensitivities` and `linearise`, which XLA compiles for every model, every number of logs
+and samples and every number of steps. Each sample's rows of the Jacobian are taken into a triangle as soon as they are there.
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -16,11 +15,10 @@ from ...kernel.direct import Alone, input_tangents, looked, one_triangle, output
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.look_kernel import MOST_OUTPUTS
 from ...kernel.machine import lanes
-from ...simulation.direct import MachineModel, machine_model
-from ...simulation.records import command_slopes, commanded, measured, measured_slopes
+from ...simulation.records import command_slopes, measured_slopes
 from ...simulation.segments import Rollouts, in_segments, with_states
+from .laid_out import Array, Direct, direct, numbers_at, seen_by, shown, starts_at, weighted_residual
 from .problem import (
-    CLOCK_OFFSET,
     DIVERGED,
     Problem,
     Structure,
@@ -28,144 +26,15 @@ from .problem import (
     Unknowns,
     linearise,
     parameters_at,
-    plain,
-    residual_weights,
     sensitivities,
     simulate_all,
 )
 
-Array = Any
-"""NumPy's, or what can be read as such."""
 _LONG = 16_000_000
 """Numbers of the sensitivities, lanes filled up, from which they are worked out a stretch of time after the other."""
 _MOST_ALONE = 40
-"""Alone up to which each is written out by itself in machine code."""
+"""Directions up to which each is written out by itself in machine code."""
 _NO_UNITS = np.zeros((0, 0, 0))
-
-
-class Logs(NamedTuple):
-    """E logs as G groups of L lanes. `u`: the inputs before any effect on commands. `weight`: of residuals, zero where
-    nothing was measured."""
-
-    u: Float[Array, "G T 1 U L"]
-    dt: Float[Array, "G T L"]
-    fixed: Float[Array, "G T D L"]
-    measured: Float[Array, "G T Y L"]
-    weight: Float[Array, "G T Y L"]
-
-
-class Direct(NamedTuple):
-    """A problem in lanes.
-
-    `moving`: places of the problem's parameters among all `numbers`; `starts`: those of the free initial states among the
-    robot's, of which a unit of the optimiser is `state_scale`; one moves by `state_slope`, which is zero for what is held,
-    and its prior has the stiffness `state_stiffness` a unit.
-    """
-
-    model: MachineModel
-    problem: Problem
-    moving: tuple[int, ...]
-    starts: tuple[int, ...]
-    numbers: Float[Array, "*E P"]
-    begin: Float[Array, "E S"]
-    state_scale: Float[Array, "E s"]
-    state_slope: Float[Array, "E s"]
-    state_stiffness: Float[Array, "E s"]
-    shares: Float[Array, "n L"]
-    logs: Logs
-
-
-def _model(structure: Structure, problem: Problem) -> tuple[MachineModel | None, tuple[str, ...]]:
-    """The robot in machine code, None where a simulation takes XLA, and the names of its parameters."""
-    names = tuple(sorted({*problem.numbers, *structure.names}))
-    if CLOCK_OFFSET in structure.state_names:
-        return None, names
-    return machine_model(structure.robot, names, structure.integrator.friction, tuple(problem.prescribed)), names
-
-
-def runs_directly(structure: Structure, problem: Problem) -> bool:
-    """Whether `direct` has an answer: no simulation takes XLA. Call under float64."""
-    return _model(structure, problem)[0] is not None
-
-
-def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Direct | None:
-    """`problem` in lanes, without what `residuals` need where only outputs are asked for; None where a simulation takes XLA.
-    Call under float64."""
-    model, names = _model(structure, problem)
-    if model is None:
-        return None
-    problem = plain(problem)
-    robot, fixed = structure.robot, problem.prescribed
-    E, T = problem.dt.shape
-    known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
-    n = structure.integrator.substeps
-    scale = np.broadcast_to(problem.state_scale, problem.state_free.shape)
-    slope = np.where(problem.state_free, scale, 0.0)
-    return Direct(
-        model=model,
-        problem=problem,
-        moving=tuple(names.index(name) for name in structure.names),
-        starts=tuple(robot.states.index(name) for name in structure.state_names),
-        numbers=np.array([float(problem.numbers.get(name, 0.0)) for name in names]),
-        begin=np.stack([np.broadcast_to(problem.start[name], E) for name in robot.states], axis=1),
-        state_scale=scale,
-        state_slope=slope,
-        state_stiffness=np.sqrt(problem.state_precision) * slope,
-        shares=np.full((n, lanes()), 1.0 / n),
-        logs=Logs(
-            u=grouped(np.asarray(problem.inputs)[:, :, None, :]),
-            dt=grouped(np.asarray(problem.dt)),
-            fixed=grouped(known),
-            measured=grouped(np.where(problem.mask, problem.outputs, 0.0))
-            if residuals
-            else np.zeros((0, 0, 0, lanes())),
-            weight=grouped(residual_weights(problem)) if residuals else np.zeros((0, 0, 0, lanes())),
-        ),
-    )
-
-
-def starts_at(d: Direct, states: Float[Array, "*c E s"]) -> Float[Array, "*c E S"]:
-    x = np.empty((*states.shape[:-2], *d.begin.shape))
-    x[:] = d.begin
-    if d.starts:
-        x[..., d.starts] += d.state_scale * states
-    return x
-
-
-def numbers_at(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
-    p = np.empty((*theta.shape[:-1], d.numbers.shape[-1]))
-    p[:] = d.numbers
-    p[..., d.moving] = theta
-    return p
-
-
-def _seen(d: Direct, theta: Float[Array, "*E n"], states: Float[Array, "E s"]):
-    """What the machine code reads. The parameters are those of all logs or, without effects on records, of each."""
-    numbers, records, n = numbers_at(d, theta), d.model.records, len(d.shares)
-    own = numbers[..., list(d.model.places)]
-    u = d.logs.u
-    if records.commands is not None:
-        u = grouped(commanded(records, numbers, d.problem.inputs, d.problem.dt, n))
-    if own.ndim == 1:  # of all logs
-        p = np.empty((len(u), len(own), lanes()))
-        p[:] = own[:, None]
-    else:
-        p = grouped(own)
-    return d.shares, p, grouped(starts_at(d, states)), u, d.logs.dt, d.logs.fixed
-
-
-def _shown(d: Direct, theta: Float[Array, "*E n"], y: Float[Array, "G T Y L"]) -> Float[Array, "G T Y L"]:
-    """What the sensors report of the outputs."""
-    if d.model.records.measures is None:
-        return y
-    return grouped(measured(d.model.records, numbers_at(d, theta), ungrouped(y, len(d.begin)), d.problem.dt))
-
-
-def weighted_residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Float[Array, "G T Y L"]:
-    residual = np.subtract(y, measured, out=y)
-    residual *= weight
-    # A simulation that is not finite is no matter where nothing was measured.
-    return residual if np.isfinite(residual).all() else np.where(weight > 0.0, residual, 0.0)
 
 
 def _tangents(
@@ -224,7 +93,7 @@ def _units(d: Direct, to: Alone, columns: Float[Array, "*E n"]) -> Alone:
 def _whitened(d: Direct, theta: Float[Array, "*E n"], columns: Float[Array, "*E n"], states: Float[Array, "E s"]):
     """Derivatives of the weighted residuals by the initial states, by the parameters, times `columns`, and the residuals
     themselves, [G, T, Y, s + n + 1, L]."""
-    seen, alone = _seen(d, theta, states), _alone(d)
+    seen, alone = seen_by(d, theta, states), _alone(d)
     if alone is not None:
         return rows(d.model.system, seen, _units(d, alone, columns), d.logs.measured, d.logs.weight)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -232,7 +101,7 @@ def _whitened(d: Direct, theta: Float[Array, "*E n"], columns: Float[Array, "*E 
         dy = _tangents(d, theta, columns, seen, y)
         both = np.empty((*dy.shape[:3], dy.shape[3] + 1, lanes()))
         np.multiply(dy, d.logs.weight[:, :, :, None], out=both[:, :, :, :-1])
-        both[:, :, :, -1] = weighted_residual(_shown(d, theta, y), d.logs.measured, d.logs.weight)
+        both[:, :, :, -1] = weighted_residual(shown(d, theta, y), d.logs.measured, d.logs.weight)
     return both
 
 
@@ -286,13 +155,13 @@ def _long_triangles(
 def _simulated_in_lanes(d: Direct, unknowns: Unknowns) -> Float[Array, "E T Y"]:
     """`problem.simulate_all`."""
     theta = parameters_at(d.problem, np.asarray(unknowns.z))
-    y = outputs(d.model.system, _seen(d, theta, np.asarray(unknowns.states)))
-    return ungrouped(_shown(d, theta, y), len(d.begin))
+    y = outputs(d.model.system, seen_by(d, theta, np.asarray(unknowns.states)))
+    return ungrouped(shown(d, theta, y), len(d.begin))
 
 
 def states_after(d: Direct, theta: Float[Array, " n"], states: Float[Array, "1 s"], samples: int) -> Float[Array, " S"]:
     """States of the first log so many `samples` after its begin, or at its last one."""
-    y = outputs(with_states(d.model.system), _seen(d, theta, states))
+    y = outputs(with_states(d.model.system), seen_by(d, theta, states))
     return ungrouped(y, 1)[0, min(samples, y.shape[1] - 1), : d.begin.shape[1]]
 
 
@@ -362,7 +231,7 @@ def _priors(d: Direct, states: Float[Array, "E s"], n: int) -> Float[Array, "G k
 def _triangles_on_the_way(d: Direct, alone: Alone, theta, slope, states):
     """Triangles, priors included, and squares, in lanes, from one pass that keeps nothing as long as the logs."""
     under = _priors(d, states, theta.shape[-1])
-    to, seen = _units(d, alone, slope), _seen(d, theta, states)
+    to, seen = _units(d, alone, slope), seen_by(d, theta, states)
     R, squares = looked(d.model.system, seen, to, d.logs.measured, d.logs.weight, under)
     lost: Any = ~np.isfinite(R).all(axis=(1, 2))
     if lost.any():

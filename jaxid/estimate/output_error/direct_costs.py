@@ -10,7 +10,7 @@ from ...kernel.direct import squares as squares_of
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.records import commanded_each, measured_each
-from .direct import Array, Direct, Logs, numbers_at, starts_at, weighted_residual
+from .laid_out import Array, Direct, Logs, numbers_at, starts_at, weighted_residual
 from .problem import Apart, Problem, Unknowns, parameters_at
 
 _TOGETHER = 2_000_000

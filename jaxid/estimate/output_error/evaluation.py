@@ -13,7 +13,8 @@ from jaxtyping import Float
 
 from ..._arrays import AnyArray
 from ..._compile import compiled
-from .direct import runs_directly, sensitivities_now, simulated_now
+from .direct import sensitivities_now, simulated_now
+from .laid_out import runs_directly
 from .lanes import BY_LOG, Operation, ask
 from .problem import Problem, Structure, Unknowns, parameters_at, residual_weights, sensitivities, simulate_all
 

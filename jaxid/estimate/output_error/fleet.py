@@ -25,9 +25,9 @@ from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..result import Fit, estimate_text
-from .direct import runs_directly
 from .far_members import FarMember, far_members
 from .from_optimum import channel_noise
+from .laid_out import runs_directly
 from .lanes import all_in_lanes, in_lanes
 from .optimum import Optimum
 from .output_error import output_error

@@ -15,8 +15,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..._arrays import array
 from ..._compile import compiled
+from .in_turns import simulations
+from .laid_out import runs_directly
 from .lanes import Operation, ask
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns, simulate_all
@@ -77,8 +78,24 @@ def _cut(found, logs: int, samples: int):
 _SEARCH = Operation("search", _search_many, _cut)
 
 
+def _searched_directly(structure: Structure, problem: Problem, unknowns: Unknowns, candidates, index: int) -> Unknowns:
+    """The same in machine code."""
+    _, costs = simulations(structure, problem, unknowns)
+    z, states = (np.asarray(leaf) for leaf in unknowns)
+    candidates, (E, _) = np.asarray(candidates), states.shape
+    there = np.repeat(states[None], len(candidates), axis=0)
+    there[:, :, index] = candidates
+    own = costs(Unknowns(np.repeat(z[None], len(candidates), axis=0), there)).own
+    best = np.argmin(np.where(np.isfinite(own), own, np.inf), axis=0)
+    states = states.copy()
+    states[:, index] = np.where(problem.state_free[:, index], candidates[best, np.arange(E)], states[:, index])
+    return unknowns._replace(states=states)
+
+
 def searched(structure: Structure, problem: Problem, unknowns: Unknowns, candidates, index: int) -> Unknowns:
     """`search_state`'s choice; of a fleet's members together."""
+    if runs_directly(structure, problem):
+        return _searched_directly(structure, problem, unknowns, candidates, index)
     together = ask(_SEARCH, structure, index, problem, unknowns, candidates)
     return (search_state(structure, problem, unknowns, candidates, index) if together is None else together)[0]
 
@@ -120,7 +137,7 @@ def globalise(
     def search(current: Problem, at: Unknowns) -> Unknowns:
         everywhere = np.broadcast_to(grid[:, None], (grid.shape[0], E))
         nearby = np.asarray(at.states)[:, index] + _NUDGES[:, None] / scale
-        return searched(structure, current, at, array(np.concatenate([everywhere, nearby])), index)
+        return searched(structure, current, at, np.concatenate([everywhere, nearby]), index)
 
     horizons = horizons_of(problem)
     warmed: list[tuple[float, Unknowns]] = []

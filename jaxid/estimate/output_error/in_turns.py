@@ -15,8 +15,9 @@ import jax
 import numpy as np
 
 from ..._compile import compiled, forget_programs
-from .direct import direct, linearised_directly, runs_directly
+from .direct import linearised_directly
 from .direct_costs import costs_directly, side_by_side
+from .laid_out import direct, runs_directly
 from .lanes import ask_together, in_batch
 from .levenberg_marquardt import UNDECIDED, BestDampingLevenbergMarquardt, begin, decided, tried
 from .optimum import Optimum, Outcome
@@ -90,7 +91,7 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
     _models.update(zip(missing, map(_Model, programs[::2], programs[1::2]), strict=True))
 
 
-def _simulations(structure: Structure, problem: Problem, start: Unknowns) -> tuple[Look, Costs]:
+def simulations(structure: Structure, problem: Problem, start: Unknowns) -> tuple[Look, Costs]:
     """Linearisation at given unknowns, and the costs at candidates, of a problem; of many fits in a batch together."""
     d = direct(structure, problem)
     if d is not None:
@@ -150,7 +151,7 @@ def minimise_in_turns(
     """`solver.minimise`, part by part; it ends as soon as a linearisation promises no drop of the cost above `until`, or
     `until(cost, promised drop)` is true of the best one."""
     enough = until if callable(until) else lambda _, promise: promise <= until
-    look, costs = _simulations(structure, problem, start)
+    look, costs = simulations(structure, problem, start)
     numbers, there = plain(problem), jax.tree.map(np.asarray, start)
     bounds, free, rule = numbers.bounds, numbers.free, solver.rule
     triangle = look(there)

@@ -41,6 +41,8 @@ _GOOD, _POOR = 0.75, 0.25
 """Share of the promised drop above which the next step may be longer, and below which it must be shorter."""
 _KEPT = 1e-3
 """Share of the promised drop that a step must bring."""
+_RISEN = 0.05
+"""Share of a step's drop by which the cost of an experiment may rise without a look at its other shares."""
 _GROWS = 4.0
 """By what factor an experiment's usual share grows after it took the longest one."""
 _BISECTIONS, _NEWTON = 40, 60
@@ -140,6 +142,7 @@ class State(NamedTuple):
     undamped: polish.Steps
     radius: Float[Array, ""]
     shares: Float[Array, " E"]
+    own: Float[Array, " E"]
 
     @property
     def optimum(self) -> Optimum:
@@ -189,6 +192,7 @@ def begin(start: Unknowns, shapes: Triangle) -> State:
         undamped=polish.no_steps(start),
         radius=np.asarray(_RADIUS),
         shares=np.ones(start.states.shape[0]),
+        own=np.full(start.states.shape[0], np.inf),
     )
 
 
@@ -197,6 +201,8 @@ def _following(search: Search, steps: Steps) -> tuple[Float[Array, ""], Steps]:
     beginning."""
     xp, state = namespace(search.now), search.state
     several = len(steps.shares) > 1
+    if several and surely_not(search.round > 0):
+        return search.radius, others(steps)
     shorter = xp.minimum(search.radius, steps.length) * _SHORTER
     last = search.round + 2 == _ROUNDS
     radius = xp.where(last, _RADIUS, shorter)
@@ -216,11 +222,13 @@ def tried(search: Search, found: Apart) -> Search:
     drop = now - best.cost
     ratio = drop / best.promise
     kept = (drop > 0.0) & (drop > _KEPT * best.promise)
-    # A poor step may owe that to a few experiments alone.
-    poor = (search.round == 0) & (ratio < _POOR) & (len(steps.shares) > 1)
+    # A poor step may owe that to a few experiments alone, and a good one be bad for some.
+    several = len(steps.shares) > 1
+    risen = (best.own > state.own + _RISEN * xp.maximum(drop, 0.0) + KINK).any()
+    poor = (search.round == 0) & ((ratio < _POOR) | risen) & several
     totals = steps.known.own.sum(axis=1) + steps.known.shared
     same = (~xp.isfinite(totals) | (xp.abs(totals - now) <= _ROUNDING * now)).all()
-    flat = xp.where(search.round == 0, same & xp.isfinite(totals).any(), search.flat)
+    flat = xp.where(search.round == int(several), same & xp.isfinite(totals).any(), search.flat)
     lower = kept & ~poor & ~flat
     going = ~lower & (search.round + 1 < _ROUNDS)
     lost = xp.where(search.near, Outcome.OPTIMUM, xp.where(flat, Outcome.INSENSITIVE, Outcome.NO_PROGRESS))
@@ -233,6 +241,7 @@ def tried(search: Search, found: Apart) -> Search:
             there=chosen(lower, best.there, state.there),
             radius=xp.where(lower, radius, state.radius),
             shares=xp.where(lower, shares, state.shares),
+            own=xp.where(lower, best.own, state.own),
             outcome=xp.where(lower | going, UNDECIDED, lost),
         ),
         round=search.round + 1,
@@ -314,6 +323,7 @@ def decided(
         undamped=undamped,
         radius=state.radius,
         shares=state.shares,
+        own=state.own,
     )
     going = (outcome == UNDECIDED) & ~polishes
     return Search(

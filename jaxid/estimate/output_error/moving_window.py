@@ -21,7 +21,8 @@ from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from .change import Change, Knowledge, change
-from .direct import Direct, direct, log_triangles, states_after
+from .direct import log_triangles, states_after
+from .laid_out import Direct, direct
 from .problem import Problem, Structure
 from .setup import build
 

@@ -25,8 +25,9 @@ from ...robots.robot import Robot
 from ..lacking import HINT, WAYS, Neglected, probed, words_of
 from ..residual_tests import FALSE_ALARM as COLOURED
 from ..residual_tests import whiteness
-from .direct import direct, sensitivities_directly
+from .direct import sensitivities_directly
 from .evaluation import simulated_with
+from .laid_out import direct
 from .lanes import Operation, ask
 from .problem import Problem, Structure, Unknowns, experiments, parameters_at, residual_weights, whitened
 from .robust_covariance import stationary

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from ..._compile import compiled
-from .direct import runs_directly
 from .in_turns import Until, minimise_in_turns
+from .laid_out import runs_directly
 from .lanes import Operation, all_in_lanes, ask, in_batch
 from .levenberg_marquardt import BestDampingLevenbergMarquardt
 from .optimum import Optimum

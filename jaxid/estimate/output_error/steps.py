@@ -40,11 +40,15 @@ class Steps(NamedTuple):
 
 
 class Best(NamedTuple):
-    """The best of some steps: where it leads, its cost, the shares [E] of the experiments' own ways, which of those tried they
-    were (0: the longest), and the drop of the cost that the linearisation promises of it."""
+    """The best of some steps: where it leads, its cost, and that of every experiment (`own`).
+
+    `shares` [E]: those of the experiments' own ways; `which` of those tried they were (0: the longest); `promise`: the drop of
+    the cost that the linearisation has for it.
+    """
 
     there: Unknowns
     cost: Float[Array, ""]
+    own: Float[Array, " E"]
     shares: Float[Array, " E"]
     which: Int[Array, " E"]
     promise: Float[Array, ""]
@@ -118,6 +122,7 @@ def best_of(steps: Steps, scaled: Triangle, system: Eliminated) -> Best:
     return Best(
         Unknowns(z[path, 0], states[path, which, e]),
         totals[path],
+        own.min(axis=1)[path],
         shares,
         which,
         promised(scaled, steps.shared, system.own_step(steps.shared, shares[:, None])),

@@ -11,8 +11,9 @@ import numpy as np
 
 from ...kernel.direct import triangles
 from ...kernel.groups import grouped, ungrouped
-from .direct import Direct, Logs, log_triangles
+from .direct import log_triangles
 from .direct_costs import costs_of, log_squares, side_by_side
+from .laid_out import Direct, Logs
 from .problem import Apart, Triangle, Unknowns, parameters_at
 
 Array = Any

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...kernel.call import System
 from ...robots.effect import Scalars
-from .direct import Direct, Logs
+from .laid_out import Direct, Logs
 
 _MOST_SYSTEMS = 256
 

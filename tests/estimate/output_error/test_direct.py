@@ -14,13 +14,13 @@ from jaxid.effects import effect_by_id
 from jaxid.effects.actuator import DeadZone, InputDelay
 from jaxid.effects.sensor import SensorLag
 from jaxid.estimate.output_error.direct import (
-    direct,
     linearised_directly,
     linearised_now,
     sensitivities_directly,
     simulated_now,
 )
 from jaxid.estimate.output_error.direct_costs import costs_directly, side_by_side
+from jaxid.estimate.output_error.laid_out import direct
 from jaxid.estimate.output_error.problem import CLOCK_OFFSET, Unknowns
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.solvers import minimise_compiled

@@ -11,7 +11,13 @@ from scipy.optimize import least_squares
 from jaxid import Axis, Channels, Custom, Integrator, Log, LogSet, Parameter, float64
 from jaxid.estimate.output_error import polish
 from jaxid.estimate.output_error.bounds import Bounds
-from jaxid.estimate.output_error.levenberg_marquardt import BestDampingLevenbergMarquardt, begin, decided, tried
+from jaxid.estimate.output_error.levenberg_marquardt import (
+    UNDECIDED,
+    BestDampingLevenbergMarquardt,
+    begin,
+    decided,
+    tried,
+)
 from jaxid.estimate.output_error.optimum import Outcome
 from jaxid.estimate.output_error.problem import Apart, Triangle, Unknowns, linearise, parameters_at, simulate_all
 from jaxid.estimate.output_error.setup import build
@@ -159,6 +165,26 @@ def test_every_experiment_takes_its_own_share_of_a_step():
     np.testing.assert_array_equal(state.there.z, steps.candidates.z[0])
     np.testing.assert_array_equal(state.there.states, steps.candidates.states[best, range(E)])
     np.testing.assert_array_equal(state.shares, steps.shares[best, range(E)])
+
+
+def test_a_step_that_is_good_for_all_and_bad_for_one_is_looked_at_again():
+    n, E, s = 1, 3, 1
+    triangle = Triangle(
+        np.eye(n), np.zeros((E, s, n)), np.ones((E, s, s)), np.ones(n), np.ones((E, s)), np.zeros(1), np.ones((E, 1))
+    )
+    bounds = Bounds(np.full(n, -np.inf), np.full(n, np.inf), np.ones(n))
+    start = begin(Unknowns(np.zeros(n), np.zeros((E, s))), triangle)
+    for before, again in ((0.0, True), (np.inf, False)):  # nothing is known of the costs before the first step
+        state = start._replace(own=np.full(E, before))
+        search = decided(BestDampingLevenbergMarquardt().rule, bounds, np.ones(n, bool), state, triangle, 100)
+        found = Apart(np.full(search.steps.known.own.shape, 1e9), np.zeros(search.steps.known.shared.shape))
+        found.own[:: len(search.steps.shares)] = -50.0, -50.0, 20.0
+        search = tried(search, found)
+        assert bool(search.going) == again and (search.state.outcome == UNDECIDED)
+        if again:
+            found.own[2] = 0.0
+            search = tried(search, found)
+        np.testing.assert_array_equal(search.state.own, [-50.0, -50.0, 0.0 if again else 20.0])
 
 
 def test_steps_next_to_a_minimum_are_extrapolated_to_where_they_end():

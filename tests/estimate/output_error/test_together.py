@@ -7,8 +7,9 @@ import pytest
 from jaxid import Axis, Integrator, LogSet, Pioneer
 from jaxid.effects.actuator import InputDelay
 from jaxid.estimate.output_error import together
-from jaxid.estimate.output_error.direct import direct, linearised_directly
+from jaxid.estimate.output_error.direct import linearised_directly
 from jaxid.estimate.output_error.direct_costs import costs_directly, side_by_side
+from jaxid.estimate.output_error.laid_out import direct
 from jaxid.estimate.output_error.setup import build
 from jaxid.estimate.output_error.together import costs_together, kind_of, linearised_together, member_of
 
