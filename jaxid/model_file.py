@@ -148,6 +148,7 @@ def _check_zeros(robot: Robot, own: ParameterTable, path: Path) -> None:
 def _names_effect(entry: Any) -> bool:
     """Whether an entry of `effects` is a table with an id and at most a law, in words, and how dense a curve of it is."""
     words = isinstance(entry, dict) and isinstance(entry.get("id"), str) and isinstance(entry.get("law", ""), str)
+    words = words and isinstance(entry.get("apart", False), bool)
     return words and type(entry.get("between", 0)) is int and 0 <= entry.get("between", 0) <= _DENSEST
 
 
@@ -157,24 +158,25 @@ def _with_effects(document: Mapping[str, Any], robot: Robot, path: Path, given: 
     if not isinstance(effects, list) or not all(_names_effect(entry) for entry in effects):
         raise ModelFileError(
             f"{path}: effects is no list of tables with an id (and a law) in words, and for a curve the number of points "
-            f'between its usual ones (between, 0 to {_DENSEST}); write [[effects]] and id = "...".'
+            f"between its usual ones (between, 0 to {_DENSEST}) and whether each axis has its own (apart, true or false); "
+            'write [[effects]] and id = "...".'
         )
     named = [effect["id"] for effect in effects]
-    laws = [effect.get("law", "") for effect in effects]
     own = [effect.id for effect in robot.effects]
     if named and named[: len(own)] != own:
         raise ModelFileError(
             f"{path}: effects names {shown(', '.join(named))}, but the robot {robot.name!r} has {', '.join(own) or 'none'}; "
             "give the robot with these effects (package.module:attribute) or take them out of the file."
         )
-    between = [effect.get("between", 0) for effect in effects]
-    for identifier, law, dense in list(zip(named, laws, between, strict=True))[len(own) :]:
+    for entry in effects[len(own) :]:
+        identifier, law = entry["id"], entry.get("law", "")
+        points = {"between": entry.get("between", 0), "apart": entry.get("apart", False)}
         if identifier in [effect.id for effect in robot.effects]:
             raise ModelFileError(f"{path}: effects names {identifier} twice; take one of them out.")
         mine = next((effect for effect in given if (effect.id, effect.law) == (identifier, law)), None)
         try:
             effect = mine or effect_by_id(robot, identifier, law)
-            robot = robot + (replace(effect, between=dense) if isinstance(effect, Curve) else effect)
+            robot = robot + (replace(effect, **points) if isinstance(effect, Curve) else effect)
         except EffectError as error:
             raise ModelFileError(f"{path}: effects names {identifier}, but {error}; take it out.") from None
         except KeyError:
@@ -248,7 +250,8 @@ def read_model(path: str | Path, robot: Robot, effects: Sequence[Effect] = ()) -
 def _effect_entry(effect: Effect) -> dict[str, Any]:
     """What a file says of an effect besides its parameters."""
     entry: dict[str, Any] = {"id": effect.id} | ({"law": effect.law} if effect.law else {})
-    return entry | ({"between": effect.between} if isinstance(effect, Curve) and effect.between else {})
+    points = {"between": effect.between, "apart": effect.apart} if isinstance(effect, Curve) else {}
+    return entry | {name: value for name, value in points.items() if value}
 
 
 def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, method: str = "") -> str:

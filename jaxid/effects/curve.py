@@ -56,16 +56,19 @@ class Curve(Effect):
     fixed `reach`.
 
     A mechanism gives few `knots` and says at which of them (`free`) the heights are estimated; at the others they are zero.
-    `between` every two of them stand so many further ones, where few are not enough. `variable` says of what it is a curve,
-    for people.
+    `between` every two of them stand so many further ones, where few are not enough; `apart` where one curve for all `parts`
+    of the robot (its axes) is not, and each has its own. `variable` says of what it is a curve, for people.
     """
 
     between: int = field(default=0, kw_only=True)
+    apart: bool = field(default=False, kw_only=True)
 
     law: ClassVar[str] = SHAPE
     knots: ClassVar[tuple[float, ...]] = ()
     free: ClassVar[tuple[int, ...]] = ()
     variable: ClassVar[str] = ""
+    kinds: ClassVar[tuple[str, ...]] = ("",)
+    """Several curves of one thing, such as one for either way."""
     reaches: ClassVar[tuple[float, ...]] = (1.0,)
     """Reaches that a first look tries, in units of the usual one: where a curve bends within little of its variable."""
 
@@ -92,9 +95,18 @@ class Curve(Effect):
         heights = {name: table[name].typical or 1.0 for name in self.parameters(robot) if table[name].free}
         return tuple(Probe(heights, {reach: times * table[reach].value}) for times in self.reaches)
 
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        """The things that share a curve but may have one each; none where they cannot."""
+        return ()
+
+    def of(self, part: str, kind: str = "") -> str:
+        """The name of the curve (of a kind) that one of the parts has."""
+        return "_".join(word for word in (kind, part if self.apart else "") if word)
+
     def each(self, robot: Robot) -> tuple[str, ...]:
         """The things that have a curve each, such as motors; one without a name where all share one."""
-        return ("",)
+        parts = self.parts(robot) if self.apart else ("",)
+        return tuple(self.of(part, kind) for part in parts for kind in self.kinds)
 
     def height(self, place: int, name: str = "") -> str:
         """Name of the parameter that is the height at the knot `place` of the curve of `name`."""

@@ -2,6 +2,12 @@
 
 from ..parameters import Parameter
 from ..robots.effect import Effect
+from ..robots.robot import Robot
+
+
+def axis_names(robot: Robot) -> tuple[str, ...]:
+    """The robot's drive axes as the names of parameters count them, from 1."""
+    return tuple(str(k + 1) for k in range(len(robot.drive_axes)))
 
 
 def positive(effect: Effect, name: str, unit: str, typical: float, value: float = 0.0) -> dict[str, Parameter]:

@@ -1,4 +1,4 @@
-"""Curves through more points, where few have left something that more of them follow."""
+"""Curves through more points, or one for each axis, where few, or one for all, have left something that these follow."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,16 +16,44 @@ _MOST = 2
 """Times that the points of a curve are doubled."""
 
 
+def _bare(robot: Robot, effect: Curve) -> Robot:
+    """`robot` without one of its curves."""
+    kept = {name: p for name, p in robot.parameters.items() if not name.startswith(effect.key(""))}
+    others = tuple(own for own in robot.effects if own is not effect)
+    return replace(robot, effects=others, parameters=ParameterTable(kept))
+
+
+def _curve_of(robot: Robot, identifier: str) -> Curve:
+    effect = next(effect for effect in robot.effects if effect.id == identifier)
+    assert isinstance(effect, Curve)
+    return effect
+
+
+@in_float64
+def with_curves_apart(robot: Robot, identifier: str) -> Robot:
+    """`robot` with a curve of its own for every part of it (`Curve.parts`), all of them what the one for all was."""
+    shared, table = _curve_of(robot, identifier), robot.parameters
+    own = replace(shared, apart=True)
+    found = _bare(robot, shared) + own
+    values = {n: p.value for n, p in table.items() if n.startswith(shared.key("")) and n in found.parameters}
+    for kind in shared.kinds:
+        for k in shared.varying:
+            known = table[shared.height(k, kind)]
+            for part in shared.parts(robot):
+                name = own.height(k, own.of(part, kind))
+                # Of another unit: a moment is not what a force is.
+                alike = found.parameters[name].unit == known.unit
+                values[name] = known.value if alike else 0.0
+                found = found if known.free else found.change(name, free=False)
+    return found.with_values(**values)
+
+
 @in_float64
 def with_denser_curve(robot: Robot, identifier: str) -> Robot:
     """`robot` with its curve `identifier` through twice as many points: the same curve, what was held still held."""
-    coarse = next(effect for effect in robot.effects if effect.id == identifier)
-    assert isinstance(coarse, Curve)
-    table = robot.parameters
-    kept = {name: p for name, p in table.items() if not name.startswith(coarse.key(""))}
-    others = tuple(effect for effect in robot.effects if effect is not coarse)
+    coarse, table = _curve_of(robot, identifier), robot.parameters
     dense = coarse.denser
-    found = replace(robot, effects=others, parameters=ParameterTable(kept)) + dense
+    found = _bare(robot, coarse) + dense
     values: dict[str, float] = {}
     for name in coarse.each(robot):
         heights = [
@@ -44,12 +72,27 @@ def with_denser_curve(robot: Robot, identifier: str) -> Robot:
 
 def densest(trial: Trial, again: Callable[[Robot, Trial], Trial]) -> Trial:
     """The trial, or one with more points in the curve that it is about, if it is about one, as long as these tell more than
-    chance; `again` refits a robot from its own values, and from the initial states of a trial."""
+    chance, or with a curve for every part of the robot where that does; `again` refits a robot from its own values, and from
+    the initial states of a trial."""
+
     for _ in range(_MOST):
-        if not isinstance(trial.effect, Curve) or trial.fitted.adequate or not np.isfinite(trial.score):
+        if not _open(trial):
             break
-        dense = replace(again(with_denser_curve(trial.robot, trial.id), trial), id=trial.id)
-        if not (dense.score < trial.score and told_apart_from(dense, trial)):
+        changes = (with_denser_curve, with_curves_apart) if _parts(trial) else (with_denser_curve,)
+        others = [replace(again(change(trial.robot, trial.id), trial), id=trial.id) for change in changes]
+        best = min(others, key=lambda other: other.score)
+        if not (best.score < trial.score and told_apart_from(best, trial)):
             break
-        trial = dense
+        trial = best
     return trial
+
+
+def _open(trial: Trial) -> bool:
+    """Whether it is about a curve that leaves something."""
+    return isinstance(trial.effect, Curve) and not trial.fitted.adequate and bool(np.isfinite(trial.score))
+
+
+def _parts(trial: Trial) -> bool:
+    """Whether its curve is shared by several parts of the robot."""
+    curve = trial.effect
+    return isinstance(curve, Curve) and not curve.apart and len(curve.parts(trial.robot)) > 1

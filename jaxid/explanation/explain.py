@@ -1,6 +1,7 @@
 """The workflow from a fit to an explanation: is anything missing, where, what, how sure, and what next."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from .._compile import seldom_collected
@@ -14,12 +15,13 @@ from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
 from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
-from ..estimate.result import Fit
+from ..estimate.result import Estimate, Fit
 from ..logs import LogError, LogSet
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect
 from ..robots.given import given_logs
+from ..robots.robot import Robot
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, differs_from_nothing, effect_parameters
 from .heldout import HeldOut
 from .level import FALSE_ALARM, keeps_level
@@ -33,8 +35,9 @@ from .refit import in_full
 from .search import MOST_EFFECTS, search
 from .shape import shapes_of
 from .steps import Search, Step
-from .table_constants import Shares, changed_by, constants_like, found_wrong, in_a_sentence
-from .telling_apart import differ, supersets
+from .table_constants import Shares, changed_by, constants_like, effects_that_are, found_wrong, in_a_sentence
+from .telling_apart import differ, supersets, told_apart
+from .worth import likelier
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _WEAK = 100.0
@@ -64,7 +67,7 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
         effect = present.get(step.chosen.id)
         if effect is not None:
             own = effect_parameters(effect.id, effect.frees(final.robot), final.parameters)
-            sure = differs_from_nothing(effect, baseline, final)
+            sure = differs_from_nothing(effect, baseline, final) or _between_samples(effect, own.values(), step)
             same_law = effect.law == step.chosen.law
             named.append(
                 NamedEffect(
@@ -72,7 +75,7 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
                     where=effect.where,
                     formula=effect.formula,
                     parameters=own,
-                    equivalent_to=step.equivalent,
+                    equivalent_to=_equivalent(effect, step, baseline.robot),
                     evidence=_evidence(step),
                     identified=sure,
                     law=effect.law,
@@ -82,6 +85,20 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
                 )
             )
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
+
+
+def _between_samples(effect: Effect, own: Iterable[Estimate], step: Step) -> bool:
+    """Whether the effect's edge lies where no sample does, such as between two levels of a command, so that its parameters
+    have no slope and no errors: that it is there, the likelihood says."""
+    flat = all(math.isinf(estimate.std_error) for estimate in own if estimate.status != "fixed")
+    apart = told_apart(step.after.fitted, step.before.fitted) > current_policy().separated
+    return flat and effect.blurred != effect.sharp and apart and likelier(step.before, step.after, 1)
+
+
+def _equivalent(effect: Effect, step: Step, bare: Robot) -> tuple[str, ...]:
+    """The names that the data cannot tell from the effect's, and those that are the same constants of the table."""
+    same = effects_that_are(effect.constants, bare) if isinstance(effect, TableConstants) else ()
+    return (*(name for name in step.equivalent if name not in same), *same)
 
 
 def _wrong(effect: Effect, baseline: Fit, final: Fit) -> tuple[Shares, ...]:

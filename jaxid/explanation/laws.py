@@ -29,6 +29,11 @@ def other_laws(candidate: Candidate, curve: bool) -> list[Candidate]:
     return formulas[: policy.most_laws] + (curves if curve else [])
 
 
+def promises(candidate: Candidate, trial: Trial, gain: float) -> bool:
+    """Whether another law of the mechanism than the `trial`'s promises more than the `gain` that keeps one in the running."""
+    return any(law.gain > gain for law in (candidate, *candidate.laws) if law.effect.law != trial.law)
+
+
 def by_law(
     candidates: Sequence[Candidate], trials: Sequence[Trial], near: float, refits: Refits, nothing: float = np.inf
 ) -> list[list[Trial]]:
@@ -41,9 +46,11 @@ def by_law(
     ranked = sorted(trials, key=lambda trial: trial.score)
     # A curve follows other mechanisms' formulas, too, which are then tried first.
     settled = ranked[0].fitted.adequate and ranked[0].law != SHAPE
-    running = [trial for trial in ranked if trial.score < near][: current_policy().most_mechanisms]
-    open_ = ranked[:1] if settled else running + [trial for trial in ranked if trial.score >= max(near, nothing)]
     first = {candidate.effect.id: candidate for candidate in candidates}
+    running = [trial for trial in ranked if trial.score < near or promises(first[trial.id], trial, nothing - near)]
+    running = running[: current_policy().most_mechanisms]
+    failed = [trial for trial in ranked if trial.score >= max(near, nothing) and trial not in running]
+    open_ = ranked[:1] if settled else running + failed
     further = [law for trial in open_ for law in other_laws(first[trial.id], curve=not settled)]
     found = {trial.id: [trial] for trial in ranked}
     for trial in refits(further) if further else []:

@@ -50,6 +50,16 @@ def _best(candidates: Sequence[Candidate], trials: Sequence[Trial]) -> tuple[Can
     return next(candidate for candidate in candidates if candidate.effect.id == best.id), best
 
 
+def _as_near(trials: Sequence[Trial], base: Trial) -> list[str]:
+    """The ids of those that explain as much as a curve that is the answer: its few points are no evidence against them."""
+    best = trials[0]
+    closed = best.fitted.gap < current_policy().unexplained * base.fitted.gap
+    if not closed or best.law != SHAPE:
+        return []
+    far = best.fitted.normalised_rms + coarseness(True, base.fitted)
+    return [trial.id for trial in trials[1:] if trial.fitted.normalised_rms < far]
+
+
 def name_next(
     base: Trial,
     first: Trial,
@@ -78,7 +88,7 @@ def name_next(
     trials += all_added(base, alike_to_it, logs, held_out, noise, say)
     best = min(trials, key=lambda t: t.score)
     near = best.score + max(100.0, policy.in_the_running * (base.score - best.score))
-    promising = base.held_out.normalised_rms - best.held_out.normalised_rms > 0.5 * least_gain(base, first)
+    promising = base.fitted.normalised_rms - best.fitted.normalised_rms > 0.5 * least_gain(base, first)
 
     def to_the_end(tried: Sequence[Trial]) -> list[Trial]:
         running = [t for t in tried if promising and t.score < near]
@@ -106,13 +116,11 @@ def name_next(
     in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
     if in_colour is None:
         trials = simplest_first(trials)
-        # Where a curve is the answer, its few points are no evidence against another mechanism's.
-        closed = trials[0].fitted.gap < policy.unexplained * base.fitted.gap
-        slack = coarseness(True, base.fitted) if closed and trials[0].law == SHAPE else 0.0
-        equivalent = tuple(name for name in not_told_apart(trials, slack) if name not in supersets(trials))
+        equivalent = tuple(name for name in not_told_apart(trials) if name not in supersets(trials))
         worth = worth_it(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour
+    equivalent = (*equivalent, *(name for name in _as_near(trials, base) if name not in equivalent))
     for trial in trials:
         say(
             f"refitted with {trial.title}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}"

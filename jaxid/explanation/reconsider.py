@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..effects import laws_of
+from ..effects.curve import Curve
 from ..effects.table_constants import TableConstants
 from ..logs import LogSet
 from ..robots.robot import Robot
@@ -92,6 +93,35 @@ def by_laws_again(
         same = tuple(trial.law for trial in alike(own))
         revised[place] = replace(step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same)
     return revised, current
+
+
+def rather_by_curves(
+    steps: list[Step], found: Step, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+) -> tuple[list[Step], Trial] | None:
+    """The last of the `steps` by its mechanism's curve, one for each part of the robot, instead of a further name (`found`)
+    beside its formula: where one mechanism explains as much, a second name is what the formula had left. None where it does
+    not, or is a curve already."""
+    step = steps[-1]
+    effect = found.before.effect
+    curve = next((law for law in laws_of(step.before.robot, step.chosen.id) if isinstance(law, Curve)), None)
+    if (
+        effect is None
+        or effect.id != step.chosen.id
+        or isinstance(effect, Curve)
+        or curve is None
+        or found.before.angles
+    ):
+        return None
+    say(f"{curve.title} of every part instead of {effect.title} and {found.chosen.title}")
+    apart = len(curve.parts(step.before.robot)) > 1
+    robot = step.before.robot + (replace(curve, apart=True) if apart else curve)
+    trial = continued(refit_from_itself(robot, step.before, logs, held_out, noise), logs, held_out, noise)
+    if trial.score > found.chosen.score and told_apart_from(found.chosen, trial):
+        return None
+    say(f"{trial.title} instead: held-out {trial.held_out.normalised_rms:.3f} x noise")
+    others = tuple(other for other in step.trials if other.id != trial.id)
+    found_again = replace(step, trials=(trial, *others), after=trial, laws=(trial, *step.laws), laws_alike=())
+    return [*steps[:-1], found_again], trial
 
 
 def with_trials(step: Step, trials: list[Trial]) -> Step:

@@ -1,6 +1,6 @@
 """Refit of a model with one more effect: all free parameters and the effect's own, weighed by the noise of the data."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -178,14 +178,21 @@ def _fitted(structure: Structure, problem: Problem, optimum: Optimum, logs: LogS
     return replace(state, residuals=residuals, normalised_rms=rms(np.concatenate(residuals)))
 
 
+def _sharper_and_sharper(effects: tuple[Effect, ...]) -> Iterator[tuple[Effect, ...]]:
+    """The effects as they are, and with their edges narrower and narrower until they are sharp."""
+    yield effects
+    while effects != (effects := tuple(effect.sharper for effect in effects)):
+        yield effects
+
+
 def continued(trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:
     """The same refit carried on from where it stopped, and with sharp edges where they were blurred to be found."""
-    sharp = tuple(effect.sharp for effect in trial.robot.effects)
-    for effects in dict.fromkeys((trial.robot.effects, sharp)):
+    for effects in _sharper_and_sharper(trial.robot.effects):
         start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
         model = replace(trial.robot, effects=effects)
         again = refit(model, [start], logs, held_out, noise, trial.initial_states, angles=trial.angles)
-        trial = replace(again, id=trial.id) if again.score < trial.score else trial
+        # Where no sample lies within an edge, a sharper one is as likely, and the law.
+        trial = replace(again, id=trial.id) if again.score <= trial.score * (1.0 + 1e-9) else trial
     return trial
 
 

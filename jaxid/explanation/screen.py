@@ -195,9 +195,10 @@ def _in_colour(
 
 def _sizes(group: Group, names: Sequence[str], start: Mapping[str, float]) -> NDArray:
     """The start's strengths in units of the probes'."""
-    strengths, limit = group.probe.strengths, group.probe.limit
+    strengths, limit, table = group.probe.strengths, group.probe.limit, group.robot.parameters
     if limit is None:
-        return np.array([start[name] / strengths[name] for name in names])
+        none = {name: table[name].value for name in names}
+        return np.array([(start[name] - none[name]) / (strengths[name] - none[name]) for name in names])
     return np.array([(limit - 1 / start[name]) / (limit - 1 / strengths[name]) for name in names])
 
 
@@ -226,7 +227,10 @@ def _promise(
         return float(-2 * change @ residual - change @ change), start, change
     change = block.T @ coefficients
     gain = float(-change @ residual)
-    values = {name: float(c * strengths[name]) for name, c in zip(names, coefficients, strict=True)}
+    # An effect's own parameters are zero where it is absent, those that it frees of the robot are what the table says.
+    none = {name: table[name].value for name in names}
+    steps = {name: strengths[name] - none[name] for name in names}
+    values = {name: float(none[name] + c * steps[name]) for name, c in zip(names, coefficients, strict=True)}
     # A strength that must be positive explains nothing with the wrong sign.
     if len(values) == 1 and any(value < table[name].lower for name, value in values.items()):
         gain = 0.0

@@ -16,7 +16,7 @@ from .candidate_refits import Report
 from .colour_left import colour_left, explained_somewhere, generalised_trial
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
-from .reconsider import by_laws_again, pruned, reconsidered
+from .reconsider import by_laws_again, pruned, rather_by_curves, reconsidered
 from .refit import refit
 from .screen import Candidate, screen
 from .steps import Search, Step
@@ -73,6 +73,10 @@ def search(
         found = or_constants(found, current, baseline, screened, logs, held_out, report)
         if found is None:
             break
+        instead = rather_by_curves(steps, found, logs, held_out, noise, report) if steps else None
+        if instead is not None:
+            steps, current = instead
+            continue
         steps.append(found)
         current = replace(found.chosen, in_colour=None)
         if len(steps) > 1:

@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects.catalogue import ALL
 from ..effects.curve import SHAPE
 from ..effects.table_constants import TableConstants
 from ..estimate.output_error.estimated_start import estimated_start
 from ..logs import LogSet
-from ..robots.effect import in_words
+from ..robots.effect import Effect, in_words
 from ..robots.robot import Robot
+from ..robots.traits import refusal
 from ..simulation.simulate import simulate_models
 from .heldout import scaled_residuals
 from .refit import Trial, refit_from_itself
@@ -99,7 +101,11 @@ def _secants(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: 
 def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Shares]:
     """The constants of the table that explain what the last effect of `after` explains of `before`: each set of as few as do,
     fitted in its place, with the shares of their values by which they then change; those that do worse by more than chance,
-    or by changes that no table is wrong by, are left out."""
+    or by changes that no table is wrong by, are left out. An effect that is nothing but a constant of the table is that one."""
+    meant = _meant(after.effect, before.robot) if after.effect is not None else ()
+    if meant:
+        shares = changed_by(meant, before.robot, after.robot.parameters)
+        return [shares] if max(map(abs, shares.values())) < _FARTHEST else []
     freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
     constants = [name for name in _constants(before.robot) if name not in freed]
     if not constants or before.angles or after.angles:
@@ -117,6 +123,20 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
         if max(map(abs, shares.values())) < _FARTHEST and not told_apart_from(after, trial):
             found.append(shares)
     return found
+
+
+def _meant(effect: Effect, robot: Robot) -> tuple[str, ...]:
+    """The constants of the robot's table that the effect frees, where it does nothing else; none where they are nothing."""
+    table, freed = robot.parameters, effect.frees(robot)
+    known = all(name in table and not table[name].free and table[name].value != 0.0 for name in freed)
+    return tuple(freed) if known and not effect.parameters(robot) else ()
+
+
+def effects_that_are(constants: Sequence[str], robot: Robot) -> tuple[str, ...]:
+    """The ids of the catalogue's effects that are nothing but other values of just these `constants`: one model by two
+    names."""
+    meant = {effect.id: _meant(effect, robot) for effect in ALL if refusal(effect, robot) is None}
+    return tuple(identifier for identifier, names in meant.items() if names and set(names) == set(constants))
 
 
 def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out: LogSet) -> Trial | None:

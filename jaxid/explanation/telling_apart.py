@@ -72,24 +72,15 @@ def differ(one: HeldOut, other: HeldOut, skip: int = 0) -> float:
     return float(np.sqrt(np.nanmean(np.concatenate([(a - b)[skip:].ravel() for a, b in pairs]) ** 2)))
 
 
-def alike(trials: Sequence[Trial], slack: float = 0.0) -> list[Trial]:
-    """Those that the data cannot tell from the first: about as likely on the fitted logs, or no more than `slack` times the
-    noise worse on these."""
+def alike(trials: Sequence[Trial]) -> list[Trial]:
+    """Those that the data cannot tell from the first: about as likely on the fitted logs."""
     best = trials[0]
-    found = []
-    for trial in trials[1:]:
-        if _same_but_later(best, trial):
-            found.append(trial)
-            continue
-        near = slack > 0 and trial.fitted.normalised_rms - best.fitted.normalised_rms < slack
-        if near or not told_apart_from(best, trial):
-            found.append(trial)
-    return found
+    return [trial for trial in trials[1:] if _same_but_later(best, trial) or not told_apart_from(best, trial)]
 
 
-def not_told_apart(trials: Sequence[Trial], slack: float = 0.0) -> tuple[str, ...]:
+def not_told_apart(trials: Sequence[Trial]) -> tuple[str, ...]:
     """The ids of those that the data cannot tell from the first."""
-    return tuple(trial.id for trial in alike(trials, slack))
+    return tuple(trial.id for trial in alike(trials))
 
 
 def simplest_first(trials: Sequence[Trial]) -> list[Trial]:

@@ -80,6 +80,11 @@ class Effect:
         """The effect as it is once found."""
         return self
 
+    @property
+    def sharper(self) -> "Effect":
+        """The effect a step nearer to `sharp`: where samples close to the edge alone say where it is, it is followed there."""
+        return self.sharp
+
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""
         return f"{self.stands_as or self.id}.{name}"

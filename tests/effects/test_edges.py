@@ -26,7 +26,20 @@ def test_a_surface_is_sharp_unless_searched_for(robot):
     assert doubled(found, 0.51) > 0.95 > 0.8 > doubled(found.blurred, 0.51)
 
 
+@pytest.mark.parametrize(
+    ("identifier", "law"), [("actuator_dead_zone", "threshold"), ("freewheeling_driver", "below_a_threshold")]
+)
+def test_an_edge_in_the_command_is_sharpened_in_steps(identifier, law):
+    """Of which each leaves the last one's edge within its own."""
+    sharp = effect_by_id(Omni(), identifier, law)
+    steps = [sharp.blurred]
+    while steps[-1].sharper != steps[-1]:
+        steps.append(steps[-1].sharper)
+    assert steps[-1] == sharp.sharp == sharp and len(steps) > 2
+    assert all(one.edge / other.edge <= 4.0 for one, other in zip(steps, steps[1:], strict=False))
+
+
 def test_other_effects_have_one_form():
     for effect in catalogue(Pioneer()):
         if not hasattr(effect, "edge"):
-            assert effect.blurred is effect and effect.sharp is effect
+            assert effect.blurred is effect and effect.sharp is effect and effect.sharper is effect

@@ -15,6 +15,9 @@ from reference import excitation  # noqa: E402
 from reference.logs import simulate_log  # noqa: E402
 
 SAMPLING, SAMPLES = 0.02, 400
+_P = REFERENCE["pioneer"].parameters
+FORCE_OF_A_VOLT = _P["tr"] * _P["mu"] * _P["KT"] / (_P["R"] * _P["Ra"])
+"""Of one wheel at standstill [N/V]."""
 LAWS = {
     # the simulator's law: (its constants, the law here, the same constants here)
     "stribeck_friction/exponential": (
@@ -78,9 +81,11 @@ LAWS = {
     "sensor_scale/one_direction": ({"error": 0.1, "channel": 2.0}, "by_direction", {"error_eta2": 0.1}),
     "sensor_cross_talk/misaligned": (
         {"angle": 0.1, "channel": 1.0, "other": 2.0},
-        "",
+        "proportional",
         {"share_eta1_of_eta2": 0.1},
     ),
+    "freewheeling_driver/no_braking": ({"share": 0.6}, "against_the_command", {"share": 0.6}),
+    "traction_limit/creep": ({"creep": 0.03}, "creep", {"slip": 0.03 * FORCE_OF_A_VOLT}),
     "backlash/command": ({"width": 1.5}, "command", {"width": 1.5}),
     "payload_change/leaking": ({"mass": 4.0, "time": 6.0}, "leaking", {"mass": 4.0, "time": 6.0}),
     "cogging_torque/by_current": (

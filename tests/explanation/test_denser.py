@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import Pioneer
+from jaxid import Omni, Pioneer
 from jaxid.effects import effect_by_id
-from jaxid.explanation.denser import densest, with_denser_curve
+from jaxid.explanation.denser import densest, with_curves_apart, with_denser_curve
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.refit import Trial
 from jaxid.model_file import read_model, write_model
@@ -73,3 +73,42 @@ def test_what_is_no_curve_through_points_is_left_as_it_is(law):
     model = Pioneer() + effect_by_id(Pioneer(), "motor_lag", law)
     lag = replace(trial(model, np.ones(500), 10), id="motor_lag")
     assert densest(lag, lambda other, like: pytest.fail("there are no points")) is lag
+
+
+@pytest.mark.parametrize(
+    ("identifier", "stage"),
+    [("asymmetric_viscous_friction", "viscous"), ("stribeck_friction", "dry"), ("quadratic_drag", "force")],
+)
+def test_curves_apart_are_at_first_the_curve_that_all_shared(identifier, stage, tmp_path):
+    model = Omni() + effect_by_id(Omni(), identifier, "shape")
+    heights = [name for name in model.parameters if ".at_" in name]
+    model = model.with_values(**{name: 0.3 + 0.1 * k for k, name in enumerate(heights)})
+    model = model.change(heights[0], free=False)
+    apart = with_curves_apart(model, identifier)
+    assert len([name for name in apart.parameters if ".at_" in name]) == 3 * len(heights)
+    assert sum(not p.free for name, p in apart.parameters.items() if ".at_" in name) == 3
+    state = {"V": 0.4, "Vn": 0.0, "W": 0.0}
+
+    def acting(robot):
+        (effect,) = robot.effects
+        signal = ((1.0, 1.0),) * 3 if stage == "dry" else (0.0,) * 3
+        speeds = () if stage == "force" else ((0.4, -0.2, 0.7),)
+        found = getattr(effect, stage)(signal, *speeds, state, robot.parameters.numbers, robot)
+        return np.asarray(found, float)
+
+    assert np.allclose(acting(apart), acting(model), rtol=1e-12) and not np.allclose(acting(apart), 0.0)
+    write_model(tmp_path / "model.toml", apart)
+    assert read_model(tmp_path / "model.toml", Omni()).effects == apart.effects
+
+
+def test_curves_apart_are_taken_only_where_they_tell_more():
+    model = Omni() + effect_by_id(Omni(), "stribeck_friction", "shape")
+    noise, wave = np.random.default_rng(0).normal(size=5000), np.sin(np.arange(5000) / 300)
+    shared = replace(trial(model, noise + 0.5 * wave, 10), id="stribeck_friction")
+
+    def refitted(left):
+        """Of curves apart as much of the wave as given, of more points nothing less."""
+        return lambda robot, like: trial(robot, noise + (left if robot.effects[0].apart else 0.5) * wave, 18)
+
+    assert densest(shared, refitted(0.1)).robot.effects[0].apart
+    assert densest(shared, refitted(0.499)) is shared

@@ -87,6 +87,27 @@ def test_other_mechanisms_laws_are_tried_while_none_leaves_only_noise():
     assert [[t.law for t in own] for own in ranked] == [["shape", "hard", "tanh"], ["constant"]]
 
 
+def test_a_mechanism_whose_other_law_promises_enough_stays_in_the_running():
+    """Its first law does far worse than the best, and another of its laws promises to do as well."""
+    robot = Pioneer()
+    power, tanh = (effect_by_id(robot, "sublinear_viscous_friction", law) for law in ("power", "tanh"))
+    drag = effect_by_id(robot, "quadratic_drag", "shape")
+    bent = candidate(power, 4000.0, (candidate(tanh, 4850.0),))
+    tried = [trial(robot, drag, 150.0), trial(robot, power, 2000.0)]
+
+    def ranked(first):
+        return by_law(
+            [candidate(drag, 4800.0), first],
+            tried,
+            300.0,
+            lambda more: [trial(robot, c.effect, 140.0) for c in more],
+            5000.0,
+        )
+
+    assert [t.law for t in ranked(bent)[0]] == ["tanh", "power"]
+    assert [t.law for t in ranked(replace(bent, laws=(candidate(tanh, 4500.0),)))[0]] == ["shape"]
+
+
 def test_where_a_formula_leaves_only_noise_no_curve_is_asked_for():
     robot = Pioneer()
     zone, tanh, curve = (effect_by_id(robot, "voltage_saturation", law) for law in ("hard", "tanh", "shape"))

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxid import Channels, Custom, Log, LogSet, Parameter, explain, output_error
+from jaxid import Channels, Custom, Log, LogSet, Parameter, Pioneer, explain, output_error
+from jaxid.effects import effect_by_id
+from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.refit import Trial
+from jaxid.explanation.table_constants import constants_like, effects_that_are
 from jaxid.model_file import read_model
 
 DT, NOISE = 0.02, 0.005
@@ -87,6 +91,20 @@ SLOWED = Custom(
     own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
     table={"T": Parameter(0.3, "s", lower=0.0, free=True), "limit": Parameter(1.65, "m/s")},
 )
+
+
+def test_an_effect_that_is_nothing_but_a_constant_of_the_table_is_that_one():
+    assert effects_that_are(["L"], Pioneer()) == ("effective_track",)
+    assert effects_that_are(["R"], Pioneer()) == effects_that_are(["L", "R"], Pioneer()) == ()
+    # A centre of mass on the axis of symmetry is nothing that a table has wrong.
+    assert effects_that_are(["xm"], Pioneer().with_values(xm=0.0)) == ()
+    state = HeldOut(1.0, {"eta1": 1.0}, (np.ones((10, 1)),), {"eta1": 1.0}, 0.5)
+    before = Trial("", Pioneer(), 100.0, 8, state, state, {})
+    wider = (Pioneer() + effect_by_id(Pioneer(), "effective_track")).with_values(L=1.05 * 0.1689)
+    after = Trial("effective_track", wider, 10.0, 9, state, state, {})
+    some = LogSet([slowed("a", 0, 1.5)])  # not looked at
+    (shares,) = constants_like(before, after, some, some)
+    assert shares == {"L": pytest.approx(0.05)}
 
 
 def test_a_wrong_constant_that_no_effect_stands_for_is_itself_what_is_found(tmp_path):

@@ -16,6 +16,8 @@ from .drives import drive_names, each_drive, input_unit, on_drives
 
 _SHARES = (0.01, 0.03, 0.08, 0.2, 0.4)
 """Dead zones that are tried, in shares of the largest input."""
+_SHARP = 0.01
+"""Width of the step at a threshold, in shares of it."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Threshold(DeadZone):
     The step at the threshold is `edge` of it wide, more while it is searched for.
     """
 
-    edge: float = 0.05
+    edge: float = _SHARP
 
     law: ClassVar[str] = "threshold"
     formula: ClassVar[str] = "u' = u where |u| > threshold, else 0"
@@ -56,7 +58,11 @@ class Threshold(DeadZone):
 
     @property
     def sharp(self) -> "Threshold":
-        return replace(self, edge=0.05)
+        return replace(self, edge=_SHARP)
+
+    @property
+    def sharper(self) -> "Threshold":
+        return replace(self, edge=max(0.25 * self.edge, _SHARP))
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         threshold = p[self.key("threshold")]

@@ -9,7 +9,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import signed
+from ..effect_parameters import shape, signed
 
 
 def whole_speed(state: State, robot: Robot) -> Scalar:
@@ -49,30 +49,31 @@ class QuadraticDrag(Effect):
 
 @dataclass(frozen=True)
 class DragOfEach(QuadraticDrag):
-    """Every translation with a drag of its own, by its own speed."""
+    """Every speed of the body, its yaw rate among them, with a drag of its own."""
 
     law: ClassVar[str] = "per_axis"
     formula: ClassVar[str] = "F_i = -coefficient_i v_i |v_i|"
 
     def refusal(self, robot: Robot) -> str | None:
-        several = len(robot.translations) > 1
-        return None if several else f"{robot.name!r} has one translation, of which {self.id} has a law"
+        several = len(robot.velocities) > 1
+        return None if several else f"{robot.name!r} has one velocity, of which {self.id} has a law"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
-        for name in robot.translations:
-            typical = 0.025 * robot.scales.force / robot.scales.speed**2
-            found |= signed(self, f"coefficient_{name}", drag_unit(robot), typical)
+        for name in robot.velocities:
+            typical = 0.025 * largest_force(robot, name) / robot.scales.output(name) ** 2
+            found |= signed(self, f"coefficient_{name}", drag_unit(robot, name), typical)
         return found
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        each = {n: p[self.key(f"coefficient_{n}")] * jnp.abs(state[n]) * state[n] for n in robot.translations}
+        each = {n: p[self.key(f"coefficient_{n}")] * jnp.abs(state[n]) * state[n] for n in robot.velocities}
         return against(forces, each, robot)
 
 
 @dataclass(frozen=True)
 class DragCurve(Curve):
-    """How far the resistance of the translation is from a straight line, as a curve of the speed."""
+    """How far the resistance of the translation is from a straight line, as a curve of the speed; apart, that of every
+    velocity, as a curve of its own speed."""
 
     id: ClassVar[str] = "quadratic_drag"
     where: ClassVar[str] = "body"
@@ -82,20 +83,48 @@ class DragCurve(Curve):
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|v|"
 
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        return robot.velocities
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         name = robot.translations[0]
         unit, fastest = robot.force_unit(name), robot.scales.output(name)
-        return self.heights_and_reach(robot, unit, 0.01 * robot.scales.force, robot.velocity_unit(name), fastest)
+        found = self.heights_and_reach(robot, unit, 0.01 * robot.scales.force, robot.velocity_unit(name), fastest)
+        for part in (name for name in robot.velocities if self.apart and name not in robot.translations):
+            typical, of = 0.01 * largest_force(robot, part), robot.velocity_unit(part)
+            for place in self.varying:
+                height = self.height(place, self.of(part)).removeprefix(self.key(""))
+                found |= signed(self, height, robot.force_unit(part), typical)
+            found |= shape(self, f"reach_{part}", of, robot.scales.output(part), free=False)
+        return found
+
+    def _apart(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        each = {}
+        for name in robot.velocities:
+            speed, turned = jnp.abs(state[name]), self.key(f"reach_{name}")
+            share = speed * (p[self.key("reach")] / p[turned]) if turned in p else speed
+            each[name] = self.at(share, p, self.of(name)) * jnp.sign(state[name])
+        return against(forces, each, robot)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        if self.apart:
+            return self._apart(forces, state, p, robot)
         speed = whole_speed(state, robot)
         per_speed = self.at(speed, p) / (speed + 1e-9 * p[self.key("reach")])
         return against(forces, {name: per_speed * state[name] for name in robot.translations}, robot)
 
 
-def drag_unit(robot: Robot) -> str:
-    """Unit of a force over a speed squared, for the robot's first translation."""
-    name = robot.translations[0]
+def largest_force(robot: Robot, name: str) -> float:
+    """About the largest force along a velocity: of a yaw rate, the moment that drives it."""
+    if name in robot.translations:
+        return robot.scales.force
+    fastest = robot.scales.output(name)
+    return robot.scales.force * robot.scales.speed / fastest if fastest > 0 else robot.scales.force
+
+
+def drag_unit(robot: Robot, name: str = "") -> str:
+    """Unit of a force over a speed squared, for one of the robot's velocities (the first translation)."""
+    name = name or robot.translations[0]
     per = robot.velocity_unit(name).split("/")[0].split(" or ")[0] or "m"
     return f"{robot.force_unit(name)} s^2/{per}^2"
 

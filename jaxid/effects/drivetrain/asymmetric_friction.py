@@ -10,7 +10,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import signed
+from ..effect_parameters import axis_names, signed
 from .asymmetric_viscous_friction import WAYS
 
 
@@ -96,8 +96,10 @@ class DryAsymmetryCurve(Curve):
     free: ClassVar[tuple[int, ...]] = (0, 1, 2, 3)
     variable: ClassVar[str] = "|speed|"
 
-    def each(self, robot: Robot) -> tuple[str, ...]:
-        return WAYS
+    kinds: ClassVar[tuple[str, ...]] = WAYS
+
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        return axis_names(robot)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.02 * robot.scales.friction
@@ -106,8 +108,8 @@ class DryAsymmetryCurve(Curve):
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
         first = levers[robot.drive_axes[0]]
-        for axis in robot.drive_axes:
-            ahead, back = (self.at(jnp.abs(rims[axis]), p, way) for way in WAYS)
+        for name, axis in zip(axis_names(robot), robot.drive_axes, strict=True):
+            ahead, back = (self.at(jnp.abs(rims[axis]), p, self.of(name, way)) for way in WAYS)
             if levers[axis] is not first:
                 ahead, back = ahead * (levers[axis] / first), back * (levers[axis] / first)
             backward, forward = levels[axis]

@@ -9,7 +9,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import signed
+from ..effect_parameters import axis_names, signed
 
 WAYS = ("forward", "backward")
 
@@ -69,8 +69,10 @@ class AsymmetryCurve(Curve):
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|speed|"
 
-    def each(self, robot: Robot) -> tuple[str, ...]:
-        return WAYS
+    kinds: ClassVar[tuple[str, ...]] = WAYS
+
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        return axis_names(robot)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.01 * robot.scales.friction
@@ -79,8 +81,8 @@ class AsymmetryCurve(Curve):
     def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(resistance)
         first = levers[robot.drive_axes[0]]
-        for axis in robot.drive_axes:
-            forward, backward = (self.at(jnp.abs(rims[axis]), p, way) for way in WAYS)
+        for name, axis in zip(axis_names(robot), robot.drive_axes, strict=True):
+            forward, backward = (self.at(jnp.abs(rims[axis]), p, self.of(name, way)) for way in WAYS)
             more = jnp.where(rims[axis] > 0.0, forward, -backward)
             changed[axis] = resistance[axis] + (more if levers[axis] is first else more * (levers[axis] / first))
         return tuple(changed)

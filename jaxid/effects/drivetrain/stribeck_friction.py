@@ -12,7 +12,7 @@ from ...robots.effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import positive, shape
+from ..effect_parameters import axis_names, positive, shape
 
 _SPEEDS = (0.02, 0.05, 0.12)
 """Speeds of falling off that are tried, in shares of the robot's."""
@@ -170,6 +170,9 @@ class StribeckCurve(Curve):
     variable: ClassVar[str] = "|speed|"
     reaches: ClassVar[tuple[float, ...]] = (0.3, 1.0)
 
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        return axis_names(robot)
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         typical = 0.02 * robot.scales.friction
         return self.heights_and_reach(robot, robot.friction_unit, typical, robot.rim_unit, 0.3 * robot.scales.speed)
@@ -177,8 +180,8 @@ class StribeckCurve(Curve):
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
         first = levers[robot.drive_axes[0]]
-        for axis in robot.drive_axes:
-            rise = self.at(jnp.abs(rims[axis]), p)
+        for name, axis in zip(axis_names(robot), robot.drive_axes, strict=True):
+            rise = self.at(jnp.abs(rims[axis]), p, self.of(name))
             rise = rise if levers[axis] is first else rise * (levers[axis] / first)
             backward, forward = levels[axis]
             changed[axis] = (jnp.maximum(backward + rise, 0.0), jnp.maximum(forward + rise, 0.0))

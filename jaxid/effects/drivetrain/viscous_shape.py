@@ -11,7 +11,7 @@ from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import positive, shape, signed
+from ..effect_parameters import axis_names, positive, shape, signed
 
 
 @dataclass(frozen=True)
@@ -93,6 +93,9 @@ class ViscousCurve(Curve):
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|speed|"
 
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        return axis_names(robot)
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.01 * robot.scales.friction
         return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.speed)
@@ -100,8 +103,8 @@ class ViscousCurve(Curve):
     def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(resistance)
         first = levers[robot.drive_axes[0]]
-        for axis in robot.drive_axes:
-            bend = self.at(jnp.abs(rims[axis]), p) * jnp.sign(rims[axis])
+        for name, axis in zip(axis_names(robot), robot.drive_axes, strict=True):
+            bend = self.at(jnp.abs(rims[axis]), p, self.of(name)) * jnp.sign(rims[axis])
             changed[axis] = resistance[axis] + (bend if levers[axis] is first else bend * (levers[axis] / first))
         return tuple(changed)
 

@@ -9,6 +9,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
+from ..actuator.drives import back_emf, input_unit
 from ..curve import Curve
 from ..effect_parameters import positive
 
@@ -111,4 +112,29 @@ class TractionCurve(Curve):
         return tuple(kept)
 
 
-LAWS: tuple[Effect, ...] = (TractionLimit(), SoftTractionLimit(), LimitOfEach(), TractionCurve())
+@dataclass(frozen=True)
+class Creep(Effect):
+    """Wheels that creep: each turns faster than the floor passes by a share of its speed in proportion to its drive force, so
+    that its motor's back-EMF is larger and less current flows (Pacejka's slip stiffness; Kalker's linear theory).
+
+    `slip` is the share that a wheel creeps at the force of one volt at standstill.
+    """
+
+    id: ClassVar[str] = "traction_limit"
+    law: ClassVar[str] = "creep"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "i' = i / (1 + slip |back-EMF|)"
+    needs: ClassVar[tuple[str, ...]] = ("winding",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "slip", f"1/{input_unit(robot)}", 0.2 / robot.scales.input)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        changed, slip = list(volts), p[self.key("slip")]
+        for k in robot.drive_inputs:
+            emf = back_emf(volts, currents, k, p, robot)
+            changed[k] = emf + (volts[k] - emf) / (1.0 + slip * jnp.abs(emf))
+        return tuple(changed)
+
+
+LAWS: tuple[Effect, ...] = (TractionLimit(), SoftTractionLimit(), LimitOfEach(), Creep(), TractionCurve())
