@@ -81,7 +81,7 @@ def spread_table(members: Columns, estimates: Columns, far: Sequence[FarMember])
     rows = []
     for name, unit in _free(members, estimates):
         own = counts & (estimates["parameter"] == name)
-        cells = [Cell(name), Cell(unit, "dim"), Cell(str(np.count_nonzero(own)))]
+        cells = [Cell(name), Cell(unit, "dim value"), Cell(str(np.count_nonzero(own)))]
         if own.any():
             low, middle, high = np.quantile(estimates["value"][own].astype(float), [0.05, 0.5, 0.95])
             error = float(np.median(estimates["std_error"][own].astype(float)))
@@ -137,8 +137,16 @@ def _missing(verdict: str, effects: str, failure: str) -> Cell:
 
 
 def _own_cell(estimate: Estimate, sound: bool, far: bool) -> Cell:
+    """An estimate with its standard error below it."""
     cell = value_cell(estimate, not sound)
-    return Cell(f"{cell.text} far", "bad") if far else cell
+    value, _, error = cell.text.partition(" ± ")
+    if error:
+        # "(2.11 ± 0.15)e-4" is of one power of ten, which both have then.
+        inner, closed, rest = error.partition(")")
+        power, _, mark = rest.partition(" ") if closed else ("", "", "")
+        inner, _, own_mark = inner.partition(" ")
+        cell = replace(cell, text=f"{value.lstrip('(')}{power} {mark or own_mark}".strip(), detail=f"± {inner}{power}")
+    return replace(cell, text=f"{cell.text} far", mark="bad") if far else cell
 
 
 def _with_meanings(table: Table, robot: Robot) -> Table:

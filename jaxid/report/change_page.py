@@ -116,7 +116,8 @@ def _seen(found: ExplainedChange) -> Section:
     blocks: list[Block] = []
     if found.noticeable:
         rows = tuple(
-            (Cell(own.name, detail=own.title), Cell(own.unit, "words"), Cell(_number(own.value)), Cell(number(own.size, 2)),
+            (Cell(f"{own.title[:1].upper()}{own.title[1:]}", detail=own.name), Cell(own.unit, "words"),
+             Cell(_number(own.value)), Cell(number(own.size, 2)),
              Cell(_share(own.size / abs(own.value)).lstrip("+") if own.value else "-"))
             for own in found.noticeable[:_NOTICEABLE]
         )  # fmt: skip

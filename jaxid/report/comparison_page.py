@@ -22,7 +22,7 @@ _VERDICTS: dict[str, tuple[str, Tone]] = {
     "poor": ("Poor", "bad"),
     "failed": ("Failed", "bad"),
 }
-_NOTES = 4
+_NOTES = 3
 """Notes that stand on the page; the others are folded up."""
 _LOGS = 8
 """Logs with a chart of their own, worst first; pictures of all of them are beside the page."""

@@ -107,7 +107,8 @@ def design_page(design: Design, files: tuple[str, ...] = ()) -> Page:
     after = Code(
         f"jaxid fit {design.robot} --fit LOGS {' '.join(files)} --held-out OTHER_LOGS --out results".replace("  ", " ")
     )
-    next_: tuple[Block, ...] = (*texts([design.doubt]), Listing(items), after)
+    doubt = design.doubt.removeprefix("But ")  # nothing stands before it here
+    next_: tuple[Block, ...] = (*texts([f"{doubt[:1].upper()}{doubt[1:]}"]), Listing(items), after)
     return Page(
         title=f"jaxid design {design.robot}",
         kind=f"jaxid design: {design.robot}, {design.tried} inputs tried",

@@ -133,7 +133,8 @@ class Page:
 
 
 def units(text: str) -> str:
-    """The text with its units as they are printed: "kg m^2" as "kg m²"."""
+    """The text with its units as they are printed: "kg m^2" as "kg m²"; a unit in brackets stays on one line."""
+    text = re.sub(r"\[[^\[\]]{1,20}\]", lambda unit: unit[0].replace(" ", "\N{NO-BREAK SPACE}"), text)
     return re.sub(
         r"\^(-?)([1-9])(?![\d.])", lambda power: ("⁻" if power[1] else "") + "¹²³⁴⁵⁶⁷⁸⁹"[int(power[2]) - 1], text
     )
@@ -171,10 +172,13 @@ def write_page(path: Path, page: Page) -> None:
     write_text(path, rendered(page))
 
 
-def picture(figure: Figure, name: str, alt: str, caption: str = "", columns: int = 1) -> Picture:
+def picture(
+    figure: Figure, name: str, alt: str, caption: str = "", columns: int = 1, largest: float = 1.15
+) -> Picture:
     """A matplotlib figure in the page's colours, light or dark: its text is text, black is the ink and white the paper.
 
-    `columns`: how many panels stand side by side: so wide it stays on a narrow screen, which then scrolls it.
+    `columns`: how many panels stand side by side: so wide it stays on a narrow screen, which then scrolls it. `largest`: its
+    width on a wide screen, in that of the figure.
     """
     buffer = io.StringIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
@@ -192,7 +196,7 @@ def picture(figure: Figure, name: str, alt: str, caption: str = "", columns: int
     text = re.sub(r"#([0-9a-f]{6})\b", _themed, text)
     text = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1; font-family: inherit; fill: currentColor", text)
     width = float(figure.get_figwidth()) * 72.0 / _REM
-    return Picture(Markup(text), alt, caption, least=min(width, 19.0 * columns), most=1.15 * width)
+    return Picture(Markup(text), alt, caption, least=min(width, 19.0 * columns), most=largest * width)
 
 
 def _themed(found: re.Match[str]) -> str:

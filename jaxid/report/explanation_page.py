@@ -95,7 +95,7 @@ def _law(found: Explanation, curves: Mapping[str, tuple[LawCurve, ...]]) -> tupl
         "moment only shows less there."
     )
     panels = sum(ax.get_visible() for ax in figure.axes)
-    return (picture(figure, "law", said, note, min(panels, 3)),)
+    return (picture(figure, "law", said, note, min(panels, 3), 1.5 if panels == 1 else 1.15),)
 
 
 def _where(found: Explanation) -> Section | None:

@@ -206,7 +206,8 @@ def law_figure(curves: Mapping[str, Sequence[LawCurve]]) -> Figure | None:
         return None
     columns = min(len(drawn), _ROW)
     rows = -(-len(drawn) // columns)
-    figure = Figure(figsize=(max(3.8 * columns, 6.5), 0.5 + 3.3 * rows), layout="constrained")
+    # A single panel is drawn as narrow as a phone, so that its words can be read there.
+    figure = Figure(figsize=(3.8 * columns if columns > 1 else 4.8, 0.5 + 3.3 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax, (name, curve) in zip(axes, drawn, strict=False):
         if curve.place:
@@ -233,5 +234,6 @@ def law_figure(curves: Mapping[str, Sequence[LawCurve]]) -> Figure | None:
             Line2D([], [], color="0.25", marker="o", ms=3.5, ls="", label="measured motion, smoothed over time")
         )
     if any(not c.place for _, c in drawn):
-        figure.legend(handles=handles, loc="outside upper right", ncols=4, fontsize="small", frameon=False)
+        ncols = 4 if columns > 1 else 2
+        figure.legend(handles=handles, loc="outside upper right", ncols=ncols, fontsize="small", frameon=False)
     return figure
