@@ -22,6 +22,7 @@ from ..parameters import ParameterError
 from ..robots.effect import Effect
 from ..robots.given import given_logs
 from ..robots.robot import Robot
+from .doubtful_logs import doubtful_logs
 from .explanation import Evidence, Explanation, NamedEffect, Verdict, differs_from_nothing, effect_parameters
 from .heldout import HeldOut
 from .level import FALSE_ALARM, keeps_level
@@ -266,6 +267,7 @@ def explain(
     placeless = without_place(fit.robot)
     if placeless:
         report(placeless)
+    recorded = logs, held_out
     if fit.window is not None:
         logs, held_out = in_windows(logs, fit.window), in_windows(held_out, fit.window)
         report(f"the fit is in windows of {fit.window:.3g} s, and so is its explanation")
@@ -286,6 +288,7 @@ def explain(
     doubts = _doubts(found, final, named, after)
     verdict = _verdict(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not _all_noise(found) else ""
+    doubted = doubtful_logs(*recorded) if verdict != "adequate" and not _all_noise(found) else ""
     still = still_doubted(final) if verdict in ("named", "ambiguous") and named else ""
     constants: dict[str, list[Shares]] = {}
     if verdict in ("named", "ambiguous"):
@@ -324,6 +327,6 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (*tables, still, placeless, noted, untried) if note),
+        notes=tuple(note for note in (*tables, still, placeless, noted, doubted, untried) if note),
         colour=found.colour,
     )

@@ -1,0 +1,32 @@
+"""What pre-flight doubts in the logs is said beside what is missing: stamps that jitter, on an axis in closed form."""
+
+import numpy as np
+
+from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
+from jaxid.explanation.doubtful_logs import doubtful_logs
+
+SAMPLES, DT = 600, 0.02
+
+
+def recorded(axis_law, jitter, count=4):
+    """The same motion, sampled regularly and stamped up to `jitter` seconds early or late."""
+    logs = []
+    for k in range(count):
+        rng = np.random.default_rng([3, k])
+        u = np.repeat(rng.uniform(-4, 4, SAMPLES // 10), 10)
+        time = DT * np.arange(SAMPLES) + rng.uniform(-jitter, jitter, SAMPLES)
+        outputs = {"v": axis_law(u, DT)[0] + 0.003 * rng.normal(size=SAMPLES)}
+        logs.append(Log.from_arrays(f"run {k}", time - time[0], u[:, None], outputs, AXIS))
+    return LogSet(logs[: count - 1]), LogSet(logs[count - 1 :])
+
+
+def test_a_clock_that_jitters_is_said_beside_what_has_no_name(axis_law):
+    logs, held_out = recorded(axis_law, 0.007)
+    found = explain(output_error(Axis(), logs), logs, held_out)
+    assert found.verdict == "unexplained"
+    (said,) = [note for note in found.notes if note.startswith("Pre-flight doubts")]
+    assert "sampling intervals differ" in said and "in 4 of 4 logs" in said
+
+
+def test_logs_without_doubts_say_nothing(axis_law):
+    assert doubtful_logs(*recorded(axis_law, 0.0)) == ""
