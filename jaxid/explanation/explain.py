@@ -23,10 +23,11 @@ from ..robots.effect import Effect
 from ..robots.given import given_logs
 from ..robots.robot import Robot
 from .doubtful_logs import doubtful_logs
-from .explanation import Evidence, Explanation, NamedEffect, Verdict, differs_from_nothing, effect_parameters
+from .explanation import Explanation, Verdict
 from .heldout import HeldOut
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
+from .named_effect import Evidence, NamedEffect, differs_from_nothing, effect_parameters
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .passing_jumps import without_passing_jumps

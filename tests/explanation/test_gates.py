@@ -10,8 +10,8 @@ from jaxid import Axis, Custom, Log, LogError, LogSet, Parameter, compare, expla
 from jaxid.effects.catalogue import effect_by_id
 from jaxid.estimate.result import Estimate
 from jaxid.explanation.explain import _doubts, _verdict
-from jaxid.explanation.explanation import Evidence, NamedEffect, differs_from_nothing
 from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.named_effect import Evidence, NamedEffect, differs_from_nothing
 from jaxid.explanation.policy import Policy
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.steps import Search, Step
