@@ -251,10 +251,12 @@ def reduced(
     """The linearisation from its logs' parts, and the parameters' prior."""
     n = len(theta)
     s = triangles.shape[-1] - n - 1
-    pull = np.sqrt(problem.prior_precision)
-    shared = np.concatenate([np.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
-    shared = np.where(problem.free[:, None], shared, 0.0)
-    shared_triangle: Any = one_triangle(np.concatenate([triangles[:, s:, s:].reshape(-1, n + 1), shared]))
+    shared = triangles[:, s:, s:].reshape(-1, n + 1)
+    if problem.prior_precision.any():
+        pull = np.sqrt(problem.prior_precision)
+        prior = np.concatenate([np.diag(pull * slope), (pull * (theta - problem.prior_mean))[:, None]], axis=1)
+        shared = np.concatenate([shared, np.where(problem.free[:, None], prior, 0.0)])
+    shared_triangle: Any = one_triangle(shared)
     return Triangle(
         shared=shared_triangle[:n, :n],
         crossed=triangles[:, :s, s : s + n],
@@ -268,7 +270,8 @@ def reduced(
 
 def slopes_at(problem: Problem, z: Float[Array, "*c n"]) -> Float[Array, "*c n"]:
     """Derivatives of the physical parameters by the optimiser's coordinates, zero for those that are held."""
-    return np.where(problem.free, np.broadcast_to(problem.bounds.scale, z.shape), 0.0)
+    slope = np.where(problem.free, problem.bounds.scale, 0.0)
+    return slope if slope.shape == z.shape else np.broadcast_to(slope, z.shape)
 
 
 def linearised_directly(d: Direct, unknowns: Unknowns) -> Triangle:
