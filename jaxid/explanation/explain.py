@@ -8,7 +8,7 @@ from .._compile import seldom_collected
 from .._memory import bounded_memory
 from .._origin import with_origin
 from .._renamed import renamed
-from ..effects.curve import Curve
+from ..effects.curve import SHAPE, Curve
 from ..effects.table_constants import TableConstants
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.output_error.conclude import Covariance
@@ -34,6 +34,7 @@ from .passing_jumps import without_passing_jumps
 from .policy import Policy, current_policy, keeps_policy
 from .prescribed_angles import predicted
 from .refit import in_full
+from .same_curves import curves_that_are
 from .search import MOST_EFFECTS, search
 from .shape import shapes_of
 from .steps import Search, Step
@@ -101,6 +102,17 @@ def _equivalent(effect: Effect, step: Step, bare: Robot) -> tuple[str, ...]:
     """The names that the data cannot tell from the effect's, and those that are the same constants of the table."""
     same = effects_that_are(effect.constants, bare) if isinstance(effect, TableConstants) else ()
     return (*(name for name in step.equivalent if name not in same), *same)
+
+
+def _or_the_same_curve(named: NamedEffect, step: Step, logs: LogSet) -> NamedEffect:
+    """The name with those whose curves are the same function on the robot."""
+    if named.law != SHAPE or step.after.id != named.id:
+        return named
+    most = max((candidate.gain for candidate in step.screened), default=0.0)
+    least = current_policy().rival * most
+    promised = [c.effect.id for c in step.screened if max(law.gain for law in (c, *c.laws)) > least]
+    same = curves_that_are(step.before, step.after, promised, logs)
+    return replace(named, equivalent_to=(*named.equivalent_to, *(n for n in same if n not in named.equivalent_to)))
 
 
 def _wrong(effect: Effect, baseline: Fit, final: Fit) -> tuple[Shares, ...]:
@@ -301,6 +313,7 @@ def explain(
             if effect.id != TableConstants.id and step.after.id == effect.id:
                 constants[effect.id] = constants_like(step.before, step.after, logs, held_out)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
+        named = tuple(_or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = _verdict(found, named, most, doubts)
     tables = tuple(in_a_sentence(identifier, sets) for identifier, sets in constants.items() if sets)
     tables += tuple(found_wrong(effect.constants[0]) for effect in named if effect.id == TableConstants.id)

@@ -9,7 +9,7 @@ import pytest
 from jaxid import Axis, Custom, Log, LogError, LogSet, Parameter, compare, explain, output_error
 from jaxid.effects.catalogue import effect_by_id
 from jaxid.estimate.result import Estimate
-from jaxid.explanation.explain import _doubts, _verdict
+from jaxid.explanation.explain import _between_samples, _doubts, _verdict
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.named_effect import Evidence, NamedEffect, differs_from_nothing
 from jaxid.explanation.policy import Policy
@@ -197,3 +197,23 @@ def test_an_error_below_the_noise_that_is_not_white_is_not_said_to_be(heavy_tail
     assert not poor.sentence.startswith("Nothing is missing:") and "mark of a delay" in poor.sentence
     # Who has asked `explain` is told what to record, and not to ask `explain`.
     assert "`explain`" in doubted.sentence and "`explain`" not in poor.sentence and "hold out more" in poor.sentence
+
+
+def test_an_edge_that_no_sample_lies_at_is_there_by_what_it_explains():
+    """Between two levels of a command it has no slope and no error; without it the model is far less likely."""
+    edge, smooth = (effect_by_id(ROBOT, "actuator_dead_zone", law) for law in ("threshold", "subtractive"))
+    flat = Estimate(1.2, INFINITE, (-INFINITE, INFINITE), "V", "not_identifiable")
+    noise = np.random.default_rng(0).normal(size=(2000, 1))
+
+    def trial(size, free):
+        left = HeldOut(size, {"v": size}, (size * noise,), {"v": 0.01}, 1e-9)
+        return Trial("actuator_dead_zone", ROBOT, float(np.sum((size * noise) ** 2)), free, left, left, {})
+
+    def there(effect, estimate, after):
+        step = Step((after,), (), (), trial(2.0, 4), after)
+        return _between_samples(effect, [estimate], step)
+
+    assert there(edge, flat, trial(1.0, 5))
+    assert not there(edge, flat, trial(2.0, 5))  # explains nothing
+    assert not there(smooth, flat, trial(1.0, 5))  # has a slope, or is not determined
+    assert not there(edge, Estimate.of(0.1, 0.1, "V", "identified"), trial(1.0, 5))
