@@ -53,6 +53,14 @@ class Origin:
     logs: dict[str, tuple[LogHash, ...]]
     versions: dict[str, str]
 
+    def __repr__(self) -> str:
+        named = [f"  {argument}: {log.name}, {log.samples} samples, sha256 {log.sha256[:12]}..."
+                 for argument, own in self.logs.items() for log in own]  # fmt: skip
+        plain = {k: v for k, v in self.arguments.items() if isinstance(v, str | int | float | bool) and v is not None}
+        options = ", ".join(f"{name}={value!r}" for name, value in plain.items())
+        used = ", ".join(f"{name} {number}" for name, number in self.versions.items())
+        return "\n".join([f"Computed by jaxid.{self.function}({options}) of", *named, f"  with {used}"])
+
     def differences(self, **logs: Iterable[Any]) -> tuple[str, ...]:
         """What is not the same in `logs` (by argument, such as `logs=` or `held_out=`) as when the result was computed.
 

@@ -4,7 +4,7 @@ All laws of a mechanism stand in one model, absent (zero) but for the one that a
 costs what its program computes, and together they are many times the robot.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -119,16 +119,20 @@ def probed(
     seen: Seen,
     known_states: Mapping[str, Mapping[str, float]],
     angles: Angles | None,
+    report: Callable[[str], None] = lambda message: None,
 ) -> tuple[NDArray[np.float64], list[Group], list[list[int]], dict]:
     """Simulated outputs of the `robot` as it is and with each of `secants` [1 + secants, E, T, ny]; the probes of all effects
-    with theirs; the places of each group's outputs among those of all groups; and the wheels' angles that were prescribed."""
+    with theirs; the places of each group's outputs among those of all groups; and the wheels' angles that were prescribed.
+
+    `report` is called after each program."""
     integrator = integrator_for(robot, logs)
     own = dict(angles or integrated_angles(robot, logs))
     first = _simulate(robot, integrator, logs, [{}, *secants], _begun(robot, logs, known_states), own)
     found: list[Group] = []
     places: list[list[int]] = []
     prescribed, count = dict(own), 0
-    for some in _apart(robot, integrator, pairs):
+    sets = _apart(robot, integrator, pairs)
+    for number, some in enumerate(sets, start=1):
         full = _with(robot, some)
         probes = [(alone, there, probe) for alone, there in some for probe in there.probes(full, seen)]
         changes = [{**probe.shape, name: value} for *_, probe in probes for name, value in probe.strengths.items()]
@@ -143,4 +147,5 @@ def probed(
             found.append(Group(alone, there, probe, full, outputs[at : at + n]))
             places.append(list(range(count, count + n)))
             at, count = at + n, count + n
+        report(f"simulated with what may be missing: {number} of {len(sets)} groups of effects")
     return first, found, places, prescribed

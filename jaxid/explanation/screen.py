@@ -5,7 +5,7 @@ baseline fit, projected off the changes that the fitted parameters can make them
 The simulations are lanes of one program for every mechanism (`probed.py`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -65,11 +65,13 @@ def screen(
     noise: Mapping[str, float],
     known_states: Mapping[str, Mapping[str, float]],
     angles: Angles | None = None,
+    report: Callable[[str], None] = lambda message: None,
 ) -> list[Candidate]:
     """Score `effects`, several laws of a mechanism among them, on a fitted `robot` that lacks them: one candidate for every
     mechanism, best first, by the formula that promises most (by its curve where that promises far more).
 
-    `known_states` are estimated initial states, `angles` those of the wheels if they have to be prescribed.
+    `known_states` are estimated initial states, `angles` those of the wheels if they have to be prescribed. `report`
+    is told how far the simulations are.
     """
     own = list(robot.parameters.free_names)
     base = robot.parameters.numbers
@@ -78,7 +80,7 @@ def screen(
     pairs = standing_together(effects)
     repeating = next((effect for effect in effects if effect.repeats), None)
     seen = seen_in(robot, logs, noise, known_states, repeating)
-    first, found, columns, prescribed = probed(robot, logs, pairs, secants, seen, known_states, angles)
+    first, found, columns, prescribed = probed(robot, logs, pairs, secants, seen, known_states, angles, report)
     outputs = np.concatenate([first, *(group.outputs for group in found)])
     weights, measured = _weights(robot, logs, {name: level for name, level in noise.items() if name not in prescribed})
     residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()

@@ -63,7 +63,7 @@ def search(
         count = len({effect.id for effect in remaining})
         report(f"first look at {count} candidates by {len(remaining)} laws")
         shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
-        screened = screen(shown.robot, logs, remaining, noise, shown.initial_states, shown.angles)
+        screened = screen(shown.robot, logs, remaining, noise, shown.initial_states, shown.angles, report)
         first_look = first_look or tuple(screened)
         if colour is not None and explained_somewhere(shown, remaining, screened, logs, held_out, noise):
             colour = None

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ..._arrays import array
@@ -76,6 +77,13 @@ class Identifiability:
     def identifiable(self) -> bool:
         """Whether every free parameter can be estimated on its own."""
         return not self.free_directions
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every free parameter, then combination, by symbol: `value` and expected `std_error`, in its own unit."""
+        rows = {name: (value, self.std_errors[name]) for name, value in self.values.items()}
+        rows |= {name: (estimate.value, estimate.std_error) for name, estimate in self.combinations.items()}
+        columns = ["value", "std_error"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 
     def _rows(self) -> list[tuple[str, str, str, str]]:
         rows = [("", "value", "expected std error", "of the value")]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import jax
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ..._arrays import array
@@ -98,6 +99,13 @@ class Profiles:
 
     def __getitem__(self, name: str) -> Profile:
         return self.profiles[name]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every parameter by symbol: `value`, `ci95_low` and `ci95_high` of its profile (infinite where nothing ends
+        it), `wald_low` and `wald_high` by its standard error, and `unit`."""
+        rows = {name: (p.value, *p.ci95, *p.wald, p.unit) for name, p in self.profiles.items()}
+        columns = ["value", "ci95_low", "ci95_high", "wald_low", "wald_high", "unit"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import pandas as pd
 
 from ..._distributions import chi_squared_tail
 from ..._origin import Origin, with_origin
@@ -68,6 +69,16 @@ class Repeatability:
             parameter, errors = self.furthest[name]
             parts.append(f"{name} (most in {parameter}: {errors:+.1f} standard errors, p {self.p_values[name]:.1g})")
         return f"Not all recordings agree: {'; '.join(parts)} against the others.{failed}"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every recording and parameter: `log` (empty for all together), the columns of `Fit.to_pandas`, and
+        `p_value` of the recording (NaN where it has none)."""
+        frames = []
+        for label, fit in [(_ALL, self.together), *self.alone.items()]:
+            frame = fit.to_pandas().reset_index()
+            frame.insert(0, "log", label)
+            frames.append(frame.assign(p_value=self.p_values.get(label, np.nan)))
+        return pd.concat(frames, ignore_index=True)
 
     def _rows(self) -> list[tuple[str, ...]]:
         names = self.together.free_names

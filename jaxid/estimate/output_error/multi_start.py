@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ..._float64 import in_float64
@@ -67,6 +68,10 @@ class MultiStart:
         return (
             f"{self.basins[0].starts} of {total} starts reached the best optimum; {self.lost} reached nothing finite."
         )
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every basin, best first: `starts`, `rise` of the cost over the best, and each parameter there."""
+        return pd.DataFrame([{"starts": b.starts, "rise": b.rise, **b.parameters} for b in self.basins])
 
     def _rows(self) -> list[tuple[str, ...]]:
         names = list(self.basins[0].parameters)

@@ -180,7 +180,7 @@ def explain_change(
     pair = Pair.of(
         before.robot, before.free_names, {"before": side_of(before, logs_before), "after": side_of(after, logs_after)}
     )
-    look = first_look(before.robot, pair, {"before": before.initial_states, "after": after.initial_states})
+    look = first_look(before.robot, pair, {"before": before.initial_states, "after": after.initial_states}, report)
     report("first look: " + ", ".join(f"{s.candidate.title} {s.gain:.0f}" for s in look.scores[:5]))
     null, colours = refit(pair, None, look.colours, look.theta), look.colours
     by_name = min([1.0, *(s.p_value * look.tried for s in look.scores)])

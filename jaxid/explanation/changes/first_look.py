@@ -6,7 +6,7 @@ Philosophical Society 44, 1948). All is whitened for noise of the colour that th
 variance is at least what blocks of time show.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -122,7 +122,12 @@ def _own(pair: Pair) -> tuple[dict[Side, Array], list[_Changes]]:
     return shared, found
 
 
-def _mechanisms(robot: Robot, pair: Pair, known: Mapping[Side, Mapping[str, Mapping[str, float]]]) -> list[_Changes]:
+def _mechanisms(
+    robot: Robot,
+    pair: Pair,
+    known: Mapping[Side, Mapping[str, Mapping[str, float]]],
+    report: Callable[[str], None],
+) -> list[_Changes]:
     """The changes that mechanisms of the catalogue make, by their usual law and their curve, where they appear or vanish."""
     effects: list[Effect] = []
     for usual in mechanisms_of(robot):
@@ -135,7 +140,7 @@ def _mechanisms(robot: Robot, pair: Pair, known: Mapping[Side, Mapping[str, Mapp
         own = pair.sides[side]
         noise = dict(zip(own.logs.channels.measured, map(float, own.sigma), strict=True))
         seen = seen_in(robot, own.logs, noise, known[side], None)
-        first, groups, _, _ = probed(robot, own.logs, standing_together(effects), [], seen, known[side], None)
+        first, groups, _, _ = probed(robot, own.logs, standing_together(effects), [], seen, known[side], None, report)
         for group in groups:
             strengths = group.plain(group.probe.strengths)
             values = {**group.plain(group.probe.shape), **strengths}
@@ -220,11 +225,17 @@ def _wider(D: Array, left: Array, blocks: NDArray[np.int64], logs: NDArray[np.in
     return np.sqrt(wider * np.where(sure, np.maximum(ratio, 1.0), 1.0))
 
 
-def first_look(robot: Robot, pair: Pair, known: Mapping[Side, Mapping[str, Mapping[str, float]]]) -> FirstLook:
+def first_look(
+    robot: Robot,
+    pair: Pair,
+    known: Mapping[Side, Mapping[str, Mapping[str, float]]],
+    report: Callable[[str], None] = lambda message: None,
+) -> FirstLook:
     """Score everything that may have changed of `robot`, the first fit's. `known` are the estimated initial states of each
-    side's logs by name."""
+    side's logs by name; `report` is told how far the simulations are."""
     shared, changes = _own(pair)
-    changes += _mechanisms(robot, pair, known)
+    report("simulated with changes of the robot's own parameters")
+    changes += _mechanisms(robot, pair, known, report)
     states: dict[Side, Array] = {}
     for side in SIDES:
         own = pair.sides[side]

@@ -1,4 +1,4 @@
-"""MATLAB files (.mat, version 7 and older), by SciPy: vectors, structs of vectors, and structures with time.
+"""MATLAB files (.mat), by SciPy, or h5py for version 7.3: vectors, structs of vectors, and structures with time.
 
 - Vectors of one length, at the top or in a struct, with a time among them (`t`, `time`, `Time`, `tout`, or one that a mapping
   names): `V2`, or `run.V2` in a struct called run.
@@ -14,6 +14,7 @@ import numpy as np
 
 from ..finding import LogError
 from ..series import Recording, Series, Topic, nanoseconds
+from . import matlab73
 
 TIMES = ("t", "time", "Time", "tout", "timestamp", "t_s", "time_s", "seconds")
 """What a column of times is usually called."""
@@ -60,9 +61,7 @@ def _loaded(path: Path) -> dict[str, Any]:
     try:
         data = path.read_bytes()[:128]
         if data[:4] == b"\x89HDF" or b"MATLAB 7.3" in data:
-            raise LogError(
-                f"{path} is a MATLAB file of version 7.3; save it by save('run.mat', ..., '-v7'), which holds up to 2 GB."
-            )
+            return matlab73.load(path)
         return scipy.io.loadmat(path, simplify_cells=True)
     except LogError:
         raise
@@ -78,8 +77,8 @@ def _loaded(path: Path) -> dict[str, Any]:
 def read_mat(path: Path, time_field: str | None = None) -> Recording:
     """The vectors of a MATLAB file, each with the times that stand beside it; `time_field` names these.
 
-    Raises `LogError`, one sentence with file and remedy, for a file of version 7.3, one that is damaged, and one without
-    vectors beside a time.
+    Raises `LogError`, one sentence with file and remedy, for a file of version 7.3 without h5py, one that is damaged, and one
+    without vectors beside a time.
     """
     loaded = {name: value for name, value in _loaded(path).items() if not name.startswith("__")}
     vectors = {name: column for top, value in loaded.items() for name, column in _vectors(top, value).items()}

@@ -1,5 +1,7 @@
 """jaxid/logs/formats/matlab.py: files of SciPy's own writer."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -42,13 +44,51 @@ def test_signals_of_other_rates_keep_their_own_times(tmp_path):
     np.testing.assert_array_equal(series["slow.v"].received, np.round(T[::5] * 1e9))
 
 
-def test_what_cannot_be_read_says_how_to_save_it(tmp_path):
+def matlab73(path):
+    """As MATLAB lays out version 7.3: 512 bytes before the HDF5 file, columns as rows, structs as groups, text as numbers."""
     h5py = pytest.importorskip("h5py", reason="files of version 7.3 are HDF5")
-    new = tmp_path / "new.mat"
-    with h5py.File(new, "w") as file:
-        file["t"] = T
-    with pytest.raises(LogError, match="version 7.3; save it by .*-v7"):
-        read_recording(new)
+    with h5py.File(path, "w", userblock_size=512) as file:
+
+        def add(group, name, values, kind="double"):
+            made = group.create_dataset(name, data=values)
+            made.attrs["MATLAB_class"] = np.bytes_(kind)
+
+        run = file.create_group("run")
+        run.attrs["MATLAB_class"] = np.bytes_("struct")
+        add(run, "t", T[None, :])
+        add(run, "u", U[None, :])
+        add(run, "v", U[:, None] * 2)
+        logged = file.create_group("out")
+        add(logged, "time", T[None, :])
+        signals = logged.create_group("signals")
+        add(signals, "values", np.stack([U, -U]))
+        add(signals, "label", np.array([[ord(c)] for c in "wheel"], dtype=np.uint16), "char")
+        references = file.create_group("#refs#")
+        add(references, "a", T[None, :])
+        file.create_dataset("cells", data=np.array([references.ref], dtype=h5py.ref_dtype))
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+def test_version_73_is_read_as_older_ones_are(tmp_path):
+    series = read_recording(matlab73(tmp_path / "new.mat")).series
+    assert set(series) == {"run.u", "run.v", "out.wheel[0]", "out.wheel[1]"}
+    np.testing.assert_array_equal(series["run.v"].values, 2 * U)
+    np.testing.assert_array_equal(series["out.wheel[1]"].values, -U)
+    np.testing.assert_array_equal(series["run.u"].received, np.round(T * 1e9))
+
+
+def test_version_73_without_h5py_or_damaged(tmp_path, monkeypatch):
+    whole = matlab73(tmp_path / "new.mat").read_bytes()
+    for length in range(512, len(whole), len(whole) // 12):
+        cut = tmp_path / f"cut_{length}.mat"
+        cut.write_bytes(whole[:length])
+        with pytest.raises(LogError, match="cannot be read as a MATLAB file"):
+            read_recording(cut)
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(LogError, match=r"pip install jaxid-robots\[mat73\], or save it by .*-v7"):
+        read_recording(tmp_path / "new.mat")
 
 
 @pytest.mark.parametrize(
