@@ -89,9 +89,19 @@ def _times(value: float) -> str:
     return f"{value:.2f}" if value < 10 else f"{value:.3g}"
 
 
+def _until(u: Array) -> Array:
+    """The input [T] that acted until each sample: the one of the sample before."""
+    return np.append(u[:1], u[:-1])
+
+
 def drivers(logs: LogSet, simulated: Sequence[Array]) -> dict[str, list[Array]]:
-    """What a residual may follow: inputs, and the simulated motion, its square with its sign, and its direction."""
-    found = {name: [log.input(name) for log in logs] for name in logs.channels.inputs}
+    """What a residual may follow: the inputs that acted until it was measured, and the simulated motion, its square with its
+    sign, and its direction.
+
+    The input of a sample acts after it. A controller makes it from what was measured there, noise included: with that noise
+    it is related, whatever the model.
+    """
+    found = {name: [_until(log.input(name)) for log in logs] for name in logs.channels.inputs}
     for i, name in enumerate(logs.channels.measured):
         if not any(name in counted_channels(log) for log in logs):
             continue

@@ -157,7 +157,9 @@ def _whitening(rho: Array) -> Array:
 def cross_correlation(
     parts: Sequence[Array], inputs: Sequence[Array], channel: str = "the channel", name: str = "u", lags: int = LAGS
 ) -> tuple[ResidualTest, Array]:
-    """Test of the residual against one input up to `lags` samples earlier, and their correlation [lags + 1].
+    """Test of the residual against one input 1 to `lags` samples earlier, and their correlation from lag 0 on [lags + 1].
+
+    The input of the sample itself acts after it, and a controller makes it from what was measured there, noise included.
 
     Both are first whitened by the residual's own autoregression (Box & Jenkins), which keeps coloured sensor noise from
     passing as a missing effect. The statistic is the F ratio of the residual's regression on the delayed inputs: the
@@ -192,8 +194,9 @@ def cross_correlation(
     if len(target) < 2 * (lags + 2) or spread.max() <= 1e-9 * level or target.std() == 0:
         return _untested(title, f"{channel}: not compared with {name}, which never changes."), nothing
     rho = matrix.T @ target / len(target) / np.where(spread > 0, spread, np.inf) / target.std()
-    coefficients, _, rank, _ = np.linalg.lstsq(matrix, target, rcond=1e-8)
-    left = float(np.sum((target - matrix @ coefficients) ** 2))
+    acted = matrix[:, 1:]
+    coefficients, _, rank, _ = np.linalg.lstsq(acted, target, rcond=1e-8)
+    left = float(np.sum((target - acted @ coefficients) ** 2))
     total = float(target @ target)
     freedom = len(target) - 1 - int(rank)
     statistic = (total - left) / rank / max(left / freedom, np.finfo(float).tiny)
@@ -202,7 +205,7 @@ def cross_correlation(
         return ResidualTest(
             title, statistic, p, False, f"{channel}: the residual is unrelated to {name} ({_chance(p)})."
         ), rho
-    worst = int(np.argmax(np.abs(rho)))
+    worst = int(np.argmax(np.abs(rho[1:]))) + 1
     return ResidualTest(
         title,
         statistic,

@@ -11,6 +11,7 @@ from .._arrays import array
 from .._float64 import float64
 from .channels import Channels
 from .log import Log
+from .readings import counting
 
 _SHORT = 64
 
@@ -23,7 +24,7 @@ class Batch(eqx.Module):
     - `dt`: s, the interval that starts at sample k; for a log's last sample, and for padding, the log's median.
     - `inputs`: applied from sample k to k + 1; 0 in padding.
     - `outputs`: measured at sample k (outputs, then optional outputs); 0 where `mask` is False.
-    - `mask`: True where there is a measurement that counts: not NaN and not padding.
+    - `mask`: True where there is a measurement that counts (`readings`): not NaN, not padding, no counter's reading again.
     - `length`: number of real samples of each experiment.
     - `names`, `channels`: static. JAX compiles anew for other static values: hand `batch.without_names()` to compiled
       functions that should be shared by different sets.
@@ -62,7 +63,7 @@ class Batch(eqx.Module):
             dt[row] = log.sampling_interval
             dt[row, : n - 1] = np.diff(log.time)
             inputs[row, :n] = log.inputs
-            mask[row, :n] = np.isfinite(log.outputs)
+            mask[row, :n] = counting(log)
             outputs[row, :n] = np.where(mask[row, :n], log.outputs, 0.0)
         return cls(
             dt=array(dt),

@@ -339,3 +339,30 @@ def test_outliers_in_a_row_are_said_to_be_a_few_samples_and_the_robust_loss_find
     assert "wanders" not in fit.judgement.sentence
     robust = output_error(ROBOT, LogSet(logs), loss="cauchy")
     assert robust.judgement.verdict == "sound" and len(robust.outliers) == 4
+
+
+def in_a_loop(seed, offset=0.0, samples=1500, interval=0.02, fine=100):
+    """An axis whose controller sees the noise of its sensor: proportional and integral action, held commands, dry friction that
+    sticks in steps of a hundredth of the interval. `offset` is a force that the model does not know."""
+    rng = np.random.default_rng(seed)
+    wanted = np.repeat(rng.uniform(-1.0, 1.0, samples // 50), 50)
+    v, summed, inputs, measured = 0.0, 0.0, [], []
+    for target in wanted:
+        measured.append(v + 0.01 * rng.normal())
+        error = target - measured[-1]
+        summed += interval * error
+        inputs.append(20.0 * error + 30.0 * summed)
+        for _ in range(fine):
+            free = v + interval / fine * (inputs[-1] - 2.0 * v - offset * v * abs(v))
+            v = np.sign(free) * max(abs(free) - 0.5 * interval / fine, 0.0)
+    time = interval * np.arange(samples)
+    return Log.from_arrays(f"loop {seed}", time, np.array(inputs)[:, None], {"v": np.array(measured)}, "axis")
+
+
+def test_what_a_controller_answers_to_noise_is_nothing_that_the_residual_follows():
+    for seed in (1, 2, 3):
+        fit = output_error(ROBOT, LogSet([in_a_loop(seed)]))
+        assert fit.judgement.verdict == "sound", fit.judgement.sentence
+    # A drag that the model lacks is seen in the loop all the same.
+    lacking = output_error(ROBOT, LogSet([in_a_loop(1, offset=0.3)]))
+    assert lacking.judgement.verdict == "poor"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...logs import Log, LogSet
+from ...logs.readings import counting
 from ..residual_tests import ChannelTests, residual_tests
 
 Array = NDArray[np.float64]
@@ -72,12 +73,17 @@ def counted_channels(log: Log) -> tuple[str, ...]:
 
 
 def errors_of(log: Log, simulated: Array) -> dict[str, Array]:
-    """Simulated minus measured [T] of every channel by which the log judges a model, NaN where nothing was measured.
+    """Simulated minus measured [T] of every channel by which the log judges a model, NaN where nothing was measured that
+    counts (`readings`).
 
     `simulated` is [T, channels.measured].
     """
-    order = log.channels.measured
-    return {name: np.asarray(simulated)[:, order.index(name)] - log.output(name) for name in counted_channels(log)}
+    found, counts = {}, counting(log)
+    for name in counted_channels(log):
+        column = log.channels.measured.index(name)
+        error = np.asarray(simulated)[:, column] - log.output(name)
+        found[name] = np.where(counts[:, column], error, np.nan)
+    return found
 
 
 def diverging(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float]) -> tuple[str, ...]:

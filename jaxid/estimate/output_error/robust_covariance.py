@@ -138,6 +138,8 @@ def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
     """
     steps = scores @ inverse
     share = np.einsum("ij,ejk,ki->ei", inverse, information, inverse)
+    # Shares of parameters far beyond the data may be too large to be squared; their ratio does not hang on their unit.
+    share = share / np.maximum(np.abs(share).max(axis=0), np.finfo(float).tiny)
     total = share.sum(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         counts = total**2 / np.sum(share**2, axis=0)

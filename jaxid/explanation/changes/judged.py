@@ -8,11 +8,15 @@ from numpy.typing import NDArray
 from scipy.special import chndtrinc
 
 from ..._distributions import chi_squared_beyond, chi_squared_tail, student_tail
+from ...estimate.confidence.agreement import rms
 from ...estimate.noise_colour import Colour
 from ...estimate.result import Fit
 from ...logs import LogSet, noise_level
 from ...robots.robot import Robot
-from ..heldout import held_out_state
+from ...simulation.scaled import scales_of
+from ..coloured import only_colour
+from ..heldout import HeldOut, held_out_state
+from ..level import current_level
 from .candidates import Side
 from .change import POWER
 from .first_look import Score
@@ -57,7 +61,8 @@ def _levels(logs: LogSet, residual: Array, there: NDArray[np.bool_], sigma: Arra
 
 def follows_one_worse(pair: Pair, residuals: Mapping[Side, Array]) -> tuple[float, float]:
     """p value, and ratio, of the model following one set's logs less well than the other's: what is in one set only and in no
-    candidate. Their noise may differ; it is taken from each log itself."""
+    candidate. Their noise may differ; it is taken from each log itself, and what has the shape of a sensor's filter and is
+    faster than any force is noise as well."""
     levels = []
     for side in SIDES:
         own = pair.sides[side]
@@ -71,7 +76,31 @@ def follows_one_worse(pair: Pair, residuals: Mapping[Side, Array]) -> tuple[floa
     spread = sum(max(v, f) for v, f in zip(variances, floor, strict=True))
     freedom = sum(map(len, levels)) - 2
     p = 2.0 * float(student_tail(np.log(ratio) / np.sqrt(spread), freedom))
+    worse = SIDES[int(levels[1].mean() > levels[0].mean())]
+    if ratio > _LARGER and p < current_level() and _filtered_noise(pair, worse, residuals[worse]):
+        return 1.0, ratio
     return (p if ratio > _LARGER else 1.0), ratio
+
+
+def _filtered_noise(pair: Pair, side: Side, residual: Array) -> bool:
+    """Whether all that is left of one set, `residual` [E, T, ny] in units of the noise, is the noise of filtered sensors."""
+    own = pair.sides[side]
+    names = own.logs.channels.measured
+    told = [i for i in range(len(names)) if own.there[:, :, i].any()]
+    parts = [
+        np.where(own.there[e, : len(log)], residual[e, : len(log)], np.nan)[:, told] for e, log in enumerate(own.logs)
+    ]
+    pooled = np.concatenate(parts)
+    state = HeldOut(
+        normalised_rms=rms(pooled),
+        by_channel={names[i]: rms(pooled[:, k]) for k, i in enumerate(told)},
+        residuals=tuple(parts),
+        noise={names[i]: float(own.sigma[i]) for i in told},
+        p_white=0.0,
+    )
+    scales = scales_of(pair.robot, own.logs)
+    found = only_colour([(state, own.logs)], scales.time / scales.interval)
+    return found is not None and found.simple and found.faster
 
 
 def noticed_from(score: Score, chance: float) -> Array:

@@ -100,6 +100,13 @@ def test_battery_floor_and_delay_of_an_axis(options, name, true):
     assert all(within(named[name].differences[key], size) for key, size in true.items())
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_sensor_that_was_filtered_since_is_no_change_of_the_robot(seed):
+    logs = recorded("axis", 60 + seed, noise="coloured")
+    found = compared("axis", logs, seed)
+    assert found.verdict == "unchanged", found.sentence
+
+
 def test_what_has_no_name_is_said_to_have_none():
     found = compared("axis", recorded("axis", 50, effects={"push": {"force": 3.0, "every": 2.0, "start": 1.0}}))
     assert found.verdict == "unexplained" and found.doubts
