@@ -13,6 +13,7 @@ Two kinds of coordinates, neither of which knows a unit:
   from the bound there.
 """
 
+from types import SimpleNamespace
 from typing import Any
 
 import equinox as eqx
@@ -23,6 +24,11 @@ from ..._arrays import AnyArray as Array
 from ..._arrays import namespace
 
 _CORNER = 0.01
+
+
+class Plain(SimpleNamespace):
+    """A problem's or its bounds' attributes as NumPy's arrays, to be read alone: a module's take microseconds each, which a fit
+    of many small steps is made of."""
 
 
 class Bounds(eqx.Module):
@@ -47,7 +53,7 @@ class Bounds(eqx.Module):
         return xp.clip(theta, self.lower, self.upper) / self.scale
 
 
-def physical(bounds: Bounds, z: Float[Array, "*lanes n"]) -> Any:
+def physical(bounds: Bounds | Plain, z: Float[Array, "*lanes n"]) -> Any:
     """`Bounds.physical` as a function: binding a method of a module takes longer than the few numbers do."""
     theta = bounds.scale * z
     xp = namespace(theta)

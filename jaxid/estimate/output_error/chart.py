@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float
 from ..._arrays import AnyArray as Array
 from ..._arrays import namespace
 from .arrow import gradient, in_units, norms
-from .bounds import Bounds
+from .bounds import Bounds, Plain
 from .problem import Triangle, Unknowns
 
 
@@ -77,7 +77,7 @@ def _widths(norm: Float[Array, "..."], otherwise: Float[Array, "..."]) -> Float[
     return xp.where(norm > 0, 1.0 / xp.where(norm > 0, norm, 1.0), xp.where(otherwise > 0, otherwise, 1.0))
 
 
-def chart_at(bounds: Bounds, here: Unknowns, triangle: Triangle) -> Chart:
+def chart_at(bounds: Bounds | Plain, here: Unknowns, triangle: Triangle) -> Chart:
     """The units at a linearisation."""
     xp = namespace(triangle.shared)
     lower, upper = bounds.lower / bounds.scale, bounds.upper / bounds.scale

@@ -17,6 +17,7 @@ from ...kernel.look_kernel import MOST_OUTPUTS
 from ...kernel.machine import lanes
 from ...simulation.records import command_slopes, measured_slopes
 from ...simulation.segments import Rollouts, in_segments, with_states
+from .bounds import Plain
 from .laid_out import Array, Direct, direct, numbers_at, seen_by, shown, starts_at, weighted_residual
 from .problem import (
     DIVERGED,
@@ -242,7 +243,7 @@ def _triangles_on_the_way(d: Direct, alone: Alone, theta, slope, states):
 
 
 def reduced(
-    problem: Problem,
+    problem: Problem | Plain,
     theta: Float[Array, " n"],
     slope: Float[Array, " n"],
     triangles: Float[Array, "E k k"],
@@ -268,7 +269,7 @@ def reduced(
     )
 
 
-def slopes_at(problem: Problem, z: Float[Array, "*c n"]) -> Float[Array, "*c n"]:
+def slopes_at(problem: Problem | Plain, z: Float[Array, "*c n"]) -> Float[Array, "*c n"]:
     """Derivatives of the physical parameters by the optimiser's coordinates, zero for those that are held."""
     slope = np.where(problem.free, problem.bounds.scale, 0.0)
     return slope if slope.shape == z.shape else np.broadcast_to(slope, z.shape)

@@ -10,6 +10,7 @@ from ...kernel.direct import squares as squares_of
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.records import commanded_each, measured_each
+from .bounds import Plain
 from .laid_out import Array, Direct, Logs, numbers_at, starts_at, weighted_residual
 from .problem import Apart, Problem, Unknowns, parameters_at
 
@@ -66,7 +67,7 @@ def log_squares(
 
 
 def costs_of(
-    problem: Problem, theta: Float[Array, "c n"], states: Float[Array, "c E s"], squares: Float[Array, "c E"]
+    problem: Problem | Plain, theta: Float[Array, "c n"], states: Float[Array, "c E s"], squares: Float[Array, "c E"]
 ) -> Apart:
     """`problem.costs_apart` at many unknowns from their logs' squares."""
     pull = np.where(problem.free, problem.prior_precision, 0.0) * (theta - problem.prior_mean) ** 2

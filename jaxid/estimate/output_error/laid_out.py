@@ -13,6 +13,7 @@ from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.direct import MachineModel, machine_model
 from ...simulation.records import commanded, measured
+from .bounds import Plain
 from .problem import CLOCK_OFFSET, Problem, Structure, plain, residual_weights
 
 Array = Any
@@ -39,7 +40,7 @@ class Direct(NamedTuple):
     """
 
     model: MachineModel
-    problem: Problem
+    problem: Plain
     moving: tuple[int, ...]
     starts: tuple[int, ...]
     numbers: Float[Array, "*E P"]
@@ -70,32 +71,33 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
     model, names = _model(structure, problem)
     if model is None:
         return None
-    problem = plain(problem)
-    robot, fixed = structure.robot, problem.prescribed
-    E, T = problem.dt.shape
+    weight = residual_weights(problem) if residuals else None
+    numbers = plain(problem)
+    robot, fixed = structure.robot, numbers.prescribed
+    E, T = numbers.dt.shape
     known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
     n = structure.integrator.substeps
-    scale = np.broadcast_to(problem.state_scale, problem.state_free.shape)
-    slope = np.where(problem.state_free, scale, 0.0)
+    scale = np.broadcast_to(numbers.state_scale, numbers.state_free.shape)
+    slope = np.where(numbers.state_free, scale, 0.0)
     return Direct(
         model=model,
-        problem=problem,
+        problem=numbers,
         moving=tuple(names.index(name) for name in structure.names),
         starts=tuple(robot.states.index(name) for name in structure.state_names),
-        numbers=np.array([float(problem.numbers.get(name, 0.0)) for name in names]),
-        begin=np.stack([np.broadcast_to(problem.start[name], E) for name in robot.states], axis=1),
+        numbers=np.array([float(numbers.numbers.get(name, 0.0)) for name in names]),
+        begin=np.stack([np.broadcast_to(numbers.start[name], E) for name in robot.states], axis=1),
         state_scale=scale,
         state_slope=slope,
-        state_stiffness=np.sqrt(problem.state_precision) * slope,
+        state_stiffness=np.sqrt(numbers.state_precision) * slope,
         shares=np.full((n, lanes()), 1.0 / n),
         logs=Logs(
-            u=grouped(np.asarray(problem.inputs)[:, :, None, :]),
-            dt=grouped(np.asarray(problem.dt)),
+            u=grouped(np.asarray(numbers.inputs)[:, :, None, :]),
+            dt=grouped(np.asarray(numbers.dt)),
             fixed=grouped(known),
-            measured=grouped(np.where(problem.mask, problem.outputs, 0.0))
+            measured=grouped(np.where(numbers.mask, numbers.outputs, 0.0))
             if residuals
             else np.zeros((0, 0, 0, lanes())),
-            weight=grouped(residual_weights(problem)) if residuals else np.zeros((0, 0, 0, lanes())),
+            weight=np.zeros((0, 0, 0, lanes())) if weight is None else grouped(weight),
         ),
     )
 

@@ -11,7 +11,6 @@ Jacobian, of the size of the unknowns, with the same cost, gradient and Gauss-Ne
 """
 
 from dataclasses import fields, replace
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -26,7 +25,7 @@ from ..._arrays import namespace
 from ...kernel.dense import triangle_of
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator, rollout
-from .bounds import Bounds, physical
+from .bounds import Bounds, Plain, physical
 from .over_experiments import over_experiments
 
 DIVERGED = 1e30
@@ -80,13 +79,12 @@ def residual_weights(problem: Problem) -> Float[np.ndarray, "E T ny"]:
     return weights if problem.weight is None else weights * np.asarray(problem.weight)
 
 
-def plain(problem: Problem) -> Any:
-    """The same as NumPy's arrays, to be read alone: a module's attributes take microseconds each, which a fit of many small
-    steps is made of."""
+def plain(problem: Problem) -> Plain:
+    """The problem to be read alone."""
 
-    def numbers(module: Any) -> Any:
+    def numbers(module: Any) -> Plain:
         own = {one.name: getattr(module, one.name) for one in fields(module)}
-        return SimpleNamespace(
+        return Plain(
             **{name: value if value is None else jax.tree.map(np.asarray, value) for name, value in own.items()}
         )
 
@@ -142,7 +140,7 @@ def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
     return shifted(y, dt, moved[CLOCK_OFFSET]) if CLOCK_OFFSET in moved else y
 
 
-def parameters_at(problem: Problem, z: Float[Array, "*lanes n"]) -> Any:
+def parameters_at(problem: Problem | Plain, z: Float[Array, "*lanes n"]) -> Any:
     """Physical parameters at the optimiser's coordinates, those not free at their held values. NumPy's arrays stay such."""
     theta = physical(problem.bounds, z)
     return namespace(theta).where(problem.free, theta, problem.held)
