@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from jaxtyping import Array, Float
 
 from ..parameters import Parameter
-from .probe import Probe, Seen
+from .probe import Probe, Seen, moved
 
 if TYPE_CHECKING:
     from .robot import Robot
@@ -103,13 +103,17 @@ class Effect:
         return f"{in_words(self.id)} ({in_words(self.law)})" if self.law else in_words(self.id)
 
     def probes(self, robot: "Robot", seen: Seen) -> tuple[Probe, ...]:
-        """What a first look at logs tries of the effect on `robot`, which carries it: all parameters at their typical size.
+        """What a first look at logs tries of the effect on `robot`, which carries it: its parameters at their typical size,
+        those that have it already (a time constant, a speed) as they are; and the robot's own that it frees, moved a little.
 
         Effects that act somewhere (at a speed, beyond a line), or that are not proportional to their strength, say more.
         """
-        names = [*self.parameters(robot), *self.frees(robot)]
-        typical = {name: robot.parameters[name].typical or 1.0 for name in names if robot.parameters[name].free}
-        return (Probe(typical),) if typical else ()
+        free = {name: robot.parameters[name] for name in self.parameters(robot) if robot.parameters[name].free}
+        strengths = {name: p.typical or 1.0 for name, p in free.items() if p.value != (p.typical or 1.0)}
+        shape = {name: p.value for name, p in free.items() if name not in strengths}
+        freed = {name: moved(robot.parameters[name]) for name in self.frees(robot) if robot.parameters[name].free}
+        strengths |= freed
+        return (Probe(strengths, shape),) if strengths else ()
 
     def parameters(self, robot: "Robot") -> dict[str, Parameter]:
         """The effect's parameters for this robot by `key`; all zero means absent."""

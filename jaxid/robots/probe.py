@@ -11,6 +11,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from ..parameters import Parameter
+
+_STEP = 0.05
+"""Share of its value by which a robot's own parameter is moved in a first look."""
+
 
 @dataclass(frozen=True)
 class Probe:
@@ -46,3 +51,9 @@ class Seen:
 def one_by_one(name: str, sizes: tuple[float, ...]) -> tuple[Probe, ...]:
     """A strength that the effect is not proportional to, at several sizes."""
     return tuple(Probe({name: size}) for size in sizes)
+
+
+def moved(own: Parameter) -> float:
+    """A value of one of the robot's own parameters to be tried: a little off the one it has, or, where that is zero, what is
+    typical."""
+    return own.value + (_STEP * abs(own.value) or own.typical or 1.0)

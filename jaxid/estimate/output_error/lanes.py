@@ -57,6 +57,13 @@ class _Request(NamedTuple):
     value: Any
 
 
+class _Failed(NamedTuple):
+    """In place of an answer: what computing it raised, and where."""
+
+    failure: Exception
+    where: Any
+
+
 @dataclass
 class _Member:
     """A fit between two questions."""
@@ -101,8 +108,9 @@ def _waited_for(question: _Question | _Request) -> Any:
     member.waits.set()
     member.go.wait()
     answer, member.answer = member.answer, None
-    if isinstance(answer, BaseException):
-        raise answer
+    if isinstance(answer, _Failed):
+        # One exception is raised in many fits: the frames of the others are not this one's.
+        raise answer.failure.with_traceback(answer.where)
     return answer
 
 
@@ -205,7 +213,7 @@ def in_lanes(jobs: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], dic
             try:
                 answers = _answered([m.question for m in group], sizes)
             except Exception as failure:  # belongs to those that asked
-                answers = [failure] * len(group)
+                answers = [_Failed(failure, failure.__traceback__)] * len(group)
             for member, answer in zip(group, answers, strict=True):
                 member.answer = answer
     for member in members.values():
