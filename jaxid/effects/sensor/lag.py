@@ -38,19 +38,27 @@ def low_passed(outputs, time, T):
     return jnp.concatenate([outputs[:1], filtered])
 
 
-def averaged(outputs, time, asked):
-    """The mean of `outputs` [T, ny], parabolas between samples, over the last `asked` seconds."""
+def averaged(outputs, time, asked, ahead=0.0):
+    """The mean of `outputs` [T, ny], parabolas between samples, over `asked` seconds, of which the share `ahead` is still to
+    come; what is before the first stamp and after the last is as it is there."""
     dt = jnp.diff(time)[:, None]
     window = jnp.maximum(asked, 0.1 * jnp.max(dt))  # of a shorter one, a share of what this changes
-    # The integral of the outputs; of a start at rest before the first stamp.
-    whole = jnp.cumsum(0.5 * dt * (outputs[1:] + outputs[:-1]) - dt**3 / 12.0 * bends(outputs, time), axis=0)
+    bent = bends(outputs, time)
+    whole = jnp.cumsum(0.5 * dt * (outputs[1:] + outputs[:-1]) - dt**3 / 12.0 * bent, axis=0)
     whole = jnp.concatenate([jnp.zeros_like(outputs[:1]), whole])
-    before, share = earlier(time, window)
-    step, share = dt[before], share[:, None]
-    start, slope = outputs[before], (outputs[before + 1] - outputs[before])
-    then = whole[before] + step * (share * start + 0.5 * share**2 * slope)
-    early = jnp.maximum(window - (time - time[0]), 0.0)[:, None] * outputs[0]
-    return outputs + asked / window * ((whole - then + early) / window - outputs)
+
+    def until(then):
+        """The integral of the outputs up to other times."""
+        before, share = earlier(time, time - jnp.minimum(then, time[-1]))
+        step, share = dt[before], share[:, None]
+        start, slope = outputs[before], (outputs[before + 1] - outputs[before])
+        turn = step**2 * (0.25 - share / 6.0) * bent[before]
+        found = whole[before] + step * (share * start + share**2 * (0.5 * slope - turn))
+        early, late = jnp.minimum(then - time[0], 0.0), jnp.maximum(then - time[-1], 0.0)
+        return found + early[:, None] * outputs[0] + late[:, None] * outputs[-1]
+
+    end = until(time + ahead * window) if ahead else whole
+    return outputs + asked / window * ((end - until(time - (1.0 - ahead) * window)) / window - outputs)
 
 
 @dataclass(frozen=True)
@@ -131,4 +139,21 @@ class MovingAverage(SensorLag):
         return outputs_only(robot, averaged(outputs, time, p[self.key("window")]), outputs)
 
 
-LAWS: tuple[Effect, ...] = (SensorLag(), SecondOrderSensorLag(), SensorLagOfEach(), MovingAverage())
+@dataclass(frozen=True)
+class CentredAverage(SensorLag):
+    """The mean of the speeds about the stamp: positions differentiated by central differences, logs smoothed afterwards."""
+
+    law: ClassVar[str] = "centred_average"
+    formula: ClassVar[str] = "y'(t) = mean of y over (t - width / 2, t + width / 2)"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "width", "s", 0.5 * robot.scales.time)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("width"), tuple(4.0 * time for time in robot.scales.times_to_try))
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        return outputs_only(robot, averaged(outputs, time, p[self.key("width")], ahead=0.5), outputs)
+
+
+LAWS: tuple[Effect, ...] = (SensorLag(), SecondOrderSensorLag(), SensorLagOfEach(), MovingAverage(), CentredAverage())
