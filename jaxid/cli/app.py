@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from .arguments import repeat_flags, window_option
+from .arguments import check_loop, check_named, print_version, repeat_flags, window_option
 from .errors import one_line_errors
 from .options import (
     MANY,
@@ -40,33 +40,10 @@ app = typer.Typer(
 )
 
 
-def check_named(own_effects: str | None, model: Path | None) -> None:
-    """Raise `typer.BadParameter` (exit status 2) for effects of the user's own and no model that could name them."""
-    if own_effects is not None and model is None:
-        raise typer.BadParameter(
-            "--effects are those that a --model names; give that, or look for them by jaxid explain."
-        )
-
-
-def check_loop(controller: str | None, intersample: str) -> None:
-    """Raise `typer.BadParameter` (exit status 2) for a controller and inputs that are not held."""
-    if controller is not None and intersample != "hold":
-        raise typer.BadParameter("--intersample linear is for measured inputs; a --controller holds its commands.")
-
-
-def _print_version(wanted: bool) -> bool:
-    if wanted:
-        from .. import __version__
-
-        typer.echo(f"jaxid {__version__}")
-        raise typer.Exit
-    return wanted
-
-
 @app.callback()
 def _jaxid(
     _version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version and exit.")
+        bool, typer.Option("--version", is_eager=True, callback=print_version, help="Print the version and exit.")
     ] = False,
 ) -> None:
     pass
@@ -407,9 +384,7 @@ def design(
 @app.command()
 @one_line_errors
 def demo(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for fit.json and pictures.")] = Path(
-        "jaxid-demo"
-    ),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for fit.json and pictures.")] = Path("jaxid-demo"),
     overwrite: Overwrite = False,
 ) -> None:
     """Both papers' robots identified from the package's own logs, next to the truth, and the papers' tables."""
@@ -420,7 +395,6 @@ def demo(
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run one command line (by default the process's own). Always ends in `SystemExit` with the exit status."""
-    # One thread for a program: jaxid's are long loops of small operations, and handing these to several threads takes
-    # twice as long. Here the process is ours alone.
+    # One thread: handing long loops of small operations to several takes twice as long, and this process is ours alone.
     os.environ.setdefault("PJRT_NPROC", "1")
     app(args=repeat_flags(list(sys.argv[1:] if argv is None else argv), MANY), prog_name="jaxid")

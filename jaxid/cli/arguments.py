@@ -1,4 +1,4 @@
-"""What stands on the command line: values of flags that take many, and the robot."""
+"""What stands on the command line: values of flags that take many, flags that go together, and the robot."""
 
 import importlib
 import sys
@@ -189,3 +189,27 @@ def for_logs(robot: "Robot", paths: Sequence[str], mapping: Path | None) -> "Rob
         return robot.for_columns((*first_columns(paths), *renamed))
     except (OSError, ValueError):
         return robot
+
+
+def check_named(own_effects: str | None, model: Path | None) -> None:
+    """Raise `typer.BadParameter` (exit status 2) for effects of the user's own and no model that could name them."""
+    if own_effects is not None and model is None:
+        raise typer.BadParameter(
+            "--effects are those that a --model names; give that, or look for them by jaxid explain."
+        )
+
+
+def check_loop(controller: str | None, intersample: str) -> None:
+    """Raise `typer.BadParameter` (exit status 2) for a controller and inputs that are not held."""
+    if controller is not None and intersample != "hold":
+        raise typer.BadParameter("--intersample linear is for measured inputs; a --controller holds its commands.")
+
+
+def print_version(wanted: bool) -> bool:
+    """What `--version` does, before anything else is read."""
+    if wanted:
+        from .. import __version__
+
+        typer.echo(f"jaxid {__version__}")
+        raise typer.Exit
+    return wanted
