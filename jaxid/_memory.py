@@ -10,8 +10,8 @@ from contextlib import contextmanager, suppress
 
 import jax
 
-MOST_PROGRAMS = 150
-"""Compiled programs that are kept. Robots of one kind with logs of one length make fewer, and compile nothing twice."""
+MOST_PROGRAMS = 250
+"""Compiled programs that are kept. Robots of one or two kinds with logs of one length make fewer, and compile nothing twice."""
 
 
 def programs() -> int:

@@ -8,12 +8,14 @@ parameters with it.
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .._compile import compiled
 from .._float64 import in_float64
 from ..effects import catalogue, laws_of
 from ..effects.curve import Curve
@@ -44,19 +46,25 @@ def _seen(robot: Robot, logs: LogSet) -> tuple[dict[str, Array], tuple[Array, ..
     return {**still, **{n: outputs[there, names.index(n)] for n in robot.velocities}}, tuple(inputs[there].T)
 
 
-def _changes(robot: Robot, names: Sequence[str], state: dict, inputs: Sequence[Array]) -> Array:
-    """What the parameters `names` add to the accelerations of the sliding robot, one by one [names, N velocities]."""
-    known = dict(robot.parameters.numbers)
+@partial(compiled, static_argnames=("robot", "names"))
+def _slopes(robot: Robot, names: tuple[str, ...], numbers, values, state, inputs):
+    """Derivatives of the accelerations of the sliding robot by the parameters `names` [N velocities, names]."""
 
     def accelerations(values):
-        p = {**known, **dict(zip(names, values, strict=True))}
+        p = {**numbers, **dict(zip(names, values, strict=True))}
         pairs = zip(robot.coulomb(state, p), robot.rubbing(state, p), strict=True)
         dry = tuple(jnp.where(speed > 0.0, ahead, -back) * (speed != 0.0) for (back, ahead), speed in pairs)
         rates = robot.rates(state, tuple(inputs), dry, p)
         return jnp.concatenate([jnp.broadcast_to(rates[name], state[name].shape) for name in robot.velocities])
 
-    begin = jnp.array([float(known[name]) for name in names])
-    return np.asarray(jax.jacfwd(accelerations)(begin)).T
+    return jax.jacfwd(accelerations)(values)
+
+
+def _changes(robot: Robot, names: Sequence[str], state: dict, inputs: Sequence[Array]) -> Array:
+    """What the parameters `names` add to the accelerations of the sliding robot, one by one [names, N velocities]."""
+    known = {name: float(value) for name, value in robot.parameters.numbers.items()}
+    begin = np.array([known[name] for name in names])
+    return np.asarray(_slopes(robot.structure, tuple(names), known, begin, state, inputs)).T
 
 
 def _left(columns: Array, wanted: Array) -> Array:
