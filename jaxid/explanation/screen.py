@@ -81,11 +81,15 @@ def screen(
     repeating = next((effect for effect in effects if effect.repeats), None)
     seen = seen_in(robot, logs, noise, known_states, repeating)
     first, found, columns, prescribed = probed(robot, logs, pairs, secants, seen, known_states, angles, report)
-    outputs = np.concatenate([first, *(group.outputs for group in found)])
+    here = first[0].copy()
     weights, measured = _weights(robot, logs, {name: level for name, level in noise.items() if name not in prescribed})
-    residual = (np.where(weights > 0, outputs[0] - measured, 0.0) * weights).ravel()
-    moved = ((outputs[1:] - outputs[0]) * weights).reshape(len(outputs) - 1, -1)
-    moved = np.where(np.all(np.isfinite(moved), axis=1, keepdims=True), moved, 0.0)
+    residual = (np.where(weights > 0, here - measured, 0.0) * weights).ravel()
+    # In place: together they are the largest array of an explanation.
+    moved = np.concatenate([first[1:], *(group.outputs for group in found)])
+    moved -= here
+    moved *= weights
+    moved = moved.reshape(len(moved), -1)
+    moved[~np.all(np.isfinite(moved), axis=1)] = 0.0
     basis, triangle = np.linalg.qr(moved[: len(own)].T)
     whole = residual
     residual = residual - basis @ (basis.T @ residual)
@@ -175,17 +179,21 @@ def _in_colour(
     colours = [colour_of(list(parts[:, :, i])) for i in range(weights.shape[2])]
     if not any(colour.order for colour in colours):
         return {}
-    every = np.vstack([whole, moved]).reshape(-1, *weights.shape)
-    white = np.zeros_like(every)
-    for i, colour in enumerate(colours):
-        for e in range(len(weights)):
-            white[:, e, :, i] = colour.whiten(every[:, e, :, i], there[e, :, i])
-    white = white.reshape(len(every), -1)
-    basis, _ = np.linalg.qr(white[1 : 1 + own].T)
-    residual = white[0] - basis @ (basis.T @ white[0])
+
+    def whitened(rows: NDArray) -> NDArray:
+        """Rows [n, E T ny]; a few at a time, since all together are a copy of every simulation."""
+        white = np.zeros((len(rows), *weights.shape))
+        for i, colour in enumerate(colours):
+            for e in range(len(weights)):
+                white[:, e, :, i] = colour.whiten(rows.reshape(white.shape)[:, e, :, i], there[e, :, i])
+        return white.reshape(len(rows), -1)
+
+    basis, _ = np.linalg.qr(whitened(moved[:own]).T)
+    (residual,) = whitened(whole[None])
+    residual = residual - basis @ (basis.T @ residual)
     gains: dict[Effect, float] = {}
     for group, mine in zip(found, columns, strict=True):
-        block = white[1 + own :][mine]
+        block = whitened(moved[own:][mine])
         block = block - (block @ basis) @ basis.T
         useful = np.linalg.norm(block, axis=1) > 1e-6
         if useful.any():
