@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 
 from ...parameters import Parameter
@@ -69,8 +70,8 @@ class DelayOfEach(InputDelay):
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         delays = each_drive(robot, lambda name: p[self.key(f"delay_{name}")])
-        columns = [late(inputs[:, k : k + 1], time, dt, delays[k]) for k in range(inputs.shape[1])]
-        return on_drives(robot, inputs, jnp.concatenate(columns, axis=1))
+        each = jax.vmap(late, (2, None, None, 0), 2)(inputs[:, None], time, dt, delays)
+        return on_drives(robot, inputs, each[:, 0])
 
 
 @dataclass(frozen=True)
@@ -82,9 +83,9 @@ class JitteringDelay(InputDelay):
     only_later: ClassVar[bool] = False
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        delay = p[self.key("delay")]
-        parts = [late(inputs, time, dt, (2 * k + 1) / _PARTS * delay) for k in range(_PARTS)]
-        return on_drives(robot, inputs, jnp.mean(jnp.stack(parts), axis=0))
+        delays = (2 * jnp.arange(_PARTS) + 1) / _PARTS * p[self.key("delay")]
+        parts = jax.vmap(late, (None, None, None, 0))(inputs, time, dt, delays)
+        return on_drives(robot, inputs, jnp.mean(parts, axis=0))
 
 
 @dataclass(frozen=True)

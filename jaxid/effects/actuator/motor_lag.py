@@ -20,7 +20,9 @@ _TINY = 1e-9
 
 
 def low_passed(inputs, dt, T):
-    """`inputs` [T, nu] held over steps `dt` behind a first-order lag of time constant `T`: its exact mean over every step."""
+    """`inputs` [T, nu] held over steps `dt` behind a first-order lag of time constant `T` (one, or one an input): its exact
+    mean over every step."""
+    dt = dt[:, None]
     decay = jnp.exp(-dt / jnp.maximum(T, _TINY * dt))
     mean = T / dt * (1.0 - decay)
 
@@ -116,8 +118,7 @@ class LagOfEach(MotorLag):
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         T = each_drive(robot, lambda name: p[self.key(f"time_constant_{name}")])
-        columns = [low_passed(inputs[:, k : k + 1], dt, T[k]) for k in range(inputs.shape[1])]
-        return on_drives(robot, inputs, jnp.concatenate(columns, axis=1))
+        return on_drives(robot, inputs, low_passed(inputs, dt, T))
 
 
 @dataclass(frozen=True)
@@ -168,12 +169,10 @@ class StepResponse(Effect):
         return found | shape(self, "spacing", "s", robot.scales.times_to_try[1], free=False)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        changed = inputs
-        for k in self.multiples:
-            changed = changed + p[self.key(f"share_{k}")] * (
-                late(inputs, time, dt, k * p[self.key("spacing")]) - inputs
-            )
-        return on_drives(robot, inputs, changed)
+        shares = jnp.stack([jnp.asarray(p[self.key(f"share_{k}")], float) for k in self.multiples])
+        delays = jnp.array(self.multiples) * p[self.key("spacing")]
+        parts = jax.vmap(late, (None, None, None, 0))(inputs, time, dt, delays) - inputs
+        return on_drives(robot, inputs, inputs + jnp.tensordot(shares, parts, 1))
 
 
 LAWS: tuple[Effect, ...] = (

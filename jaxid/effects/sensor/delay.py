@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import jax.numpy as jnp
+import jax
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
@@ -12,7 +12,7 @@ from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
 from .lag import averaged
-from .outputs import bends, outputs_only
+from .outputs import bends, each_output, outputs_only
 
 
 def stamped_late(outputs, time, delay):
@@ -68,9 +68,9 @@ class SensorDelayOfEach(SensorDelay):
         return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        names = enumerate(robot.channels.outputs)
-        columns = [stamped_late(outputs[:, i : i + 1], time, p[self.key(f"delay_{name}")]) for i, name in names]
-        return outputs_only(robot, jnp.concatenate(columns, axis=1), outputs)
+        delays = each_output(self, p, "delay", robot)
+        each = jax.vmap(stamped_late, (2, None, 0), 2)(outputs[:, None], time, delays)
+        return outputs_only(robot, each[:, 0], outputs)
 
 
 @dataclass(frozen=True)

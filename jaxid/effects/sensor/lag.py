@@ -12,7 +12,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
-from .outputs import bends, outputs_only
+from .outputs import bends, each_output, outputs_only
 
 _TINY = 1e-9
 """Share of a sample below which a time constant is none."""
@@ -117,9 +117,7 @@ class SensorLagOfEach(SensorLag):
         return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        names = enumerate(robot.channels.outputs)
-        columns = [low_passed(outputs[:, i : i + 1], time, p[self.key(f"time_constant_{name}")]) for i, name in names]
-        return outputs_only(robot, jnp.concatenate(columns, axis=1), outputs)
+        return outputs_only(robot, low_passed(outputs, time, each_output(self, p, "time_constant", robot)), outputs)
 
 
 @dataclass(frozen=True)
