@@ -1,4 +1,5 @@
-"""Curves through more points, or one for each axis, where few, or one for all, have left something that these follow."""
+"""Curves through more points, or one for each axis, where few, or one for all, have left something that these follow; and
+formulas with further terms where there are such."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,6 +9,7 @@ import numpy as np
 from .._float64 import in_float64
 from ..effects.curve import Curve, curve
 from ..parameters import ParameterTable
+from ..robots.effect import Effect
 from ..robots.robot import Robot
 from .refit import Trial
 from .telling_apart import told_apart_from
@@ -16,8 +18,8 @@ _MOST = 2
 """Times that the points of a curve are doubled."""
 
 
-def _bare(robot: Robot, effect: Curve) -> Robot:
-    """`robot` without one of its curves."""
+def _bare(robot: Robot, effect: Effect) -> Robot:
+    """`robot` without one of its effects."""
     kept = {name: p for name, p in robot.parameters.items() if not name.startswith(effect.key(""))}
     others = tuple(own for own in robot.effects if own is not effect)
     return replace(robot, effects=others, parameters=ParameterTable(kept))
@@ -70,15 +72,27 @@ def with_denser_curve(robot: Robot, identifier: str) -> Robot:
     return found.with_values(**values, **own)
 
 
+@in_float64
+def with_further_terms(robot: Robot, identifier: str) -> Robot:
+    """`robot` with the denser law of its effect `identifier`: what both have is what it was, the further terms are nothing."""
+    plain = next(effect for effect in robot.effects if effect.id == identifier)
+    assert plain.denser is not None
+    found = _bare(robot, plain) + plain.denser
+    own = {n: p for n, p in robot.parameters.items() if n.startswith(plain.key("")) and n in found.parameters}
+    for name, parameter in own.items():
+        found = found if parameter.free else found.change(name, free=False)
+    return found.with_values(**{name: parameter.value for name, parameter in own.items()})
+
+
 def densest(trial: Trial, again: Callable[[Robot, Trial], Trial]) -> Trial:
     """The trial, or one with more points in the curve that it is about, if it is about one, as long as these tell more than
-    chance, or with a curve for every part of the robot where that does; `again` refits a robot from its own values, and from
-    the initial states of a trial."""
+    chance, or with a curve for every part of the robot where that does, or with the further terms of its formula; `again`
+    refits a robot from its own values, and from the initial states of a trial."""
 
     for _ in range(_MOST):
         if not _open(trial):
             break
-        changes = (with_denser_curve, with_curves_apart) if _parts(trial) else (with_denser_curve,)
+        changes = _changes(trial)
         others = [replace(again(change(trial.robot, trial.id), trial), id=trial.id) for change in changes]
         best = min(others, key=lambda other: other.score)
         if not (best.score < trial.score and told_apart_from(best, trial)):
@@ -87,9 +101,18 @@ def densest(trial: Trial, again: Callable[[Robot, Trial], Trial]) -> Trial:
     return trial
 
 
+def _changes(trial: Trial) -> tuple[Callable[[Robot, str], Robot], ...]:
+    """How its effect may be given more freedom."""
+    if not isinstance(trial.effect, Curve):
+        return (with_further_terms,)
+    return (with_denser_curve, with_curves_apart) if _parts(trial) else (with_denser_curve,)
+
+
 def _open(trial: Trial) -> bool:
-    """Whether it is about a curve that leaves something."""
-    return isinstance(trial.effect, Curve) and not trial.fitted.adequate and bool(np.isfinite(trial.score))
+    """Whether it is about an effect that can be given more freedom, and leaves something."""
+    effect = trial.effect
+    freer = effect is not None and effect.denser is not None
+    return freer and not trial.fitted.adequate and bool(np.isfinite(trial.score))
 
 
 def _parts(trial: Trial) -> bool:

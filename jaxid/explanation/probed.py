@@ -126,6 +126,7 @@ def probed(
 
     `report` is called after each program."""
     integrator = integrator_for(robot, logs)
+    pairs = [pair for pair in pairs if pair[0].first_look]
     own = dict(angles or integrated_angles(robot, logs))
     first = _simulate(robot, integrator, logs, [{}, *secants], _begun(robot, logs, known_states), own)
     found: list[Group] = []

@@ -60,6 +60,8 @@ class Effect:
     formula: ClassVar[str] = ""
     states: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
+    first_look: ClassVar[bool] = True
+    """Whether it is tried by itself; else only where another law of the mechanism, whose `denser` it is, leaves something."""
     only_later: ClassVar[bool] = False
     """Whether all it does is that the same motion is seen later."""
     finer: ClassVar[float] = 1.0
@@ -92,6 +94,12 @@ class Effect:
     def own(self, state: str) -> str:
         """The name of a state of the effect's own: as it is, or told apart from that of another law."""
         return f"{state}@{self.stands_as}" if self.stands_as else state
+
+    @property
+    def denser(self) -> "Effect | None":
+        """The same with further parameters, where this leaves something; what has the same name means the same. None: there is
+        no such law."""
+        return None
 
     def standing_as(self, name: str) -> Self:
         """The same effect, its parameters and states called by another name than its id ("" for the id)."""

@@ -7,7 +7,7 @@ import pytest
 
 from jaxid import Omni, Pioneer
 from jaxid.effects import effect_by_id
-from jaxid.explanation.denser import densest, with_curves_apart, with_denser_curve
+from jaxid.explanation.denser import densest, with_curves_apart, with_denser_curve, with_further_terms
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.refit import Trial
 from jaxid.model_file import read_model, write_model
@@ -112,3 +112,25 @@ def test_curves_apart_are_taken_only_where_they_tell_more():
 
     assert densest(shared, refitted(0.1)).robot.effects[0].apart
     assert densest(shared, refitted(0.499)) is shared
+
+
+def test_further_harmonics_leave_the_ripple_what_it_was(tmp_path):
+    axis = Omni() + effect_by_id(Omni(), "cogging_torque", "two_harmonics")
+    ripple = {"sine_phi1": 0.02, "cosine_2_phi3": -0.01, "periods": 5.0}
+    robot = axis.with_values(**{f"cogging_torque.{name}": value for name, value in ripple.items()})
+    robot = robot.change("cogging_torque.sine_2_phi2", free=False)
+    more = with_further_terms(robot, "cogging_torque")
+    assert more.effects[-1].law == "five_harmonics" and more.effects[-1].denser is None
+    assert not more.parameters["cogging_torque.sine_2_phi2"].free
+
+    def torques(model, values=()):
+        turned = {**dict.fromkeys(model.states, 0.0), **{f"phi{k}": 0.3 * k for k in range(1, 5)}}
+        return np.array(
+            model.effects[-1].torque((0.0,) * 4, turned, {**model.parameters.numbers, **dict(values)}, model)
+        )
+
+    assert np.allclose(torques(more), torques(robot))
+    fourth = torques(more, {"cogging_torque.cosine_4_phi2": 0.1}) - torques(more)
+    assert np.allclose(fourth, [0.0, 0.1 * np.cos(4 * 5.0 * 0.6), 0.0, 0.0])
+    write_model(tmp_path / "model.toml", more)
+    assert read_model(tmp_path / "model.toml", Omni()).effects == more.effects

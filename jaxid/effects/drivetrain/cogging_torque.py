@@ -10,6 +10,9 @@ from ...robots.robot import Robot
 from ...robots.trigonometry import sincos
 from ..effect_parameters import shape, signed
 
+_FURTHER = (3, 4, 5)
+"""Harmonics beyond the second."""
+
 
 @dataclass(frozen=True)
 class CoggingTorque(Effect):
@@ -58,11 +61,40 @@ class TwoHarmonics(CoggingTorque):
             found |= signed(self, f"sine_2_{angle}", unit, typical) | signed(self, f"cosine_2_{angle}", unit, typical)
         return found
 
+    @property
+    def denser(self) -> Effect | None:
+        return FiveHarmonics(stands_as=self.stands_as)
+
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         named = zip(torques, robot.angles, strict=True)
         return tuple(
             t + self.ripple(angle, 1.0, state, p) + self.ripple(angle, 2.0, state, p, "_2") for t, angle in named
         )
+
+
+@dataclass(frozen=True)
+class FiveHarmonics(TwoHarmonics):
+    """Any smooth ripple: looked for where two harmonics leave something."""
+
+    law: ClassVar[str] = "five_harmonics"
+    first_look: ClassVar[bool] = False
+    formula: ClassVar[str] = "torque' = torque + sum over k = 1 to 5 of a harmonic of k * periods * phi"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found, unit, typical = super().parameters(robot), robot.torque_unit, 0.02 * robot.scales.torque
+        for angle in robot.angles:
+            for k in _FURTHER:
+                found |= signed(self, f"sine_{k}_{angle}", unit, typical)
+                found |= signed(self, f"cosine_{k}_{angle}", unit, typical)
+        return found
+
+    @property
+    def denser(self) -> Effect | None:
+        return None
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        named = zip(super().torque(torques, state, p, robot), robot.angles, strict=True)
+        return tuple(t + sum(self.ripple(angle, float(k), state, p, f"_{k}") for k in _FURTHER) for t, angle in named)
 
 
 @dataclass(frozen=True)
@@ -83,4 +115,4 @@ class RippleOfTheTorque(CoggingTorque):
         return tuple(torque * (1.0 + self.ripple(angle, 1.0, state, p)) for torque, angle in named)
 
 
-LAWS: tuple[Effect, ...] = (CoggingTorque(), TwoHarmonics(), RippleOfTheTorque())
+LAWS: tuple[Effect, ...] = (CoggingTorque(), TwoHarmonics(), RippleOfTheTorque(), FiveHarmonics())
