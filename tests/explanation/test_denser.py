@@ -134,3 +134,27 @@ def test_further_harmonics_leave_the_ripple_what_it_was(tmp_path):
     assert np.allclose(fourth, [0.0, 0.1 * np.cos(4 * 5.0 * 0.6), 0.0, 0.0])
     write_model(tmp_path / "model.toml", more)
     assert read_model(tmp_path / "model.toml", Omni()).effects == more.effects
+
+
+def test_a_profile_leaves_two_planes_what_they_were():
+    robot = Pioneer(pose=True)
+    robot = robot + effect_by_id(robot, "ground_slope", "two_planes").sharp
+    planes = {"slope_x": 0.01, "change_y": -0.02, "angle": 0.5, "offset": 0.3}
+    robot = robot.with_values(**{f"ground_slope.{name}": value for name, value in planes.items()})
+    profile = with_further_terms(robot, "ground_slope")
+    assert profile.effects[-1].law == "profile"
+
+    def force(model, x, y, values=()):
+        place = {**dict.fromkeys(model.states, 0.0), "x": x, "y": y, "theta": 0.3}
+        return np.array(model.effects[-1].force((0.0, 0.0), place, {**model.parameters.numbers, **dict(values)}, model))
+
+    places = [(0.0, 0.0), (2.0, 1.0), (-30.0, 4.0)]
+    for x, y in places:
+        assert np.allclose(force(profile, x, y), force(robot, x, y))
+    # At a height's own place it is that height, beyond the last one level.
+    reach = profile.parameters["ground_slope.reach"].value
+    at_3 = {"ground_slope.at_3_x": 0.05}
+    x, y = (0.3 + 0.5 * reach) * np.cos(0.5), (0.3 + 0.5 * reach) * np.sin(0.5)
+    raised = {"ground_slope.slope_x": 0.01 + 0.05}
+    assert np.allclose(force(profile, x, y, at_3), force(robot, x, y, raised))
+    assert np.allclose(force(profile, 40.0, 25.0, at_3), force(profile, 40.0, 25.0))

@@ -7,11 +7,15 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
-from ..effect_parameters import signed
+from ...robots.trigonometry import sincos
+from ..curve import curve
+from ..effect_parameters import shape, signed
 from ..line import beyond_line, line_parameters, lines_across
 
 GRAVITY = 9.81
 """Standard acceleration of free fall, rounded [m/s²]."""
+_PLACES = (-1.0, -0.5, 0.0, 0.5, 1.0)
+"""Where the heights of a profile stand, in units of its reach on either side of the line."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,10 @@ class TwoPlanes(GroundSlope):
     def sharp(self) -> "TwoPlanes":
         return replace(self, edge=1.0)
 
+    @property
+    def denser(self) -> Effect | None:
+        return Profile(self.edge, stands_as=self.stands_as)
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         typical = 0.03 * robot.scales.acceleration / GRAVITY
         changes = signed(self, "change_x", "rad", typical) | signed(self, "change_y", "rad", typical)
@@ -93,4 +101,39 @@ class TwoPlanes(GroundSlope):
         return tuple(f + extra for f, extra in zip(forces, added, strict=True))
 
 
-LAWS: tuple[Effect, ...] = (GroundSlope(), CurvedFloor(), TwoPlanes())
+@dataclass(frozen=True)
+class Profile(TwoPlanes):
+    """Any slope along one direction: two planes and a smooth change besides, looked for where the planes leave something."""
+
+    law: ClassVar[str] = "profile"
+    formula: ClassVar[str] = "slope' = two planes + a curve of x cos(angle) + y sin(angle) - offset, zero at the line"
+    first_look: ClassVar[bool] = False
+
+    @property
+    def denser(self) -> Effect | None:
+        return None
+
+    def _heights(self, axis: str) -> list[str | None]:
+        """Names of the heights of one component at all places; none at the line."""
+        return [self.key(f"at_{k}_{axis}") if place else None for k, place in enumerate(_PLACES)]
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found, typical = super().parameters(robot), 0.03 * robot.scales.acceleration / GRAVITY
+        for axis in "xy":
+            for k, place in enumerate(_PLACES):
+                found |= signed(self, f"at_{k}_{axis}", "rad", typical) if place else {}
+        return found | shape(self, "reach", "m", robot.scales.length, free=False)
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        sine, cosine = sincos(p[self.key("angle")])
+        way = state["x"] * cosine + state["y"] * sine - p[self.key("offset")]
+        field = []
+        for axis in "xy":
+            heights = [0.0 if name is None else p[name] for name in self._heights(axis)]
+            field.append(GRAVITY * curve(way, _PLACES, heights, p[self.key("reach")]))
+        added = robot.field_force((field[0], field[1]), state, p)
+        before = super().force(forces, state, p, robot)
+        return tuple(f + extra for f, extra in zip(before, added, strict=True))
+
+
+LAWS: tuple[Effect, ...] = (GroundSlope(), CurvedFloor(), TwoPlanes(), Profile())
