@@ -164,7 +164,7 @@ def _scale(unit: str, series: Series) -> tuple[float, str]:
 def proposed_mapping(proposals: Sequence[Proposal], channels: Channels) -> dict[str, Any] | None:
     """The proposals as a mapping; None where one that is needed has no field, or a scale that only the owner knows."""
     usable = {one.channel: one for one in proposals if one.field and math.isfinite(one.scale)}
-    stand_ins = {name for name in channels if channels.substitutes.get(name) in usable}
+    stand_ins = {name for name in channels.outputs if channels.stood_in(name, usable)}
     if not set(channels) <= {*usable, *channels.optional, *stand_ins}:
         return None
     return {name: {"field": one.field, "scale": one.scale} for name, one in usable.items()}

@@ -18,7 +18,7 @@ from .finding import SILENT_COMMAND, Finding, LogError
 from .formats import format_of, read_recording
 from .log import ABSURD, Log, did_you_mean
 from .mapping import Source
-from .rates import rate
+from .rates import rate, whole_way
 from .series import Recording, Series
 from .sums import with_summed_fields
 
@@ -42,8 +42,7 @@ def _wanted(path: Path, channels: Channels, mapping: dict[str, Source]) -> dict[
     if format_of(path) not in _BAGS:
         return wanted
     for name in channels:
-        stand_in = channels.substitutes.get(name)
-        if name in mapping or name in channels.optional or (stand_in is not None and stand_in in mapping):
+        if name in mapping or name in channels.optional or channels.stood_in(name, mapping):
             continue
         raise LogError(
             f'{path}: nothing says which field is {name!r}; map it, such as {name} = "/topic.field"; '
@@ -75,10 +74,9 @@ def _there(
 ) -> dict[str, Series]:
     """The series of each channel that the recording has. Raises `LogError` for one that it must have and lacks."""
     there: dict[str, Series] = {}
+    held = {name for name, source in wanted.items() if source.column in recording.series}
     for name, source in wanted.items():
-        stand_in = channels.substitutes.get(name)
-        stand_in_there = stand_in in wanted and wanted[stand_in].column in recording.series
-        may_lack = name in channels.optional or stand_in_there
+        may_lack = name in channels.optional or channels.stood_in(name, held)
         if name not in mapping and source.column not in recording.series and may_lack:
             continue
         there[name] = found(recording, source.column, name, path)
@@ -163,11 +161,17 @@ def _signals(
     path: Path, channels: Channels, wanted: dict[str, Source], there: dict[str, Series], clock: dict[str, np.ndarray]
 ) -> tuple[dict[str, Signal], list[Note]]:
     """Samples by channel, in SI units. Raises `LogError` for commands that are not finite and for stamps out of order."""
-    signals, notes = {}, []
+    signals: dict[str, Signal] = {}
+    notes: list[Note] = []
     for name, series in there.items():
         source, command = wanted[name], name in channels.inputs
+        values = series.values
+        if name in channels.positions and not source.derivative:
+            values, text = whole_way(1e-9 * (clock[name] - clock[name][0]), values, name, source.column)
+            if text:
+                notes.append(("warning", "turns", name, text))
         with np.errstate(over="ignore"):
-            values = source.scale * series.values + source.offset
+            values = source.scale * values + source.offset
         bad = ~(np.abs(values) <= ABSURD)
         if bad.any() and command:
             raise LogError(

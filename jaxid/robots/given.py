@@ -77,9 +77,16 @@ def check_given(robot: Any, logs: Any) -> None:
         raise TypeError(f"{logs!r:.60} is no set of logs; give what read_logs returns, or LogSet([...]).")
     for log in logs if isinstance(logs, LogSet) else ():
         if (log.channels.inputs, log.channels.measured) != (robot.channels.inputs, robot.channels.measured):
+            other = robot.for_columns(log.measured).channels
+            fits = (log.channels.inputs, log.channels.measured) == (other.inputs, other.measured)
+            remedy = (
+                "robot.for_columns(logs[0].measured), which measures what they hold"
+                if fits
+                else "the robot of these logs"
+            )
             raise LogError(
                 f"{log.name} has the columns {list(log.channels)} and the robot {robot.name!r} has "
-                f"{list(robot.channels)}; give logs of this robot, or the robot of these logs."
+                f"{list(robot.channels)}; give logs of this robot, or {remedy}."
             )
 
 
