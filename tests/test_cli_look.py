@@ -189,3 +189,46 @@ def test_what_cannot_be_looked_at_is_one_line(jaxid, tmp_path, monkeypatch, argu
     status, said, remarks = jaxid("look", *arguments)
     assert (status, said) == (1, "") and len(remarks.splitlines()) == 1
     assert re.search(says, remarks), remarks
+
+
+@pytest.mark.parametrize(
+    ("right", "left"), [("rw_joint", "lw_joint"), ("drive_right", "drive_left"), ("motor_b", "motor_a")]
+)
+def test_positions_of_wheels_stand_in_for_speeds_that_nobody_recorded(jaxid, tmp_path, right, left):
+    pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
+    ros, angle = Ros(), 0.1 * np.cumsum(np.repeat([1.0, -0.5, 2.0, 0.5], 50))
+    bag = ros.write(
+        tmp_path / "run",
+        {
+            "/volts": [(ns(t), ros.numbers([float(k // 50), -1.0])) for k, t in enumerate(TIMES)],
+            "/joint_states": [
+                (ns(t), ros.joints(ns(t), [left, right], (), [2.0 * angle[k], angle[k]])) for k, t in enumerate(TIMES)
+            ],
+        },
+    )
+    out = tmp_path / "run_map.toml"
+    status, said, _ = jaxid("look", bag, "--robot", "pioneer", "--write", out)
+    assert status == 0
+    if right == "motor_b":  # of no side that a name could tell: the lines wait for the fields
+        assert '# phi2 = { field = "?", scale = 1.0 }   # [rad]' in out.read_text()
+        return
+    mapping = tomllib.loads(out.read_text())
+    assert mapping["phi2"]["field"] == f"/joint_states.position[{right}]"
+    assert mapping["phi3"]["field"] == f"/joint_states.position[{left}]"
+    assert "eta1" not in mapping and "phi2 and phi3 stand in for it" in out.read_text()
+    log = read_logs(bag, "pioneer", mapping=out)[0]
+    np.testing.assert_allclose(log.output("phi2"), angle)
+    assert log.measured == ("phi2", "phi3")
+
+
+def test_wheels_are_told_apart_by_number_and_counts_wait_for_their_size(jaxid, tmp_path):
+    columns = {"t": TIMES} | {f"u{k}": np.full(200, float(k)) for k in (1, 2, 3, 4)}
+    columns |= {f"enc{k}": np.round(100.0 * k * TIMES) for k in (1, 2, 3, 4)}
+    path = tmp_path / "omni.csv"
+    rows = zip(*columns.values(), strict=True)
+    path.write_text(",".join(columns) + "\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
+    out = tmp_path / "map.toml"
+    assert jaxid("look", path, "--robot", "omni", "--write", out)[0] == 0
+    mapping = tomllib.loads(out.read_text())
+    assert [mapping[f"phi{k}"]["field"] for k in (1, 2, 3, 4)] == ["enc1", "enc2", "enc3", "enc4"]
+    assert mapping["phi1"]["scale"] == "?" and "2 pi / counts per turn" in out.read_text()

@@ -12,7 +12,7 @@ from .channels import Channels
 from .look import Look
 from .series import Series
 from .units import Unit, unit_in_name
-from .wheel_pairs import of_one_side, wheel_pair
+from .wheel_pairs import of_one_side, wheel_pair, wheel_positions
 
 
 class Proposal(NamedTuple):
@@ -116,7 +116,13 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
     wheels = wheel_pair(usable)
     sides = of_one_side(series.name for series in usable) if len(channels.outputs) > 1 else set()
     proposals = []
+    places = wheel_positions(usable, len(channels.positions)) if len(channels.positions) > 1 else ()
+    by_name = {series.name: series for series in usable}
+    of_wheels = {name: by_name[field] for name, field in zip(channels.positions, places, strict=False)}
     for channel in channels:
+        if len(channels.positions) > 1 and channel in channels.positions:
+            proposals.append(_of_wheel(channel, channels.units.get(channel, ""), words, of_wheels.get(channel)))
+            continue
         command = channel in channels.inputs
         place = channels.inputs.index(channel) if command else 0
         unit, wanted = channels.units.get(channel, ""), words.get(channel, "")
@@ -147,6 +153,21 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
     return proposals
 
 
+def _of_wheel(channel: str, unit: str, words: Mapping[str, str], series: Series | None) -> Proposal:
+    """A wheel's position and its scale: by the name, or one that only the owner knows."""
+    wanted = words.get(channel, "")
+    if series is None:
+        return Proposal(channel, unit, "", wanted, (), optional=True)
+    said = _unit(series)
+    scale, source = said.factor, f"the name says {said.said}" if said.said and said.factor != 1.0 else ""
+    if not said.si:
+        per = "2 pi / counts per turn" if unit == "rad" else "the way per turn / counts per turn"
+        scale, source = math.nan, f"an encoder's counts; give the {unit} that one of them is, {per}"
+    elif unit == "m" and "rad" in said.si.split(" or "):
+        scale, source = math.nan, "an angle; give the m per rad, which is the wheel's radius"
+    return Proposal(channel, unit, series.name, wanted, (), scale, source, "", True)
+
+
 def _scale(unit: str, series: Series) -> tuple[float, str]:
     """The factor from a field to a channel's `unit`, and what says so; empty where nothing does."""
     if unit and not any(one in _MEANINGS for one in unit.split(" or ")):
@@ -170,8 +191,14 @@ def proposed_mapping(proposals: Sequence[Proposal], channels: Channels) -> dict[
     return {name: {"field": one.field, "scale": one.scale} for name, one in usable.items()}
 
 
-def mapping_text(path: Path, seen: Look, proposals: Sequence[Proposal], stamps: bool) -> str:
-    """A mapping file that proposes a field for each channel, for a person to look over."""
+def mapping_text(
+    path: Path, seen: Look, proposals: Sequence[Proposal], stamps: bool, channels: Channels, angles: Mapping[str, str]
+) -> str:
+    """A mapping file that proposes a field for each channel, for a person to look over.
+
+    `angles`: units by name of angles of wheels which the robot may measure in the place of outputs that nothing looks like.
+    """
+    found = {one.channel for one in proposals if one.field}
     lines = [
         f"# Proposed by `jaxid look {path.name}`, by names and units alone: check every line, its unit and its sign.",
         "# value = scale * field + offset, in the unit of the channel; derivative = true makes a speed of a position.",
@@ -182,6 +209,10 @@ def mapping_text(path: Path, seen: Look, proposals: Sequence[Proposal], stamps: 
         unit = f" [{one.unit}]" if one.unit else ""
         lines.append("")
         lines.append(f"# {one.channel}{unit}" + (f": {one.why}" if one.why else ""))
+        if not one.field and channels.stood_in(one.channel, found):
+            lines.append(f"# {' and '.join(channels.stand_ins(one.channel))} stand in for it")
+            lines += [f"# or {one.hint}"] if one.hint else []
+            continue
         if not one.field and one.optional:
             lines.append(f"# {one.channel} may be missing, and nothing here looks like it")
             continue
@@ -194,4 +225,7 @@ def mapping_text(path: Path, seen: Look, proposals: Sequence[Proposal], stamps: 
         remark = f"   # {one.source}" if one.source else ""
         lines.append(f'{one.channel} = {{ field = "{one.field}", scale = {scale}, offset = 0.0 }}{remark}')
         lines += [f'#   or "{other}"' for other in one.others]
+    if angles and any(not one.field for one in proposals if one.channel in channels.outputs):
+        lines += ["", "# In the place of its speeds the robot may measure the positions of its wheels:"]
+        lines += [f'# {name} = {{ field = "?", scale = 1.0 }}   # [{unit}]' for name, unit in angles.items()]
     return "\n".join(lines) + "\n"
