@@ -184,7 +184,7 @@ def test_tables_and_matlab_files_are_looked_at_alike(jaxid, tmp_path):
 def test_what_cannot_be_looked_at_is_one_line(jaxid, tmp_path, monkeypatch, arguments, says):
     monkeypatch.chdir(tmp_path)
     Path("empty.mcap").touch()
-    Path("words.csv").write_text("T,a\n0,1\n1,2\n")
+    Path("words.csv").write_text("T,a\n0,1\n0,0\n")  # nothing in it runs on as times do
     Path("other.csv").write_text("t,a\n0,1\n1,2\n")
     status, said, remarks = jaxid("look", *arguments)
     assert (status, said) == (1, "") and len(remarks.splitlines()) == 1
@@ -232,3 +232,22 @@ def test_wheels_are_told_apart_by_number_and_counts_wait_for_their_size(jaxid, t
     mapping = tomllib.loads(out.read_text())
     assert [mapping[f"phi{k}"]["field"] for k in (1, 2, 3, 4)] == ["enc1", "enc2", "enc3", "enc4"]
     assert mapping["phi1"]["scale"] == "?" and "2 pi / counts per turn" in out.read_text()
+
+
+def test_a_strangers_table_is_proposed_so_that_it_reads(jaxid, tmp_path):
+    """Semicolons and decimal commas, milliseconds since 1970, millivolts, millimetres, degrees, sides in German."""
+    speed = np.convolve(np.repeat([0.0, 0.4, -0.2, 0.5], 50), np.ones(20) / 20)[:200]
+    lines = ["Zeitstempel [ms];Spannung rechts (mV);Spannung links (mV);Geschwindigkeit [mm/s];Drehrate [deg/s]"]
+    for k, t in enumerate(TIMES):
+        volts = 1000 * [0, 5, -3, 6][k // 50]
+        row = (1_700_000_000_000 + round(1000 * t), volts, volts - 500 * (k // 100), 1000 * speed[k], 30 * speed[k])
+        lines.append(";".join(f"{x:.1f}".replace(".", ",") if x % 1 else str(round(x)) for x in row))
+    (tmp_path / "lauf.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    out = tmp_path / "map.toml"
+    status, said, _ = jaxid("look", tmp_path / "lauf.csv", "--robot", "pioneer", "--write", out)
+    assert status == 0 and "With these proposals pre-flight finds" in said
+    log = read_logs(tmp_path / "lauf.csv", "pioneer", mapping=out)[0]
+    np.testing.assert_allclose(log.time, TIMES, atol=1e-6)
+    np.testing.assert_allclose(log.input("V2")[[60, 120]], [5.0, -3.0])
+    np.testing.assert_allclose(log.output("eta1"), speed, atol=1e-4)
+    np.testing.assert_allclose(log.output("eta2"), np.radians(30 * speed), atol=1e-3)

@@ -150,7 +150,7 @@ def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | No
             write_text(write, mapping_text(path, seen, proposals, stamped, robot.channels, angles))
     show(to_text(tables, ()))
     if robot is not None:
-        own = mapping or proposed_mapping(proposals, robot.channels)
+        own = mapping or proposed_mapping(seen, proposals, robot.channels)
         if own is not None:
             _preflight(file, robot, own, "your mapping" if mapping else "these proposals")
     if write is not None:

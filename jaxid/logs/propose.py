@@ -35,7 +35,10 @@ class Proposal(NamedTuple):
 
 
 # What people call things, by the words that a channel's meaning holds.
-_SIDES = {"right": ("r", "rr", "fr", "rh"), "left": ("l", "rl", "fl", "lh")}
+_SIDES = {
+    "right": ("r", "rr", "fr", "rh", "rw", "rechts", "droite", "derecha", "destra"),
+    "left": ("l", "rl", "fl", "lh", "lw", "links", "gauche", "izquierda", "sinistra"),
+}
 _MEANINGS: Mapping[str, tuple[str, ...]] = {
     "m/s": ("twist.linear.x", "linear.x", "velocity", "speed", "vx"),
     "rad/s": ("angular_velocity.z", "twist.angular.z", "angular.z", "yaw_rate", "gyro", "omega"),
@@ -182,13 +185,21 @@ def _scale(unit: str, series: Series) -> tuple[float, str]:
     return 1.0, "" if said or series.unit else "nothing says the unit"
 
 
-def proposed_mapping(proposals: Sequence[Proposal], channels: Channels) -> dict[str, Any] | None:
+def _times(seen: Look) -> dict[str, Any]:
+    """The entry of a mapping for a table's times; none where it has them as t in seconds."""
+    found = seen.recording.time
+    if found is None or (found.column == "t" and found.scale == 1.0):
+        return {}
+    return {"t": {"column": found.column, "scale": found.scale}}
+
+
+def proposed_mapping(seen: Look, proposals: Sequence[Proposal], channels: Channels) -> dict[str, Any] | None:
     """The proposals as a mapping; None where one that is needed has no field, or a scale that only the owner knows."""
     usable = {one.channel: one for one in proposals if one.field and math.isfinite(one.scale)}
     stand_ins = {name for name in channels.outputs if channels.stood_in(name, usable)}
     if not set(channels) <= {*usable, *channels.optional, *stand_ins}:
         return None
-    return {name: {"field": one.field, "scale": one.scale} for name, one in usable.items()}
+    return {name: {"field": one.field, "scale": one.scale} for name, one in usable.items()} | _times(seen)
 
 
 def mapping_text(
@@ -205,6 +216,10 @@ def mapping_text(
     ]
     if stamps:
         lines.append("# t = { stamp = \"receive\" }   # the recorder's clock instead of the messages' headers")
+    for entry in _times(seen).values():
+        said = seen.recording.time.said if seen.recording.time else ""
+        lines += ["", "# t [s]: times", f't = {{ column = "{entry["column"]}", scale = {entry["scale"]!r} }}']
+        lines[-1] += f"   # {said}" if said else "   # nothing says the unit"
     for one in proposals:
         unit = f" [{one.unit}]" if one.unit else ""
         lines.append("")

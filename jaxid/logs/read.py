@@ -27,6 +27,7 @@ from .rates import rate, whole_way
 from .recorded import read_recorded
 from .sums import with_summed_columns
 from .table import Table, read_table
+from .times import SINCE_1970, with_seconds
 
 
 def _where(table: Table, row: int) -> str:
@@ -162,6 +163,11 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
         )
     timed = sources["t"].interval is not None
     if not timed:
+        dated = with_seconds(table.frame, sources["t"].column)
+        if dated is not table.frame:
+            text = f"{name}: {sources['t'].column!r} holds dates; the times are seconds since the first."
+            findings.append(Finding(name, None, None, "note", "dates", text))
+            table = table._replace(frame=dated)
         shorter, rows = _without_repeats(table, sources["t"].column, path)
         what = "a row repeats the one before in every column, time included, and was left out,"
         note(sources["t"].column, rows, "repeated_row", what, "check the recorder")
@@ -179,6 +185,10 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
                 findings.append(Finding(name, standard, None, "warning", "turns", f"{name}: {text}."))
         with np.errstate(over="ignore"):
             values = source.scale * values + source.offset
+        if standard == "t" and len(values) and values[0] > SINCE_1970:
+            values = values - values[0]
+            text = f"{name}: {source.column!r} counts from 1970; the times are seconds since the first row."
+            findings.append(Finding(name, None, None, "note", "dates", text))
         if source.derivative:
             values, text = _rate(values, columns["t"], standard, source.column, path)
             findings.append(Finding(name, standard, None, "warning", "differentiated", f"{name}: {text}."))

@@ -13,7 +13,9 @@ import numpy as np
 from .series import Series
 from .units import unit_in_name
 
-_OTHER_SIDE = {"r": "l", "rr": "rl", "fr": "fl", "rh": "lh", "rw": "lw", "wr": "wl", "rm": "lm"}
+_OTHER_SIDE = {"r": "l", "rr": "rl", "fr": "fl", "rh": "lh", "rw": "lw", "wr": "wl", "rm": "lm"} | {
+    "rechts": "links", "droite": "gauche", "derecha": "izquierda", "destra": "sinistra",
+}  # fmt: skip
 _HINTS: Mapping[str, tuple[str, str, str]] = {
     "m/s": ("R / 2", "R / 2", "R the wheels' radius [m]"),
     "rad/s": ("R / (2 b)", "-R / (2 b)", "R the wheels' radius and b half the track [m]"),
