@@ -251,3 +251,39 @@ def test_a_strangers_table_is_proposed_so_that_it_reads(jaxid, tmp_path):
     np.testing.assert_allclose(log.input("V2")[[60, 120]], [5.0, -3.0])
     np.testing.assert_allclose(log.output("eta1"), speed, atol=1e-4)
     np.testing.assert_allclose(log.output("eta2"), np.radians(30 * speed), atol=1e-3)
+
+
+def test_a_commanded_twist_is_no_side_and_no_measurement(jaxid, tmp_path):
+    """Big-endian, as some boards write: the lines that make two sides of a twist wait for the track."""
+    pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
+
+    class BigEndian(Ros):
+        def _bytes(self, message):
+            return self.store.serialize_cdr(message, message.__msgtype__, little_endian=False)
+
+    ros, names = BigEndian(), ["caster_joint", "wheel_left_joint", "wheel_right_joint"]
+    way = np.cumsum(np.repeat([0.05, -0.02, 0.1, 0.03], 50))
+    bag = ros.write(
+        tmp_path / "run",
+        {
+            "/cmd_vel": [(ns(TIMES[k]), ros.twist([2.0, -1.0, 3.0, 1.0][k // 50], 0.1 * k)) for k in range(0, 200, 50)],
+            "/joint_states": [
+                (ns(t), ros.joints(ns(t), names, (), [0.0, way[k], 1.5 * way[k]])) for k, t in enumerate(TIMES)
+            ],
+        },
+    )
+    out = tmp_path / "map.toml"
+    assert jaxid("look", bag, "--robot", "differential", "--write", out)[0] == 0
+    text = out.read_text()
+    assert '# u_right = { fields = { "/cmd_vel.linear.x" = 1.0, "/cmd_vel.angular.z" = b } }' in text
+    assert '# u_left = { fields = { "/cmd_vel.linear.x" = 1.0, "/cmd_vel.angular.z" = -b } }' in text
+    mapping = tomllib.loads(text)
+    assert set(mapping) == {"way_right", "way_left"} and mapping["way_left"]["scale"] == "?"
+    edited = {name: {**entry, "scale": 0.08} for name, entry in mapping.items()} | {
+        f"u_{side}": {"fields": {"/cmd_vel.linear.x": 1.0, "/cmd_vel.angular.z": sign * 0.2}}
+        for side, sign in (("right", 1.0), ("left", -1.0))
+    }
+    log = read_logs(bag, "differential", mapping=edited)[0]
+    np.testing.assert_allclose(log.output("way_right"), 0.08 * 1.5 * way)
+    np.testing.assert_allclose(log.input("u_right")[[0, 60]], [2.0, 0.0])
+    np.testing.assert_allclose(log.input("u_left")[[0, 60]], [2.0, -2.0])

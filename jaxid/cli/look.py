@@ -84,7 +84,8 @@ def _proposals(proposals: Sequence[Proposal], channels: Channels) -> Table:
         unknown = math.isnan(one.scale)
         scale = Cell("?" if unknown else f"{one.scale:.6g}" if one.field else "", "bad" if unknown else "")
         may_lack = one.optional or one.channel in stood_in
-        nothing = "none, may be missing" if may_lack else "of two wheels" if one.hint else "?"
+        of_several = "of a twist" if one.channel in channels.inputs else "of two wheels"
+        nothing = "none, may be missing" if may_lack else of_several if one.hint else "?"
         field = Cell(one.field or nothing, "" if one.field else "dim" if may_lack else "bad")
         rows.append((Cell(one.channel), Cell(one.unit, "dim"), field, scale, Cell(one.why, "dim")))
     of_source: dict[str, list[str]] = {}

@@ -49,6 +49,9 @@ _MEANINGS: Mapping[str, tuple[str, ...]] = {
     "rad": ("yaw", "heading", "position", "angle"),
 }
 _COMMANDS = ("cmd", "command", "volt", "motor", "duty", "pwm", "control", "ref", "input", "output")
+_WANTED = ("cmd", "command", "setpoint", "desired", "target", "reference")
+"""What is wanted was not measured."""
+_TWIST = re.compile(r"(.*)\.(?:linear\.x|angular\.z)$")
 _SUPPLIES = ("battery", "batt", "vbat", "supply", "vbus")
 """Whose voltage is no command's."""
 
@@ -89,6 +92,10 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
         return 0.0
     if command and any(word in name for word in _SUPPLIES):
         return 0.0
+    if not command and any(word in name for word in _WANTED):
+        return 0.0
+    if command and _TWIST.search(name) and ("right" in said or "left" in said):
+        return 0.0  # of the body, and no side's
     if math.isnan(factor) and command != (measure == "duty"):
         return 0.0  # a duty is no measurement, and a count no command
     words = [word for one in units for word in _MEANINGS.get(one, ())] or [*_COMMANDS]
@@ -140,8 +147,12 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
         ]
         ranked = sorted(scored, key=lambda pair: (-pair[0], -len(pair[1]), pair[1].name))
         good = [(score, series) for score, series in ranked if score >= _LEAST and series.name not in taken]
+        if not good and command:
+            hint = _of_twist(channel, wanted, usable)
+            proposals.append(Proposal(channel, unit, "", wanted, (), 1.0, "", hint, False))
+            continue
         if not good:
-            hint = wheels.hint(channel, unit) if wheels is not None and not command else ""
+            hint = wheels.hint(channel, unit) if wheels is not None else ""
             proposals.append(Proposal(channel, unit, "", wanted, (), 1.0, "", hint, channel in channels.optional))
             continue
         series = good[0][1]
@@ -154,6 +165,18 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
         why = ", ".join(filter(None, (wanted, inside and f"in {inside}", series.frame and f"frame {series.frame}")))
         proposals.append(Proposal(channel, unit, series.name, why, others, scale, source))
     return proposals
+
+
+def _of_twist(channel: str, wanted: str, usable: Sequence[Series]) -> str:
+    """A line that makes a side's command of a commanded twist, with half the track left open; empty where there is none."""
+    names = {series.name for series in usable if any(word in series.name.lower() for word in _COMMANDS)}
+    stems = (found[1] for name in sorted(names) if (found := _TWIST.match(name)))
+    stem = next((one for one in stems if {f"{one}.linear.x", f"{one}.angular.z"} <= names), None)
+    sign = "" if "right" in wanted else "-" if "left" in wanted else None
+    if stem is None or sign is None:
+        return ""
+    fields = f'"{stem}.linear.x" = 1.0, "{stem}.angular.z" = {sign}b'
+    return f"{channel} = {{ fields = {{ {fields} }} }}   # b half the track [m]"
 
 
 def _of_wheel(channel: str, unit: str, words: Mapping[str, str], series: Series | None) -> Proposal:
