@@ -280,14 +280,20 @@ def read_logs(
 def _other_layout(
     robot: Any, paths: PathLike | Iterable[PathLike], mapping: Mapping[str, Any] | PathLike | None
 ) -> Channels:
-    """The layout of a robot's logs that the columns of the first, or the mapping, have; its own of an unreadable log."""
+    """The layout of a robot's logs that the mapping names, or else that the columns of the first have beside that; its own where
+    the first log cannot be read."""
+    own = channels_of(robot)
+
+    def of(names: set[str]) -> Channels:
+        if isinstance(robot, str):
+            return layout_of(BY_COLUMNS.get(robot, (own,)), names)
+        return robot.for_columns(names).channels if hasattr(robot, "for_columns") else own
+
     try:
-        names = {*first_columns(paths), *mapped_names(mapping)}
+        named = set(mapped_names(mapping))
+        return of(named) if of(named) != own else of({*first_columns(paths), *named})
     except (OSError, ValueError):
-        return channels_of(robot)
-    if isinstance(robot, str):
-        return layout_of(BY_COLUMNS.get(robot, (channels_of(robot),)), names)
-    return robot.for_columns(names).channels if hasattr(robot, "for_columns") else channels_of(robot)
+        return own
 
 
 def first_columns(paths: PathLike | Iterable[PathLike]) -> tuple[str, ...]:

@@ -42,3 +42,10 @@ def test_angles_of_a_table_are_read_as_a_whole_way(tmp_path):
         read_logs(tmp_path / "gap.csv", Pioneer(), mapping={"phi2": "right", "phi3": "left"})
     with pytest.raises(LogError, match="eta1"):
         read_logs(tmp_path / "run.csv", "pioneer", mapping={"phi2": "right"})
+
+
+def test_angles_that_a_mapping_names_count_beside_speeds(tmp_path):
+    rows = "".join(f"{t},5,-5,0.1,0.2,{a},{-a}\n" for t, a in zip(TIME, ANGLE, strict=True))
+    (tmp_path / "run.csv").write_text("t,V2,V3,eta1,eta2,right,left\n" + rows)
+    log = read_logs(tmp_path / "run.csv", "pioneer", mapping={"phi2": "right", "phi3": "left"})[0]
+    assert log.measured == ("eta1", "eta2", "phi2", "phi3")
