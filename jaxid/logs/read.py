@@ -280,8 +280,8 @@ def read_logs(
 def _other_layout(
     robot: Any, paths: PathLike | Iterable[PathLike], mapping: Mapping[str, Any] | PathLike | None
 ) -> Channels:
-    """The layout of a robot's logs that the mapping names, or else that the columns of the first have beside that; its own where
-    the first log cannot be read."""
+    """The layout of a robot's logs that the mapping names, or else that the first log's columns have beside that; its own where
+    that log cannot be read."""
     own = channels_of(robot)
 
     def of(names: set[str]) -> Channels:
