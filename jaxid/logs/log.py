@@ -268,6 +268,8 @@ def channels_of(robot: Any) -> Channels:
             raise LogError(f"There is no robot {robot!r}{did_you_mean(robot, known)}; use one of {list(known)}.")
         return known[robot]
     channels = getattr(robot, "channels", robot)
+    if isinstance(robot, type) and not isinstance(channels, Channels):
+        raise LogError(f"{robot.__name__} is a class; give a robot of it, such as {robot.__name__}().")
     if not isinstance(channels, Channels):
         raise LogError(f"{robot!r} has no channels; give a robot's name, a Channels, or a robot with `.channels`.")
     return channels
