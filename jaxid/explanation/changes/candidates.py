@@ -96,11 +96,6 @@ def _one_side(radius: str, mismatch: str, sign: float) -> Move:
     return move
 
 
-def _axis_id(robot: Robot, axis: int) -> str:
-    place = robot.drive_axes.index(axis)
-    return f"of {robot.axis_words[place]}" if robot.axis_words else f"of wheel {place + 1}"
-
-
 def _friction(robot: Robot, identifier: str, title: str, groups: Sequence[Sequence[int]]) -> Candidate | None:
     """Coulomb and viscous friction of each of the `groups` of axes, by shares of its own."""
     parts: list[Effect] = []
@@ -150,7 +145,7 @@ def _causes(robot: Robot) -> list[Candidate]:
     found += [every] if every else []
     if len(axes) > 1:
         each = [
-            _friction(robot, f"friction_{_axis_id(robot, i).replace(' ', '_')}", f"friction of {word}", [[i]])
+            _friction(robot, f"friction_of_{word.removeprefix('the ').replace(' ', '_')}", f"friction of {word}", [[i]])
             for i, word in zip(axes, axes_in_words(robot), strict=True)
         ]
         each.append(_friction(robot, "friction_of_each", "friction of each drive axis", [[i] for i in axes]))

@@ -207,4 +207,6 @@ def test_candidates_call_wheels_and_axes_as_everything_else_does():
         (Omni(), {"friction of V", "friction of Vn", "friction of W"}),
     ):
         titles = {candidate.title for candidate in candidates_of(robot)}
+        ids = {candidate.id for candidate in candidates_of(robot)}
+        assert {title.replace(" the ", " ").replace(" ", "_") for title in wanted} <= ids
         assert wanted <= titles and not any("wheel 1" in title for title in titles)
