@@ -33,7 +33,7 @@ RIGHT = {
     "payload": {"payload", "payload_off_centre", "M"},
     "battery": {"command_gain"},
     "floor": {"friction", "friction_of_each"},
-    "one wheel rubs": {"friction_of_wheel_1", "friction_of_V"},
+    "one wheel rubs": {"friction_of_right_wheel", "friction_of_V"},
     "tyre": {"radius_of_right_wheel", "radius_mismatch"},
 }
 """Ids that are right answers. An omni's wheels of unequal radius are two and two."""
@@ -68,7 +68,7 @@ def changed(robot: str, what: str, rng: np.random.Generator) -> tuple[dict[str, 
         more = float(rng.uniform(0.03, 0.12))
         whole = constants["Cs"] + constants["tr"] * constants["mu"] * constants["tau_fr"]
         law = {"stribeck_friction/one_wheel": {"amplitude": more, "speed": 1e3, "wheel": 1.0}}
-        return {"laws": law}, {"friction_of_wheel_1.dry_friction.coulomb": more / whole}
+        return {"laws": law}, {"friction_of_right_wheel.dry_friction.coulomb": more / whole}
     if what == "tyre" and robot == "omni":
         return {"effects": {"wheel_radius_mismatch": {"mismatch": -0.04}}}, {"radius_mismatch": -0.02}
     if what == "tyre":

@@ -87,7 +87,7 @@ def true_parameters(robot: str, hidden: dict[str, dict[str, float]]) -> dict[str
     """The hidden effects' constants in the model's own terms, where the two have the same meaning."""
     from .hidden.cases import MODEL
 
-    channels = MODEL[robot].channels
+    channels = MODEL[robot]().channels
     inputs, outputs = channels.inputs, channels.outputs
     same = {
         "actuator_dead_zone": "threshold",

@@ -184,8 +184,106 @@ def test_tables_and_matlab_files_are_looked_at_alike(jaxid, tmp_path):
 def test_what_cannot_be_looked_at_is_one_line(jaxid, tmp_path, monkeypatch, arguments, says):
     monkeypatch.chdir(tmp_path)
     Path("empty.mcap").touch()
-    Path("words.csv").write_text("T,a\n0,1\n1,2\n")
+    Path("words.csv").write_text("T,a\n0,1\n0,0\n")  # nothing in it runs on as times do
     Path("other.csv").write_text("t,a\n0,1\n1,2\n")
     status, said, remarks = jaxid("look", *arguments)
     assert (status, said) == (1, "") and len(remarks.splitlines()) == 1
     assert re.search(says, remarks), remarks
+
+
+@pytest.mark.parametrize(
+    ("right", "left"), [("rw_joint", "lw_joint"), ("drive_right", "drive_left"), ("motor_b", "motor_a")]
+)
+def test_positions_of_wheels_stand_in_for_speeds_that_nobody_recorded(jaxid, tmp_path, right, left):
+    pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
+    ros, angle = Ros(), 0.1 * np.cumsum(np.repeat([1.0, -0.5, 2.0, 0.5], 50))
+    bag = ros.write(
+        tmp_path / "run",
+        {
+            "/volts": [(ns(t), ros.numbers([float(k // 50), -1.0])) for k, t in enumerate(TIMES)],
+            "/joint_states": [
+                (ns(t), ros.joints(ns(t), [left, right], (), [2.0 * angle[k], angle[k]])) for k, t in enumerate(TIMES)
+            ],
+        },
+    )
+    out = tmp_path / "run_map.toml"
+    status, said, _ = jaxid("look", bag, "--robot", "pioneer", "--write", out)
+    assert status == 0
+    if right == "motor_b":  # of no side that a name could tell: the lines wait for the fields
+        assert '# phi2 = { field = "?", scale = 1.0 }   # [rad]' in out.read_text()
+        return
+    mapping = tomllib.loads(out.read_text())
+    assert mapping["phi2"]["field"] == f"/joint_states.position[{right}]"
+    assert mapping["phi3"]["field"] == f"/joint_states.position[{left}]"
+    assert "eta1" not in mapping and "phi2 and phi3 stand in for it" in out.read_text()
+    log = read_logs(bag, "pioneer", mapping=out)[0]
+    np.testing.assert_allclose(log.output("phi2"), angle)
+    assert log.measured == ("phi2", "phi3")
+
+
+def test_wheels_are_told_apart_by_number_and_counts_wait_for_their_size(jaxid, tmp_path):
+    columns = {"t": TIMES} | {f"u{k}": np.full(200, float(k)) for k in (1, 2, 3, 4)}
+    columns |= {f"enc{k}": np.round(100.0 * k * TIMES) for k in (1, 2, 3, 4)}
+    path = tmp_path / "omni.csv"
+    rows = zip(*columns.values(), strict=True)
+    path.write_text(",".join(columns) + "\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
+    out = tmp_path / "map.toml"
+    assert jaxid("look", path, "--robot", "omni", "--write", out)[0] == 0
+    mapping = tomllib.loads(out.read_text())
+    assert [mapping[f"phi{k}"]["field"] for k in (1, 2, 3, 4)] == ["enc1", "enc2", "enc3", "enc4"]
+    assert mapping["phi1"]["scale"] == "?" and "2 pi / counts per turn" in out.read_text()
+
+
+def test_a_strangers_table_is_proposed_so_that_it_reads(jaxid, tmp_path):
+    """Semicolons and decimal commas, milliseconds since 1970, millivolts, millimetres, degrees, sides in German."""
+    speed = np.convolve(np.repeat([0.0, 0.4, -0.2, 0.5], 50), np.ones(20) / 20)[:200]
+    lines = ["Zeitstempel [ms];Spannung rechts (mV);Spannung links (mV);Geschwindigkeit [mm/s];Drehrate [deg/s]"]
+    for k, t in enumerate(TIMES):
+        volts = 1000 * [0, 5, -3, 6][k // 50]
+        row = (1_700_000_000_000 + round(1000 * t), volts, volts - 500 * (k // 100), 1000 * speed[k], 30 * speed[k])
+        lines.append(";".join(f"{x:.1f}".replace(".", ",") if x % 1 else str(round(x)) for x in row))
+    (tmp_path / "lauf.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    out = tmp_path / "map.toml"
+    status, said, _ = jaxid("look", tmp_path / "lauf.csv", "--robot", "pioneer", "--write", out)
+    assert status == 0 and "With these proposals pre-flight finds" in said
+    log = read_logs(tmp_path / "lauf.csv", "pioneer", mapping=out)[0]
+    np.testing.assert_allclose(log.time, TIMES, atol=1e-6)
+    np.testing.assert_allclose(log.input("V2")[[60, 120]], [5.0, -3.0])
+    np.testing.assert_allclose(log.output("eta1"), speed, atol=1e-4)
+    np.testing.assert_allclose(log.output("eta2"), np.radians(30 * speed), atol=1e-3)
+
+
+def test_a_commanded_twist_is_no_side_and_no_measurement(jaxid, tmp_path):
+    """Big-endian, as some boards write: the lines that make two sides of a twist wait for the track."""
+    pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
+
+    class BigEndian(Ros):
+        def _bytes(self, message):
+            return self.store.serialize_cdr(message, message.__msgtype__, little_endian=False)
+
+    ros, names = BigEndian(), ["caster_joint", "wheel_left_joint", "wheel_right_joint"]
+    way = np.cumsum(np.repeat([0.05, -0.02, 0.1, 0.03], 50))
+    bag = ros.write(
+        tmp_path / "run",
+        {
+            "/cmd_vel": [(ns(TIMES[k]), ros.twist([2.0, -1.0, 3.0, 1.0][k // 50], 0.1 * k)) for k in range(0, 200, 50)],
+            "/joint_states": [
+                (ns(t), ros.joints(ns(t), names, (), [0.0, way[k], 1.5 * way[k]])) for k, t in enumerate(TIMES)
+            ],
+        },
+    )
+    out = tmp_path / "map.toml"
+    assert jaxid("look", bag, "--robot", "differential", "--write", out)[0] == 0
+    text = out.read_text()
+    assert '# u_right = { fields = { "/cmd_vel.linear.x" = 1.0, "/cmd_vel.angular.z" = b } }' in text
+    assert '# u_left = { fields = { "/cmd_vel.linear.x" = 1.0, "/cmd_vel.angular.z" = -b } }' in text
+    mapping = tomllib.loads(text)
+    assert set(mapping) == {"way_right", "way_left"} and mapping["way_left"]["scale"] == "?"
+    edited = {name: {**entry, "scale": 0.08} for name, entry in mapping.items()} | {
+        f"u_{side}": {"fields": {"/cmd_vel.linear.x": 1.0, "/cmd_vel.angular.z": sign * 0.2}}
+        for side, sign in (("right", 1.0), ("left", -1.0))
+    }
+    log = read_logs(bag, "differential", mapping=edited)[0]
+    np.testing.assert_allclose(log.output("way_right"), 0.08 * 1.5 * way)
+    np.testing.assert_allclose(log.input("u_right")[[0, 60]], [2.0, 0.0])
+    np.testing.assert_allclose(log.input("u_left")[[0, 60]], [2.0, -2.0])

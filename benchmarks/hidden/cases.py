@@ -74,7 +74,7 @@ class Case:
 def effect(robot: str, identifier: str, size: float, rng: np.random.Generator) -> dict[str, float]:
     """The parameters of an effect of strength `size` in the reference's terms; what is not strength is drawn from `rng`."""
     sign = float(rng.choice([-1.0, 1.0]))
-    speed, inputs = float(rng.uniform(0.03, 0.1)), len(MODEL[robot].channels.inputs)
+    speed, inputs = float(rng.uniform(0.03, 0.1)), len(MODEL[robot]().channels.inputs)
     outputs = len(NOISE[robot])
     direction = float(rng.uniform(-np.pi, np.pi))
     channel, motor = float(rng.integers(outputs) + 1), float(rng.integers(inputs) + 1)

@@ -87,7 +87,7 @@ def held_out_rms(robot: str, identifier: str, size: float) -> float:
     for seed in SEEDS:
         case = make(robot, {identifier: size}, seed, noise_level=1.0)
         logs = {}
-        channels = MODEL[robot].channels
+        channels = MODEL[robot]().channels
         for stem, table in case.tables.items():
             values = {name: table[name].to_numpy() for name in table}
             inputs = np.column_stack([values[name] for name in channels.inputs])

@@ -107,7 +107,7 @@ def _within(robot: str, law: str, size: float, seed: int, place: int) -> tuple[f
 
 def held_out_rms(case) -> float:
     """RMS of the fitted baseline on the case's held-out logs in units of the true noise."""
-    channels = MODEL[case.robot].channels
+    channels = MODEL[case.robot]().channels
     logs: dict[str, list] = {}
     for stem, table in case.tables.items():
         inputs = table[list(channels.inputs)].to_numpy()

@@ -83,7 +83,7 @@ def _commanded(values: Array, position: bool) -> bool:
 
 def _doubtful(log: Log) -> list[str]:
     """Outputs, and what stands in for them, that look like commands."""
-    names = dict.fromkeys((*log.channels.outputs, *log.channels.substitutes.values()))
+    names = dict.fromkeys((*log.channels.outputs, *log.channels.positions))
     there = [name for name in names if name in log.measured and np.isfinite(log.output(name)).any()]
     return [name for name in there if _commanded(_held(log.output(name)), is_position(log, name))]
 

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from ..logs.finding import Finding, Severity
 from ..logs.log import Log
+from ..logs.noise import counting_step
+from .motion import is_position
 from .own_rows import as_measured, nothing_else_changes, on_several_clocks, placed
 
 Array = NDArray[np.float64]
@@ -159,6 +161,15 @@ def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
         yield finding(log, name, first, "warning", "spike", text)
 
 
+def _stood(values: Array, start: int, length: int, step: float) -> bool:
+    """Whether a position that stays the same may be one where the robot stood: it came to rest before, by smaller and smaller
+    changes, and went on from there. One that froze stops in the middle of its motion, or has a way to make up for after."""
+    end = start + length
+    before = abs(values[start] - values[start - 1]) if start else 0.0
+    after = abs(values[end + 1] - values[end]) if end + 1 < len(values) else 0.0
+    return after <= 8 * step and not before >= step > 3 * counting_step(values)
+
+
 def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Iterator[Finding]:
     """Stretches without any change while the rest of the log changes (`still[k]`: nothing else changed after k)."""
     equal = np.diff(values) == 0
@@ -166,8 +177,10 @@ def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Ite
     changes = np.flatnonzero(~equal)
     if not len(starts) or not len(changes):
         return
-    held = np.diff(changes)
-    if len(held) > 8 and np.median(held) >= 2 and np.mean(np.abs(held - np.median(held)) <= 1) > 0.9:
+    held, position = np.diff(changes), is_position(log, name)
+    step = np.median(np.abs(np.diff(values)[changes]))
+    counts = position and step < 1.5 * counting_step(values)  # of a counter that creeps each step takes its time
+    if len(held) > 8 and not counts and np.median(held) >= 2 and np.mean(np.abs(held - np.median(held)) <= 1) > 0.9:
         text = (
             f"changes only every {np.median(held):.0f} samples; leave the repeated cells empty, so that each "
             "measurement counts once and at its own time"
@@ -176,7 +189,6 @@ def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Ite
         return
     typical = np.quantile(held, 0.95) if len(held) else 1.0
     enough = max(10.0, 8 * typical)
-    step = np.median(np.abs(np.diff(values)[changes]))
     found = []
     for start, length in zip(starts, lengths, strict=True):
         if length < enough or still[start : start + length].mean() > 0.5:
@@ -185,8 +197,9 @@ def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Ite
             continue  # settled there smoothly, as only a simulation without noise can
         # A robot that stands still reads a true zero; a sensor that drops out gets there in one jump.
         jump = abs(values[start] - values[start - 1]) if start else 0.0
-        if values[start] != 0 or jump > 8 * step:
-            found.append((int(start), int(length)))
+        if _stood(values, int(start), int(length), step) if position else values[start] == 0 and jump <= 8 * step:
+            continue
+        found.append((int(start), int(length)))
     if found:
         start, length = max(found, key=lambda stretch: stretch[1])
         text = (

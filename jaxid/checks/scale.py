@@ -58,9 +58,11 @@ def _units(log: Log) -> Iterator[Finding]:
 
 def _contradictions(log: Log) -> Iterator[Finding]:
     """A position whose changes are not the integral of the speed that stands beside it."""
-    for name, substitute in log.channels.substitutes.items():
-        if not {name, substitute} <= set(log.measured):
+    for name in log.channels.outputs:
+        own = log.channels.stand_ins(name)
+        if len(own) != 1 or not {name, *own} <= set(log.measured):
             continue
+        (substitute,) = own
         speed, position = log.output(name), log.output(substitute)
         width = min(max(1, 2 * response(log)), max(1, len(log) // 10))
         travelled = np.concatenate([[0.0], np.cumsum((speed[:-1] + speed[1:]) / 2 * np.diff(log.time))])

@@ -178,7 +178,8 @@ def load_robot(spec: str) -> "Robot":
 
 
 def for_logs(robot: "Robot", paths: Sequence[str], mapping: Path | None) -> "Robot":
-    """The robot that measures what the first log's columns, or the mapping, hold. An unreadable log says so later."""
+    """The robot that measures what the mapping names, or else what the first log's columns hold beside that. An unreadable log
+    says so later."""
     from .._toml import read_toml
     from ..logs.read import first_columns
 
@@ -186,7 +187,8 @@ def for_logs(robot: "Robot", paths: Sequence[str], mapping: Path | None) -> "Rob
         return robot
     try:
         renamed = tuple(read_toml(mapping)) if mapping is not None else ()
-        return robot.for_columns((*first_columns(paths), *renamed))
+        named = robot.for_columns(renamed)
+        return named if named != robot else robot.for_columns((*first_columns(paths), *renamed))
     except (OSError, ValueError):
         return robot
 

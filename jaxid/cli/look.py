@@ -10,13 +10,14 @@ import numpy as np
 
 from .._atomic import write_text
 from .._toml import read_toml
-from ..logs import LogError, LogWarning, read_logs
+from ..logs import Channels, LogError, LogWarning, read_logs
 from ..logs.files import named_files
 from ..logs.look import Look, Stream, look
 from ..logs.propose import Proposal, mapping_text, propose, proposed_mapping
 from ..logs.series import Series
 from ..report.tables import Cell, Table, to_text
 from ..robots import Robot
+from ..robots.wheel_angles import measuring_angles
 from .arguments import UnusableInput, load_robot
 from .console import say, show, step
 
@@ -75,19 +76,23 @@ def _fields(seen: Look) -> Table:
     return Table("Fields", ("field", "unit", "range", "odd"), tuple(rows), tuple(notes))
 
 
-def _proposals(proposals: Sequence[Proposal]) -> Table:
+def _proposals(proposals: Sequence[Proposal], channels: Channels) -> Table:
     rows = []
+    found = {one.channel for one in proposals if one.field}
+    stood_in = {name for name in channels.outputs if channels.stood_in(name, found)}
     for one in proposals:
         unknown = math.isnan(one.scale)
         scale = Cell("?" if unknown else f"{one.scale:.6g}" if one.field else "", "bad" if unknown else "")
-        nothing = "of two wheels" if one.hint else "none, may be missing" if one.optional else "?"
-        field = Cell(one.field or nothing, "" if one.field else "dim" if one.optional else "bad")
+        may_lack = one.optional or one.channel in stood_in
+        of_several = "of a twist" if one.channel in channels.inputs else "of two wheels"
+        nothing = "none, may be missing" if may_lack else of_several if one.hint else "?"
+        field = Cell(one.field or nothing, "" if one.field else "dim" if may_lack else "bad")
         rows.append((Cell(one.channel), Cell(one.unit, "dim"), field, scale, Cell(one.why, "dim")))
     of_source: dict[str, list[str]] = {}
     for one in proposals:
         of_source.setdefault(one.source, []).append(one.channel)
     notes = [f"{', '.join(channels)}: {source}." for source, channels in of_source.items() if source]
-    notes += [one.hint for one in proposals if one.hint]
+    notes += [one.hint for one in proposals if one.hint and one.channel not in stood_in]
     notes.append("By names and units alone: look every line over, with its unit and its sign.")
     return Table("What could be what", ("channel", "unit", "field", "scale", "meaning"), tuple(rows), tuple(notes))
 
@@ -104,6 +109,17 @@ def _words(robot: Robot) -> Mapping[str, str]:
         if len(robot.channels.inputs) == 2 and turning:
             sides[name] = "right side's command" if turning > 0 else "left side's command"
     return {**sides, **robot.words}
+
+
+def _proposed(robot: Robot, seen: Look) -> tuple[Robot, Sequence[Proposal]]:
+    """What could be what, and the robot that measures it: its wheels' positions where they are there and its speeds are not."""
+    proposals = propose(seen, robot.channels, _words(robot))
+    other = measuring_angles(robot)
+    if other is robot or all(one.field for one in proposals if one.channel in robot.channels.outputs):
+        return robot, proposals
+    others = propose(seen, other.channels, _words(other))
+    found = {one.channel for one in others if one.field}
+    return (other, others) if set(other.measured_angles) <= found else (robot, proposals)
 
 
 def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | None, overwrite: bool = False) -> None:
@@ -126,15 +142,16 @@ def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | No
     tables = [_streams(seen), _fields(seen)]
     proposals: Sequence[Proposal] = ()
     if robot is not None:
-        robot = robot.for_columns(seen.recording.series)
-        proposals = propose(seen, robot.channels, _words(robot))
-        tables.append(_proposals(proposals))
+        robot, proposals = _proposed(robot.for_columns(seen.recording.series), seen)
+        tables.append(_proposals(proposals, robot.channels))
         if write is not None:
             stamped = any(series.stamped is not None for series in seen.recording.series.values())
-            write_text(write, mapping_text(path, seen, proposals, stamped))
+            other = measuring_angles(robot)
+            angles = {} if other is robot else {name: other.channels.units[name] for name in other.measured_angles}
+            write_text(write, mapping_text(path, seen, proposals, stamped, robot.channels, angles))
     show(to_text(tables, ()))
     if robot is not None:
-        own = mapping or proposed_mapping(proposals, robot.channels)
+        own = mapping or proposed_mapping(seen, proposals, robot.channels)
         if own is not None:
             _preflight(file, robot, own, "your mapping" if mapping else "these proposals")
     if write is not None:

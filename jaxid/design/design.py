@@ -148,7 +148,7 @@ def _noise(robot: Robot, noise: Mapping[str, float] | None, already: Fit | LogSe
                 f"noise has {name!r} = {level}; give standard deviations above zero for {', '.join(channels.measured)}."
             )
     missing = [name for name in channels.outputs if name not in found]
-    if missing and not any(channels.substitutes.get(name) in found for name in missing):
+    if missing and not all(channels.stood_in(name, found) for name in missing):
         raise DesignError(
             f"The noise of {', '.join(missing)} is not known; give noise = {{{missing[0]!r}: standard deviation}} "
             f"(--noise {missing[0]}=...), or a fit or logs as already (--already)."

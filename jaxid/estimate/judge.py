@@ -103,7 +103,8 @@ def drivers(logs: LogSet, simulated: Sequence[Array]) -> dict[str, list[Array]]:
     """
     found = {name: [_until(log.input(name)) for log in logs] for name in logs.channels.inputs}
     for i, name in enumerate(logs.channels.measured):
-        if not any(name in counted_channels(log) for log in logs):
+        counted = any(name in counted_channels(log) for log in logs)
+        if not counted and not any(logs.channels.stood_in(name, log.measured) for log in logs):
             continue
         own = [np.nan_to_num(np.asarray(y)[:, i]) for y in simulated]
         level = max(rms(np.concatenate(own)), 1e-300)

@@ -21,7 +21,7 @@ from .._compile import compiled
 from .._float64 import in_float64
 from ..estimate.output_error.window_start import states_at
 from ..kernel.machine import lanes
-from ..logs import LogSet, noise_scale
+from ..logs import Log, LogSet, noise_scale
 from ..robots.effect import Effect, Numbers, Scalars, State
 from ..robots.robot import Robot
 from ..robots.scales import Scales
@@ -269,12 +269,19 @@ class _Task(NamedTuple):
         return wander * self.scale / np.sqrt(self.response)
 
 
+def _farthest(log: Log, channel: str, robot: Robot) -> float:
+    """The largest value of a channel; of a wheel's angle, whose zero is arbitrary, the farthest from where it began."""
+    values = log.output(channel)
+    zero = values[np.isfinite(values)][0] if channel in robot.measured_angles else 0.0
+    return float(np.nanmax(np.abs(values - zero)))
+
+
 def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
     pushed, names, units = forced(robot)
     noise = dict(noise or noise_scale(logs))
     # Of a channel that no log holds, nothing is known: its state is as uncertain as one that has no sensor.
     shown = sorted({c for log in logs for c in log.measured})
-    largest = {c: max(float(np.nanmax(np.abs(log.output(c)))) for log in logs if c in log.measured) for c in shown}
+    largest = {c: max(_farthest(log, c, robot) for log in logs if c in log.measured) for c in shown}
     noise = {c: max(noise[c], _LEAST_NOISE * largest[c]) for c in shown if np.isfinite(noise.get(c, np.nan))}
     numbers = {name: array(float(value)) for name, value in pushed.parameters.numbers.items()}
     integrator = integrator_for(robot, logs)

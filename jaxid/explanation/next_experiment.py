@@ -10,10 +10,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .._atomic import replacing
+from ..estimate.confidence.agreement import counted_channels
 from ..logs import Log, LogSet
 from ..robots.effect import in_words
 from ..robots.robot import Robot
 from ..simulation.excitation import Drive, single_modes, tuned_shapes
+from ..simulation.reckoning import measured_velocities
 from ..simulation.simulate import simulate
 
 _LEVELS = (0.15, 0.4, 1.0)
@@ -78,9 +80,9 @@ def propose(
     `so_far` is their RMS difference on the held-out logs in units of the noise. None if no drivable input tells more.
     """
     channels = logs.channels
-    outputs = [c for c in channels.outputs if c in noise]
-    columns = [channels.measured.index(c) for c in outputs]
-    scale = np.array([noise[c] for c in outputs])
+    judged = dict.fromkeys(c for log in logs for c in counted_channels(log) if c in noise)
+    columns = [channels.measured.index(c) for c in judged]
+    scale = np.array([noise[c] for c in judged])
     family = _family(one[1], logs)
     interval = float(np.median([log.sampling_interval for log in logs]))
     time = np.asarray(np.arange(len(family[0].inputs)) * interval, np.float64)
@@ -89,8 +91,7 @@ def propose(
         [Log.from_arrays(f"run {i}", time, drive.inputs, nothing, channels) for i, drive in enumerate(family)]
     )
     first, second = simulate(one[1], runs), simulate(other[1], runs)
-    fastest = [max(float(np.nanmax(np.abs(log.outputs[:, c]))) for log in logs) for c in columns]
-    differences = _differences(first, second, columns, scale, np.array(fastest))
+    differences = _differences(first, second, columns, scale, _fastest(one[1], logs))
     best = int(np.argmax(differences))
     if differences[best] <= so_far:
         return None
@@ -100,17 +101,30 @@ def propose(
     )
 
 
+def _fastest(robot: Robot, logs: LogSet) -> dict[int, float]:
+    """The largest value of each output, by its column, that the logs show, or say by the positions that stand in for it."""
+    channels, found = logs.channels, dict[int, float]()
+    for log in logs:
+        speeds = measured_velocities(robot, log)
+        for column, name in enumerate(channels.outputs):
+            seen = log.output(name) if name in log.measured else speeds.get(name, log.output(name))
+            if np.isfinite(seen).any():
+                found[column] = max(found.get(column, 0.0), float(np.nanmax(np.abs(seen))))
+    return found
+
+
 def _differences(
-    first: Sequence[NDArray], second: Sequence[NDArray], columns: list[int], scale: NDArray, fastest: NDArray
+    first: Sequence[NDArray], second: Sequence[NDArray], columns: list[int], scale: NDArray, fastest: dict[int, float]
 ) -> NDArray[np.float64]:
-    """RMS difference of every run in units of noise; zero for runs that are too fast or diverge."""
+    """RMS difference of every run in units of noise; zero for runs that diverge, or are too fast by the largest speeds seen in
+    the columns of `fastest`."""
     found = np.zeros(len(first))
     for i, (a, b) in enumerate(zip(first, second, strict=True)):
-        y = a[:, columns]
+        apart = (a[:, columns] - b[:, columns]) / scale
         if (
             np.all(np.isfinite(a))
             and np.all(np.isfinite(b))
-            and np.all(np.max(np.abs(y), axis=0) <= _FASTEST * fastest)
+            and all(np.max(np.abs(a[:, c])) <= _FASTEST * top for c, top in fastest.items())
         ):
-            found[i] = float(np.sqrt(np.mean(((y - b[:, columns]) / scale) ** 2)))
+            found[i] = float(np.sqrt(np.mean(apart**2)))
     return found

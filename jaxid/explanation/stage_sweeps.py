@@ -15,6 +15,7 @@ from ..robots.effect import Effect, Numbers, Scalars, State
 from ..robots.robot import Robot
 from ..robots.scales import Scales
 from ..robots.signal_path import overrides, passed, powered
+from ..robots.traits import axes_in_words
 
 Grid = NDArray[np.float64]
 
@@ -62,6 +63,12 @@ def _said(robot: Robot, name: str) -> str:
 def _numbered(words: str, count: int) -> tuple[str, ...]:
     """Parts by their number; one alone needs none."""
     return tuple(f"{words} {k + 1}" for k in range(count)) if count > 1 else ("",)
+
+
+def _of_wheels(robot: Robot, count: int) -> tuple[str, ...]:
+    """Parts by the wheels that drive: by the words for the drive axes where there are as many."""
+    words = axes_in_words(robot)
+    return tuple(f"of {n}" for n in words) if count == len(words) > 1 else _numbered("of wheel", count)
 
 
 def _rows(values: Scalars, count: int):
@@ -140,7 +147,8 @@ def _own_states(effect: Effect, robot: Robot, largest: dict[str, float]) -> Iter
 
 def _rubbing_sweeps(robot: Robot, scales: Scales, floor: Grid) -> Iterator[Sweep]:
     words = robot.axis_words if len(robot.axis_words) == len(robot.drive_axes) else ()
-    parts = tuple(f"of {n}" for n in words) or _numbered("of axis", len(robot.drive_axes))
+    several = bool(words) or len(robot.drive_axes) > 1
+    parts = tuple(f"of {n}" for n in axes_in_words(robot)) if several else ("",)
     units = tuple(robot.force_unit(n) for n in words) if words else (robot.friction_unit,) * len(parts)
     named = ("friction", parts, units)
     if len(floor) and "x" in robot.states:
@@ -181,7 +189,7 @@ def _force_sweeps(robot: Robot, scales: Scales, floor: Grid) -> Iterator[Sweep]:
 
 def _drive_sweeps(effect: Effect, robot: Robot, scales: Scales, largest: dict[str, float]) -> Iterator[Sweep]:
     count = len(robot.drive_torques(_idle(robot), _state(robot), robot.parameters.numbers))
-    parts, of = _numbered("of wheel", count), robot.channels.units.get(robot.channels.inputs[0], "")
+    parts, of = _of_wheels(robot, count), robot.channels.units.get(robot.channels.inputs[0], "")
     pull = "force" if robot.torque_unit == "N" else "torque"
     named = (f"drive {pull}", parts, (robot.torque_unit,) * count)
     volts = both_ways(scales.input)

@@ -2,7 +2,18 @@
 
 from . import signals
 from .batch import Batch
-from .channels import AXIS, DIFFERENTIAL, DIFFERENTIAL_WHEELS, OMNI, PIONEER, Channels
+from .channels import (
+    AXIS,
+    DIFFERENTIAL,
+    DIFFERENTIAL_WAYS,
+    DIFFERENTIAL_WHEELS,
+    DIFFERENTIAL_WHEELS_WAYS,
+    OMNI,
+    OMNI_ANGLES,
+    PIONEER,
+    PIONEER_ANGLES,
+    Channels,
+)
 from .finding import Finding, LogError, LogWarning
 from .log import Log, LogSet, channels_of
 from .noise import noise_level, noise_scale
@@ -12,9 +23,13 @@ from .read import read_logs
 __all__ = [
     "AXIS",
     "DIFFERENTIAL",
+    "DIFFERENTIAL_WAYS",
     "DIFFERENTIAL_WHEELS",
+    "DIFFERENTIAL_WHEELS_WAYS",
     "OMNI",
+    "OMNI_ANGLES",
     "PIONEER",
+    "PIONEER_ANGLES",
     "Batch",
     "Channels",
     "Finding",

@@ -1,7 +1,7 @@
 """Which columns a robot's log has: names, units, and how each input is expected to act on each output."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -31,7 +31,7 @@ class Channels:
     - `mixing`: output name to one number for each input: the sign (and relative gain) with which a positive input acts
       on that output. Pre-flight compares the data with it to find swapped and sign-flipped channels.
     - `substitutes`: output name to the optional channel that may stand in for it (an axis whose position is measured
-      but not its speed).
+      but not its speed), or to several that do so together (a body's speed, and the angles of its wheels).
 
     Raises `ValueError` where a name is used twice, or `mixing` or `substitutes` do not fit the names.
     """
@@ -41,7 +41,7 @@ class Channels:
     optional: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     mixing: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    substitutes: Mapping[str, str] = field(default_factory=dict)
+    substitutes: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("inputs", "outputs", "optional"):
@@ -49,7 +49,8 @@ class Channels:
         mixing = {name: tuple(float(gain) for gain in gains) for name, gains in self.mixing.items()}
         object.__setattr__(self, "units", MappingProxyType(_POSE_UNITS | dict(self.units)))
         object.__setattr__(self, "mixing", MappingProxyType(mixing))
-        object.__setattr__(self, "substitutes", MappingProxyType(dict(self.substitutes)))
+        given = {name: own if isinstance(own, str) else tuple(own) for name, own in self.substitutes.items()}
+        object.__setattr__(self, "substitutes", MappingProxyType(given))
 
         if not self.inputs or not self.outputs:
             raise ValueError("Channels needs at least one input and one output; name the log's columns.")
@@ -67,16 +68,44 @@ class Channels:
                     f"Channels.mixing[{name!r}] has {len(gains)} numbers for {len(self.inputs)} inputs; give one each."
                 )
         for name, substitute in self.substitutes.items():
-            if name not in self.outputs or substitute not in self.optional:
+            own = self.stand_ins(name)
+            if name not in self.outputs or not own or not set(own) <= set(self.optional):
                 raise ValueError(
                     f"Channels.substitutes says {substitute!r} may replace {name!r}; it must map an output to an "
-                    "optional channel."
+                    "optional channel, or to several."
                 )
 
     @property
     def measured(self) -> tuple[str, ...]:
         """Outputs, then optional outputs: the columns of `Log.outputs`, in order."""
         return self.outputs + self.optional
+
+    def stand_ins(self, name: str) -> tuple[str, ...]:
+        """The optional channels that, all together, may stand in for an output; empty where none do."""
+        own = self.substitutes.get(name, ())
+        return (own,) if isinstance(own, str) else own
+
+    def stood_in(self, name: str, there: Collection[str]) -> bool:
+        """Whether what stands in for an output is all `there`."""
+        own = self.stand_ins(name)
+        return bool(own) and set(own) <= set(there)
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        """The channels that stand in for others: positions that may be measured in the place of speeds."""
+        return tuple(dict.fromkeys(own for name in self.outputs for own in self.stand_ins(name)))
+
+    def with_positions(
+        self, names: tuple[str, ...], unit: str, standing_for: tuple[str, ...], mixing: Mapping[str, Any] | None = None
+    ) -> "Channels":
+        """The same with optional channels that, all together, stand in for the outputs `standing_for`."""
+        return replace(
+            self,
+            optional=(*self.optional, *names),
+            units={**self.units, **dict.fromkeys(names, unit)},
+            mixing={**self.mixing, **(mixing or {})},
+            substitutes={**self.substitutes, **dict.fromkeys(standing_for, names)},
+        )
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self.inputs, *self.measured))
@@ -101,6 +130,9 @@ PIONEER = Channels(
 )
 """Differential drive with a caster (Innocenti et al.): V2 right, V3 left voltage; forward speed, yaw rate."""
 
+PIONEER_ANGLES = PIONEER.with_positions(("phi2", "phi3"), "rad", PIONEER.outputs, {"phi2": (1, 0), "phi3": (0, 1)})
+"""The same with the angles of the right and the left driving wheel, beside or in the place of the speeds."""
+
 OMNI = Channels(
     inputs=("u1", "u2", "u3", "u4"),
     outputs=("V", "Vn", "W"),
@@ -109,6 +141,14 @@ OMNI = Channels(
     mixing={"V": (0, -1, 0, 1), "Vn": (1, 0, -1, 0), "W": (1, 1, 1, 1)},
 )
 """Four omni wheels (Conceição, Moreira & Costa, signs restored): Fv = f4 - f2, Fvn = f1 - f3, Gamma = b sum f."""
+
+OMNI_ANGLES = OMNI.with_positions(
+    ("phi1", "phi2", "phi3", "phi4"),
+    "rad",
+    OMNI.outputs,
+    {"phi1": (2, 1, 0, 1), "phi2": (1, 2, 1, 0), "phi3": (0, 1, 2, 1), "phi4": (1, 0, 1, 2)},
+)
+"""The same with the angles of the four wheels, beside or in the place of the speeds."""
 
 AXIS = Channels(
     inputs=("u",),
@@ -136,7 +176,38 @@ DIFFERENTIAL_WHEELS = Channels(
 )
 """The same, measured at the wheels' rims."""
 
+DIFFERENTIAL_WAYS = DIFFERENTIAL.with_positions(
+    ("way_right", "way_left"), "m", DIFFERENTIAL.outputs, {"way_right": (1, 0), "way_left": (0, 1)}
+)
+"""The plain differential drive with the ways that its wheels' rims have rolled, beside or in the place of the speeds."""
+
+DIFFERENTIAL_WHEELS_WAYS = replace(
+    DIFFERENTIAL_WHEELS,
+    optional=DIFFERENTIAL_WAYS.optional,
+    units={**DIFFERENTIAL_WHEELS.units, "way_right": "m", "way_left": "m"},
+    mixing={**DIFFERENTIAL_WHEELS.mixing, "way_right": (1, 0), "way_left": (0, 1)},
+    substitutes={"v_right": "way_right", "v_left": "way_left"},
+)
+"""The same, of a drive that is measured at its wheels' rims."""
+
 STANDARD = {"pioneer": PIONEER, "omni": OMNI, "axis": AXIS, "differential": DIFFERENTIAL} | {
     "differential_wheels": DIFFERENTIAL_WHEELS
 }
 """Layouts of logs by the names that the command line knows."""
+
+BY_COLUMNS: Mapping[str, tuple[Channels, ...]] = MappingProxyType(
+    {
+        "pioneer": (PIONEER, PIONEER_ANGLES),
+        "omni": (OMNI, OMNI_ANGLES),
+        "differential": (DIFFERENTIAL, DIFFERENTIAL_WHEELS, DIFFERENTIAL_WAYS),
+    }
+)
+"""Layouts of one robot, of which a log's columns say which one it has: speeds first."""
+
+
+def layout_of(layouts: tuple[Channels, ...], columns: Collection[str]) -> Channels:
+    """The first of the layouts whose outputs, or what stands in for them, are all among the columns; else the first."""
+    for own in layouts:
+        if all(name in columns or own.stood_in(name, columns) for name in own.outputs):
+            return own
+    return layouts[0]

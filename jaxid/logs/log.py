@@ -134,11 +134,11 @@ class Log:
             raise LogError(
                 f"{self.name}: output {channels.measured[j]!r} is {what} at sample {k}; use NaN for 'not measured'."
             )
-        for j, name in enumerate(channels.outputs):
-            substitute = channels.substitutes.get(name)
-            stand_in = substitute is not None and np.isfinite(outputs[:, channels.measured.index(substitute)]).any()
-            if not np.isfinite(outputs[:, j]).any() and not stand_in:
-                remedy = f" (or {substitute!r})" if substitute else ""
+        there = {n for n, column in zip(channels.measured, outputs.T, strict=True) if np.isfinite(column).any()}
+        for name in channels.outputs:
+            if name not in there and not channels.stood_in(name, there):
+                own = channels.stand_ins(name)
+                remedy = f" (or {' and '.join(map(repr, own))})" if own else ""
                 raise LogError(f"{self.name}: output {name!r} has no measured value; give a log that has it{remedy}.")
         if len(self.extra.columns) and len(self.extra) != len(time):
             raise LogError(f"{self.name}: extra has {len(self.extra)} rows for {len(time)} samples; give one each.")
@@ -268,6 +268,8 @@ def channels_of(robot: Any) -> Channels:
             raise LogError(f"There is no robot {robot!r}{did_you_mean(robot, known)}; use one of {list(known)}.")
         return known[robot]
     channels = getattr(robot, "channels", robot)
+    if isinstance(robot, type) and not isinstance(channels, Channels):
+        raise LogError(f"{robot.__name__} is a class; give a robot of it, such as {robot.__name__}().")
     if not isinstance(channels, Channels):
         raise LogError(f"{robot!r} has no channels; give a robot's name, a Channels, or a robot with `.channels`.")
     return channels

@@ -59,6 +59,8 @@ def _stream(topic: Topic, series: Sequence[Series]) -> Stream:
 
 
 _COORDINATE = re.compile(r"(.*(?:position|translation))\.([xyz])")
+_HEADING = re.compile(r"(.*)(orientation|rotation)\.(?:[xyzw]|yaw)")
+_PLACE = {"orientation": "position", "rotation": "translation"}
 _SMOOTH = 0.5
 """Spread of a signal's steps, in that of the signal, below which it follows the motion rather than noise."""
 _MOVES = 0.2
@@ -83,9 +85,12 @@ class _Motion:
                 self._moving.append((series.topic, time, values, spread))
 
     def explains(self, series: Series, begin: int, end: int) -> bool:
-        """Whether a signal may well have stayed the same between two times [ns]: nothing moved, or along another axis."""
+        """Whether a signal may well have stayed the same between two times [ns]: nothing moved, or along another axis, or
+        straight ahead."""
         coordinate = _COORDINATE.fullmatch(series.name)
         along = [] if coordinate is None else [f"{coordinate[1]}.{axis}" for axis in "xyz" if axis != coordinate[2]]
+        heading = _HEADING.fullmatch(series.name)
+        along += [] if heading is None else [f"{heading[1]}{_PLACE[heading[2]]}.{axis}" for axis in "xyz"]
         for other in (self._by_name[name] for name in along if name in self._by_name):
             there = other.values[(_time(other) >= begin) & (_time(other) <= end)]
             if len(there) and np.ptp(there) > 0:

@@ -118,3 +118,8 @@ def read_mapping(mapping: Mapping[str, Any] | str | Path | None, channels: Chann
                 f"{', '.join(known)}, each with the name that the file has for it."
             )
     return {name: _source(place, name, entry) for name, entry in mapping.items()}
+
+
+def mapped_names(mapping: Mapping[str, Any] | str | Path | None) -> tuple[str, ...]:
+    """The standard columns that a mapping names. Raises `OSError` and `ValueError` where it cannot be read."""
+    return tuple(read_toml(Path(mapping)) if isinstance(mapping, str | Path) else mapping or ())

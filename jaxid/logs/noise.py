@@ -158,6 +158,12 @@ def _shown(log: Log) -> tuple[_Shown, ...]:
     return _known[log]
 
 
+def _together(logs: list[Log], index: int) -> float:
+    """The noise of one channel of logs that are too short to tell it each by itself, such as windows of a few samples."""
+    third = np.concatenate([_differences(log.outputs[:, index], log.inputs, log.time) for log in logs])
+    return max(usual_size(third), sensor_step(np.concatenate([log.outputs[:, index] for log in logs])) / np.sqrt(12.0))
+
+
 def noise_level(logs: LogSet | Log) -> dict[str, float]:
     """Standard deviation of the measurement noise of each measured channel, NaN for a channel no log holds.
 
@@ -172,6 +178,8 @@ def noise_level(logs: LogSet | Log) -> dict[str, float]:
         enough = [own for own in mine if own.differences >= _FEWEST]
         counts = sum(own.differences for own in enough)
         squares = sum(own.differences * own.level**2 for own in enough)
+        if not enough and sum(own.differences for own in mine) >= _FEWEST:
+            counts, squares = 1, _together(each, index) ** 2
         still = any(own.samples >= 11 for own in mine)
         levels[channel] = float(np.sqrt(squares / counts)) if counts else 0.0 if still else float("nan")
     return levels

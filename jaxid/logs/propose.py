@@ -12,7 +12,7 @@ from .channels import Channels
 from .look import Look
 from .series import Series
 from .units import Unit, unit_in_name
-from .wheel_pairs import of_one_side, wheel_pair
+from .wheel_pairs import of_one_side, wheel_pair, wheel_positions
 
 
 class Proposal(NamedTuple):
@@ -35,7 +35,10 @@ class Proposal(NamedTuple):
 
 
 # What people call things, by the words that a channel's meaning holds.
-_SIDES = {"right": ("r", "rr", "fr", "rh"), "left": ("l", "rl", "fl", "lh")}
+_SIDES = {
+    "right": ("r", "rr", "fr", "rh", "rw", "rechts", "droite", "derecha", "destra"),
+    "left": ("l", "rl", "fl", "lh", "lw", "links", "gauche", "izquierda", "sinistra"),
+}
 _MEANINGS: Mapping[str, tuple[str, ...]] = {
     "m/s": ("twist.linear.x", "linear.x", "velocity", "speed", "vx"),
     "rad/s": ("angular_velocity.z", "twist.angular.z", "angular.z", "yaw_rate", "gyro", "omega"),
@@ -46,6 +49,9 @@ _MEANINGS: Mapping[str, tuple[str, ...]] = {
     "rad": ("yaw", "heading", "position", "angle"),
 }
 _COMMANDS = ("cmd", "command", "volt", "motor", "duty", "pwm", "control", "ref", "input", "output")
+_WANTED = ("cmd", "command", "setpoint", "desired", "target", "reference")
+"""What is wanted was not measured."""
+_TWIST = re.compile(r"(.*)\.(?:linear\.x|angular\.z)$")
 _SUPPLIES = ("battery", "batt", "vbat", "supply", "vbus")
 """Whose voltage is no command's."""
 
@@ -86,6 +92,10 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
         return 0.0
     if command and any(word in name for word in _SUPPLIES):
         return 0.0
+    if not command and any(word in name for word in _WANTED):
+        return 0.0
+    if command and _TWIST.search(name) and ("right" in said or "left" in said):
+        return 0.0  # of the body, and no side's
     if math.isnan(factor) and command != (measure == "duty"):
         return 0.0  # a duty is no measurement, and a count no command
     words = [word for one in units for word in _MEANINGS.get(one, ())] or [*_COMMANDS]
@@ -116,7 +126,13 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
     wheels = wheel_pair(usable)
     sides = of_one_side(series.name for series in usable) if len(channels.outputs) > 1 else set()
     proposals = []
+    places = wheel_positions(usable, len(channels.positions)) if len(channels.positions) > 1 else ()
+    by_name = {series.name: series for series in usable}
+    of_wheels = {name: by_name[field] for name, field in zip(channels.positions, places, strict=False)}
     for channel in channels:
+        if len(channels.positions) > 1 and channel in channels.positions:
+            proposals.append(_of_wheel(channel, channels.units.get(channel, ""), words, of_wheels.get(channel)))
+            continue
         command = channel in channels.inputs
         place = channels.inputs.index(channel) if command else 0
         unit, wanted = channels.units.get(channel, ""), words.get(channel, "")
@@ -131,8 +147,12 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
         ]
         ranked = sorted(scored, key=lambda pair: (-pair[0], -len(pair[1]), pair[1].name))
         good = [(score, series) for score, series in ranked if score >= _LEAST and series.name not in taken]
+        if not good and command:
+            hint = _of_twist(channel, wanted, usable)
+            proposals.append(Proposal(channel, unit, "", wanted, (), 1.0, "", hint, False))
+            continue
         if not good:
-            hint = wheels.hint(channel, unit) if wheels is not None and not command else ""
+            hint = wheels.hint(channel, unit) if wheels is not None else ""
             proposals.append(Proposal(channel, unit, "", wanted, (), 1.0, "", hint, channel in channels.optional))
             continue
         series = good[0][1]
@@ -145,6 +165,33 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
         why = ", ".join(filter(None, (wanted, inside and f"in {inside}", series.frame and f"frame {series.frame}")))
         proposals.append(Proposal(channel, unit, series.name, why, others, scale, source))
     return proposals
+
+
+def _of_twist(channel: str, wanted: str, usable: Sequence[Series]) -> str:
+    """A line that makes a side's command of a commanded twist, with half the track left open; empty where there is none."""
+    names = {series.name for series in usable if any(word in series.name.lower() for word in _COMMANDS)}
+    stems = (found[1] for name in sorted(names) if (found := _TWIST.match(name)))
+    stem = next((one for one in stems if {f"{one}.linear.x", f"{one}.angular.z"} <= names), None)
+    sign = "" if "right" in wanted else "-" if "left" in wanted else None
+    if stem is None or sign is None:
+        return ""
+    fields = f'"{stem}.linear.x" = 1.0, "{stem}.angular.z" = {sign}b'
+    return f"{channel} = {{ fields = {{ {fields} }} }}   # b half the track [m]"
+
+
+def _of_wheel(channel: str, unit: str, words: Mapping[str, str], series: Series | None) -> Proposal:
+    """A wheel's position and its scale: by the name, or one that only the owner knows."""
+    wanted = words.get(channel, "")
+    if series is None:
+        return Proposal(channel, unit, "", wanted, (), optional=True)
+    said = _unit(series)
+    scale, source = said.factor, f"the name says {said.said}" if said.said and said.factor != 1.0 else ""
+    if not said.si:
+        per = "2 pi / counts per turn" if unit == "rad" else "the way per turn / counts per turn"
+        scale, source = math.nan, f"an encoder's counts; give the {unit} that one of them is, {per}"
+    elif unit == "m" and "rad" in said.si.split(" or "):
+        scale, source = math.nan, "an angle; give the m per rad, which is the wheel's radius"
+    return Proposal(channel, unit, series.name, wanted, (), scale, source, "", True)
 
 
 def _scale(unit: str, series: Series) -> tuple[float, str]:
@@ -161,27 +208,49 @@ def _scale(unit: str, series: Series) -> tuple[float, str]:
     return 1.0, "" if said or series.unit else "nothing says the unit"
 
 
-def proposed_mapping(proposals: Sequence[Proposal], channels: Channels) -> dict[str, Any] | None:
+def _times(seen: Look) -> dict[str, Any]:
+    """The entry of a mapping for a table's times; none where it has them as t in seconds."""
+    found = seen.recording.time
+    if found is None or (found.column == "t" and found.scale == 1.0):
+        return {}
+    return {"t": {"column": found.column, "scale": found.scale}}
+
+
+def proposed_mapping(seen: Look, proposals: Sequence[Proposal], channels: Channels) -> dict[str, Any] | None:
     """The proposals as a mapping; None where one that is needed has no field, or a scale that only the owner knows."""
     usable = {one.channel: one for one in proposals if one.field and math.isfinite(one.scale)}
-    stand_ins = {name for name in channels if channels.substitutes.get(name) in usable}
+    stand_ins = {name for name in channels.outputs if channels.stood_in(name, usable)}
     if not set(channels) <= {*usable, *channels.optional, *stand_ins}:
         return None
-    return {name: {"field": one.field, "scale": one.scale} for name, one in usable.items()}
+    return {name: {"field": one.field, "scale": one.scale} for name, one in usable.items()} | _times(seen)
 
 
-def mapping_text(path: Path, seen: Look, proposals: Sequence[Proposal], stamps: bool) -> str:
-    """A mapping file that proposes a field for each channel, for a person to look over."""
+def mapping_text(
+    path: Path, seen: Look, proposals: Sequence[Proposal], stamps: bool, channels: Channels, angles: Mapping[str, str]
+) -> str:
+    """A mapping file that proposes a field for each channel, for a person to look over.
+
+    `angles`: units by name of angles of wheels which the robot may measure in the place of outputs that nothing looks like.
+    """
+    found = {one.channel for one in proposals if one.field}
     lines = [
         f"# Proposed by `jaxid look {path.name}`, by names and units alone: check every line, its unit and its sign.",
         "# value = scale * field + offset, in the unit of the channel; derivative = true makes a speed of a position.",
     ]
     if stamps:
         lines.append("# t = { stamp = \"receive\" }   # the recorder's clock instead of the messages' headers")
+    for entry in _times(seen).values():
+        said = seen.recording.time.said if seen.recording.time else ""
+        lines += ["", "# t [s]: times", f't = {{ column = "{entry["column"]}", scale = {entry["scale"]!r} }}']
+        lines[-1] += f"   # {said}" if said else "   # nothing says the unit"
     for one in proposals:
         unit = f" [{one.unit}]" if one.unit else ""
         lines.append("")
         lines.append(f"# {one.channel}{unit}" + (f": {one.why}" if one.why else ""))
+        if not one.field and channels.stood_in(one.channel, found):
+            lines.append(f"# {' and '.join(channels.stand_ins(one.channel))} stand in for it")
+            lines += [f"# or {one.hint}"] if one.hint else []
+            continue
         if not one.field and one.optional:
             lines.append(f"# {one.channel} may be missing, and nothing here looks like it")
             continue
@@ -194,4 +263,7 @@ def mapping_text(path: Path, seen: Look, proposals: Sequence[Proposal], stamps: 
         remark = f"   # {one.source}" if one.source else ""
         lines.append(f'{one.channel} = {{ field = "{one.field}", scale = {scale}, offset = 0.0 }}{remark}')
         lines += [f'#   or "{other}"' for other in one.others]
+    if angles and any(not one.field for one in proposals if one.channel in channels.outputs):
+        lines += ["", "# In the place of its speeds the robot may measure the positions of its wheels:"]
+        lines += [f'# {name} = {{ field = "?", scale = 1.0 }}   # [{unit}]' for name, unit in angles.items()]
     return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""Speeds from measured positions, where the speed itself was not measured, and what that costs."""
+"""Measured positions: turns that a sensor does not count, and speeds where no speed was measured, and what that costs."""
 
 from pathlib import Path
 
@@ -29,6 +29,28 @@ def unwrapped(positions: Vector) -> Vector:
         if within and whole and step > 0.5 * period:
             return np.unwrap(positions, period=period)
     return positions
+
+
+_LONG = 2.5
+"""Intervals, in usual ones, from which on a sensor that starts again at every turn may have lost one."""
+
+
+def whole_way(time: Vector, positions: Vector, name: str, column: str) -> tuple[Vector, str]:
+    """Positions [T], NaN where not measured, without the jumps at a turn or at a counter's end, and a sentence without file
+    and full stop for a gap in them, across which nobody counted the turns; empty where there is none."""
+    there = np.isfinite(positions)
+    whole = unwrapped(positions[there])
+    if np.array_equal(whole, positions[there]):
+        return positions, ""
+    found, steps = positions.copy(), np.diff(time[there])
+    found[there] = whole
+    longest = float(np.max(steps))
+    if longest <= _LONG * float(np.median(steps)):
+        return found, ""
+    return found, (
+        f"{name!r} begins anew at every turn (or where its counter ends) of {column!r}, and in a gap of {longest:.3g} s nobody "
+        "counted these; cut the log there unless it stood still"
+    )
 
 
 def rate(time: Vector, positions: Vector, name: str, column: str, path: Path) -> tuple[Vector, str]:

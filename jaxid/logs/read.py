@@ -17,16 +17,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .channels import POSE, Channels
+from .channels import BY_COLUMNS, POSE, Channels, layout_of
 from .files import PathLike, files_of, named_files
 from .finding import Finding, LogError, LogWarning
 from .formats import format_of, read_recording
 from .log import ABSURD, Log, LogSet, channels_of, did_you_mean
-from .mapping import Source, read_mapping
-from .rates import rate
+from .mapping import Source, mapped_names, read_mapping
+from .rates import rate, whole_way
 from .recorded import read_recorded
 from .sums import with_summed_columns
 from .table import Table, read_table
+from .times import SINCE_1970, with_seconds
 
 
 def _where(table: Table, row: int) -> str:
@@ -63,9 +64,7 @@ def _sources(table: Table, channels: Channels, mapping: dict[str, Source], path:
     sources |= {name: mapping[name] for name in POSE if name in mapping}  # unmapped poses simply stay as they are
     there = {name for name, source in sources.items() if source.column in columns or source.interval is not None}
     for name, source in sources.items():
-        if name in there or (
-            name not in mapping and (name in channels.optional or channels.substitutes.get(name) in there)
-        ):
+        if name in there or (name not in mapping and (name in channels.optional or channels.stood_in(name, there))):
             continue
         what = f"column {source.column[:60]!r}" + (f" (mapped to {name!r})" if source.column != name else "")
         example = f'rename one of them or map it, such as {name} = "its name"'
@@ -164,6 +163,11 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
         )
     timed = sources["t"].interval is not None
     if not timed:
+        dated = with_seconds(table.frame, sources["t"].column)
+        if dated is not table.frame:
+            text = f"{name}: {sources['t'].column!r} holds dates; the times are seconds since the first."
+            findings.append(Finding(name, None, None, "note", "dates", text))
+            table = table._replace(frame=dated)
         shorter, rows = _without_repeats(table, sources["t"].column, path)
         what = "a row repeats the one before in every column, time included, and was left out,"
         note(sources["t"].column, rows, "repeated_row", what, "check the recorder")
@@ -174,8 +178,17 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
         if source.interval is not None:
             columns[standard] = source.interval * np.arange(len(table.frame), dtype=float)
             continue
+        values = _numbers(table, source.column, path)
+        if standard in channels.positions and not source.derivative:
+            values, text = whole_way(columns["t"], values, standard, source.column)
+            if text:
+                findings.append(Finding(name, standard, None, "warning", "turns", f"{name}: {text}."))
         with np.errstate(over="ignore"):
-            values = source.scale * _numbers(table, source.column, path) + source.offset
+            values = source.scale * values + source.offset
+        if standard == "t" and len(values) and values[0] > SINCE_1970:
+            values = values - values[0]
+            text = f"{name}: {source.column!r} counts from 1970; the times are seconds since the first row."
+            findings.append(Finding(name, None, None, "note", "dates", text))
         if source.derivative:
             values, text = _rate(values, columns["t"], standard, source.column, path)
             findings.append(Finding(name, standard, None, "warning", "differentiated", f"{name}: {text}."))
@@ -228,7 +241,9 @@ def read_logs(
     - `paths`: a file (or a ROS 2 bag's folder), a pattern (`"logs/*.csv"`), or a list of them; patterns are read in
       alphabetical order. `"run.mcap[3:18.5]"` is what lies from 3 s up to 18.5 s of a log's own time, `"run.mcap[3:]"` what
       comes after 3 s (`Log.window`).
-    - `robot`: `"pioneer"`, `"omni"`, `"axis"`, `"differential"`, a `Channels`, or any object with `.channels`.
+    - `robot`: `"pioneer"`, `"omni"`, `"axis"`, `"differential"`, a `Channels`, or any object with `.channels`. Logs without the
+      speeds of a robot's body may hold the angles of its wheels (`phi2`, `phi3` of the Pioneer); the robot of such logs is
+      `robot.for_columns(logs[0].measured)`, which has `wheel_angles=True`.
     - `mapping`: standard name to the file's column, as a dict or the path of a TOML file:
       `V2 = "right_volts"`, `eta1 = {column = "speed_mm_s", scale = 0.001}` (value = scale * column + offset), for
       recordings `eta2 = {field = "/imu.angular_velocity.z"}`, for a speed of which only the position was measured
@@ -244,12 +259,41 @@ def read_logs(
     What is merely doubtful becomes a finding (`LogSet.preflight`), and a `LogWarning` if it is more than a note.
     """
     channels = channels_of(robot)
-    sources = read_mapping(mapping, channels)
-    logs = LogSet(one.cut(_read(one.path, one.name, channels, sources)) for one in named_files(paths))
+
+    def read(channels: Channels) -> LogSet:
+        sources = read_mapping(mapping, channels)
+        return LogSet(one.cut(_read(one.path, one.name, channels, sources)) for one in named_files(paths))
+
+    try:
+        logs = read(channels)
+    except LogError:
+        other = _other_layout(robot, paths, mapping)
+        if other == channels:
+            raise
+        logs = read(other)
     for finding in logs.preflight():
         if finding.severity != "note":
             warnings.warn(str(finding), LogWarning, stacklevel=2)
     return logs
+
+
+def _other_layout(
+    robot: Any, paths: PathLike | Iterable[PathLike], mapping: Mapping[str, Any] | PathLike | None
+) -> Channels:
+    """The layout of a robot's logs that the mapping names, or else that the first log's columns have beside that; its own where
+    that log cannot be read."""
+    own = channels_of(robot)
+
+    def of(names: set[str]) -> Channels:
+        if isinstance(robot, str):
+            return layout_of(BY_COLUMNS.get(robot, (own,)), names)
+        return robot.for_columns(names).channels if hasattr(robot, "for_columns") else own
+
+    try:
+        named = set(mapped_names(mapping))
+        return of(named) if of(named) != own else of({*first_columns(paths), *named})
+    except (OSError, ValueError):
+        return own
 
 
 def first_columns(paths: PathLike | Iterable[PathLike]) -> tuple[str, ...]:

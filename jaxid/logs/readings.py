@@ -36,7 +36,7 @@ def counting(log: Log) -> NDArray[np.bool_]:
     """Which measurements of a log count [T, channels.measured], worked out once for a log, which does not change."""
     if log not in _known:
         counts = np.isfinite(log.outputs)
-        for name in set(log.channels.substitutes.values()):
+        for name in log.channels.positions:
             column = log.channels.measured.index(name)
             if counting_step(log.outputs[:, column]) > 0.0:
                 counts[:, column] = once(log.outputs[:, column])

@@ -18,12 +18,16 @@ from .finding import SILENT_COMMAND, Finding, LogError
 from .formats import format_of, read_recording
 from .log import ABSURD, Log, did_you_mean
 from .mapping import Source
-from .rates import rate
+from .rates import rate, whole_way
 from .series import Recording, Series
 from .sums import with_summed_fields
 
 _OTHER_CLOCK = 1.0  # s between a message's stamp and its receipt that no transport takes
 _CLOCKS_APART = 0.05  # s between the usual delays of two topics that no transport explains
+_OVERTAKEN = 0.1
+"""Share of a topic's messages that may come after later ones; two programs that publish one topic make more."""
+_LATE = 20.0
+"""Usual intervals by which they may; a clock that was set goes back by more."""
 _BAGS = ("bag", "mcap", "db3", "folder")
 
 
@@ -42,8 +46,7 @@ def _wanted(path: Path, channels: Channels, mapping: dict[str, Source]) -> dict[
     if format_of(path) not in _BAGS:
         return wanted
     for name in channels:
-        stand_in = channels.substitutes.get(name)
-        if name in mapping or name in channels.optional or (stand_in is not None and stand_in in mapping):
+        if name in mapping or name in channels.optional or channels.stood_in(name, mapping):
             continue
         raise LogError(
             f'{path}: nothing says which field is {name!r}; map it, such as {name} = "/topic.field"; '
@@ -75,10 +78,9 @@ def _there(
 ) -> dict[str, Series]:
     """The series of each channel that the recording has. Raises `LogError` for one that it must have and lacks."""
     there: dict[str, Series] = {}
+    held = {name for name, source in wanted.items() if source.column in recording.series}
     for name, source in wanted.items():
-        stand_in = channels.substitutes.get(name)
-        stand_in_there = stand_in in wanted and wanted[stand_in].column in recording.series
-        may_lack = name in channels.optional or stand_in_there
+        may_lack = name in channels.optional or channels.stood_in(name, held)
         if name not in mapping and source.column not in recording.series and may_lack:
             continue
         there[name] = found(recording, source.column, name, path)
@@ -124,12 +126,24 @@ def _clock(path: Path, used: dict[str, Series], stamp: str | None) -> tuple[dict
     return {n: s.received if s.stamped is None else s.stamped for n, s in used.items()}, notes
 
 
-def _ordered(path: Path, name: str, one: Used, values: np.ndarray, command: bool) -> tuple[Signal, int]:
-    """Samples in increasing time, and how many repeated the one before. Of commands with one stamp the last counts.
+def _late(time: np.ndarray) -> bool:
+    """Whether stamps run backwards as messages do that others overtook on their way: few of them, by a few intervals."""
+    step = np.diff(time)
+    back, usual = step < 0, float(np.median(np.abs(step)))
+    return bool(back.any() and np.mean(back) <= _OVERTAKEN and -step.min() <= _LATE * usual)
+
+
+def _ordered(path: Path, name: str, one: Used, values: np.ndarray, command: bool) -> tuple[Signal, int, int]:
+    """Samples in increasing time, how many repeated the one before, and how many came after later ones. Of commands with one
+    stamp the last counts.
 
     Raises `LogError` for stamps that run backwards, or repeat with another value.
     """
-    time = one.time
+    time, late = one.time, 0
+    if one.series.stamped is not None and time is not one.series.received and _late(time):
+        late = int(np.count_nonzero(np.diff(time) < 0))
+        order = np.argsort(time, kind="stable")
+        time, values = time[order], values[order]
     step = np.diff(time)
     same = step == 0
     bad = np.flatnonzero((step < 0) | (same & (values[1:] != values[:-1]) & (not command)))
@@ -139,7 +153,7 @@ def _ordered(path: Path, name: str, one: Used, values: np.ndarray, command: bool
             "repeats the stamp before with another value" if step[k] == 0 else "is stamped earlier than the one before"
         )
         where = f"{(time[k] - time[0]) * 1e-9:.6f} s, then {(time[k + 1] - time[0]) * 1e-9:.6f} s after its first"
-        other = "receive" if one.series.stamped is not None and time is one.series.stamped else "header"
+        other = "header" if time is one.series.received else "receive"
         if one.series.stamped is None:
             remedy = "cut the recording there if the clock restarted"
         else:
@@ -149,7 +163,7 @@ def _ordered(path: Path, name: str, one: Used, values: np.ndarray, command: bool
             f"place(s)); {remedy}."
         )
     keep = np.append(~same, True) if command else np.append(True, ~same)
-    return Signal(time[keep], values[keep]), 0 if command else int(same.sum())
+    return Signal(time[keep], values[keep]), 0 if command else int(same.sum()), late
 
 
 def _speed(signal: Signal, source: Source, name: str, path: Path) -> tuple[Signal, Note]:
@@ -163,11 +177,17 @@ def _signals(
     path: Path, channels: Channels, wanted: dict[str, Source], there: dict[str, Series], clock: dict[str, np.ndarray]
 ) -> tuple[dict[str, Signal], list[Note]]:
     """Samples by channel, in SI units. Raises `LogError` for commands that are not finite and for stamps out of order."""
-    signals, notes = {}, []
+    signals: dict[str, Signal] = {}
+    notes: list[Note] = []
     for name, series in there.items():
         source, command = wanted[name], name in channels.inputs
+        values = series.values
+        if name in channels.positions and not source.derivative:
+            values, text = whole_way(1e-9 * (clock[name] - clock[name][0]), values, name, source.column)
+            if text:
+                notes.append(("warning", "turns", name, text))
         with np.errstate(over="ignore"):
-            values = source.scale * series.values + source.offset
+            values = source.scale * values + source.offset
         bad = ~(np.abs(values) <= ABSURD)
         if bad.any() and command:
             raise LogError(
@@ -181,7 +201,12 @@ def _signals(
         if bad.all():
             raise LogError(f"{path}: field {series.name!r} (for {name!r}) holds no usable number; map another one.")
         one = Used(source, series, clock[name])
-        whole, repeated = _ordered(path, name, one, values, command)
+        whole, repeated, late = _ordered(path, name, one, values, command)
+        if late:
+            text = (
+                f"{late} message(s) of {series.topic!r} came after later ones and were put in the order of their stamps"
+            )
+            notes.append(("warning", "out_of_order", name, text))
         if repeated:
             text = f"{repeated} message(s) of {series.topic!r} repeat the one before, stamp included, and were left out"
             notes.append(("warning", "repeated_row", name, text))
@@ -224,6 +249,14 @@ def _poses(rows: Rows, signals: dict[str, Signal]) -> tuple[pd.DataFrame, list[N
     return pd.DataFrame(columns), notes
 
 
+def _once(notes: Iterable[Note]) -> list[Note]:
+    """Notes without those that say of another channel of the same topic what was said."""
+    kept: dict[tuple[str, str, str], Note] = {}
+    for severity, check, channel, text in notes:
+        kept.setdefault((severity, check, text), (severity, check, channel, text))
+    return list(kept.values())
+
+
 def _after(rows: Rows, begin: float) -> int:
     """The first row later than `begin` [s]."""
     return min(int(np.searchsorted(rows.time, begin, side="right")), len(rows.time) - 1)
@@ -261,7 +294,7 @@ def read_recorded(path: Path, name: str, channels: Channels, mapping: dict[str, 
         commands = np.stack([rows.inputs[n] for n in channels.inputs], axis=-1)
         told = [
             Finding(name, channel, None, severity, check, f"{name}: {text}.")
-            for severity, check, channel, text in [*notes, *rows.notes, *more]
+            for severity, check, channel, text in _once([*notes, *rows.notes, *more])
         ]
         told += [
             Finding(name, one.command, _after(rows, one.begin), one.severity, SILENT_COMMAND, f"{name}: {one.text}.")

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from .times import TimeColumn
+
 
 @dataclass(frozen=True, eq=False)
 class Series:
@@ -53,6 +55,8 @@ class Recording:
     series: dict[str, Series]
     topics: dict[str, Topic]
     notes: tuple[tuple[str, str], ...] = ()
+    time: TimeColumn | None = None
+    """The column of a table's times."""
 
 
 def nanoseconds(seconds: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:

@@ -104,6 +104,9 @@ def unit_in_name(name: str) -> Unit | None:
     bracketed = re.search(r"\s[\[(]([^\])]+)[\])]$", name)
     if bracketed and (found := unit_said(bracketed[1])):
         return found
+    ending = re.search(r"[_ ]([VA])$", name)
+    if ending:
+        return Unit(ending[1], 1.0, ending[1])
     words = _words(name)
     for place in reversed(range(len(words))):
         here = words[place:]

@@ -13,11 +13,18 @@ import numpy as np
 from .series import Series
 from .units import unit_in_name
 
-_OTHER_SIDE = {"right": "left", "r": "l", "rr": "rl", "fr": "fl", "rh": "lh"}
+_OTHER_SIDE = {"r": "l", "rr": "rl", "fr": "fl", "rh": "lh", "rw": "lw", "wr": "wl", "rm": "lm"} | {
+    "rechts": "links", "droite": "gauche", "derecha": "izquierda", "destra": "sinistra",
+}  # fmt: skip
 _HINTS: Mapping[str, tuple[str, str, str]] = {
     "m/s": ("R / 2", "R / 2", "R the wheels' radius [m]"),
     "rad/s": ("R / (2 b)", "-R / (2 b)", "R the wheels' radius and b half the track [m]"),
 }
+
+
+_ENCODERS = {"enc", "encoder", "encoders"}
+_POSITIONS = {"pos", "position", "angle", "phi", "rotation"}
+_RATES = {"vel", "velocity", "speed", "rate", "rpm"}
 
 
 class WheelPair(NamedTuple):
@@ -41,9 +48,17 @@ class WheelPair(NamedTuple):
 
 def _of_the_left(name: str) -> str:
     """The name that the left side's field has, of the right side's; empty for a field of no side."""
+    whole = re.sub("right", lambda found: _as_written("left", found[0]), name, flags=re.IGNORECASE)
+    if whole != name:
+        return whole
     parts = re.split(r"([^A-Za-z]+)", name)
-    swapped = [_OTHER_SIDE.get(part, part) for part in parts]
+    swapped = [_as_written(_OTHER_SIDE.get(part.lower(), part), part) for part in parts]
     return "".join(swapped) if swapped != parts else ""
+
+
+def _as_written(word: str, like: str) -> str:
+    """A word with the capitals of another."""
+    return word.upper() if like.isupper() else word.capitalize() if like[:1].isupper() else word
 
 
 def of_one_side(names: Iterable[str]) -> set[str]:
@@ -53,18 +68,56 @@ def of_one_side(names: Iterable[str]) -> set[str]:
     return {*rights, *rights.values()}
 
 
+def _named_position(series: Series) -> tuple[bool, bool]:
+    """Whether a field is the position of something that turns, and whether in counts of an encoder, as its name says."""
+    named, words = unit_in_name(series.name), set(re.findall(r"[a-z]+", series.name.lower()))
+    rates = bool(words & _RATES)
+    if named is not None and named.said == "counts":
+        return not rates, not rates
+    whole = bool(np.all(series.values == np.round(series.values)))
+    if words & _ENCODERS and whole and not rates:
+        return True, True
+    turns = named is not None and "rad" in named.si.split(" or ")
+    return turns and bool(words & _POSITIONS) and not rates, False
+
+
+def _kind(series: Series) -> int | None:
+    """0 for speeds of wheels, 1 for angles, 2 for counts; None for what is none of these."""
+    unit = series.unit.split(" or ")
+    position, counts = _named_position(series) if not series.unit else ("rad" in unit, False)
+    return 0 if "rad/s" in unit else 2 if counts else 1 if position else None
+
+
+def _moving(series: Iterable[Series]) -> dict[str, Series]:
+    return {one.name: one for one in series if not one.fault and len(one) > 1 and np.ptp(one.values) > 0}
+
+
+def _pairs(usable: Mapping[str, Series]) -> list[tuple[int, WheelPair]]:
+    found = []
+    for name, one in usable.items():
+        left, kind = _of_the_left(name), _kind(one)
+        if left in usable and kind is not None:
+            found.append((kind, WheelPair(name, left, kind > 0, kind == 2)))
+    return found
+
+
 def wheel_pair(series: Iterable[Series]) -> WheelPair | None:
     """The wheels of both sides, speeds rather than positions rather than counts; None where there are none."""
-    usable = {one.name: one for one in series if not one.fault and len(one) > 1 and np.ptp(one.values) > 0}
-    found: list[tuple[int, WheelPair]] = []
-    for name, one in usable.items():
-        left = _of_the_left(name)
-        if left not in usable:
-            continue
-        unit = one.unit.split(" or ")
-        named = unit_in_name(name)
-        counts = not one.unit and named is not None and named.said == "counts"
-        if "rad/s" in unit or counts or "rad" in unit:
-            place = 0 if "rad/s" in unit else 2 if counts else 1
-            found.append((place, WheelPair(name, left, place > 0, counts)))
+    found = _pairs(_moving(series))
     return min(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def wheel_positions(series: Iterable[Series], count: int) -> tuple[str, ...]:
+    """The fields that are the positions of `count` wheels: a right and a left one, or as many that are told apart by a number,
+    in its order; empty where there are none."""
+    usable = _moving(series)
+    if count == 2:
+        found = [(kind, pair) for kind, pair in _pairs(usable) if kind > 0]
+        best = min(found, key=lambda pair: pair[0])[1] if found else None
+        return () if best is None else (best.right, best.left)
+    groups: dict[str, list[tuple[int, str]]] = {}
+    for name, one in usable.items():
+        number = re.search(r"\d+(?=\D*$)", name)
+        if number and _kind(one) in (1, 2):
+            groups.setdefault(name[: number.start()] + name[number.end() :], []).append((int(number[0]), name))
+    return next((tuple(n for _, n in sorted(group)) for group in groups.values() if len(group) == count), ())

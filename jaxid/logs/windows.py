@@ -28,7 +28,7 @@ def window_rows(log: Log, seconds: float) -> list[slice]:
     number = max(1, min(wanted, len(log) // FEWEST_SAMPLES))
     parts = np.array_split(np.arange(len(log)), number)
     rows = [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
-    names = {*log.channels.outputs, *log.channels.substitutes.values()}
+    names = {*log.channels.outputs, *log.channels.positions}
     counted = np.isfinite(np.stack([log.output(name) for name in names], axis=1))
     kept = [k for k in rows if counted[k].sum(axis=0).max() >= FEWEST_SAMPLES]
     kept = [k for k in kept if _judged(log, counted[k], tuple(names))]
@@ -42,7 +42,7 @@ def window_rows(log: Log, seconds: float) -> list[slice]:
 def _judged(log: Log, counted: np.ndarray, names: tuple[str, ...]) -> bool:
     """Whether every output, or its substitute, is measured somewhere in a window."""
     there = {name for name, column in zip(names, counted.T, strict=True) if column.any()}
-    return all(name in there or log.channels.substitutes.get(name) in there for name in log.channels.outputs)
+    return all(name in there or log.channels.stood_in(name, there) for name in log.channels.outputs)
 
 
 def in_windows(logs: LogSet, seconds: float) -> LogSet:

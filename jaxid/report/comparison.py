@@ -162,11 +162,11 @@ class Comparison:
         if distance[name] <= _SAME:
             return f"every parameter that both identify agrees within {_SAME:g} combined standard errors"
         a, b = self._value_of(one, name), self._value_of(other, name)
-        unit = f" {self.parameters.loc[name, ('', 'unit')]}".rstrip()
+        unit, apart = f" {self.parameters.loc[name, ('', 'unit')]}".rstrip(), distance[name]
         who = "they" if len(self.fits) == 2 else "best and worst"
         return (
             f"{who} differ most in {name} ({tab.number(a)} against {tab.number(b)}{unit}, "
-            f"{distance[name]:.1f} combined standard errors)"
+            f"{f'{apart:.1f}' if apart < 1e4 else f'{apart:.1e}'} combined standard errors)"
         )
 
     @property

@@ -84,6 +84,10 @@ def constant(value: float) -> str:
     return f"{value:.6g}" if math.isfinite(value) else "-"
 
 
+_DIGITS = 14
+"""Decimals of a number near one that mean anything."""
+
+
 def with_error(value: float, std_error: float) -> str:
     """ "0.3184 ± 0.0012": both to two significant digits of the standard error; the value alone where there is none."""
     if not math.isfinite(value):
@@ -95,6 +99,8 @@ def with_error(value: float, std_error: float) -> str:
     shift = power if power < -3 or power > 5 else 0
     value, std_error = value / 10.0**shift, std_error / 10.0**shift
     decimals = max(1 - math.floor(math.log10(std_error)), 0)
+    if decimals > _DIGITS:  # more than a double has: the error of what diverged
+        return f"{number(value * 10.0**shift)} ± {number(std_error * 10.0**shift, 2)}"
     text = f"{value:.{decimals}f} ± {std_error:.{decimals}f}"
     return f"({text})e{shift}" if shift else text
 
@@ -103,6 +109,8 @@ def percent(value: float) -> str:
     """ "+0.35 %"; "-" for NaN."""
     if not math.isfinite(value):
         return "-"
+    if abs(value) >= 1e5:
+        return f"{value:+.1e} %"
     decimals = 2 if abs(value) < 1 else 1 if abs(value) < 100 else 0
     return f"{value:+.{decimals}f} %"
 

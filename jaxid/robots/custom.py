@@ -37,6 +37,7 @@ class Custom(Declared):
       speeds, else the outputs that are states); `turning`: the one that is the yaw rate to the left.
     - `plane = (speed along x, speed along y, yaw rate)` in body axes that are the world's at heading zero, states or ""
       for none; or a function `(state, params)` of the three. `mass`: the parameter that gravity pulls at.
+    - `wheel_angles=True`: logs may hold the `angle` of every driven axis beside or in the place of the velocities.
     - `motor_currents(state, input, params) -> {input: current}`, `winding` (parameter: a motor's resistance) and
       `supply_voltage` (number or parameter).
     - `mechanisms = {effect id: parameters}`, such as `{"lateral_com_offset": ("yc",)}`, and `words = {channel: words}`.
@@ -167,8 +168,8 @@ class Custom(Declared):
         return tuple(by_name.get(name, 0.0) for name in self.velocities)
 
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
-        measured = (*self.own_channels.outputs, *self.own_channels.optional)
+        angles = tuple(state[name] for name in self.measured_angles)
         if self.output is None:
-            return tuple(state[name] for name in measured)
+            return (*(state[name] for name in self.own_channels.measured), *angles)
         outputs = self.output(state, self._inputs(inputs), p)
-        return tuple(outputs[name] for name in measured)
+        return (*(outputs[name] for name in self.own_channels.measured), *angles)

@@ -44,6 +44,13 @@ def _positions(robot: "Declared", numbers: tuple[tuple[str, float], ...]) -> tup
     return tuple(sorted(found))
 
 
+@lru_cache(_MOST_ROBOTS)
+def _with_angles(own: Channels, angles: tuple[str, ...], unit: str, velocities: tuple[str, ...]) -> Channels:
+    """Channels with the wheels' angles, which stand in for the velocities where there are as many."""
+    told = tuple(name for name in own.outputs if name in velocities) if len(angles) >= len(velocities) else ()
+    return own.with_positions(angles, unit, told)
+
+
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Declared(Robot):
     """A robot's declarations, checked; see `Custom` for what each means."""
@@ -68,6 +75,7 @@ class Declared(Robot):
     supply_voltage: str | float | None = None  # type: ignore[misc]
     mechanisms: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)  # type: ignore[misc]
     words: Mapping[str, str] = field(default_factory=dict, hash=False, compare=False)  # type: ignore[misc]
+    wheel_angles: bool = False  # type: ignore[misc]
 
     def __post_init__(self) -> None:
         states = (self.state_names,) if isinstance(self.state_names, str) else tuple(self.state_names)
@@ -158,8 +166,16 @@ class Declared(Robot):
     # -- what it says about itself -------------------------------------------------------------------------------------
     @property
     def channels(self) -> Channels:  # type: ignore[override]
-        """The columns of its logs: `own_channels`."""
-        return self.own_channels
+        """The columns of its logs: `own_channels`, and the wheels' angles where these are measured."""
+        angles = self.measured_angles
+        return (
+            _with_angles(self.own_channels, angles, self.angle_unit, self.velocities) if angles else self.own_channels
+        )
+
+    @property
+    def measured_angles(self) -> tuple[str, ...]:
+        own = self.own_channels.measured  # a robot that has its angles as outputs goes on as it says itself
+        return tuple(name for name in super().measured_angles if name not in own)
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -233,7 +249,7 @@ class Declared(Robot):
     @property
     def angle_unit(self) -> str:  # type: ignore[override]
         axis = self._first
-        measured = self.channels.units.get(axis.angle, "") if axis and axis.angle else ""
+        measured = self.own_channels.units.get(axis.angle, "") if axis and axis.angle else ""
         return measured or ("rad" if axis is None or axis.lever != 1.0 else self.rim_unit.split("/")[0])
 
     @property

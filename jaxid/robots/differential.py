@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar, Literal, Self
 
-from ..logs import DIFFERENTIAL, DIFFERENTIAL_WHEELS, Channels
+from ..logs import DIFFERENTIAL, DIFFERENTIAL_WAYS, DIFFERENTIAL_WHEELS, DIFFERENTIAL_WHEELS_WAYS, Channels
 from ..parameters import ParameterTable, parameter
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot
@@ -29,11 +29,14 @@ class DifferentialDrive(Robot):
     """Two driven wheels on one axle.
 
     `measures`: "body" for speed v [m/s] and yaw rate w [rad/s] (to the left) in the logs, "wheels" for the rim speeds
-    v_right and v_left [m/s]. `pose=True` integrates x, y, theta as well. Inputs u_right, u_left in any unit.
+    v_right and v_left [m/s]. `pose=True` integrates x, y, theta as well, `wheel_angles=True` the ways [m] that the wheels'
+    rims have rolled, way_right and way_left, which logs may then hold beside or in the place of the speeds. Inputs u_right,
+    u_left in any unit.
     """
 
     measures: Literal["body", "wheels"] = "body"
-    pose: bool = False
+    pose: bool = False  # type: ignore[misc]
+    wheel_angles: bool = False  # type: ignore[misc]
 
     name: ClassVar[str] = "differential"
     in_plane: ClassVar[bool] = True
@@ -50,6 +53,7 @@ class DifferentialDrive(Robot):
     )
     words: ClassVar[Mapping[str, str]] = MappingProxyType(
         {"v": "forward speed", "w": "yaw rate", "v_right": "right wheel's speed", "v_left": "left wheel's speed"}
+        | {"way_right": "right wheel's position", "way_left": "left wheel's position"}
     )
     driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)}
@@ -61,10 +65,10 @@ class DifferentialDrive(Robot):
             raise ValueError(f"measures = {self.measures!r}; use 'body' (v, w) or 'wheels' (v_right, v_left)")
 
     def for_columns(self, columns: Iterable[str]) -> Self:
-        """Wheel speeds where the columns have these and no body speeds."""
+        """Wheel speeds where the columns have these and no body speeds, the wheels' ways where they have only these."""
         there = set(columns)
         wheels = set(DIFFERENTIAL_WHEELS.outputs) <= there and not set(DIFFERENTIAL.outputs) <= there
-        return replace(self, measures="wheels") if wheels else self
+        return replace(self, measures="wheels") if wheels else super().for_columns(there)
 
     def defaults(self) -> ParameterTable:
         start, given = "start value", "give it"
@@ -97,11 +101,13 @@ class DifferentialDrive(Robot):
     @property
     def channels(self) -> Channels:  # type: ignore[override]
         """The columns of its logs: of the body or of the wheels, as `measures` says."""
+        if self.wheel_angles:
+            return DIFFERENTIAL_WHEELS_WAYS if self._wheels else DIFFERENTIAL_WAYS
         return DIFFERENTIAL_WHEELS if self._wheels else DIFFERENTIAL
 
     @property
     def velocities(self) -> tuple[str, ...]:  # type: ignore[override]
-        return self.channels.outputs
+        return DIFFERENTIAL_WHEELS.outputs if self._wheels else DIFFERENTIAL.outputs
 
     @property
     def turning(self) -> str:  # type: ignore[override]
@@ -117,12 +123,8 @@ class DifferentialDrive(Robot):
         return ()
 
     @property
-    def always(self) -> tuple[str, ...]:
-        return ("pose",) if self.pose else ()
-
-    @property
     def own_states(self) -> tuple[str, ...]:
-        return self.channels.outputs
+        return self.velocities
 
     def _nominal_rims(self, state: State, p: Numbers) -> Scalars:
         """Speeds of the axle's ends, right and left."""
@@ -207,4 +209,4 @@ class DifferentialDrive(Robot):
         return (0.5 * along + each) * larger, (0.5 * along - each) * smaller
 
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
-        return tuple(state[name] for name in self.channels.outputs)
+        return tuple(state[name] for name in self.channels.measured)

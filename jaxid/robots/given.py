@@ -9,6 +9,7 @@ from ..parameters import ParameterError
 from .closed_loop import Controller, Law
 from .effect import Effect
 from .robot import Robot
+from .wheel_angles import measuring_angles
 
 
 def _called(given: Any, called: str, wanted: str) -> Any:
@@ -77,9 +78,16 @@ def check_given(robot: Any, logs: Any) -> None:
         raise TypeError(f"{logs!r:.60} is no set of logs; give what read_logs returns, or LogSet([...]).")
     for log in logs if isinstance(logs, LogSet) else ():
         if (log.channels.inputs, log.channels.measured) != (robot.channels.inputs, robot.channels.measured):
+            measured = log.channels.inputs, log.channels.measured
+            others = {
+                "robot.for_columns(logs[0].measured), which measures what they hold": robot.for_columns(log.measured),
+                "that with wheel_angles=True": measuring_angles(robot),
+            }
+            fit = [said for said, o in others.items() if (o.channels.inputs, o.channels.measured) == measured]
+            remedy = fit[0] if fit else "the robot of these logs"
             raise LogError(
                 f"{log.name} has the columns {list(log.channels)} and the robot {robot.name!r} has "
-                f"{list(robot.channels)}; give logs of this robot, or the robot of these logs."
+                f"{list(robot.channels)}; give logs of this robot, or {remedy}."
             )
 
 

@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ..logs import OMNI, Channels
+from ..logs import OMNI, OMNI_ANGLES, Channels
 from ..parameters import ParameterTable, parameter
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot
@@ -44,13 +44,15 @@ def body_forces(f: Scalars, p: Numbers) -> Scalars:
 
 @dataclass(frozen=True, repr=False)
 class Omni(Robot):
-    """Four-wheel omni-directional robot. `pose=True` integrates x, y, theta; `inductance=True` the motor currents."""
+    """Four-wheel omni-directional robot. `pose=True` integrates x, y, theta; `inductance=True` the motor currents;
+    `wheel_angles=True` the angles phi1 ... phi4 [rad] of the wheels, which logs may then hold beside or in the place of the
+    speeds."""
 
-    pose: bool = False
+    pose: bool = False  # type: ignore[misc]
     inductance: bool = False
+    wheel_angles: bool = False  # type: ignore[misc]
 
     name: ClassVar[str] = "omni"
-    channels: ClassVar[Channels] = OMNI
     velocities: ClassVar[tuple[str, ...]] = ("V", "Vn", "W")
     drive_axes: ClassVar[tuple[int, ...]] = (0, 1, 2)
     angles: ClassVar[tuple[str, ...]] = ("phi1", "phi2", "phi3", "phi4")
@@ -75,6 +77,7 @@ class Omni(Robot):
     wheel_sides: ClassVar[tuple[str, str]] = ("wheels 1 and 2", "wheels 3 and 4")
     words: ClassVar[Mapping[str, str]] = MappingProxyType(
         {"V": "forward speed", "Vn": "sideways speed", "W": "yaw rate"}
+        | {f"phi{k}": f"angle of wheel {k}" for k in range(1, 5)}
     )
     driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
@@ -128,8 +131,9 @@ class Omni(Robot):
         return self.with_values(coriolis=0.0)
 
     @property
-    def always(self) -> tuple[str, ...]:
-        return ("pose",) if self.pose else ()
+    def channels(self) -> Channels:  # type: ignore[override]
+        """The columns of its logs, with the wheels' angles where these are measured."""
+        return OMNI_ANGLES if self.wheel_angles else OMNI
 
     @property
     def own_states(self) -> tuple[str, ...]:
@@ -137,7 +141,7 @@ class Omni(Robot):
 
     @property
     def estimated_states(self) -> tuple[str, ...]:
-        return ("V", "Vn", "W")
+        return "V", "Vn", "W", *self.measured_angles
 
     def driver(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return tuple(jnp.clip(u, -p["supply"], p["supply"]) for u in volts)
@@ -236,7 +240,7 @@ class Omni(Robot):
             currents: Scalars = tuple(state[f"i{i}"] for i in range(1, 5))
         else:
             currents = self.currents(state, inputs, p)
-        return state["V"], state["Vn"], state["W"], *currents
+        return state["V"], state["Vn"], state["W"], *currents, *(state[name] for name in self.measured_angles)
 
 
 def _decay_mean(x):

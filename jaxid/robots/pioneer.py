@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
-from ..logs import PIONEER, Channels
+from ..logs import PIONEER, PIONEER_ANGLES, Channels
 from ..parameters import ParameterTable, parameter
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .pioneer_closed_form import bias, reduced_inertia
@@ -65,13 +65,13 @@ def turning_inertia(p: Numbers):
 
 @dataclass(frozen=True, repr=False)
 class Pioneer(Robot):
-    """Differential-drive robot with a caster. `pose=True` integrates the pose x, y, theta as well."""
+    """Differential-drive robot with a caster. `pose=True` integrates the pose x, y, theta as well, `wheel_angles=True` the
+    angles phi2, phi3 [rad] of the driving wheels, which logs may then hold beside or in the place of the speeds."""
 
-    pose: bool = False
-    wheel_angles: bool = False
+    pose: bool = False  # type: ignore[misc]
+    wheel_angles: bool = False  # type: ignore[misc]
 
     name: ClassVar[str] = "pioneer"
-    channels: ClassVar[Channels] = PIONEER
     velocities: ClassVar[tuple[str, ...]] = ("eta1", "eta2")
     drive_axes: ClassVar[tuple[int, ...]] = (0, 1)
     angles: ClassVar[tuple[str, ...]] = ("phi2", "phi3")
@@ -93,7 +93,9 @@ class Pioneer(Robot):
         }
     )
     wheel_radius: ClassVar[str] = "R"
-    words: ClassVar[Mapping[str, str]] = MappingProxyType({"eta1": "forward speed", "eta2": "yaw rate"})
+    words: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"eta1": "forward speed", "eta2": "yaw rate", "phi2": "right wheel's angle", "phi3": "left wheel's angle"}
+    )
     driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)}
     )
@@ -147,8 +149,9 @@ class Pioneer(Robot):
         return ParameterTable(physical)
 
     @property
-    def always(self) -> tuple[str, ...]:
-        return (*(("pose",) if self.pose else ()), *(("wheel_angles",) if self.wheel_angles else ()))
+    def channels(self) -> Channels:  # type: ignore[override]
+        """The columns of its logs, with the wheels' angles where these are measured."""
+        return PIONEER_ANGLES if self.wheel_angles else PIONEER
 
     @property
     def own_states(self) -> tuple[str, ...]:
@@ -222,4 +225,4 @@ class Pioneer(Robot):
         return tuple(b1 * rates["eta1"] + b2 * rates["eta2"] for b1, b2 in _levers(sin_b, cos_b, p))
 
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
-        return state["eta1"], state["eta2"]
+        return state["eta1"], state["eta2"], *(state[name] for name in self.measured_angles)

@@ -20,6 +20,7 @@ from . import signal_path
 from .effect import Effect, EffectError, Levels, Numbers, Scalar, Scalars, State, in_words
 from .scales import Scales
 from .traits import refusal, traits_of
+from .wheel_angles import with_angles_of
 
 _EMPTY = ParameterTable({})
 ANGLES = ("rad", "mrad", "deg", "rev", "turn", "turns")
@@ -86,6 +87,10 @@ class Robot:
     """Unit of `drive_forces`."""
     angles: ClassVar[tuple[str, ...]] = ()
     """States that are the angles of the driving wheels, one per drive torque, integrated where an effect needs them."""
+    pose: ClassVar[bool] = False
+    """Whether x, y, theta are integrated even where no effect needs them."""
+    wheel_angles: ClassVar[bool] = False
+    """Whether `angles` are integrated even where no effect needs them, and may be measured (counts of encoders)."""
     winding: ClassVar[str] = ""
     """The parameter that is the resistance of each motor's winding."""
     supply_voltage: ClassVar[str | float | None] = None
@@ -146,8 +151,13 @@ class Robot:
         return traits_of(self)
 
     def for_columns(self, columns: Iterable[str]) -> Self:
-        """The robot that measures what logs with these columns hold."""
-        return self
+        """The robot that measures what logs with these columns hold: its wheels' angles, where these stand for speeds."""
+        return with_angles_of(self, columns)
+
+    @property
+    def measured_angles(self) -> tuple[str, ...]:
+        """Those of `angles` that logs may hold beside or in the place of speeds. Each log has its own zero of them."""
+        return self.angles if self.wheel_angles else ()
 
     @property
     def alone(self) -> "Robot":
@@ -180,11 +190,6 @@ class Robot:
         """Whether `field_force` says how weight pulls at it in the plane."""
         return type(self).field_force is not Robot.field_force
 
-    @property
-    def always(self) -> tuple[str, ...]:
-        """Traits whose states ("pose", "wheel_angles") are integrated even where no effect needs them."""
-        return ()
-
     # -- states ------------------------------------------------------------------------------------------------------
     @property
     def own_states(self) -> tuple[str, ...]:
@@ -194,8 +199,8 @@ class Robot:
     @property
     def added_states(self) -> tuple[str, ...]:
         """Pose and wheel angles, where wanted and no states of the robot's own already."""
-        wanted = signal_path.POSE_STATES if self.in_plane and ("pose" in self.always or self.needs("pose")) else ()
-        wanted += self.angles if "wheel_angles" in self.always or self.needs("wheel_angles") else ()
+        wanted = signal_path.POSE_STATES if self.in_plane and (self.pose or self.needs("pose")) else ()
+        wanted += self.angles if self.wheel_angles or self.needs("wheel_angles") else ()
         own = self.own_states
         return tuple(name for name in wanted if name not in own)
 
@@ -207,7 +212,7 @@ class Robot:
     @property
     def estimated_states(self) -> tuple[str, ...]:
         """Names of the states whose initial values can be estimated from the outputs."""
-        return self.own_states
+        return tuple(dict.fromkeys((*self.own_states, *self.measured_angles)))
 
     def defaults(self) -> ParameterTable:
         """The table of parameters with their published or assumed values."""

@@ -75,3 +75,12 @@ def refusal(effect: Effect, robot: "Robot") -> str | None:
         said = " and ".join(TRAITS.get(trait, trait) for trait in lacking)
         return f"the robot {robot.name!r} cannot have the effect {effect.id!r}: it does not say {said}"
     return effect.refusal(robot)
+
+
+def axes_in_words(robot: "Robot") -> tuple[str, ...]:
+    """What sentences call the drive axes: as the robot does, two that it does not tell apart by the sides of their wheels."""
+    if robot.axis_words:
+        return robot.axis_words
+    if len(robot.drive_axes) == 2:
+        return tuple(f"the {side}" for side in robot.wheel_sides)
+    return tuple(f"wheel {k + 1}" for k in range(len(robot.drive_axes)))

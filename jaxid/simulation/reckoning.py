@@ -1,7 +1,8 @@
 """What measured outputs say of a robot's velocities, and where it drove: dead reckoning, written once for all robots."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -32,36 +33,73 @@ def readout(robot: Robot) -> tuple[tuple[str, ...], Array] | None:
         state = {**rest, **dict(zip(names, v, strict=True))}
         return jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, idle, p)[: len(outputs)]])
 
+    inverse = _inverse(seen, len(names))
+    return None if inverse is None else (outputs, inverse)
+
+
+@cache
+@in_float64
+def wheel_readout(robot: Robot) -> Array | None:
+    """The matrix [velocities, angles] that makes the robot's velocities of the rates of its wheels' angles; None where these
+    are no linear function of the velocities alone, or do not tell all of them."""
+    names, angles = robot.velocities, robot.measured_angles
+    p, rest = robot.parameters.numbers, robot.initial_state()
+    if not angles or angles != robot.angles:
+        return None
+
+    def turning(v):
+        rates = robot.angle_rates({**rest, **dict(zip(names, v, strict=True))}, p)
+        return jnp.stack([jnp.asarray(rate, float) for rate in rates])
+
+    return _inverse(turning, len(names))
+
+
+def _inverse(seen: Callable[[Any], Any], velocities: int) -> Array | None:
+    """The pseudo-inverse of a linear function of the velocities; None where it is none, or loses some of them."""
+    zero, some = jnp.zeros(velocities), jnp.arange(1.0, 1.0 + velocities)
     try:
-        zero = jnp.zeros(len(names))
         slope = np.asarray(jax.jacfwd(seen)(zero))
-        at_rest, elsewhere = np.asarray(seen(zero)), np.asarray(seen(jnp.arange(1.0, 1.0 + len(names))))
+        at_rest, elsewhere = np.asarray(seen(zero)), np.asarray(seen(some))
     except (TypeError, ValueError, KeyError, ArithmeticError):
         return None
-    linear = np.allclose(at_rest, 0.0) and np.allclose(elsewhere, slope @ np.arange(1.0, 1.0 + len(names)))
-    if not linear or np.linalg.matrix_rank(slope) < len(names):
-        return None
-    return outputs, np.linalg.pinv(slope)
+    linear = np.allclose(at_rest, 0.0) and np.allclose(elsewhere, slope @ np.asarray(some))
+    return np.linalg.pinv(slope) if linear and np.linalg.matrix_rank(slope) == velocities else None
+
+
+def _rate(values: Array, time: Array, smooth=lambda y: y) -> Array:
+    """Rate of change [T] of a position by central differences between its measurements, NaN where there is none."""
+    there, found = np.isfinite(values), np.full(len(time), np.nan)
+    if there.all():
+        return np.gradient(smooth(values), time)
+    if there.sum() > 1:
+        found[there] = np.gradient(smooth(values[there]), time[there])
+    return found
 
 
 def velocities_of(robot: Robot, columns: Mapping[str, Array], time: Array, smooth=lambda y: y) -> dict[str, Array]:
     """The robot's velocities [T] by name from measured `columns` [T]; NaN where they do not tell one.
 
     Measured ones as they are, else the derivative of the position that was measured, `smooth`ed before, else what the
-    outputs say together (speeds of wheels). A robot that names no velocities has its outputs for them.
+    outputs say together (speeds of wheels), or the rates of the wheels' angles. A robot that names no velocities has its
+    outputs for them.
     """
     missing = np.full(len(time), np.nan)
     found: dict[str, Array] = {}
     for name in robot.velocities or robot.channels.outputs:
         values = columns.get(name, missing)
-        position = robot.channels.substitutes.get(name) or robot.positions.get(name)
+        own = robot.channels.stand_ins(name)
+        position = own[0] if len(own) == 1 else robot.positions.get(name)
         if not np.isfinite(values).any() and position is not None and position in columns:
-            values = np.gradient(smooth(columns[position]), time)
+            values = _rate(columns[position], time, smooth)
         found[name] = values
     unknown = [name for name, values in found.items() if not np.isfinite(values).any()]
     sensors = readout(robot) if unknown else None
     if sensors is not None and all(name in columns for name in sensors[0]):
         together = sensors[1] @ np.stack([columns[name] for name in sensors[0]])
+        return found | {name: together[robot.velocities.index(name)] for name in unknown}
+    wheels = wheel_readout(robot) if unknown else None
+    if wheels is not None and all(name in columns for name in robot.measured_angles):
+        together = wheels @ np.stack([_rate(columns[name], time, smooth) for name in robot.measured_angles])
         found |= {name: together[robot.velocities.index(name)] for name in unknown}
     return found
 

@@ -85,9 +85,11 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
     largest = max(float(np.max(np.abs(log.inputs[:, list(robot.drive_inputs)]))) for log in logs) or 1.0
     interval = float(np.median([log.sampling_interval for log in logs]))
     duration = float(np.median([log.duration for log in logs]))
-    measured = {n: _level([log.output(n) for log in logs], 0.0) for n in robot.channels.outputs}
-    outputs = {name: level or max(measured.values()) or 1.0 for name, level in measured.items()}
     velocities = [measured_velocities(robot, log) for log in logs]
+    seen = [{n: log.output(n) if n in log.measured else v.get(n, log.output(n)) for n in robot.channels.outputs}
+            for log, v in zip(logs, velocities, strict=True)]  # fmt: skip
+    measured = {n: _level([own[n] for own in seen], 0.0) for n in robot.channels.outputs}
+    outputs = {name: level or max(measured.values()) or 1.0 for name, level in measured.items()}
     speed = _level([rim.ravel() for rim in _rims(robot, velocities)], max(outputs.values()))
     time = time_constant(robot)
     time = min(max(time, 2.0 * interval), 0.1 * duration)

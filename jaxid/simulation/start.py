@@ -144,6 +144,11 @@ def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
             if not np.isfinite(value) or (channel not in states and channel not in rest):
                 continue
             usual = default[channel] if channel in states else rest[channel]
+            if (
+                channel in robot.measured_angles
+            ):  # where a wheel was when the counter was set to zero, nothing depends on
+                states[channel][e] = value
+                continue
             level = noise[channel] if np.isfinite(noise[channel]) else 0.0
             largest = float(np.nanmax(np.abs(log.outputs[:, index]))) if channel in log.channels.outputs else 0.0
             if channel in rest:
@@ -166,6 +171,8 @@ def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
 
 
 def free_states(robot: Robot, logs: LogSet, begin: InitialConditions) -> NDArray[np.bool_]:
-    """Which of the states that can be estimated are to be [E, estimated states]: all of a log that starts elsewhere, and
-    positions that a counter tells."""
-    return begin.uncertain[:, None] | counted(robot, logs)
+    """Which of the states that can be estimated are to be [E, estimated states]: all of a log that starts elsewhere,
+    positions that a counter tells, and wheels' angles, whose zero is arbitrary."""
+    turned = np.isin(robot.estimated_states, robot.measured_angles)
+    there = np.array([[name in log.measured for name in robot.estimated_states] for log in logs])
+    return begin.uncertain[:, None] & (there | ~turned) | turned & there | counted(robot, logs)

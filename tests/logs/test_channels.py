@@ -40,3 +40,18 @@ def test_channels_hash_pickle_and_copy(channels):
 def test_channels_that_do_not_fit_together_are_refused(arguments, says):
     with pytest.raises(ValueError, match=says):
         Channels(**arguments)
+
+
+def test_several_channels_may_stand_in_for_an_output_together():
+    channels = Channels(("u",), ("v", "w"), ("a", "b"), substitutes={"v": ("a", "b"), "w": "b"})
+    assert channels.stand_ins("v") == ("a", "b") and channels.stand_ins("w") == ("b",)
+    assert channels.positions == ("a", "b")
+    assert channels.stood_in("w", {"b"}) and not channels.stood_in("v", {"b"})
+    with pytest.raises(ValueError, match="'c'"):
+        Channels(("u",), ("v",), ("a",), substitutes={"v": ("a", "c")})
+
+
+def test_positions_can_be_added():
+    channels = PIONEER.with_positions(("a", "b"), "rad", ("eta1",), {"a": (1, 0)})
+    assert channels.measured == ("eta1", "eta2", "a", "b") and channels.units["a"] == "rad"
+    assert channels.stand_ins("eta1") == ("a", "b") and not channels.stand_ins("eta2")

@@ -157,3 +157,16 @@ def test_a_log_too_short_for_third_differences_shows_no_level(samples):
     assert np.isnan(noise_level(log)["v"])
     speeds = simulate(Axis().with_values(Fv=0.0, Fc=0.0), LogSet([log]), start={"q": np.zeros(1), "v": np.zeros(1)})
     np.testing.assert_allclose(speeds[0][:, 0], 0.02 * np.arange(samples))  # a force of 1 N on 1 kg
+
+
+def test_windows_of_a_few_samples_tell_the_noise_together():
+    """Each by itself has too few differences; a fit in windows of eight samples took its noise for none."""
+    from jaxid.logs.windows import in_windows
+
+    rng, time = np.random.default_rng(8), 0.02 * np.arange(800)
+    values = np.sin(2.0 * time) + 0.05 * rng.normal(size=800)
+    whole = LogSet([Log.from_arrays("run", time, np.ones((800, 1)), {"v": values}, "axis")])
+    windows = in_windows(whole, 0.16)
+    assert max(map(len, windows)) <= 9
+    assert noise_level(windows)["v"] == pytest.approx(noise_level(whole)["v"], rel=0.15)
+    assert noise_level(windows)["v"] == pytest.approx(0.05, rel=0.2)

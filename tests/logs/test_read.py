@@ -267,3 +267,10 @@ def test_paths_that_lead_nowhere(tmp_path):
             read_logs(path, "pioneer")
     with pytest.raises(LogError, match="No logs were given"):
         read_logs([], "pioneer")
+
+
+def test_a_robots_class_is_no_robot(tmp_path):
+    from jaxid import Pioneer
+
+    with pytest.raises(LogError, match=r"Pioneer is a class; .* such as Pioneer\(\)"):
+        read_logs(tmp_path / "run.csv", Pioneer)

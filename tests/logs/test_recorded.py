@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxid import LogError, read_logs
+from jaxid import LogError, LogWarning, read_logs
+from jaxid.logs import PIONEER
 from tests.recordings import Ros, ns, write_wpilog
 
 pytest.importorskip("rosbags", reason="bags are written and read by rosbags")
@@ -202,3 +203,32 @@ def test_a_sensor_is_looked_at_on_its_own_clock(written):
     found = {(f.check, f.column) for f in log.preflight() if f.severity == "warning"}
     assert ("time_gap", "v") in found and ("frozen_sensor", "w") in found
     assert not {check for check, _ in found} & {"clock_jitter", "missing_samples", "idle"}
+
+
+def test_messages_that_others_overtook_are_put_in_the_order_of_their_stamps(tmp_path):
+    """Of what one program sends; where two publish, or a clock was set, it stays an error."""
+    ros, times = Ros(), np.arange(100) * 20_000_000 + ns(0)
+
+    def bag(name, stamps):
+        seconds = 1e-9 * (stamps - ns(0))
+        odometry = [
+            (int(times[k]) + 1_000_000, ros.odometry(int(stamps[k]), seconds[k], 0.0)) for k in range(len(times))
+        ]
+        return ros.write(tmp_path / name, {"/odom": odometry, "/volts": [(int(times[0]), ros.numbers([1.0, 2.0]))]})
+
+    fields = {"V2": "/volts.data[0]", "V3": "/volts.data[1]"} | {
+        "eta1": "/odom.twist.twist.linear.x", "eta2": "/odom.twist.twist.angular.z",
+    }  # fmt: skip
+    overtaken = times.copy()
+    overtaken[[40, 41, 70, 71, 72]] = times[[41, 40, 72, 70, 71]]
+    with pytest.warns(LogWarning, match="2 message.s. of '/odom' came after later ones") as said:
+        log = read_logs(bag("late", overtaken), PIONEER, mapping=fields)[0]
+    assert len(said) == 1  # not once for each of the topic's fields
+    there = np.isfinite(log.output("eta1"))
+    np.testing.assert_allclose(log.output("eta1")[there], log.time[there], atol=1e-6)
+    set_back = np.where(np.arange(100) > 50, times - 900_000_000, times)
+    with pytest.raises(LogError, match="stamped earlier than the one before"):
+        read_logs(bag("set", set_back), PIONEER, mapping=fields)
+    two = np.where(np.arange(100) % 2, times - 30_000_000, times)
+    with pytest.raises(LogError, match="unless two programs publish it"):
+        read_logs(bag("two", two), PIONEER, mapping=fields)

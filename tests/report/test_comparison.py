@@ -274,7 +274,17 @@ def test_bad_requests(fits, held_out):
         (123.0, 45.0, "123 ± 45"),
         (0.0, 0.02, "0.000 ± 0.020"),
         (np.nan, 0.1, "-"),
+        (1.9463e92, 2.4e3, "1.946e+92 ± 2.4e+03"),  # of a fit that diverged
+        (1.9463e92, 2.4e85, "(1.94630000 ± 0.00000024)e92"),
     ],
 )
 def test_numbers_with_errors(value, error, text):
     assert tables.with_error(value, error) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.352, "+0.35 %"), (-12.34, "-12.3 %"), (5678.0, "+5678 %"), (6.4878e91, "+6.5e+91 %"), (np.nan, "-")],
+)
+def test_shares(value, text):
+    assert tables.percent(value) == text

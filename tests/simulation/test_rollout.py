@@ -117,7 +117,8 @@ def test_a_start_in_motion_with_the_caster_across_matches_the_event_accurate_sim
 def test_pose_and_wheel_angles_ride_along_without_changing_the_speeds():
     robot = Pioneer(pose=True, wheel_angles=True)
     inputs, dt = held_inputs(10), np.full(T, 0.02)
-    np.testing.assert_allclose(simulated(robot, inputs, dt), simulated(Pioneer(), inputs, dt), atol=1e-13)
+    outputs = simulated(robot, inputs, dt)
+    np.testing.assert_allclose(outputs[:, :2], simulated(Pioneer(), inputs, dt), atol=1e-13)
 
 
 def test_the_suited_integrator_steps_no_longer_than_the_robot_allows():

@@ -63,13 +63,11 @@ def fit_percent(parts: Sequence[Array], measured: Sequence[Array]) -> float:
 
 
 def counted_channels(log: Log) -> tuple[str, ...]:
-    """Channels by which a log judges a model: its measured outputs, or a measured substitute where one is missing."""
-    measured, found = log.measured, []
+    """Channels by which a log judges a model: its outputs, or what was measured in the place of one that was not."""
+    measured, found = log.measured, list[str]()
     for name in log.channels.outputs:
-        name = name if name in measured else log.channels.substitutes.get(name, name)
-        if name in measured:
-            found.append(name)
-    return tuple(found)
+        found += (name,) if name in measured else log.channels.stand_ins(name)
+    return tuple(name for name in dict.fromkeys(found) if name in measured)
 
 
 def errors_of(log: Log, simulated: Array) -> dict[str, Array]:

@@ -18,10 +18,11 @@ from ..._distributions import chi_squared_beyond
 from ..._float64 import in_float64
 from ..._origin import with_origin
 from ...logs import Log, LogError, LogSet
-from ...robots.given import check_free, check_given
+from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..result import Fit, Status
 from ..uncertainty import combinations
+from .by_speeds import by_speeds
 from .coupled_noise import noise_weights
 from .integral_least_squares import linear_estimate
 from .judge_equations import judged_equations, judged_instruments
@@ -273,8 +274,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
     Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
     one does not enter linearly.
     """
-    check_given(robot, logs)
-    logs = LogSet(logs)
+    given, (robot, logs) = robot, by_speeds(robot, logs)
     check_free(robot)
     names = robot.parameters.free_names
     if start is None:
@@ -362,5 +362,7 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         notes=tuple(notes),
     )
     if found is None or simulated is None:
-        return replace(judged_equations(fit, logs), standard_errors="robust")
-    return judged_instruments(fit, logs, _errors(found, solved.theta, speeds), simulated)
+        fit = replace(judged_equations(fit, logs), standard_errors="robust")
+    else:
+        fit = judged_instruments(fit, logs, _errors(found, solved.theta, speeds), simulated)
+    return replace(fit, robot=given.with_parameters(fit.robot.parameters))

@@ -8,16 +8,18 @@ friction and caster regressors) is what output error does away with.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from ..._float64 import in_float64
 from ..._origin import with_origin
-from ...logs import Log, LogError, LogSet
-from ...robots.given import check_free, check_given
+from ...logs import Log, LogError
+from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
+from .by_speeds import by_speeds
 from .judge_equations import judged_least_squares
 from .linear_steps import METHOD, STEPS, estimates_of, estimates_with, identify, notes_on, status_notes, with_estimate
 from .regressors import check_linear
@@ -43,9 +45,11 @@ def linear_estimate(
     robot: Robot, logs: Iterable[Log], window: int | None = None
 ) -> tuple[Fit, Solution, WindowEquations]:
     """Integral least squares without a judgement, which costs as much again: what other estimators start from."""
-    logs = list(logs)
-    if not logs:
+    given = list(logs)
+    if not given:
         raise LogError("There are no logs to identify from; give at least one.")
+    robot, speeds = by_speeds(robot, given)
+    logs = list(speeds)
     check_free(robot)
     check_linear(robot, logs)
     solution, equations, iterations, stands = identify(robot, logs, window)
@@ -98,9 +102,9 @@ def integral_least_squares(
     Raises `LogError` for logs that hold nothing to identify from and `ParameterError` if no parameter is free or a free
     one does not enter linearly.
     """
-    check_given(robot, logs)
-    logs = list(logs)
-    fit, solution, equations = linear_estimate(robot, logs, window)
+    plain, speeds = by_speeds(robot, logs)
+    fit, solution, equations = linear_estimate(plain, speeds, window)
     cut = equations.window
     del equations  # large for long logs
-    return judged_least_squares(fit, LogSet(logs), solution, cut)
+    fit = judged_least_squares(fit, speeds, solution, cut)
+    return replace(fit, robot=robot.with_parameters(fit.robot.parameters))

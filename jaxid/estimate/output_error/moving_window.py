@@ -93,7 +93,8 @@ class MovingWindow:
         alarm: float = 0.001,
     ):
         check_free(robot)
-        missing = [name for name in robot.channels.outputs if not noise.get(name, 0.0) > 0.0]
+        known = {name for name, level in noise.items() if level > 0.0}
+        missing = [n for n in robot.channels.outputs if n not in known and not robot.channels.stood_in(n, known)]
         if missing:
             raise ValueError(f"no noise is given for {', '.join(missing)}; give each channel's standard deviation, > 0")
         for what, value in (("window", seconds), ("memory", np.inf if memory is None else memory)):

@@ -57,8 +57,8 @@ def build(
 ) -> Task:
     """The problem in which all free parameters of `robot` and all noises are estimated from `logs`, starting at `start`.
 
-    Parameters, bounds, priors and initial states are those of output error; a log that starts elsewhere than at rest
-    starts with uncertain states instead of estimated ones. Raises `ParameterError` if no parameter is free, for an unknown
+    Parameters, bounds, priors and initial states are those of output error; states that it would estimate, as in a log that
+    starts elsewhere than at rest, are uncertain instead. Raises `ParameterError` if no parameter is free, for an unknown
     state in `process_noise`, and for sensors that the filter cannot have (`late_sensors.refusal`).
     """
     why = refusal(robot, logs)
@@ -76,9 +76,10 @@ def build(
     sigma = np.asarray(own.sigma)
     spread = np.array([_VAGUE * sigma[measured.index(s)] if s in measured else v
                        for s, v in zip(robot.states, scales, strict=True)])  # fmt: skip
-    free = np.sum(np.asarray(own.state_free), axis=1) > 0
-    estimated = np.array([name in robot.estimated_states for name in robot.states])
-    variances = np.where(free[:, None] & estimated, spread, 0.0) ** 2
+    free = np.zeros((len(logs), len(robot.states)), dtype=bool)
+    for column, name in enumerate(structure.state_names):
+        free[:, robot.states.index(name)] = np.asarray(own.state_free)[:, column]
+    variances = np.where(free, spread, 0.0) ** 2
     lagged = [float(np.sqrt(np.mean(np.asarray(own.outputs)[..., measured.index(c)] ** 2))) or 1.0
               for c in lagged_outputs(robot)]  # fmt: skip
     sizes = np.array([*scales, *lagged])

@@ -17,7 +17,7 @@ from ...effects import catalogue
 from ...effects.own_parameter import OwnParameter
 from ...robots.effect import Effect, in_words
 from ...robots.robot import Robot
-from ...robots.traits import refusal
+from ...robots.traits import axes_in_words, refusal
 from .differences import CommandGain, DryShare, ViscousShare
 
 Side = Literal["before", "after"]
@@ -96,11 +96,6 @@ def _one_side(radius: str, mismatch: str, sign: float) -> Move:
     return move
 
 
-def _axis_word(robot: Robot, axis: int) -> str:
-    place = robot.drive_axes.index(axis)
-    return f"of {robot.axis_words[place]}" if robot.axis_words else f"of wheel {place + 1}"
-
-
 def _friction(robot: Robot, identifier: str, title: str, groups: Sequence[Sequence[int]]) -> Candidate | None:
     """Coulomb and viscous friction of each of the `groups` of axes, by shares of its own."""
     parts: list[Effect] = []
@@ -150,10 +145,8 @@ def _causes(robot: Robot) -> list[Candidate]:
     found += [every] if every else []
     if len(axes) > 1:
         each = [
-            _friction(
-                robot, f"friction_{_axis_word(robot, i).replace(' ', '_')}", f"friction {_axis_word(robot, i)}", [[i]]
-            )
-            for i in axes
+            _friction(robot, f"friction_of_{word.removeprefix('the ').replace(' ', '_')}", f"friction of {word}", [[i]])
+            for i, word in zip(axes, axes_in_words(robot), strict=True)
         ]
         each.append(_friction(robot, "friction_of_each", "friction of each drive axis", [[i] for i in axes]))
         found += [one for one in each if one is not None]

@@ -14,7 +14,7 @@ from ..finding import LogError
 from ..log import did_you_mean
 from ..series import Recording, Series, Topic, nanoseconds
 from ..table import read_table
-from .matlab import TIMES
+from ..times import time_column, with_seconds
 
 
 def _numbers(column: Any) -> Float[np.ndarray, " n"]:
@@ -23,23 +23,26 @@ def _numbers(column: Any) -> Float[np.ndarray, " n"]:
 
 
 def read_columns(path: Path, time_field: str | None = None) -> Recording:
-    """The numeric columns of a table. `time_field` names the column of times [s]; a usual name is found by itself.
+    """The numeric columns of a table. `time_field` names the column of times; a usual name, or one that increases, is found by
+    itself, in seconds or what its name or size says.
 
     Raises `LogError` where there is no table, or no column of times.
     """
     table = read_table(path)
     columns = [str(name) for name in table.frame.columns]
-    time = time_field if time_field in columns else next((name for name in TIMES if name in columns), None)
-    if time is None:
+    found = time_column(table.frame, time_field)
+    if found is None:
         near = did_you_mean(time_field or "t", columns)
         listed = ", ".join(columns)
         raise LogError(f"{path} has no column of times{near}; it has {listed:.300}: rename one to t, in seconds.")
-    numbers = {name: _numbers(table.frame[name]) for name in columns}
+    time, frame = found.column, with_seconds(table.frame, found.column)
+    numbers = {name: _numbers(frame[name]) for name in columns}
     there = np.isfinite(numbers[time])
     try:
-        received = nanoseconds(numbers[time][there])
+        first = numbers[time][there][0] if there.any() else 0.0
+        received = nanoseconds(found.scale * (numbers[time][there] - first))
     except ValueError as error:
-        raise LogError(f"{path}: column {time!r} {error}; give seconds.") from None
+        raise LogError(f"{path}: column {time!r} {error}; map t with the scale that gives seconds.") from None
     series, topic = {}, path.name
     for name in columns:
         own = np.isfinite(numbers[name][there])
@@ -48,4 +51,4 @@ def read_columns(path: Path, time_field: str | None = None) -> Recording:
     if not series:
         raise LogError(f"{path} has no column of numbers beside {time!r}; give a log of an experiment.")
     notes = tuple((check, text) for check, _, text in table.notes)
-    return Recording(series, {topic: Topic(topic, "table", len(received))}, notes)
+    return Recording(series, {topic: Topic(topic, "table", len(received))}, notes, found)

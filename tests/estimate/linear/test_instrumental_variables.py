@@ -154,7 +154,7 @@ def test_omni_against_the_independent_simulator():
     for seed, kind in enumerate(("multilevel", "turning")):
         frame = simulate_log(OMNI, experiment("omni", kind, SAMPLES, seed), 0.02)
         outputs = frame[["V", "Vn", "W"]].to_numpy() + rng.normal(size=(len(frame), 3)) * [0.02, 0.02, 0.04]
-        logs.append(Log.from_arrays(kind, frame["t"], frame[list(Omni.channels.inputs)].to_numpy(), outputs, Omni()))
+        logs.append(Log.from_arrays(kind, frame["t"], frame[list(Omni().channels.inputs)].to_numpy(), outputs, Omni()))
     wrong = Omni().with_values(J=2.0, Bv=1.0, Bvn=1.0, Bw=2.0, Cv=10.0, Cvn=10.0, Cw=1.0)
     fit = instrumental_variables(wrong, logs)
     assert fit.converged
@@ -176,7 +176,7 @@ def test_pioneer_against_the_independent_simulator():
         frame = simulate_log(PIONEER, experiment("pioneer", kind, SAMPLES, seed + 40), 0.02)
         outputs = frame[["eta1", "eta2"]].to_numpy()
         for logs, noise in ((clean, 0.0), (noisy, rng.normal(size=outputs.shape) * [0.01, 0.02])):
-            inputs = frame[list(Pioneer.channels.inputs)].to_numpy()
+            inputs = frame[list(Pioneer().channels.inputs)].to_numpy()
             logs.append(Log.from_arrays(kind, frame["t"], inputs, outputs + noise, Pioneer()))
     robot = Pioneer().change("Cv1", free=False)
     right, fit = (instrumental_variables(robot, logs) for logs in (clean, noisy))

@@ -194,3 +194,19 @@ def test_robots_in_the_plane(name, options, identifier, true):
     named = {own.id: own for own in (found.change, *found.equivalent)}
     assert identifier in named
     assert all(within(named[identifier].differences[key], size) for key, size in true.items())
+
+
+def test_candidates_call_wheels_and_axes_as_everything_else_does():
+    from jaxid import DifferentialDrive, Omni, Pioneer
+    from jaxid.explanation.changes.candidates import candidates_of
+
+    sides = {"friction of the right wheel", "friction of the left wheel"}
+    for robot, wanted in (
+        (Pioneer(), sides),
+        (DifferentialDrive(), sides),
+        (Omni(), {"friction of V", "friction of Vn", "friction of W"}),
+    ):
+        titles = {candidate.title for candidate in candidates_of(robot)}
+        ids = {candidate.id for candidate in candidates_of(robot)}
+        assert {title.replace(" the ", " ").replace(" ", "_") for title in wanted} <= ids
+        assert wanted <= titles and not any("wheel 1" in title for title in titles)

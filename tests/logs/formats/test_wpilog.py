@@ -116,7 +116,7 @@ def test_sysids_units_are_read_and_proposed(tmp_path):
     seen = look(path)
     velocity = seen.recording.series["velocity-front-drive"]
     assert (velocity.unit, velocity.said) == ("rad/s", "Rotation per Second")
-    mapping = proposed_mapping(propose(seen, AXIS, {}), AXIS)
+    mapping = proposed_mapping(seen, propose(seen, AXIS, {}), AXIS)
     assert mapping is not None
     assert {name: entry["field"] for name, entry in mapping.items()} == {
         "u": "voltage-front-drive",

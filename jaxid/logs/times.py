@@ -1,0 +1,110 @@
+"""The column of times of a table: which one it is, in which unit, and dates as seconds."""
+
+import math
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+_NAMES = {
+    "t",
+    "time",
+    "times",
+    "tout",
+    "timestamp",
+    "stamp",
+    "timestamps",
+    "zeit",
+    "zeitstempel",
+    "temps",
+    "tiempo",
+    "tempo",
+    "sec",
+}
+"""Words of a name that mean times."""
+_UNITS = {"s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3, "millisecond": 1e-3} | {
+    "us": 1e-6, "usec": 1e-6, "microsecond": 1e-6, "µs": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanosecond": 1e-9,
+    "min": 60.0, "minute": 60.0,
+}  # fmt: skip
+_EPOCHS = ((1e9, 1.0), (1e12, 1e-3), (1e15, 1e-6), (1e18, 1e-9))
+"""Sizes of today's date since 1970 in seconds, milli-, micro- and nanoseconds, and the factor to seconds."""
+
+
+SINCE_1970 = 5e8
+"""Seconds from which on a time is a date counted from 1970, and no experiment's own."""
+
+
+class TimeColumn(NamedTuple):
+    """Its name, the factor that makes seconds of its numbers, and what says so (empty where nothing does)."""
+
+    column: str
+    scale: float
+    said: str
+
+
+def seconds_of_dates(values: Any) -> Float[np.ndarray, " n"] | None:
+    """Seconds since the first of dates (or of times of day with a date), or of durations; None for what is neither."""
+    column: Any = pd.Series(values)
+    if column.dtype.kind == "m":
+        return (column / pd.Timedelta(1, "s")).to_numpy(dtype=float)
+    if column.dtype.kind in "OUT" or isinstance(column.dtype, pd.StringDtype):
+        if np.isfinite(_numbers(column)).any():
+            return None
+        column = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
+    if column.dtype.kind != "M" or not len(column) or pd.isna(column.iloc[0]):
+        return None
+    return ((column - column.iloc[0]) / pd.Timedelta(1, "s")).to_numpy(dtype=float)
+
+
+def with_seconds(frame: pd.DataFrame, column: str) -> pd.DataFrame:
+    """The table with seconds since the first row where a column holds dates."""
+    found = seconds_of_dates(frame[column]) if column in frame.columns else None
+    return frame if found is None else frame.assign(**{column: found})
+
+
+def _numbers(column: Any) -> Float[np.ndarray, " n"]:
+    return pd.Series(pd.to_numeric(column, errors="coerce")).to_numpy(dtype=float, na_value=np.nan)
+
+
+def _words(name: str) -> list[str]:
+    return [word.lower() for word in re.findall(r"[A-Z]?[a-zµ]+|[A-Z]+(?![a-z])", name)]
+
+
+def _unit(name: str, values: Float[np.ndarray, " n"]) -> tuple[float, str]:
+    """Factor to seconds, and what says so: the name's last unit, else the size of a date since 1970."""
+    for word in reversed(_words(name)):
+        base = word[:-1] if len(word) > 3 and word.endswith("s") else word
+        if base in _UNITS and (base != "s" or len(_words(name)) > 1):
+            return _UNITS[base], f"the name says {word}"
+    typical = float(np.median(np.abs(values)))
+    for size, factor in _EPOCHS:
+        if 0.5 * size < typical < 5.0 * size:
+            unit = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}[factor]
+            return factor, f"{unit} since 1970 by their size"
+    return 1.0, ""
+
+
+def time_column(frame: pd.DataFrame, given: str | None = None) -> TimeColumn | None:
+    """The column of times: `given`, or the first that a name calls so, or the first whose numbers or dates all increase; None
+    where there is none."""
+    columns = [str(name) for name in frame.columns]
+    if given in columns:
+        names = [str(given)]
+    elif "t" in columns:
+        names = ["t"]
+    else:
+        called = [name for name in columns if set(_words(name)) & _NAMES]
+        names = [*called, *(name for name in columns if name not in called)]
+    for name in names:
+        dates = seconds_of_dates(frame[name])
+        values = _numbers(frame[name]) if dates is None else dates
+        there = values[np.isfinite(values)]
+        if given is None and (len(there) < 2 or np.mean(np.diff(there) > 0) < 0.9):
+            continue
+        if dates is not None:
+            return TimeColumn(name, 1.0, "dates")
+        scale, said = _unit(name, there) if len(there) and name != "t" else (1.0, "")
+        return TimeColumn(name, scale, said) if math.isfinite(scale) else None
+    return None
