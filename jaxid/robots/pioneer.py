@@ -15,6 +15,7 @@ from typing import ClassVar
 
 from ..logs import PIONEER, PIONEER_ANGLES, Channels
 from ..parameters import ParameterTable, parameter
+from .channels_of import channels_of
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .pioneer_closed_form import bias, reduced_inertia
 from .robot import Robot
@@ -148,7 +149,7 @@ class Pioneer(Robot):
         }
         return ParameterTable(physical)
 
-    @property
+    @channels_of(PIONEER)
     def channels(self) -> Channels:  # type: ignore[override]
         """The columns of its logs, with the wheels' angles where these are measured."""
         return PIONEER_ANGLES if self.wheel_angles else PIONEER

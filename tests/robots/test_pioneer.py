@@ -203,3 +203,8 @@ def test_the_default_numbers_give_the_papers_combinations():
     across = float(equations.reduced_inertia(q, p)[1, 1])
     # eq. 35 leaves out the caster's own turning, d and Ip1, which are below 3 % here
     assert turning == pytest.approx(across, rel=0.03)
+
+
+def test_the_class_has_the_channels_of_the_robot_as_it_comes():
+    assert Pioneer.channels is Pioneer().channels
+    assert Pioneer(wheel_angles=True).channels.optional == ("phi2", "phi3")
