@@ -287,7 +287,8 @@ def _other_layout(
     def of(names: set[str]) -> Channels:
         if isinstance(robot, str):
             return layout_of(BY_COLUMNS.get(robot, (own,)), names)
-        return robot.for_columns(names).channels if hasattr(robot, "for_columns") else own
+        asked = hasattr(robot, "for_columns") and not isinstance(robot, type)
+        return robot.for_columns(names).channels if asked else own
 
     try:
         named = set(mapped_names(mapping))

@@ -269,8 +269,12 @@ def test_paths_that_lead_nowhere(tmp_path):
         read_logs([], "pioneer")
 
 
-def test_a_robots_class_is_no_robot(tmp_path):
-    from jaxid import Pioneer
+def test_a_robots_class_reads_the_logs_of_the_robot_as_it_comes_or_says_why_not(tmp_path):
+    from jaxid import DifferentialDrive, Pioneer
 
-    with pytest.raises(LogError, match=r"Pioneer is a class; .* such as Pioneer\(\)"):
-        read_logs(tmp_path / "run.csv", Pioneer)
+    file = tmp_path / "run.csv"
+    rows = "".join(f"{0.02 * k:.2f},{k % 3},{k % 5},{0.1 * k},{0.01 * k}\n" for k in range(20))
+    file.write_text("t,V2,V3,eta1,eta2\n" + rows)
+    assert read_logs(file, Pioneer)[0].channels == read_logs(file, Pioneer())[0].channels
+    with pytest.raises(LogError, match=r"DifferentialDrive is a class; .* such as DifferentialDrive\(\)"):
+        read_logs(file, DifferentialDrive)
