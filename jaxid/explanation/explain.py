@@ -23,6 +23,7 @@ from ..robots.effect import Effect
 from ..robots.given import given_logs
 from ..robots.robot import Robot
 from .doubtful_logs import doubtful_logs
+from .even_stamps import on_even_stamps
 from .explanation import Explanation, Verdict
 from .heldout import HeldOut
 from .level import FALSE_ALARM, keeps_level
@@ -253,8 +254,9 @@ def explain(
     `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `loss` and
     `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, samples that jump away
     from their neighbours and come back are left out of the search, in the fitted and in the held-out logs
-    (`passing_jumps`). `windows`: "auto" keeps those of an unstable plant only; seconds keep the fit's. `report` is called
-    with a sentence whenever something is done. Of compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
+    (`passing_jumps`). Stamps that scatter about an even clock are evened where that predicts better (`even_stamps`). `windows`:
+    "auto" keeps those of an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something
+    is done. Of compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
 
     Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. `false_alarm` is the share
     of complete models of which it may be said that something is missing (`docs/false_alarms.md` shows how well it is kept);
@@ -280,6 +282,7 @@ def explain(
     placeless = without_place(fit.robot)
     if placeless:
         report(placeless)
+    fit, logs, held_out, evened = on_even_stamps(fit, logs, held_out, report, loss=loss, covariance=covariance)
     recorded = logs, held_out
     if fit.window is not None:
         logs, held_out = in_windows(logs, fit.window), in_windows(held_out, fit.window)
@@ -341,6 +344,6 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (*tables, still, placeless, noted, doubted, untried) if note),
+        notes=tuple(note for note in (*tables, still, evened, placeless, noted, doubted, untried) if note),
         colour=found.colour,
     )

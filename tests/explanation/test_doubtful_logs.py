@@ -9,12 +9,12 @@ SAMPLES, DT = 600, 0.02
 
 
 def recorded(axis_law, jitter, count=4):
-    """The same motion, sampled regularly and stamped up to `jitter` seconds early or late."""
+    """The same motion, sampled regularly and stamped by a clock whose intervals are up to `jitter` seconds wrong."""
     logs = []
     for k in range(count):
         rng = np.random.default_rng([3, k])
         u = np.repeat(rng.uniform(-4, 4, SAMPLES // 10), 10)
-        time = DT * np.arange(SAMPLES) + rng.uniform(-jitter, jitter, SAMPLES)
+        time = np.cumsum(DT + rng.uniform(-jitter, jitter, SAMPLES))
         outputs = {"v": axis_law(u, DT)[0] + 0.003 * rng.normal(size=SAMPLES)}
         logs.append(Log.from_arrays(f"run {k}", time - time[0], u[:, None], outputs, AXIS))
     return LogSet(logs[: count - 1]), LogSet(logs[count - 1 :])
