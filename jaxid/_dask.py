@@ -1,8 +1,9 @@
 """Work on many things shared out by Dask: to processes of this machine, or to the workers of a scheduler anywhere.
 
 Things go out in parts, a few parts more than there are workers at a time, so that the scheduler never holds them all. Where
-a worker dies, Dask gives its part to another one. A part on which one worker after another dies is taken apart, so that only
-the thing that kills them is lost, and said to be.
+a worker dies, Dask gives its part to another one. A part on which one worker after another dies is taken apart, and a thing on
+which they die is tried once more when nothing else is under way, since a worker takes down all that waits for it: only what
+kills them by itself is lost, and said to be.
 """
 
 import os
@@ -72,12 +73,13 @@ def worked_off(
 
     waiting = iter(parts.items())
     apart: dict[str, list[Any]] = {}
-    where: dict[str, tuple[str, int | None]] = {}
+    where: dict[str, tuple[str, int | None, bool]] = {}
+    suspects: list[tuple[str, int | None]] = []
 
-    def sent(name: str, place: int | None = None) -> Any:
+    def sent(name: str, place: int | None = None, alone: bool = False) -> Any:
         things = parts[name] if place is None else parts[name][place : place + 1]
-        key = f"jaxid-{name}-{place}"
-        where[key] = name, place
+        key = f"jaxid-{name}-{place}" + "-alone" * alone
+        where[key] = name, place, alone
         with setting(_SETTINGS):
             return client.submit(work, things, key=key, pure=False)
 
@@ -85,20 +87,29 @@ def worked_off(
     threads = sum(counts.values())
     going = as_completed([sent(name) for name, _ in islice(waiting, max(_AHEAD * threads, 4))])
     for future in going:
-        name, place = where.pop(future.key)
+        name, place, alone = where.pop(future.key)
         died = future.status == "error" and isinstance(future.exception(), KilledWorker)
         found = [Lost("the processes that worked on it died, one after another")] if died else future.result()
         future.release()
+        done = False
         if died and place is None and len(parts[name]) > 1:
             apart[name] = [None] * len(parts[name])
             for one in range(len(parts[name])):
                 going.add(sent(name, one))
-            continue
-        if place is not None:
+        elif died and not alone:
+            suspects.append((name, place))
+            for following, _ in islice(waiting, 1):
+                going.add(sent(following))
+        elif place is not None:
             apart[name][place] = found[0]
-            if any(result is None for result in apart[name]):
-                continue
-            found = apart.pop(name)
+            done = all(result is not None for result in apart[name])
+        else:
+            done = True
+        if suspects and not going.count():
+            going.add(sent(*suspects.pop(0), alone=True))
+        if not done:
+            continue
+        found = found if place is None else apart.pop(name)
         yield name, found
         for following, _ in islice(waiting, 1):
             going.add(sent(following))
