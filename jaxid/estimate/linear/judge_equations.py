@@ -63,7 +63,8 @@ def equation_noise(logs: LogSet) -> dict[str, float]:
     """The sensors' noise, and that of speeds which no log measures but a position stands for: of its central differences."""
     noise = with_integration(logs, noise_scale(logs))
     found = dict(noise)
-    for name, position in logs.channels.substitutes.items():
+    one_for_one = {name: own for name, own in logs.channels.substitutes.items() if isinstance(own, str)}
+    for name, position in one_for_one.items():
         own = [log for log in logs if np.isfinite(log.output(position)).any()]
         if own and not any(np.isfinite(log.output(name)).any() for log in logs):
             found[name] = noise[position] / (np.sqrt(2.0) * float(np.median([log.sampling_interval for log in own])))

@@ -44,10 +44,11 @@ class Rows:
 
 
 def _speed(log: Log, name: str) -> Array:
-    """A measured speed, from the position where only that was measured."""
+    """A measured speed, from the position where only that was measured; speeds of wheels' angles are worked out before
+    (`by_speeds`)."""
     values = log.output(name)
     substitute = log.channels.substitutes.get(name)
-    if not np.isfinite(values).any() and substitute is not None:
+    if not np.isfinite(values).any() and isinstance(substitute, str):
         values = np.gradient(log.output(substitute), log.time)
     if np.isfinite(values).sum() < 2:
         raise LogError(
