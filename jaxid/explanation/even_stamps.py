@@ -3,7 +3,7 @@
 Loops that drive a robot are even to microseconds, while what writes their stamps is late by another share of the interval in
 every row. Taken as they are, such stamps let commands act too early or too late, and a complete model then leaves errors that
 follow the motion. Which of the two clocks was the robot's, the fitted logs say: nothing is estimated for it, so that the better
-prediction has it.
+prediction has it, if it is better by more than chance.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from ..logs import Log, LogSet, noise_scale
 from ..parameters import ParameterError
 from .heldout import held_out_state
 from .refit import refit
+from .telling_apart import told_apart_from
 
 _FEWEST = 50
 """Rows of a log below which its clock is not told."""
@@ -25,8 +26,6 @@ _LEAST, _MOST = 0.003, 0.5
 """Scatter of the stamps, in intervals, that is looked at: less does nothing, beyond half of one a row's place is not known."""
 _WANDERS = 0.3
 """Correlation of neighbouring stamps' errors from which they are those of the clock itself."""
-_BETTER = 10.0
-"""Chi-squared by which even stamps must do better."""
 
 
 def scatter(log: Log) -> tuple[np.ndarray, float]:
@@ -68,7 +67,7 @@ def on_even_stamps(
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
     given = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
     evened = refit(fit.robot, [start], even, even_held_out, noise, fit.initial_states)
-    if not evened.squares < given.squares - _BETTER:
+    if not (evened.squares < given.squares and told_apart_from(evened, given)):
         return fit, logs, held_out, ""
     try:
         again = output_error(fit.robot, even, start=start, **options)

@@ -61,7 +61,7 @@ def search(
         own = [law for effect in catalogue(current.robot) for law in laws_of(current.robot, effect.id)]
         remaining = [effect.blurred for effect in (*own, *effects) if effect.id not in present]
         count = len({effect.id for effect in remaining})
-        report(f"first look at {count} candidates by {len(remaining)} laws")
+        report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
         shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
         screened = screen(shown.robot, logs, remaining, noise, shown.initial_states, shown.angles, report)
         first_look = first_look or tuple(screened)

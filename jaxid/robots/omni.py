@@ -19,7 +19,7 @@ import jax.numpy as jnp
 
 from ..logs import OMNI, OMNI_ANGLES, Channels
 from ..parameters import ParameterTable, parameter
-from .channels_of import channels_of
+from .class_channels import on_class_too
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot
 from .scales import Scales
@@ -131,7 +131,7 @@ class Omni(Robot):
         """The robot with the paper's equations 1-3 as printed."""
         return self.with_values(coriolis=0.0)
 
-    @channels_of(OMNI)
+    @on_class_too(OMNI)
     def channels(self) -> Channels:  # type: ignore[override]
         """The columns of its logs, with the wheels' angles where these are measured."""
         return OMNI_ANGLES if self.wheel_angles else OMNI

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 from ..logs import PIONEER, PIONEER_ANGLES, Channels
 from ..parameters import ParameterTable, parameter
-from .channels_of import channels_of
+from .class_channels import on_class_too
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .pioneer_closed_form import bias, reduced_inertia
 from .robot import Robot
@@ -149,7 +149,7 @@ class Pioneer(Robot):
         }
         return ParameterTable(physical)
 
-    @channels_of(PIONEER)
+    @on_class_too(PIONEER)
     def channels(self) -> Channels:  # type: ignore[override]
         """The columns of its logs, with the wheels' angles where these are measured."""
         return PIONEER_ANGLES if self.wheel_angles else PIONEER

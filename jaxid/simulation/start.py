@@ -144,9 +144,8 @@ def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
             if not np.isfinite(value) or (channel not in states and channel not in rest):
                 continue
             usual = default[channel] if channel in states else rest[channel]
-            if (
-                channel in robot.measured_angles
-            ):  # where a wheel was when the counter was set to zero, nothing depends on
+            # Nothing depends on where a wheel was when its counter was set to zero.
+            if channel in robot.measured_angles:
                 states[channel][e] = value
                 continue
             level = noise[channel] if np.isfinite(noise[channel]) else 0.0

@@ -126,6 +126,8 @@ class MovingAverage(SensorLag):
 
     law: ClassVar[str] = "moving_average"
     formula: ClassVar[str] = "y'(t) = mean of y over (t - window, t)"
+    ahead: ClassVar[float] = 0.0
+    """Share of the window that is still to come."""
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "window", "s", 0.3 * robot.scales.time)
@@ -134,24 +136,19 @@ class MovingAverage(SensorLag):
         return one_by_one(self.key("window"), tuple(2.0 * time for time in robot.scales.times_to_try))
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs_only(robot, averaged(outputs, time, p[self.key("window")]), outputs)
+        return outputs_only(robot, averaged(outputs, time, p[self.key("window")], self.ahead), outputs)
 
 
 @dataclass(frozen=True)
-class CentredAverage(SensorLag):
+class CentredAverage(MovingAverage):
     """The mean of the speeds about the stamp: positions differentiated by central differences, logs smoothed afterwards."""
 
     law: ClassVar[str] = "centred_average"
-    formula: ClassVar[str] = "y'(t) = mean of y over (t - width / 2, t + width / 2)"
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return positive(self, "width", "s", 0.5 * robot.scales.time)
+    formula: ClassVar[str] = "y'(t) = mean of y over (t - window / 2, t + window / 2)"
+    ahead: ClassVar[float] = 0.5
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        return one_by_one(self.key("width"), tuple(4.0 * time for time in robot.scales.times_to_try))
-
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs_only(robot, averaged(outputs, time, p[self.key("width")], ahead=0.5), outputs)
+        return one_by_one(self.key("window"), tuple(4.0 * time for time in robot.scales.times_to_try))
 
 
 LAWS: tuple[Effect, ...] = (SensorLag(), SecondOrderSensorLag(), SensorLagOfEach(), MovingAverage(), CentredAverage())

@@ -6,7 +6,7 @@ from typing import Any
 from ..logs import Channels
 
 
-class _ChannelsOf:
+class _OnClassToo:
     def __init__(self, plain: Channels, own: Callable[[Any], Channels]):
         self.plain, self.own, self.__doc__ = plain, own, own.__doc__
 
@@ -14,6 +14,6 @@ class _ChannelsOf:
         return self.plain if robot is None else self.own(robot)
 
 
-def channels_of(plain: Channels) -> Callable[[Callable[[Any], Channels]], Any]:
+def on_class_too(plain: Channels) -> Callable[[Callable[[Any], Channels]], Any]:
     """A property of a robot; read from the class it is `plain`."""
-    return lambda own: _ChannelsOf(plain, own)
+    return lambda own: _OnClassToo(plain, own)
