@@ -66,9 +66,19 @@ def _left(own: Array, columns: Sequence[Array], wanted: Array) -> float:
     return float(np.sum((wanted - every @ answer) ** 2)) / max(float(wanted @ wanted), 1e-300)
 
 
+def _shortened(own: Array, constants: Mapping[str, Array], wanted: Array) -> tuple[Array, dict[str, Array], Array]:
+    """The same, turned so that all but the first few samples are zero and left out: what `_left` finds is the same."""
+    every = np.column_stack([*own, *constants.values(), wanted])
+    if not np.isfinite(every).all():
+        return own, dict(constants), wanted
+    turned = np.asarray(np.linalg.qr(every, mode="r")).T
+    return turned[: len(own)], dict(zip(constants, turned[len(own) : -1], strict=True)), turned[-1]
+
+
 def _likely(own: Array, constants: Mapping[str, Array], wanted: Array) -> list[tuple[str, ...]]:
     """Which constants, alone and together, may do what is wanted: those alone best first, then ever more of those that
     together do most."""
+    own, constants, wanted = _shortened(own, constants, wanted)
     alone = sorted((_left(own, [column], wanted), name) for name, column in constants.items())
     sets: list[tuple[str, ...]] = []
     sets += [(name,) for left, name in alone if left < _LIKE][:_MOST]
@@ -148,6 +158,7 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
     residual, secants, _ = _secants(before, [], constants, logs)
     own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
     usable = {name: column for name, column in columns.items() if np.isfinite(column).all() and np.any(column)}
+    own, usable, residual = _shortened(own, usable, residual)
     rival = best.squares if best is not None else before.squares
     chosen: tuple[str, ...] = ()
     trials: list[Trial] = []

@@ -196,19 +196,27 @@ def _with_own_rule(graph: Graph, equation: Any, inputs: Sequence[Values]) -> lis
     return results
 
 
-def _scan(graph: Graph, equation: Any, inputs: Sequence[Values]) -> list[Values]:
-    params = equation.params
-    length, body = params["length"], params["jaxpr"].jaxpr
-    if length > MOST_UNROLLED:
-        raise Untranslated(f"an inner loop of {length} turns")
+def loop_sizes(equation: Any) -> tuple[int, int]:
+    """How many inputs of a scan are the same in every turn, and how many values it carries from one to the next.
+
+    From the shapes: the names under which JAX keeps these numbers change with its versions.
+    """
+    body = equation.params["jaxpr"].jaxpr
 
     def by_row(outer: Sequence[Any], inner: Sequence[Any]) -> int:
         """How many variables the body sees one row of at a time."""
         return sum(v.aval.ndim > w.aval.ndim for v, w in zip(outer, inner, strict=True))
 
-    # From the shapes: the names under which JAX keeps these numbers change with its versions.
-    n_carry = len(equation.outvars) - by_row(equation.outvars, body.outvars)
-    n_const = len(equation.invars) - by_row(equation.invars, body.invars) - n_carry
+    carried = len(equation.outvars) - by_row(equation.outvars, body.outvars)
+    return len(equation.invars) - by_row(equation.invars, body.invars) - carried, carried
+
+
+def _scan(graph: Graph, equation: Any, inputs: Sequence[Values]) -> list[Values]:
+    params = equation.params
+    length = params["length"]
+    if length > MOST_UNROLLED:
+        raise Untranslated(f"an inner loop of {length} turns")
+    n_const, n_carry = loop_sizes(equation)
     fixed, carry, rows = inputs[:n_const], list(inputs[n_const : n_const + n_carry]), inputs[n_const + n_carry :]
     stacked: list[list[Values]] = []
     turns = range(length)

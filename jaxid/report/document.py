@@ -172,9 +172,7 @@ def write_page(path: Path, page: Page) -> None:
     write_text(path, rendered(page))
 
 
-def picture(
-    figure: Figure, name: str, alt: str, caption: str = "", columns: int = 1, largest: float = 1.15
-) -> Picture:
+def picture(figure: Figure, name: str, alt: str, caption: str = "", columns: int = 1, largest: float = 1.15) -> Picture:
     """A matplotlib figure in the page's colours, light or dark: its text is text, black is the ink and white the paper.
 
     `columns`: how many panels stand side by side: so wide it stays on a narrow screen, which then scrolls it. `largest`: its

@@ -1,7 +1,8 @@
 """Effects on whole records, before and after a rollout in machine code: on commands and on what sensors report.
 
-They act on signals, not in the equations of motion, and are small programs of XLA's of their own: a robot with one has the
-machine code of the robot without it, and what is compiled for a delay is the delay.
+They act on signals, not in the equations of motion, and are run by themselves: a robot with one has the machine code of the
+robot without it. They are run in NumPy, so that nothing is compiled; what runs often on the same shape, and what NumPy has
+no operation for, such as a loop over all samples, is a small program of XLA's.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -15,6 +16,8 @@ import numpy as np
 from jaxtyping import Float
 
 from .._compile import compiled
+from ..kernel.in_numpy import in_numpy
+from ..kernel.symbolic import Untranslated
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..robots.signal_path import STAGES, overrides, passed
@@ -23,6 +26,8 @@ from .rollout import commanded as _commanded_one
 Array = Any
 """NumPy's, or what can be read as such."""
 _MOST_MODELS = 256
+_SELDOM = 100
+"""Runs on one shape up to which NumPy, at up to ten times the time of XLA's program, is done before XLA has compiled."""
 _TRIED = 3
 """Samples of the record on which it is seen which parameters an effect reads."""
 
@@ -112,12 +117,10 @@ def _commanded_all(robot: Robot, names: tuple[str, ...], substeps: int, q, input
     return jax.vmap(lambda u, d: _commanded_one(robot, numbers, u, d, substeps))(inputs, dt)
 
 
-@partial(compiled, static_argnums=(0, 1, 2))
 def _command(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt):
     return _commanded_all(robot, names, substeps, q, inputs, dt)
 
 
-@partial(compiled, static_argnums=(0, 1, 2))
 def _command_slopes(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, dq):
     def moved(step):
         return jax.jvp(lambda q: _commanded_all(robot, names, substeps, q, inputs, dt), (q,), (step,))[1]
@@ -130,17 +133,48 @@ def _measured_all(robot: Robot, names: tuple[str, ...], q, y, dt):
     return jax.vmap(lambda own, d: _measured_one(robot, numbers, own, d))(y, dt)
 
 
-@partial(compiled, static_argnums=(0, 1))
 def _measure(robot: Robot, names: tuple[str, ...], q, y, dt):
     return _measured_all(robot, names, q, y, dt)
 
 
-@partial(compiled, static_argnums=(0, 1))
 def _measure_slopes(robot: Robot, names: tuple[str, ...], q, y, dt, dq, dy):
     def moved(step, change):
         return jax.jvp(lambda q, y: _measured_all(robot, names, q, y, dt), (q, y), (step, change))[1]
 
     return jax.vmap(moved, in_axes=(0, -1), out_axes=-1)(dq, dy)
+
+
+_in_xla = {
+    function: compiled(function, static_argnums=tuple(range(fixed)))
+    for function, fixed in ((_command, 3), (_command_slopes, 3), (_measure, 2), (_measure_slopes, 2))
+}
+
+
+class _Runs:
+    """A function of arrays of given shapes, and how often it has run: what runs often is worth compiling."""
+
+    def __init__(self, function: Callable[..., Any], fixed: tuple[Any, ...], shapes: tuple[tuple[int, ...], ...]):
+        self.function, self.fixed, self.left = function, fixed, _SELDOM
+        try:
+            arrays = (jax.ShapeDtypeStruct(shape, float) for shape in shapes)
+            self.steps = in_numpy(partial(function, *fixed), *arrays)
+        except Untranslated:
+            self.left = 0
+
+    def __call__(self, *arrays: np.ndarray) -> np.ndarray:
+        if self.left == 0:
+            return np.asarray(_in_xla[self.function](*self.fixed, *arrays))
+        self.left -= 1
+        return self.steps(*arrays)[0]
+
+
+_runs = lru_cache(4 * _MOST_MODELS)(_Runs)
+
+
+def _run(function: Callable[..., Any], fixed: tuple[Any, ...], *records: Any) -> np.ndarray:
+    """`function` of what is `fixed` and of arrays."""
+    arrays = [np.asarray(record, float) for record in records]
+    return _runs(function, fixed, tuple(array.shape for array in arrays))(*arrays)
 
 
 def _names(records: Records, places: tuple[int, ...]) -> tuple[str, ...]:
@@ -154,7 +188,7 @@ def commanded(
     if records.commands is None:
         return np.asarray(inputs)[:, :, None, :]
     own = np.asarray(p, float)[list(records.commands)]
-    return np.asarray(_command(records.robot, _names(records, records.commands), substeps, own, inputs, dt))
+    return _run(_command, (records.robot, _names(records, records.commands), substeps), own, inputs, dt)
 
 
 def commanded_each(
@@ -181,9 +215,7 @@ def command_slopes(
     assert records.commands is not None
     places = list(records.commands)
     own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
-    return np.asarray(
-        _command_slopes(records.robot, _names(records, records.commands), substeps, own, inputs, dt, step)
-    )
+    return _run(_command_slopes, (records.robot, _names(records, records.commands), substeps), own, inputs, dt, step)
 
 
 def measured(
@@ -193,7 +225,7 @@ def measured(
     if records.measures is None:
         return np.asarray(y)
     own = np.asarray(p, float)[list(records.measures)]
-    return np.asarray(_measure(records.robot, _names(records, records.measures), own, y, dt))
+    return _run(_measure, (records.robot, _names(records, records.measures)), own, y, dt)
 
 
 def measured_each(
@@ -218,4 +250,4 @@ def measured_slopes(
         return np.asarray(dy)
     places = list(records.measures)
     own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
-    return np.asarray(_measure_slopes(records.robot, _names(records, records.measures), own, y, dt, step, dy))
+    return _run(_measure_slopes, (records.robot, _names(records, records.measures)), own, y, dt, step, dy)

@@ -6,6 +6,7 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 
+from ...kernel.recurrence import recurrence
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
@@ -23,15 +24,12 @@ def low_passed(inputs, dt, T):
     """`inputs` [T, nu] held over steps `dt` behind a first-order lag of time constant `T` (one, or one an input): its exact
     mean over every step."""
     dt = dt[:, None]
-    decay = jnp.exp(-dt / jnp.maximum(T, _TINY * dt))
-    mean = T / dt * (1.0 - decay)
-
-    def advance(lagged, row):
-        u, keep, share = row
-        return u + (lagged - u) * keep, u + (lagged - u) * share
-
-    _, means = jax.lax.scan(advance, jnp.zeros_like(inputs[0]), (inputs, decay, mean))
-    return means
+    keep = jnp.exp(-dt / jnp.maximum(T, _TINY * dt))
+    share = T / dt * (1.0 - keep)
+    rest = jnp.zeros_like(inputs[0])
+    lagged = recurrence(keep, inputs * (1.0 - keep), rest)
+    before = jnp.concatenate([rest[None], lagged[:-1]])
+    return inputs + (before - inputs) * share
 
 
 @dataclass(frozen=True)

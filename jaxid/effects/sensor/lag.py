@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 
+from ...kernel.recurrence import recurrence
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
@@ -21,20 +21,15 @@ _TINY = 1e-9
 def low_passed(outputs, time, T):
     """`outputs` [T, ny] behind a first-order lag of time constant `T` (one, or one a channel), exact for speeds that are
     parabolas between samples."""
-    dt = jnp.diff(time)
-    slow = jnp.maximum(T, _TINY * jnp.max(dt))
+    dt = jnp.diff(time)[:, None]
+    before, now = outputs[:-1], outputs[1:]
     bent = bends(outputs, time)
-
-    def advance(lagged, row):
-        before, now, bend, interval = row
-        slope, turn = (now - before) / interval, 0.5 * bend * interval
-        # Where the filter runs behind a parabola, at either end.
-        first = before - T * (slope - turn) + T * T * bend
-        last = now - T * (slope + turn) + T * T * bend
-        lagged = last + (lagged - first) * jnp.exp(-interval / slow)
-        return lagged, lagged
-
-    _, filtered = jax.lax.scan(advance, outputs[0], (outputs[:-1], outputs[1:], bent, dt))
+    slope, turn, bend = (now - before) / dt, 0.5 * bent * dt, T * T * bent
+    keep = jnp.exp(-dt / jnp.maximum(T, _TINY * jnp.max(dt)))
+    # Where the filter runs behind a parabola, at either end.
+    first = before - T * (slope - turn) + bend
+    last = now - T * (slope + turn) + bend
+    filtered = recurrence(keep, last - first * keep, outputs[0])
     return jnp.concatenate([outputs[:1], filtered])
 
 
