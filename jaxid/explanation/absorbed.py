@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..estimate.output_error.estimated_start import estimated_start
 from ..logs import LogSet
 from ..robots.robot import Robot
-from ..simulation.simulate import simulate_models
+from ..simulation.simulate import integrator_for, simulate_models
 from .heldout import HeldOut, scaled_residuals
 
 Array = NDArray[np.float64]
@@ -31,7 +31,12 @@ def _columns(robot: Robot, state: HeldOut, logs: LogSet) -> list[Array]:
         size = max(abs(table[name].value), table[name].typical or 0.0, np.finfo(float).tiny)
         up = table[name].value + _STEP * size <= table[name].upper
         others.append(robot.with_values(**{name: table[name].value + (_STEP if up else -_STEP) * size}))
-    by_log = simulate_models([robot, *others], logs, start=estimated_start(robot, logs, state.noise))
+    by_log = simulate_models(
+        [robot, *others],
+        logs,
+        start=estimated_start(robot, logs, state.noise),
+        integrator=integrator_for(robot, logs),
+    )
     outputs = [scaled_residuals(logs, [y[k] for y in by_log], state.noise) for k in range(1 + len(others))]
     return [np.stack([moved[e] - outputs[0][e] for moved in outputs[1:]], axis=-1) for e in range(len(logs))]
 

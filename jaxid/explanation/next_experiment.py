@@ -16,7 +16,7 @@ from ..robots.effect import in_words
 from ..robots.robot import Robot
 from ..simulation.excitation import Drive, single_modes, tuned_shapes
 from ..simulation.reckoning import measured_velocities
-from ..simulation.simulate import simulate
+from ..simulation.simulate import integrator_for, simulate
 
 _LEVELS = (0.15, 0.4, 1.0)
 """Of the largest input seen in the logs."""
@@ -90,7 +90,9 @@ def propose(
     runs = LogSet(
         [Log.from_arrays(f"run {i}", time, drive.inputs, nothing, channels) for i, drive in enumerate(family)]
     )
-    first, second = simulate(one[1], runs), simulate(other[1], runs)
+    # The same steps for both, so that these make no difference between them.
+    steps = max((integrator_for(robot, runs) for _, robot in (one, other)), key=lambda own: own.substeps)
+    first, second = (simulate(robot, runs, integrator=steps) for _, robot in (one, other))
     differences = _differences(first, second, columns, scale, _fastest(one[1], logs))
     best = int(np.argmax(differences))
     if differences[best] <= so_far:

@@ -20,7 +20,7 @@ from ..logs import LogSet
 from ..robots.effect import Effect, in_words
 from ..robots.robot import Robot
 from ..robots.traits import refusal
-from ..simulation.simulate import simulate_models
+from ..simulation.simulate import integrator_for, simulate_models
 from .heldout import scaled_residuals
 from .refit import Trial, refit_from_itself
 from .telling_apart import told_apart_from
@@ -52,7 +52,7 @@ def _constants(robot: Robot) -> list[str]:
 def _outputs(models: list[Robot], logs: LogSet, noise: Mapping[str, float]) -> Array:
     """Simulated outputs of models that differ in their numbers only, in units of the noise [models, samples]."""
     start = estimated_start(models[0], logs, noise)
-    by_log = simulate_models(models, logs, start=start)
+    by_log = simulate_models(models, logs, start=start, integrator=integrator_for(models[0], logs))
     every = [scaled_residuals(logs, [y[k] for y in by_log], noise) for k in range(len(models))]
     return np.stack([np.nan_to_num(np.concatenate([r.ravel() for r in own])) for own in every])
 

@@ -13,7 +13,7 @@ from .._distributions import chi_squared_beyond
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
 from ..logs import LogSet
-from ..simulation.simulate import simulate_models
+from ..simulation.simulate import integrator_for, simulate_models
 from .heldout import HeldOut, scaled_residuals, whiteness
 
 
@@ -38,7 +38,9 @@ def within_errors(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
 
     others = [robot(centre + sign * step) for step in steps for sign in (1.0, -1.0)]
     start: Mapping = estimated_start(fit.robot, held_out, state.noise)
-    by_log = simulate_models([fit.robot, *others], held_out, start=start)
+    by_log = simulate_models(
+        [fit.robot, *others], held_out, start=start, integrator=integrator_for(fit.robot, held_out)
+    )
     outputs = [scaled_residuals(held_out, [y[k] for y in by_log], state.noise) for k in range(1 + len(others))]
     changes = [
         np.stack([(outputs[2 * i + 1][e] - outputs[2 * i + 2][e]) / 2.0 for i in range(len(steps))], axis=-1)

@@ -77,7 +77,7 @@ def simulate_models(
 ) -> list[Float[np.ndarray, "K _T ny"]]:
     """Simulated outputs of every log by K models that differ in nothing but their numbers, as lanes of one program.
 
-    As `simulate`; the steps are those that suit every model.
+    As `simulate`; the steps of a log are those that suit every model on it.
     """
     for robot in robots:
         logs = given_logs(robot, logs)
@@ -89,26 +89,33 @@ def simulate_models(
     tables = [robot.parameters.numbers for robot in robots]
     numbers = {name: np.array([float(own[name]) for own in tables]) for name in tables[0]}
 
-    def with_steps(integrator: Integrator) -> list[NDArray[np.float64]]:
-        there = batch.inputs, batch.dt, dict(prescribed)
-        outputs = simulated_directly(robots[0], integrator, numbers, states, *there)
+    def with_steps(integrator: Integrator, some: Sequence[int]) -> list[NDArray[np.float64]]:
+        """Of some of the logs."""
+        own = {name: values[:, some] for name, values in states.items()}
+        known = {name: np.asarray(values)[some] for name, values in prescribed.items()}
+        there = np.asarray(batch.inputs)[some], np.asarray(batch.dt)[some], known
+        outputs = simulated_directly(robots[0], integrator, numbers, own, *there)
         if outputs is None:
-            outputs = np.asarray(_simulate(robots[0].structure, integrator, numbers, states, *there))
-        return [outputs[:, e, : len(log)] for e, log in enumerate(logs)]
+            outputs = np.asarray(_simulate(robots[0].structure, integrator, numbers, own, *there))
+        return [outputs[:, k, : len(logs[e])] for k, e in enumerate(some)]
 
+    every = list(range(len(logs)))
     if integrator is not None:
-        return with_steps(integrator)
+        return with_steps(integrator, every)
     integrator, factor = max((integrator_for(robot, logs) for robot in robots), key=lambda own: own.substeps), 1
-    outputs = with_steps(integrator)
+    outputs = with_steps(integrator, every)
     noise = np.array(list(noise_scale(logs).values()))
     measured = np.any([np.isfinite(log.outputs).any(axis=0) for log in logs], axis=0)
-    while factor < _MOST:
+    level, changing = np.where(measured, noise, 0.0), every
+    while factor < _MOST and changing:
         factor *= _FINER
-        finer = with_steps(Integrator(integrator.substeps * factor, integrator.friction))
-        level = np.where(measured, noise, 0.0)
-        if all(_alike(*pair, level) for two in zip(outputs, finer, strict=True) for pair in zip(*two, strict=True)):
-            break
-        outputs = finer
+        finer = with_steps(Integrator(integrator.substeps * factor, integrator.friction), changing)
+        still = []
+        for e, simulated in zip(changing, finer, strict=True):
+            if not all(_alike(*pair, level) for pair in zip(outputs[e], simulated, strict=True)):
+                outputs[e] = simulated
+                still.append(e)
+        changing = still
     return outputs
 
 
