@@ -63,7 +63,9 @@ class Grid:
         self.steps = int(min(finest / self.step, _MOST))
         self.size = 2 ** int(np.ceil(np.log2(4 * _CELLS * max(self.steps, 1))))
         cell = 2 * np.pi / (self.size * self.step)
-        self.at = np.minimum(((way - way.min()) / cell).astype(int), self.size - 1)
+        at = np.minimum(((way - way.min()) / cell).astype(int), self.size - 1)
+        self.order = np.argsort(at, kind="stable")
+        self.cells, self.first = np.unique(at[self.order], return_index=True)
 
     @property
     def periods(self) -> Array:
@@ -73,8 +75,10 @@ class Grid:
     def sums(self, values: Array, steps: int) -> NDArray[np.complex128]:
         """Sums of `values` [*signals, N] times exp(i k way) for k from 0 to `steps`."""
         rows = values.reshape(-1, values.shape[-1])
-        binned = np.stack([np.bincount(self.at, row, minlength=self.size) for row in rows])
-        return np.conj(np.fft.rfft(binned, axis=1)[:, : steps + 1]).reshape(*values.shape[:-1], steps + 1)
+        binned = np.zeros((len(rows), self.size), values.dtype)
+        binned[:, self.cells] = np.add.reduceat(rows[:, self.order], self.first, axis=1)
+        found = scipy.fft.rfft(binned, axis=1, overwrite_x=True)[:, : steps + 1]
+        return np.conj(found).reshape(*values.shape[:-1], steps + 1)
 
 
 class Periodogram:
@@ -119,7 +123,9 @@ def _peaks(
         return [], 0
     weight = std**-2.0
     products = weight * (mean - np.sum(weight * mean) / np.sum(weight))
-    parts = np.split(products, np.cumsum([len(own) for own in ways])[:-1])
+    # Everything below is a ratio. Single precision is enough for what chance makes of it.
+    products = products / max(float(np.max(np.abs(products))), np.finfo(float).tiny)
+    parts = np.split(products.astype(np.float32), np.cumsum([len(own) for own in ways])[:-1])
     rng = np.random.default_rng(_SEED)
     power = Periodogram(grid, weight)
     shifted = [np.concatenate([np.roll(own, rng.integers(len(own))) for own in parts]) for _ in range(_SHIFTS)]
