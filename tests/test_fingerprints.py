@@ -21,6 +21,8 @@ EXPECTED = {
     "input_delay": lambda since: np.where(since < 0.08 - 1e-9, -GAIN, 0.0),
     "cogging_torque": lambda way: 3.0 * np.sin(20.0 * way),
     "coriolis_coupling": lambda product: OMNI.parameters["M"].value * product,
+    "steering_delay": lambda since: np.where(since < 0.08 - 1e-9, -1.0, 0.0),
+    "steering_error": lambda u: np.tan(u + 0.05) - np.tan(u),
     "sensor_bias": lambda v: np.full(len(v), 0.05),
     "sensor_cross_talk": lambda w: 0.08 * w,
 }

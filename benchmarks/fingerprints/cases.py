@@ -9,6 +9,7 @@ from jaxid import Axis, DifferentialDrive, Omni, Robot
 from jaxid.effects import effect_by_id
 
 from .missing import INTERVAL, Array, Run, driven, levels
+from .steered import CAR, STEER, WHEELBASE
 
 AXIS = Axis().with_values(M=10.0, Fv=5.0, Fc=3.0, gain=2.0, back_emf=4.0)
 DRIVE = DifferentialDrive().with_values(M=12.0, J=0.4, Fv=3.0, Fc=2.0, b=0.2, gain=1.5, back_emf=4.0)
@@ -47,6 +48,12 @@ def ahead(robot: Robot) -> Array:
 def to_and_fro(robot: Robot) -> Array:
     """One level forwards and one backwards."""
     return 8.0 * np.sign(levels(robot, _SECONDS, 1.0, 0.5, seed=5)[:, :1])
+
+
+def steering(robot: Robot) -> Array:
+    """A car ahead at a changing throttle, steered to either side."""
+    throttle = 1.5 + 0.6 * levels(robot, _SECONDS, 1.0, 1.0, seed=8)[:, :1]
+    return np.concatenate([throttle, levels(robot, _SECONDS, 0.4, 0.6, seed=9)[:, 1:]], axis=1)
 
 
 def with_pauses(robot: Robot) -> Array:
@@ -133,6 +140,25 @@ def everywhere(run: Run) -> Array:
     return np.ones(len(run.moments))
 
 
+def per_angle(run: Run) -> Array:
+    """The moment that a steering angle [rad] more makes of a car, at small angles."""
+    ahead = speed("v")(run)
+    return np.where(ahead > 0.3, STEER * ahead / WHEELBASE, np.nan)
+
+
+def since_steered(run: Run) -> Array:
+    """Seconds since the steering command changed."""
+    return run.held(1)[0]
+
+
+def per_change(run: Run) -> Array:
+    """The moment that the last change of the steering command makes."""
+    since, change = run.held(1)
+    before = run.inputs[run.moments, 1] - change
+    swing = np.tan(run.inputs[run.moments, 1]) - np.tan(before)
+    return np.where(np.abs(change) > 0.15, per_angle(run) * swing, np.nan)
+
+
 @dataclass(frozen=True)
 class Case:
     """One mechanism's picture.
@@ -213,6 +239,38 @@ CASES: Mapping[str, Case] = {
         channel="V",
         inputs=with_pauses,
         apart=("no command", lambda run: np.abs(run.inputs[run.moments]).max(axis=1) < 1.0),
+    ),
+    "steering_delay": Case(
+        CAR,
+        {"steering_delay.delay": 0.08},
+        since_steered,
+        "time since steering changed [s]",
+        channel="w",
+        inputs=steering,
+        per=per_change,
+        quantity="missing moment,\nshare of the change",
+        within=(0, 0.4),
+    ),
+    "steering_error": Case(
+        CAR,
+        {"steering_error.offset_steering": 0.05},
+        command(1),
+        "steering command [rad]",
+        channel="w",
+        inputs=steering,
+        per=per_angle,
+        quantity="missing steering [rad]",
+    ),
+    "steering_lag": Case(
+        CAR,
+        {"steering_lag.time_constant": 0.08},
+        since_steered,
+        "time since steering changed [s]",
+        channel="w",
+        inputs=steering,
+        per=per_change,
+        quantity="missing moment,\nshare of the change",
+        within=(0, 0.4),
     ),
     "sensor_bias": Case(
         AXIS, {"sensor_bias.bias_v": 0.05}, speed("v"), _SPEED, reading=True, quantity="wrong by [m/s]"

@@ -41,9 +41,9 @@ class Run:
         """The column of a channel."""
         return self.robot.channels.measured.index(name)
 
-    def held(self) -> tuple[Array, Array]:
-        """At every moment: seconds since the first command changed last, and by how much it did."""
-        u, start, by = self.inputs[:, 0], 0, 0.0
+    def held(self, command: int = 0) -> tuple[Array, Array]:
+        """At every moment: seconds since a command changed last, and by how much it did."""
+        u, start, by = self.inputs[:, command], 0, 0.0
         since, change = np.zeros(len(u)), np.zeros(len(u))
         for k in range(len(u)):
             if k and u[k] != u[k - 1]:

@@ -17,6 +17,9 @@ from .actuator import (
     motor_lag,
     motor_strength,
     saturation,
+    steering_delay,
+    steering_error,
+    steering_lag,
 )
 from .body import coriolis, drag, lateral_com, payload, slope
 from .drivetrain import (
@@ -53,6 +56,9 @@ MECHANISMS: tuple[tuple[Effect, ...], ...] = (
     drag.LAWS,
     battery_sag.LAWS,
     motor_strength.LAWS,
+    steering_delay.LAWS,
+    steering_error.LAWS,
+    steering_lag.LAWS,
     motor_heating.LAWS,
     wheel_radius_mismatch.LAWS,
     effective_track.LAWS,

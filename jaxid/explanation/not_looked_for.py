@@ -11,7 +11,7 @@ from ..robots.effect import in_words
 from ..robots.robot import Robot
 from ..robots.traits import TRAITS, asked, refusal, traits_of
 
-_BY_NATURE = ("several_drives", "mechanism")
+_BY_NATURE = ("several_drives", "steered", "mechanism")
 """Traits that a robot has not for want of a word."""
 
 

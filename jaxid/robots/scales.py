@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scales:
-    """Largest drive `input`; `speed` at the rims of the drive axes; drive `torque` of one wheel at the largest input, the
-    `force` at the ground that it is, and the `friction` that would hold a drive axis against all of them; the robot's
-    `time` constant; `acceleration`, speed over time constant; `interval` between samples and `duration` of a log; `length`
-    of the driven path; `angle` through which one period of a ripple may go; `outputs`: amplitude by channel."""
+    """Largest drive `input`, and of the other `inputs` by name; `speed` at the rims of the drive axes; drive `torque` of one
+    wheel at the largest input, the `force` at the ground that it is, and the `friction` that would hold a drive axis against
+    all of them; the robot's `time` constant; `acceleration`, speed over time constant; `interval` between samples and
+    `duration` of a log; `length` of the driven path; `angle` through which one period of a ripple may go; `outputs`:
+    amplitude by channel."""
 
     input: float = 10.0
     speed: float = 1.0
@@ -36,10 +37,15 @@ class Scales:
     length: float = 7.0
     angle: float = 1.0
     outputs: Mapping[str, float] = field(default_factory=dict)
+    inputs: Mapping[str, float] = field(default_factory=dict)
 
     def output(self, channel: str) -> float:
         """Amplitude of an output."""
         return self.outputs.get(channel, self.speed)
+
+    def input_of(self, name: str) -> float:
+        """Largest magnitude of an input."""
+        return self.inputs.get(name, self.input)
 
     @property
     def times_to_try(self) -> tuple[float, ...]:

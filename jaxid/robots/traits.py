@@ -26,6 +26,7 @@ TRAITS = {
     "winding": "the resistance of its motors' windings (`winding=`)",
     "supply_voltage": "its supply's voltage (`supply_voltage=`)",
     "several_drives": "more than one drive input",
+    "steered": "an input that does not drive, in another unit than the first",
     "mechanism": "a parameter of its own for that (`mechanisms=`)",
 }
 """Traits by name, each with what the robot has to say to have it."""
@@ -54,6 +55,7 @@ def traits_of(robot: "Robot") -> frozenset[str]:
     found |= {"winding"} if robot.winding else set()
     found |= {"supply_voltage"} if robot.supply_voltage is not None else set()
     found |= {"several_drives"} if len(robot.drive_inputs) > 1 else set()
+    found |= {"steered"} if len(robot.drive_inputs) < len(robot.channels.inputs) else set()
     return frozenset(found)
 
 

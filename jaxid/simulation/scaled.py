@@ -108,6 +108,11 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
         length=_length(robot, logs, velocities) or speed * time,
         angle=1.0 if robot.angle_unit == "rad" else (_length(robot, logs, velocities) or speed * time) / (2 * np.pi),
         outputs=outputs,
+        inputs={
+            name: max(float(np.max(np.abs(log.inputs[:, k]))) for log in logs) or 1.0
+            for k, name in enumerate(robot.channels.inputs)
+            if k not in robot.drive_inputs
+        },
     )
 
 

@@ -18,6 +18,17 @@ def drive_names(robot: Robot) -> list[str]:
     return [robot.channels.inputs[k] for k in robot.drive_inputs]
 
 
+def other_inputs(robot: Robot) -> list[str]:
+    """Names of the inputs that do not drive, such as a steering angle."""
+    return [name for k, name in enumerate(robot.channels.inputs) if k not in robot.drive_inputs]
+
+
+def each_other_input(robot: Robot, value: Callable[[str], Scalar]):
+    """`value(name)` of every input that does not drive, 0 of those that do, [nu]."""
+    others = other_inputs(robot)
+    return jnp.stack([jnp.asarray(value(n) if n in others else 0.0, float) for n in robot.channels.inputs])
+
+
 def on_drives(robot: Robot, inputs, changed):
     """`changed` where an input drives, `inputs` elsewhere, both [T, nu]."""
     count = len(robot.channels.inputs)

@@ -32,6 +32,20 @@ def low_passed(inputs, dt, T):
     return inputs + (before - inputs) * share
 
 
+def ramped(inputs, dt, per_unit):
+    """`inputs` [T, nu] followed by at most one unit in `per_unit` seconds (one, or one an input): the mean over every step."""
+
+    def advance(now, row):
+        u, interval = row
+        most = interval / jnp.maximum(per_unit, _TINY * interval)
+        step = jnp.clip(u - now, -most, most)
+        # The mean over the step: it ramps for as long as the way takes, and then holds.
+        ramp = jnp.minimum(jnp.abs(step) * per_unit / interval, 1.0)
+        return now + step, now + step * (1.0 - 0.5 * ramp)
+
+    return jax.lax.scan(advance, jnp.zeros_like(inputs[0]), (inputs, dt))[1]
+
+
 @dataclass(frozen=True)
 class MotorLag(Effect):
     """First-order lag between command and torque: `T du'/dt = u - u'`, its exact mean over every integration step."""
@@ -135,18 +149,7 @@ class SlewRate(MotorLag):
         return one_by_one(self.key("time_per_unit"), times)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        per_unit = p[self.key("time_per_unit")]
-
-        def advance(now, row):
-            u, interval = row
-            most = interval / jnp.maximum(per_unit, _TINY * interval)
-            step = jnp.clip(u - now, -most, most)
-            # The mean over the step: it ramps for as long as the way takes, and then holds.
-            ramp = jnp.minimum(jnp.abs(step) * per_unit / interval, 1.0)
-            return now + step, now + step * (1.0 - 0.5 * ramp)
-
-        _, means = jax.lax.scan(advance, jnp.zeros_like(inputs[0]), (inputs, dt))
-        return on_drives(robot, inputs, means)
+        return on_drives(robot, inputs, ramped(inputs, dt, p[self.key("time_per_unit")]))
 
 
 @dataclass(frozen=True)

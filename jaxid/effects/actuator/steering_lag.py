@@ -1,0 +1,71 @@
+"""What is steered follows its command late: servos and linkages (first order; the rate limit of a data sheet).
+
+For inputs that do not drive, in another unit than the drive.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from ...parameters import Parameter
+from ...robots.effect import Effect, Numbers
+from ...robots.probe import Probe, Seen, one_by_one
+from ...robots.robot import Robot
+from ..effect_parameters import positive
+from .drives import on_drives, other_inputs
+from .motor_lag import low_passed, ramped
+
+
+@dataclass(frozen=True)
+class SteeringLag(Effect):
+    """First-order lag of every command that does not drive, its exact mean over every integration step."""
+
+    id: ClassVar[str] = "steering_lag"
+    law: ClassVar[str] = "first_order"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "time_constant * du'/dt = u - u'"
+    finer: ClassVar[float] = 2.0
+    needs: ClassVar[tuple[str, ...]] = ("steered",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "time_constant", "s", 0.15 * robot.scales.time)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("time_constant"), robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        return on_drives(robot, low_passed(inputs, dt, p[self.key("time_constant")]), inputs)
+
+
+@dataclass(frozen=True)
+class SteeringRamp(SteeringLag):
+    """A servo's largest rate: one unit takes `time_per_unit` at least, one for every input that does not drive."""
+
+    law: ClassVar[str] = "ramp"
+    formula: ClassVar[str] = "|du_i'/dt| <= 1 / time_per_unit_i"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in other_inputs(robot):
+            unit = f"s/{robot.channels.units.get(name, '') or '1'}"
+            found |= positive(
+                self, f"time_per_unit_{name}", unit, 0.15 * robot.scales.time / robot.scales.input_of(name)
+            )
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return tuple(
+            Probe(
+                {self.key(f"time_per_unit_{name}"): time / robot.scales.input_of(name) for name in other_inputs(robot)}
+            )
+            for time in robot.scales.times_to_try
+        )
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        names = other_inputs(robot)
+        per_unit = [p[self.key(f"time_per_unit_{n}")] if n in names else 0.0 for n in robot.channels.inputs]
+        return on_drives(robot, ramped(inputs, dt, jnp.stack([jnp.asarray(x, float) for x in per_unit])), inputs)
+
+
+LAWS: tuple[Effect, ...] = (SteeringLag(), SteeringRamp())
