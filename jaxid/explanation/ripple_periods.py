@@ -72,7 +72,7 @@ class Grid:
         """Radians per unit of the way [M]."""
         return np.asarray(self.step * np.arange(1, self.steps + 1), np.float64)
 
-    def sums(self, values: Array, steps: int) -> NDArray[np.complex128]:
+    def sums(self, values: NDArray[np.floating], steps: int) -> NDArray[np.complexfloating]:
         """Sums of `values` [*signals, N] times exp(i k way) for k from 0 to `steps`."""
         rows = values.reshape(-1, values.shape[-1])
         binned = np.zeros((len(rows), self.size), values.dtype)
@@ -93,7 +93,7 @@ class Periodogram:
         self.grid = grid
         self.cosine, self.mixed, self.sine = ss / determinant, -2 * cs / determinant, cc / determinant
 
-    def __call__(self, products: Array) -> Array:
+    def __call__(self, products: NDArray[np.floating]) -> Array:
         """The part at each period [*signals, M]; `products` [*signals, N] are weight times signal."""
         sums = self.grid.sums(products, self.grid.steps)[..., 1:]
         return self.cosine * sums.real**2 + self.mixed * sums.real * sums.imag + self.sine * sums.imag**2
