@@ -114,14 +114,19 @@ def name_next(
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])
     in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
+    refused: list[Trial] = []
     if in_colour is None:
         trials = simplest_first(trials)
+        # What does not hold on the held-out logs explains nothing, however well it was fitted; the next one may.
+        held = [worth_it(base, trial, first, _looked_at(screened, trial)) for trial in trials]
+        worth = any(held)
+        leading = held.index(True) if worth else 0
+        refused, trials = trials[:leading], trials[leading:]
         equivalent = tuple(name for name in not_told_apart(trials) if name not in supersets(trials))
-        worth = worth_it(base, trials[0], first, tried)
     else:
         trials, equivalent, worth = in_colour
     equivalent = (*equivalent, *(name for name in _as_near(trials, base) if name not in equivalent))
-    for trial in trials:
+    for trial in (*trials, *refused):
         say(
             f"refitted with {trial.title}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}"
         )
@@ -129,7 +134,7 @@ def name_next(
         return None
     laws = next(own for own in mechanisms if own[0].id == trials[0].id)
     same = tuple(trial.law for trial in alike(laws))
-    return Step(tuple(trials), equivalent, tuple(screened), base, trials[0], tuple(laws), same)
+    return Step((*trials, *refused), equivalent, tuple(screened), base, trials[0], tuple(laws), same)
 
 
 def or_constants(
