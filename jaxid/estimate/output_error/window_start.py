@@ -16,7 +16,10 @@ from ...logs import Log, LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import window_rows
 from ...robots.robot import Robot
+from ...simulation.carried_states import carried
 from ...simulation.local_slopes import output_slopes
+from ...simulation.rollout import Integrator
+from ...simulation.start import initial_states
 from .problem import Problem, Structure
 
 Array = NDArray[np.float64]
@@ -24,6 +27,8 @@ _NEIGHBOURS = 9
 """Samples of the parabola."""
 _STEPS = 6
 _RANK = 1e-8
+_TOLD = 0.9
+"""Share of a state that outputs and slopes resolve from which they tell it."""
 _WIDE = 100.0
 """Prior standard deviation of a window's initial states in units of the state's own spread: none to speak of."""
 
@@ -47,7 +52,32 @@ def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[A
 @in_float64
 def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[NDArray, " W"]]:
     """The likeliest states [W] by name at the samples `at` [W] of a log."""
-    default = robot.initial_state()
+    default = {name: np.full(len(at), float(value)) for name, value in robot.initial_state().items()}
+    found, told = _told_by_outputs(robot, log, at, default)
+    others = [name for name in robot.states if name not in told]
+    if not others or not told:
+        return found
+    there = _carried_along(robot, log, told)
+    if any(not np.isfinite(there[name]).all() for name in others):
+        return found
+    return _told_by_outputs(robot, log, at, {**default, **{name: there[name][at] for name in others}})[0]
+
+
+def _carried_along(robot: Robot, log: Log, told: tuple[str, ...]) -> dict[str, Array]:
+    """All states at all samples of a log: those `told` by its outputs, and where the model takes the others with these."""
+    begin = {name: float(value[0]) for name, value in initial_states(robot, LogSet([log])).states.items()}
+    every = {name: np.full(len(log), value) for name, value in begin.items()}
+    shown = _told_by_outputs(robot, log, np.arange(len(log)), every)[0]
+    dt = np.diff(log.time)
+    integrator = Integrator.suited(robot, log.sampling_interval)
+    return carried(robot, integrator, begin, log.inputs, np.append(dt, dt[-1:]), {name: shown[name] for name in told})
+
+
+def _told_by_outputs(
+    robot: Robot, log: Log, at: NDArray[np.int64], near: dict[str, Array]
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """The states [W] nearest to those given that explain the measured outputs and their slopes, and which of them these tell.
+    What no sensor shows, as the robot says itself, stays as it is given."""
     names = robot.estimated_states
     measured = [np.isfinite(log.outputs[:, j]).any() for j in range(log.outputs.shape[1])]
     parabolas = [local_parabola(log.time, column, at) for column in log.outputs.T]
@@ -55,17 +85,19 @@ def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[
     known = np.tile(measured, 2) & np.isfinite(target)
     target = np.where(known, target, 0.0)
     ny = log.outputs.shape[1]
-    x = np.tile([float(default[name]) for name in names], (len(at), 1))
+    x = np.stack([near[name] for name in names], axis=1)
+    shown = {name for j, name in enumerate(log.channels.measured) if measured[j]}
+    open_to = np.array([name in shown or name not in robot.prior_spreads for name in names], float)
     for j, name in enumerate(log.channels.measured):
         if name in names:
             x[:, names.index(name)] = np.where(known[:, j], target[:, j], x[:, names.index(name)])
-    fixed = {name: np.full(len(at), float(value)) for name, value in default.items()}
     step = log.sampling_interval
+    resolved = np.zeros(len(names))
     for _ in range(_STEPS):
-        states = fixed | dict(zip(names, x.T, strict=True))
+        states = near | dict(zip(names, x.T, strict=True))
         seen, slopes = output_slopes(robot, names, states, log.inputs[at], step)
         error = np.where(known, target - seen, 0.0)
-        slopes = np.where(known[..., None], slopes, 0.0)
+        slopes = np.where(known[..., None], slopes, 0.0) * open_to
         if not (np.isfinite(error).all() and np.isfinite(slopes).all()):
             break
         level = np.linalg.pinv(slopes[:, :ny], rcond=_RANK)  # [W, s, ny]
@@ -74,7 +106,10 @@ def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[
         rest = error[:, ny:] - np.einsum("wij,wj->wi", slopes[:, ny:], first)
         rate = np.linalg.pinv(slopes[:, ny:] @ open_, rcond=_RANK)
         x = x + first + np.einsum("wij,wj->wi", open_ @ rate, rest)
-    return fixed | dict(zip(names, np.where(np.isfinite(x), x, 0.0).T, strict=True))
+        left = open_ - open_ @ rate @ slopes[:, ny:] @ open_
+        resolved = 1.0 - np.median(np.abs(np.diagonal(left, axis1=1, axis2=2)), axis=0)
+    told = tuple(name for name, share in zip(names, resolved, strict=True) if share > _TOLD)
+    return near | dict(zip(names, np.where(np.isfinite(x), x, 0.0).T, strict=True)), told
 
 
 def started(robot: Robot, logs: LogSet, seconds: float, structure: Structure, problem: Problem) -> Problem:
