@@ -49,9 +49,7 @@ def transitions(
 
 
 @lru_cache(_MOST_MODELS)
-def showing_states(
-    robot: Robot, names: tuple[str, ...], friction: DryFriction, fixed: tuple[str, ...] = ()
-) -> System:
+def showing_states(robot: Robot, names: tuple[str, ...], friction: DryFriction, fixed: tuple[str, ...] = ()) -> System:
     """The robot with its states as outputs, before those that it has; states `fixed` are set at every sample."""
     plain = system_of(robot, names, step, friction, fixed)
 
