@@ -4,9 +4,8 @@ Which names compare with which, and which is best, the fitted logs say alone. Th
 missing, and whether what ranked first is believed.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from ..effects import catalogue, laws_of
 from ..estimate.result import Fit
@@ -15,15 +14,14 @@ from ..robots.effect import Effect
 from ..simulation.scaled import scaled_to
 from .candidate_refits import Report
 from .colour_left import colour_left, explained_somewhere, generalised_trial
-from .coloured import OnlyColour
 from .fine_steps import with_fine_steps
+from .first_look import first_look
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
 from .reconsider import by_laws_again, pruned, rather_by_curves, reconsidered
-from .refit import Trial, refit
-from .screen import Candidate, screen
+from .refit import refit
+from .screen import Candidate
 from .steps import Search, Step
-from .through_windows import in_these, left_over, on_whole_logs, windows_to_search
 from .within_errors import within_errors
 from .worth import could_matter
 
@@ -50,57 +48,13 @@ def search(
     report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
     # With the same weights as the refits, so that likelihoods compare.
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
-    baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
+    baseline = current = refit(
+        with_fine_steps(fit.robot, logs, noise), [start], logs, held_out, noise, fit.initial_states
+    )
+    looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
-    first_look: tuple[Candidate, ...] = ()
-    windows = windows_to_search(baseline, logs, held_out)
-    if windows is not None:
-        report("whole logs are too far off to be searched; looking in windows of them first")
-        begun = in_these(baseline, *windows, noise)
-        if left_over(begun):
-            found = _added(begun, begun, [], *windows, noise, effects, most, report, left_over)
-            first_look = found.first_look
-            steps = on_whole_logs(found.steps, baseline, logs, held_out, noise, report)
-            current = steps[-1].chosen if steps else baseline
-    found = _added(current, baseline, steps, logs, held_out, noise, effects, most, report)
-    steps, current, colour = found.steps, found.current, found.colour
-    first_look = first_look or found.first_look
-    if colour is not None:
-        report(f"what is left is coloured noise: {colour.phrase}")
-    steps, current = reconsidered(steps, current, baseline, logs, held_out, noise, report)
-    return Search(state, current.held_out, current, tuple(steps), first_look, colour)
-
-
-class _Added(NamedTuple):
-    """Where adding effects to a model ended: the steps, the model, the first look, and the colour of what is left."""
-
-    steps: list[Step]
-    current: Trial
-    first_look: tuple[Candidate, ...]
-    colour: OnlyColour | None
-
-
-def _not_adequate(trial: Trial) -> bool:
-    return not trial.held_out.adequate
-
-
-def _added(
-    current: Trial,
-    baseline: Trial,
-    steps: list[Step],
-    logs: LogSet,
-    held_out: LogSet,
-    noise: dict[str, float],
-    effects: Sequence[Effect],
-    most: int,
-    report: Report,
-    lacking: Callable[[Trial], bool] = _not_adequate,
-) -> _Added:
-    """Effects added to `current`, to which `steps` have led from `baseline`, one after the other while it is `lacking`. All
-    trials are of these logs, so that their costs compare."""
-    first_look: tuple[Candidate, ...] = ()
     colour = None
-    while lacking(current):
+    while not current.held_out.adequate:
         colour = colour_left(current, logs, held_out, noise)
         if not could_matter(current, baseline):
             colour = None  # too little to be looked at any further
@@ -113,8 +67,8 @@ def _added(
         count = len({effect.id for effect in remaining})
         report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
         shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
-        screened = screen(shown.robot, logs, remaining, noise, shown.initial_states, shown.angles, report)
-        first_look = first_look or tuple(screened)
+        screened = first_look(shown, logs, remaining, noise, report)
+        looked_at = looked_at or tuple(screened)
         if colour is not None and explained_somewhere(shown, remaining, screened, logs, held_out, noise):
             colour = None
         if len(steps) >= most or colour is not None:
@@ -133,6 +87,8 @@ def _added(
             current = pruned(current, baseline, logs, held_out, noise, report)
             if not current.held_out.adequate:
                 steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report)
-        current = with_fine_steps(current, logs, held_out, noise)
         report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
-    return _Added(steps, current, first_look, colour)
+    if colour is not None:
+        report(f"what is left is coloured noise: {colour.phrase}")
+    steps, current = reconsidered(steps, current, baseline, logs, held_out, noise, report)
+    return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
