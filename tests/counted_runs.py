@@ -35,7 +35,9 @@ def own_drive() -> Custom:
     """A drive that a user describes by the speeds of its two rims, on wheels of radius r."""
 
     def rates(s, u, p, friction):
-        force = {k: p["kf"] * (u[f"u{k}"] - p["ke"] * s[f"s{k}"]) - p["B"] * s[f"s{k}"] - friction[k] for k in ("R", "L")}
+        force = {
+            k: p["kf"] * (u[f"u{k}"] - p["ke"] * s[f"s{k}"]) - p["B"] * s[f"s{k}"] - friction[k] for k in ("R", "L")
+        }
         ahead, spin = (force["R"] + force["L"]) / p["M"], p["L"] ** 2 * (force["R"] - force["L"]) / p["J"]
         return {"sR": ahead + spin, "sL": ahead - spin}
 
@@ -84,7 +86,9 @@ def _rates(name: str, speeds, p):
 
 
 @cache
-def _simulated(name: str, kind: str, seed: int, samples: int, fine: int, sampling: float, effects: tuple, dead_zone: float):
+def _simulated(
+    name: str, kind: str, seed: int, samples: int, fine: int, sampling: float, effects: tuple, dead_zone: float
+):
     """Time, inputs as commanded, angles [samples * fine, wheels] from zero."""
     from reference import mechanisms as me
     from reference.axis import AXIS
@@ -150,5 +154,7 @@ def logged(
         seen = counted((1 + hidden.scale) * angles, counts, rng, turn)[::fine][:samples]
         time = sampling * np.arange(len(seen))
         time = time if stamps is None else stamps(time, rng)
-        found.append(Log.from_arrays(f"{role} {kind}", time, u[: len(seen)], dict(zip(names, seen.T, strict=True)), robot))
+        found.append(
+            Log.from_arrays(f"{role} {kind}", time, u[: len(seen)], dict(zip(names, seen.T, strict=True)), robot)
+        )
     return LogSet(found[: len(fit)]), LogSet(found[len(fit) :])

@@ -14,7 +14,7 @@ from ..robots.effect import Effect
 from ..simulation.scaled import scaled_to
 from .candidate_refits import Report
 from .colour_left import colour_left, explained_somewhere, generalised_trial
-from .fine_steps import with_fine_steps
+from .fine_steps import ranked_with_fine_steps
 from .first_look import first_look
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
@@ -48,9 +48,7 @@ def search(
     report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
     # With the same weights as the refits, so that likelihoods compare.
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
-    baseline = current = refit(
-        with_fine_steps(fit.robot, logs, noise), [start], logs, held_out, noise, fit.initial_states
-    )
+    baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
     looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
     colour = None
@@ -77,6 +75,7 @@ def search(
         found = or_constants(found, current, baseline, screened, logs, held_out, report)
         if found is None:
             break
+        found = ranked_with_fine_steps(found, logs, held_out, noise, report)
         instead = rather_by_curves(steps, found, logs, held_out, noise, report) if steps else None
         if instead is not None:
             steps, current = instead
