@@ -14,6 +14,8 @@ _FEWEST = 50
 """Rows of a log below which its clock is not told."""
 _LEAST, _MOST = 0.003, 0.5
 """Scatter of the stamps, in intervals, that is looked at: less does nothing, beyond half of one a row's place is not known."""
+_ERRORS = 3.0
+"""Standard errors of the interval within which a round one is taken to be the clock's."""
 _WANDERS = 0.3
 """Correlation of neighbouring stamps' errors from which they are those of the clock itself."""
 
@@ -26,6 +28,10 @@ def scatter(log: Log) -> tuple[np.ndarray, float]:
     found = []
     for places in (np.arange(len(log), dtype=float), skipping):
         interval, begin = np.polyfit(places, log.time, 1)
+        error = float(np.std(log.time - begin - interval * places)) / (np.std(places) * np.sqrt(len(log)))
+        round_one = float(f"{interval:.3g}")  # loops run at round rates; a part in 100,000 is counts of a fine encoder
+        if abs(interval - round_one) < _ERRORS * error:
+            interval, begin = round_one, float(np.mean(log.time - round_one * places))
         even = begin + interval * places
         found.append((even, (log.time - even) / interval))
     even, apart = min(found, key=lambda one: float(np.max(np.abs(one[1]))))
