@@ -65,15 +65,10 @@ def _directly(robot, integrator, numbers, begin, fine, dt, known) -> Array | Non
     system = showing_states(robot.structure, tuple(numbers), integrator.friction, tuple(known))
     n = integrator.substeps
     fixed = np.stack([*known.values()], axis=1) if known else np.zeros((len(dt), 0))
-    each = (
-        np.array([[*numbers.values()]]),
-        np.array([[*begin.values()]]),
-        fine[None],
-        np.asarray(dt, float)[None],
-        fixed[None],
-    )
+    p, x = grouped(np.array([[*numbers.values()]])), grouped(np.array([[*begin.values()]]))
+    held, steps, known = grouped(fine[None]), grouped(np.asarray(dt, float)[None]), grouped(fixed[None])
     try:
-        run = (np.full((n, lanes()), 1.0 / n), *(grouped(own) for own in each))
+        run = (np.full((n, lanes()), 1.0 / n), p, x, held, steps, known)
         return ungrouped(outputs(system, run), 1)[0, :, : len(robot.states)]
     except Untranslated:
         return None

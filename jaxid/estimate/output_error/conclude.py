@@ -89,8 +89,9 @@ def conclude(
     """
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
     seen = _without_outliers(logs, problem)
-    own = innovations(structure, bounded.problem, bounded.optimum.unknowns) if whole is not None else np.zeros(0)
+    own: Sequence[NDArray[np.float64]] = ()
     if whole is not None:
+        own = list(innovations(structure, bounded.problem, bounded.optimum.unknowns))
         # A sample that tells where its window began says nothing of the residual.
         absent = [
             np.where(np.isfinite(each[: len(log)]) & (log.name not in left_out), log.outputs, np.nan)
