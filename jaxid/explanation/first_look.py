@@ -16,6 +16,7 @@ from ..logs import LogSet
 from ..logs.windows import Windows, in_windows
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from ..simulation.records import on_records_alone
 from ..simulation.scaled import scales_of
 from .candidate_refits import Report
 from .refit import Trial, refit
@@ -51,6 +52,12 @@ def _from_there(candidate: Candidate, known: dict[str, float]) -> Candidate:
     return replace(candidate, starts=starts, laws=tuple(_from_there(law, known) for law in candidate.laws))
 
 
+def _rescaled(candidate: Candidate, scale: float) -> Candidate:
+    """The candidate with its gain in units of another look, in which all that there is to explain is `scale`."""
+    laws = tuple(_rescaled(law, scale) for law in candidate.laws)
+    return replace(candidate, gain=candidate.share * scale, in_colour=candidate.share * scale, laws=laws)
+
+
 def first_look(
     trial: Trial, logs: LogSet, effects: Sequence[Effect], noise: dict[str, float], report: Report
 ) -> list[Candidate]:
@@ -62,5 +69,14 @@ def first_look(
     start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
     there = refit(trial.robot, [start], windows, windows, noise, {})
     known = {name: there.robot.parameters[name].value for name in start}
-    found = screen(there.robot, windows, effects, noise, there.initial_states, None, report)
-    return [_from_there(candidate, known) for candidate in found]
+    # What acts on records (a delay, a filter) needs what came before a window; its first look is one of whole logs.
+    whole = [effect for effect in effects if on_records_alone(effect, trial.robot)]
+    rest = [effect for effect in effects if effect.id not in {own.id for own in whole}]
+    found = screen(there.robot, windows, rest, noise, there.initial_states, None, report) if rest else []
+    found = [_from_there(candidate, known) for candidate in found]
+    whole = [effect for effect in effects if effect not in rest]
+    others = screen(trial.robot, logs, whole, noise, trial.initial_states, None, report) if whole else []
+    # Promises of the two looks compare as shares of what there is to explain.
+    scale = max((c.gain / c.share for c in found if c.share > 0), default=0.0)
+    others = [_rescaled(candidate, scale) for candidate in others] if scale else others
+    return sorted([*found, *others], key=lambda candidate: -candidate.gain)
