@@ -31,6 +31,8 @@ _UNEXPLAINED = 0.5
 """Share of the motion's variance above which a fit that leaves it does not follow the logs."""
 _INTEGRATION = 1e-4
 """Residual in units of the motion's standard deviation that may be the simulation's own error."""
+_OWN_ERRORS = 3.0
+"""How many times what shorter integration steps change of a position may be the simulation's own error."""
 _FOLLOWS_LARGE = 0.05
 """The same where the residual is `POOR` in size and coloured: then a doubt is worth more than a false alarm is dear."""
 NOTHING = 0.1
@@ -161,6 +163,7 @@ def judge(
     noise: Mapping[str, float],
     *,
     others: Mapping[str, Sequence[Array]] | None = None,
+    own_error: Mapping[str, float] | None = None,
 ) -> Judgement:
     """Judge a fit by what it simulates of the logs it was fitted to.
 
@@ -169,8 +172,9 @@ def judge(
     - `simulated`: [T, channels.measured] of each log, at the estimate.
     - `noise`: standard deviation of each channel's noise, from the data alone (`noise_scale`).
     - `others`: what other parameters simulate, by words such as "its own start"; the fit must not be worse.
+    - `own_error`: of channels that are positions, what the simulation's own error was seen to be, in the channel's unit.
     """
-    noise = with_integration(logs, noise)
+    noise = with_integration(logs, noise, own_error)
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
     lost = diverging(logs, simulated, noise)
     errors = [errors_of(log, y) for log, y in zip(logs, simulated, strict=True)]
@@ -294,13 +298,22 @@ def judge(
     return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better)
 
 
-def with_integration(logs: LogSet, noise: Mapping[str, float]) -> dict[str, float]:
-    """The noise, not below what a simulation's own error may be."""
-    found = {}
+def with_integration(
+    logs: LogSet, noise: Mapping[str, float], own_error: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """The noise, not below what a simulation's own error may be.
+
+    Of a speed that is a share of how far it varies. A position goes on and on, which says nothing of that error: where it is
+    known (`own_error`), a few times as much is allowed for, and no more.
+    """
+    found, known = {}, own_error or {}
     for name in logs.channels.measured:
         y = np.concatenate([log.output(name) for log in logs])
         spread = float(np.nanstd(y)) if np.isfinite(y).any() else 0.0
-        found[name] = max(noise[name], _INTEGRATION * spread)
+        least = _INTEGRATION * spread
+        if name in known:
+            least = min(least, _OWN_ERRORS * known[name])
+        found[name] = max(noise[name], least)
     return found
 
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.output_error.window_start import states_at
 from ..logs import Log, LogSet, noise_level
 from ..robots.robot import Robot
 from ..simulation.reckoning import measured_velocities, reckoned
 from ..simulation.scaled import axis_map, scales_of
+from ..simulation.start import states_at
 
 Mask = NDArray[np.bool_]
 Signal = NDArray[np.float64]

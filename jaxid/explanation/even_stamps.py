@@ -7,51 +7,18 @@ prediction has it, if it is better by more than chance.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..estimate.output_error.output_error import output_error
 from ..estimate.result import Fit
-from ..logs import Log, LogSet, noise_scale
+from ..logs import LogSet, noise_scale
+from ..logs.even_clock import evenly
 from ..parameters import ParameterError
 from .heldout import held_out_state
 from .refit import refit
 from .telling_apart import told_apart_from
-
-_FEWEST = 50
-"""Rows of a log below which its clock is not told."""
-_LEAST, _MOST = 0.003, 0.5
-"""Scatter of the stamps, in intervals, that is looked at: less does nothing, beyond half of one a row's place is not known."""
-_WANDERS = 0.3
-"""Correlation of neighbouring stamps' errors from which they are those of the clock itself."""
-
-
-def scatter(log: Log) -> tuple[np.ndarray, float]:
-    """Stamps of an even clock [T] for a log, and how far the log's own scatter about them, in intervals; zero where they do not
-    scatter about an even clock. Rows that are missing have their places, if the steps tell where."""
-    steps = np.diff(log.time)
-    skipping = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(steps / np.median(steps)), 1.0))])
-    found = []
-    for places in (np.arange(len(log), dtype=float), skipping):
-        interval, begin = np.polyfit(places, log.time, 1)
-        even = begin + interval * places
-        found.append((even, (log.time - even) / interval))
-    even, apart = min(found, key=lambda one: float(np.max(np.abs(one[1]))))
-    size = float(np.std(apart))
-    known = len(log) >= _FEWEST and size > _LEAST and float(np.max(np.abs(apart))) < _MOST
-    wanders = known and float(apart[1:] @ apart[:-1]) > _WANDERS * float(apart @ apart)
-    return even, size if known and not wanders else 0.0
-
-
-def _evenly(logs: LogSet) -> tuple[LogSet, list[float]]:
-    found, sizes = [], []
-    for log in logs:
-        even, size = scatter(log)
-        found.append(replace(log, time=even) if size else log)
-        sizes += [size] if size else []
-    return LogSet(found), sizes
 
 
 def on_even_stamps(
@@ -59,7 +26,7 @@ def on_even_stamps(
 ) -> tuple[Fit, LogSet, LogSet, str]:
     """The fit and the logs with even stamps, and a sentence on that, where the stamps scatter, the fit leaves something, and
     even stamps predict the fitted logs better; else as they were. `options` are those of the fit (`output_error`)."""
-    (even, sizes), (even_held_out, more) = _evenly(logs), _evenly(held_out)
+    (even, sizes), (even_held_out, more) = evenly(logs), evenly(held_out)
     if not sizes or fit.window is not None or held_out_state(fit.robot, held_out).adequate:
         return fit, logs, held_out, ""
     report("the stamps scatter about an even clock; fitting with even stamps")

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
-from ..estimate.output_error.window_start import states_at
 from ..kernel.machine import lanes
 from ..logs import Log, LogSet, noise_scale
 from ..robots.effect import Effect, Numbers, Scalars, State
@@ -28,7 +27,7 @@ from ..robots.scales import Scales
 from ..simulation.rollout import Integrator, rollout
 from ..simulation.scaled import scales_of
 from ..simulation.simulate import integrator_for
-from ..simulation.start import initial_states
+from ..simulation.start import initial_states, states_at
 from .force_filter import PREFIX, Setting, filtered, likelihoods
 from .force_filter_directly import filtered_directly, smoothed
 

@@ -17,8 +17,11 @@ from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.problem import Problem, Structure, Unknowns
 from ..estimate.output_error.setup import build
 from ..estimate.output_error.solvers import minimise_compiled
+from ..estimate.output_error.window_start import started
+from ..estimate.output_error.windows import approached
 from ..estimate.result import Fit
 from ..logs import LogSet
+from ..logs.windows import Windows
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulation.integrated_angles import integrated_angles
@@ -123,11 +126,16 @@ def refit(
     sigma = np.array([noise.get(c, np.nan) for c in logs.channels.measured])
     known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     structure, free, _ = build(robot, logs, start={**known, **starts[0]})
+    if isinstance(logs, Windows):
+        free = started(logs.whole, structure, free)
     free = replace(free, sigma=array(np.where(np.isfinite(sigma), sigma, np.asarray(free.sigma))))
     repeats = len(starts) > 1 and robot.effects[-1].repeats
     angles = dict(integrated_angles(robot, logs)) if repeats else dict(angles or {})
     problem = with_prescribed_angles(free, logs, angles) if angles else free
     states = states_from(initial_states, logs, structure, problem)
+    if isinstance(logs, Windows) and not initial_states:
+        z = problem.bounds.coordinates(array([{**known, **starts[0]}[name] for name in structure.names]))
+        states = approached(structure, problem, Unknowns(z, states)).states
     own = [name for name in structure.names if robot.effects and name.startswith(f"{robot.effects[-1].id}.")]
     first_steps = max_steps if len(starts) == 1 else PRESCRIBED_STEPS if repeats and angles else _FIRST_STEPS
     tried: list[Optimum] = []

@@ -54,6 +54,8 @@ class Candidate:
 
     def like(self, other: "Candidate") -> bool:
         """Whether the two explain by the same change, so that only refits can tell them apart."""
+        if self.direction.shape != other.direction.shape:  # of whole logs and of windows
+            return False
         return abs(float(self.direction @ other.direction)) > current_policy().alike
 
 

@@ -14,11 +14,13 @@ from ..robots.effect import Effect
 from ..simulation.scaled import scaled_to
 from .candidate_refits import Report
 from .colour_left import colour_left, explained_somewhere, generalised_trial
+from .fine_steps import ranked_with_fine_steps
+from .first_look import first_look
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
 from .reconsider import by_laws_again, pruned, rather_by_curves, reconsidered
 from .refit import refit
-from .screen import Candidate, screen
+from .screen import Candidate
 from .steps import Search, Step
 from .within_errors import within_errors
 from .worth import could_matter
@@ -47,7 +49,7 @@ def search(
     # With the same weights as the refits, so that likelihoods compare.
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
     baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
-    first_look: tuple[Candidate, ...] = ()
+    looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
     colour = None
     while not current.held_out.adequate:
@@ -63,8 +65,8 @@ def search(
         count = len({effect.id for effect in remaining})
         report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
         shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
-        screened = screen(shown.robot, logs, remaining, noise, shown.initial_states, shown.angles, report)
-        first_look = first_look or tuple(screened)
+        screened = first_look(shown, logs, remaining, noise, report)
+        looked_at = looked_at or tuple(screened)
         if colour is not None and explained_somewhere(shown, remaining, screened, logs, held_out, noise):
             colour = None
         if len(steps) >= most or colour is not None:
@@ -73,6 +75,7 @@ def search(
         found = or_constants(found, current, baseline, screened, logs, held_out, report)
         if found is None:
             break
+        found = ranked_with_fine_steps(found, logs, held_out, noise, report)
         instead = rather_by_curves(steps, found, logs, held_out, noise, report) if steps else None
         if instead is not None:
             steps, current = instead
@@ -87,4 +90,4 @@ def search(
     if colour is not None:
         report(f"what is left is coloured noise: {colour.phrase}")
     steps, current = reconsidered(steps, current, baseline, logs, held_out, noise, report)
-    return Search(state, current.held_out, current, tuple(steps), first_look, colour)
+    return Search(state, current.held_out, current, tuple(steps), looked_at, colour)

@@ -5,7 +5,7 @@ without its controller, a position that drifts with every disturbance (multiple 
 Treatment of Inverse Problems, 1983).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,15 @@ def _judged(log: Log, counted: np.ndarray, names: tuple[str, ...]) -> bool:
     return all(name in there or log.channels.stood_in(name, there) for name in log.channels.outputs)
 
 
-def in_windows(logs: LogSet, seconds: float) -> LogSet:
+class Windows(LogSet):
+    """Logs that were cut out of `whole` ones, in windows of `seconds`."""
+
+    def __init__(self, logs: Iterable[Log], whole: LogSet, seconds: float):
+        super().__init__(logs)
+        self.whole, self.seconds = whole, seconds
+
+
+def in_windows(logs: LogSet, seconds: float) -> Windows:
     """Every log cut into windows of about `seconds` [s], named `log[first:last]` by their times.
 
     No sample is used twice; the windows of a log differ by one sample at most. A log that is no longer than a window
@@ -61,7 +69,7 @@ def in_windows(logs: LogSet, seconds: float) -> LogSet:
             name = f"{log.name}[{log.time[k.start]:.9g}:{log.time[k.stop - 1]:.9g}]"
             own = log.time[k], log.inputs[k], log.outputs[k]
             windows.append(Log(name, *own, log.channels, source=log.source, cut=True))
-    return LogSet(windows)
+    return Windows(windows, logs, seconds)
 
 
 def stitched(logs: LogSet, seconds: float, parts: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:

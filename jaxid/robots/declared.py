@@ -244,13 +244,22 @@ class Declared(Robot):
         if axis is None or axis.lever != 1.0:
             return "m/s"  # a radius makes it one
         speed = self.velocity_unit(axis.speed) if isinstance(axis.speed, str) else ""
-        return speed or ("rad/s" if "m" in self.friction_unit.split() else "m/s")
+        return speed or self._usual_rate
+
+    @property
+    def _usual_rate(self) -> str:
+        """Unit of a rubbing speed of which no channel says one."""
+        return "rad/s" if "m" in self.friction_unit.split() else "m/s"
 
     @property
     def angle_unit(self) -> str:  # type: ignore[override]
         axis = self._first
         measured = self.own_channels.units.get(axis.angle, "") if axis and axis.angle else ""
-        return measured or ("rad" if axis is None or axis.lever != 1.0 else self.rim_unit.split("/")[0])
+        if measured or axis is None or axis.lever != 1.0:
+            return measured or "rad"
+        # Of the channels without the angles, which are given their unit here.
+        speed = self.own_channels.units.get(axis.speed, "") if isinstance(axis.speed, str) else ""
+        return (speed or self._usual_rate).split("/")[0]
 
     @property
     def ground_force_unit(self) -> str:  # type: ignore[override]

@@ -49,9 +49,9 @@ def transitions(
 
 
 @lru_cache(_MOST_MODELS)
-def _showing_states(robot: Robot, names: tuple[str, ...], friction: DryFriction) -> System:
-    """The robot with its states as outputs, before those that it has."""
-    plain = system_of(robot, names, step, friction, ())
+def showing_states(robot: Robot, names: tuple[str, ...], friction: DryFriction, fixed: tuple[str, ...] = ()) -> System:
+    """The robot with its states as outputs, before those that it has; states `fixed` are set at every sample."""
+    plain = system_of(robot, names, step, friction, fixed)
 
     def shown(p: Scalars, x: Scalars, u: Scalars):
         return (*x, *plain.output(p, x, u))
@@ -61,7 +61,7 @@ def _showing_states(robot: Robot, names: tuple[str, ...], friction: DryFriction)
 
 def _transitions_directly(robot, integrator, names, starts, inputs, dt) -> tuple[Array, Array]:
     parameters = robot.parameters.numbers
-    system = _showing_states(robot.structure, tuple(parameters), integrator.friction)
+    system = showing_states(robot.structure, tuple(parameters), integrator.friction)
     p = np.array([float(value) for value in parameters.values()])
     own = [robot.states.index(name) for name in names]
     shares = np.full((integrator.substeps, lanes()), 1.0 / integrator.substeps)

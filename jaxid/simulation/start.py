@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
-from ..logs import LogSet
+from ..logs import Log, LogSet
 from ..logs.noise import counting_step, noise_level
+from ..logs.windows import Windows, window_rows
 from ..robots.effect import Numbers
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides, passed
+from .told_states import told_states
 
 _AT_REST = 5.0  # standard deviations of the first measurement
 _STILL = 0.1
@@ -117,8 +119,25 @@ def counted(robot: Robot, logs: LogSet) -> NDArray[np.bool_]:
     return found
 
 
+def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[NDArray, " W"]]:
+    """The likeliest states [W] by name at the samples `at` [W] of a log."""
+    begin = _by_first_samples(robot, LogSet([log])).states
+    return told_states(robot, log, at, {name: float(value[0]) for name, value in begin.items()})
+
+
 def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
-    """The initial states that the logs' own columns and first samples suggest."""
+    """The initial states that the logs' own columns and first samples suggest; of windows, those that the logs from which they
+    were cut tell there."""
+    found = _by_first_samples(robot, logs)
+    if not isinstance(logs, Windows):
+        return found
+    parts = [states_at(robot, log, np.array([k.start for k in window_rows(log, logs.seconds)])) for log in logs.whole]
+    there = {name: np.concatenate([part[name] for part in parts]) for name in robot.states}
+    cut = np.array([log.cut for log in logs])
+    return replace(found, states={name: np.where(cut, there[name], own) for name, own in found.states.items()})
+
+
+def _by_first_samples(robot: Robot, logs: LogSet) -> InitialConditions:
     noise = noise_level(logs)
     default = robot.initial_state()
     states = {name: np.full(len(logs), default[name]) for name in robot.states}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
-from jaxid.explanation.even_stamps import scatter
+from jaxid.logs.even_clock import scatter
 
 SAMPLES, DT = 600, 0.02
 

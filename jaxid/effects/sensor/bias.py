@@ -10,7 +10,7 @@ from ...robots.effect import Effect, Numbers
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import shape, signed
-from .outputs import each_output
+from .outputs import each_channel
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class SensorBias(Effect):
         return found
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs + each_output(self, p, "bias", robot)
+        return outputs + each_channel(self, p, "bias", robot)
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class DriftingBias(SensorBias):
         return found
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        drift = each_output(self, p, "drift", robot)
+        drift = each_channel(self, p, "drift", robot)
         return super().measure(outputs, time, p, robot) + time[:, None] * drift[None, :]
 
 

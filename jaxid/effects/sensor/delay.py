@@ -12,7 +12,7 @@ from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
 from .lag import averaged
-from .outputs import bends, each_output, outputs_only
+from .outputs import bends, each_channel, sensed, sensed_only
 
 
 def stamped_late(outputs, time, delay):
@@ -25,7 +25,7 @@ def stamped_late(outputs, time, delay):
 
 @dataclass(frozen=True)
 class SensorDelay(Effect):
-    """Speeds stamped late: `y'(t) = y(t - delay)`, exact for speeds that are parabolas between samples."""
+    """Speeds and positions stamped late: `y'(t) = y(t - delay)`, exact for what is a parabola between samples."""
 
     id: ClassVar[str] = "sensor_delay"
     law: ClassVar[str] = "constant"
@@ -40,12 +40,12 @@ class SensorDelay(Effect):
         return one_by_one(self.key("delay"), robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs_only(robot, stamped_late(outputs, time, p[self.key("delay")]), outputs)
+        return sensed_only(robot, stamped_late(outputs, time, p[self.key("delay")]), outputs)
 
 
 @dataclass(frozen=True)
 class SensorDelayOfEach(SensorDelay):
-    """Every output with a delay of its own."""
+    """Every channel with a delay of its own."""
 
     law: ClassVar[str] = "per_channel"
     formula: ClassVar[str] = "y_i'(t) = y_i(t - delay_i)"
@@ -59,18 +59,18 @@ class SensorDelayOfEach(SensorDelay):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
-        for name in robot.channels.outputs:
+        for name in sensed(robot):
             found |= positive(self, f"delay_{name}", "s", 0.1 * robot.scales.time)
         return found
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = [self.key(f"delay_{name}") for name in robot.channels.outputs]
+        names = [self.key(f"delay_{name}") for name in sensed(robot)]
         return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        delays = each_output(self, p, "delay", robot)
+        delays = each_channel(self, p, "delay", robot)
         each = jax.vmap(stamped_late, (2, None, 0), 2)(outputs[:, None], time, delays)
-        return outputs_only(robot, each[:, 0], outputs)
+        return sensed_only(robot, each[:, 0], outputs)
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class JitteringSensorDelay(SensorDelay):
     only_later: ClassVar[bool] = False
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs_only(robot, averaged(outputs, time, 2.0 * p[self.key("delay")]), outputs)
+        return sensed_only(robot, averaged(outputs, time, 2.0 * p[self.key("delay")]), outputs)
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class GrowingSensorDelay(SensorDelay):
         return one_by_one(self.key("rate"), tuple(2.0 * time / seen.duration for time in robot.scales.times_to_try))
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs_only(robot, stamped_late(outputs, time, p[self.key("rate")] * (time - time[0])), outputs)
+        return sensed_only(robot, stamped_late(outputs, time, p[self.key("rate")] * (time - time[0])), outputs)
 
 
 LAWS: tuple[Effect, ...] = (SensorDelay(), SensorDelayOfEach(), JitteringSensorDelay(), GrowingSensorDelay())

@@ -1,4 +1,4 @@
-"""Measured speeds behind a low-pass: firmware filters."""
+"""Measurements behind a low-pass: firmware filters."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,7 +12,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
-from .outputs import bends, each_output, outputs_only
+from .outputs import bends, each_channel, sensed, sensed_only
 
 _TINY = 1e-9
 """Share of a sample below which a time constant is none."""
@@ -58,7 +58,7 @@ def averaged(outputs, time, asked, ahead=0.0):
 
 @dataclass(frozen=True)
 class SensorLag(Effect):
-    """First-order low-pass on the measured speeds, exact for speeds that are parabolas between samples."""
+    """First-order low-pass on measured speeds and positions, exact for what is a parabola between samples."""
 
     id: ClassVar[str] = "sensor_lag"
     law: ClassVar[str] = "first_order"
@@ -72,7 +72,7 @@ class SensorLag(Effect):
         return one_by_one(self.key("time_constant"), robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs_only(robot, low_passed(outputs, time, p[self.key("time_constant")]), outputs)
+        return sensed_only(robot, low_passed(outputs, time, p[self.key("time_constant")]), outputs)
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,12 @@ class SecondOrderSensorLag(SensorLag):
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         half = 0.5 * p[self.key("time_constant")]
-        return outputs_only(robot, low_passed(low_passed(outputs, time, half), time, half), outputs)
+        return sensed_only(robot, low_passed(low_passed(outputs, time, half), time, half), outputs)
 
 
 @dataclass(frozen=True)
 class SensorLagOfEach(SensorLag):
-    """A first-order lag of every output's own."""
+    """A first-order lag of every channel's own."""
 
     law: ClassVar[str] = "per_channel"
     formula: ClassVar[str] = "time_constant_i * dy_i'/dt = y_i - y_i'"
@@ -103,21 +103,21 @@ class SensorLagOfEach(SensorLag):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
-        for name in robot.channels.outputs:
+        for name in sensed(robot):
             found |= positive(self, f"time_constant_{name}", "s", 0.15 * robot.scales.time)
         return found
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = [self.key(f"time_constant_{name}") for name in robot.channels.outputs]
+        names = [self.key(f"time_constant_{name}") for name in sensed(robot)]
         return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs_only(robot, low_passed(outputs, time, each_output(self, p, "time_constant", robot)), outputs)
+        return sensed_only(robot, low_passed(outputs, time, each_channel(self, p, "time_constant", robot)), outputs)
 
 
 @dataclass(frozen=True)
 class MovingAverage(SensorLag):
-    """The mean of the measured speeds over the last `window`: counters read over a time, firmware filters."""
+    """The mean of what is measured over the last `window`: counters read over a time, firmware filters."""
 
     law: ClassVar[str] = "moving_average"
     formula: ClassVar[str] = "y'(t) = mean of y over (t - window, t)"
@@ -131,12 +131,12 @@ class MovingAverage(SensorLag):
         return one_by_one(self.key("window"), tuple(2.0 * time for time in robot.scales.times_to_try))
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs_only(robot, averaged(outputs, time, p[self.key("window")], self.ahead), outputs)
+        return sensed_only(robot, averaged(outputs, time, p[self.key("window")], self.ahead), outputs)
 
 
 @dataclass(frozen=True)
 class CentredAverage(MovingAverage):
-    """The mean of the speeds about the stamp: positions differentiated by central differences, logs smoothed afterwards."""
+    """The mean about the stamp: positions differentiated by central differences, logs smoothed afterwards."""
 
     law: ClassVar[str] = "centred_average"
     formula: ClassVar[str] = "y'(t) = mean of y over (t - window / 2, t + window / 2)"

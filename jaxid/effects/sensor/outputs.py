@@ -1,4 +1,8 @@
-"""What effects on sensors share: they act on the measured outputs; optional channels (currents, position) keep out of it."""
+"""What effects on sensors share: which channels they act on.
+
+These are the outputs, and the positions that may be measured beside or in the place of them (an axis's position, the angles of
+wheels). Other optional channels, such as motor currents, keep out of it.
+"""
 
 import jax.numpy as jnp
 
@@ -6,18 +10,23 @@ from ...robots.effect import Effect, Numbers
 from ...robots.robot import Robot
 
 
-def each_output(effect: Effect, p: Numbers, stem: str, robot: Robot):
-    """The effect's parameter `stem_NAME` of every output, 0 of optional channels, [ny]."""
-    names = robot.channels.outputs
-    absent = len(robot.channels.measured) - len(names)
-    values = [jnp.asarray(p[effect.key(f"{stem}_{name}")], float) for name in names]
-    return jnp.stack([*values, *([jnp.zeros(())] * absent)])
+def sensed(robot: Robot) -> tuple[str, ...]:
+    """The channels that sensors of the motion measure: outputs, then positions."""
+    channels = robot.channels
+    places = {*channels.positions, *robot.measured_angles}
+    return (*channels.outputs, *(name for name in channels.optional if name in places))
 
 
-def outputs_only(robot: Robot, changed, outputs):
-    """`changed` for the outputs, `outputs` for the optional channels, both [T, ny]."""
-    n = len(robot.channels.outputs)
-    return jnp.concatenate([changed[:, :n], outputs[:, n:]], axis=1)
+def each_channel(effect: Effect, p: Numbers, stem: str, robot: Robot):
+    """The effect's parameter `stem_NAME` of every channel, 0 where it has none, [ny]."""
+    keys = [effect.key(f"{stem}_{name}") for name in robot.channels.measured]
+    return jnp.stack([jnp.asarray(p[key], float) if key in p else jnp.zeros(()) for key in keys])
+
+
+def sensed_only(robot: Robot, changed, outputs):
+    """`changed` for what sensors of the motion measure, `outputs` for the other channels, both [T, ny]."""
+    names = sensed(robot)
+    return jnp.where(jnp.array([name in names for name in robot.channels.measured]), changed, outputs)
 
 
 def bends(y, time):

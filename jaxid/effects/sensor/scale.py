@@ -10,12 +10,12 @@ from ...robots.effect import Effect, Numbers
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import shape, signed
-from .outputs import each_output
+from .outputs import each_channel, sensed
 
 
 @dataclass(frozen=True)
 class SensorScale(Effect):
-    """A wrong scale on every measured speed."""
+    """A wrong scale on every measured speed, and on every position: another number of counts in a turn than was told."""
 
     id: ClassVar[str] = "sensor_scale"
     law: ClassVar[str] = "each_channel"
@@ -24,29 +24,29 @@ class SensorScale(Effect):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
-        for name in robot.channels.outputs:
+        for name in sensed(robot):
             found |= signed(self, f"error_{name}", "", 0.03)
         return found
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return outputs * (1.0 + each_output(self, p, "error", robot))
+        return outputs * (1.0 + each_channel(self, p, "error", robot))
 
 
 @dataclass(frozen=True)
 class ScaleByDirection(SensorScale):
-    """Another scale for positive readings than for negative ones."""
+    """Another scale for positive readings of a speed than for negative ones."""
 
     law: ClassVar[str] = "by_direction"
     formula: ClassVar[str] = "y' = (1 + error) y where y > 0, (1 + error_backward) y where y < 0"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        found = super().parameters(robot)
+        found: dict[str, Parameter] = {}
         for name in robot.channels.outputs:
-            found |= signed(self, f"error_backward_{name}", "", 0.03)
+            found |= signed(self, f"error_{name}", "", 0.03) | signed(self, f"error_backward_{name}", "", 0.03)
         return found
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
-        ahead, back = each_output(self, p, "error", robot), each_output(self, p, "error_backward", robot)
+        ahead, back = each_channel(self, p, "error", robot), each_channel(self, p, "error_backward", robot)
         return outputs * (1.0 + jnp.where(outputs > 0, ahead, back))
 
 

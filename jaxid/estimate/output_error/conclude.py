@@ -18,6 +18,7 @@ from ..result import Fit
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at
 from .impossible import without_impossible
+from .innovations import innovations
 from .lost_rows import lost_rows
 from .neglected import neglected
 from .optimum import Optimum
@@ -47,6 +48,15 @@ def _without_outliers(logs: LogSet, problem: Problem) -> LogSet:
         there = np.isfinite(outputs).any(axis=0)
         kept.append(replace(log, outputs=np.where(there, outputs, log.outputs)))
     return LogSet(kept)
+
+
+def _own_error(robot: Robot, logs: LogSet, problem: Problem, integration: float | None) -> dict[str, float]:
+    """The simulation's own error of every channel that is a position, where it is known."""
+    if not integration:
+        return {}
+    places = {*robot.positions.values(), *robot.measured_angles, *logs.channels.positions}
+    sigma = dict(zip(logs.channels.measured, np.asarray(problem.sigma).tolist(), strict=True))
+    return {name: integration * sigma[name] for name in logs.channels.measured if name in places}
 
 
 def conclude(
@@ -79,8 +89,14 @@ def conclude(
     """
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
     seen = _without_outliers(logs, problem)
+    own: Sequence[NDArray[np.float64]] = ()
     if whole is not None:
-        absent = [np.full_like(log.outputs, np.nan) if log.name in left_out else log.outputs for log in seen]
+        own = list(innovations(structure, bounded.problem, bounded.optimum.unknowns))
+        # A sample that tells where its window began says nothing of the residual.
+        absent = [
+            np.where(np.isfinite(each[: len(log)]) & (log.name not in left_out), log.outputs, np.nan)
+            for log, each in zip(seen, own, strict=True)
+        ]
         pairs = list(zip(whole[0], stitched(*whole, absent), strict=True))
         lost = [not np.isfinite(outputs).any() for _, outputs in pairs]
         seen = LogSet(
@@ -98,14 +114,19 @@ def conclude(
 
     optimum = bounded.optimum
     here = outputs(bounded.problem, optimum.unknowns)
-    judgement = judge(seen, here, noise)
+    if whole is not None:
+        apart = [each[: len(log)] * np.asarray(bounded.problem.sigma) for log, each in zip(logs, own, strict=True)]
+        apart = stitched(*whole, apart)
+        here = [np.where(np.isfinite(e), log.outputs + e, y) for log, e, y in zip(whole[0], apart, here, strict=True)]
+    own_error = _own_error(robot, logs, bounded.problem, integration)
+    judgement = judge(seen, here, noise, own_error=own_error)
     if not judgement.trustworthy and rivals:
         found = {}
         for words, rival in rivals.items():
             there = rival()
             if there is not None:
                 found[words] = outputs(problem, there._replace(states=optimum.unknowns.states))
-        judgement = judge(seen, here, noise, others=found)
+        judgement = judge(seen, here, noise, others=found, own_error=own_error)
     robust = covariance == "robust" or (covariance == "auto" and not judgement.white)
     found = robust_covariance(structure, problem, inner.unknowns) if robust else None
     matrix = bread**2 * found.covariance if found else None

@@ -23,6 +23,7 @@ from .losses import Loss, loss_named
 from .posed import Options
 from .setup import InitialStates, Starts, every_start
 from .solvers import DEFAULT, Solver
+from .uneven_stamps import with_stamps_noted
 from .windows import Unless, choose
 
 Windows = float | Literal["auto"] | None
@@ -87,12 +88,16 @@ def output_error(
     every_start(robot, start)  # nothing is simulated before a mistake in the start is told
     check_free(robot)
     options = Options(initial_states, integrator, loss_named(loss), solver, covariance, clock_offset, max_steps, report)
+
+    def again(others: LogSet, found: Fit) -> Fit:
+        return fitted(robot, others, options, found, None)
+
     if windows != "auto":
-        return fitted(robot, logs, options, start, windows)
+        return with_stamps_noted(fitted(robot, logs, options, start, windows), logs, again)
 
     def once(window: float | None, start: Starts, unless: Unless | None = None) -> Fit:
         if window is not None:
             report(f"windows of {window:.3g} s")
         return fitted(robot, logs, options, start, window, unless)
 
-    return choose(robot, logs, once, start)
+    return with_stamps_noted(choose(robot, logs, once, start), logs, again)

@@ -83,7 +83,7 @@ def posed(robot: Robot, whole: LogSet, options: Options, start: Starts, window: 
         robot, logs, start=values, initial=initial, integrator=options.integrator, clock_offset=options.clock_offset
     )
     if window is not None:
-        problem = started(robot.with_values(**values), whole, window, structure, problem)
+        problem = started(whole, structure, problem)
         if not many:
             unknowns = approached(structure, problem, unknowns)
     if not options.squares:

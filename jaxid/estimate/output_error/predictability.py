@@ -27,7 +27,7 @@ from ...logs.noise import noise_scale
 from ...robots.robot import Robot
 from ...simulation.local_slopes import transitions
 from ...simulation.rollout import Integrator
-from .window_start import states_at
+from ...simulation.start import states_at
 
 Array = NDArray[np.float64]
 Kind = Literal["stable", "integrating", "unstable"]

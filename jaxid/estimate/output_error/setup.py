@@ -151,7 +151,7 @@ def at_fit(
         fit.robot, logs, start=start, initial=initial, integrator=integrator, clock_offset=bool(fit.clock_offsets)
     )
     if fit.window is not None:
-        problem = started(fit.robot, whole, fit.window, structure, problem)
+        problem = started(whole, structure, problem)
     sigma = [fit.noise.get(c, float(problem.sigma[i])) for i, c in enumerate(logs[0].channels.measured)]
     states = np.zeros(unknowns.states.shape)
     for i, name in enumerate(structure.state_names):

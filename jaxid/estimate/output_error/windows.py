@@ -115,7 +115,7 @@ def followed(robot: Robot, logs: LogSet, seconds: float, noise: Mapping[str, flo
     windows = in_windows(logs, seconds)
     start = start_values(robot, None)
     structure, problem, unknowns = build(robot, windows, start=start, initial="estimate")
-    problem = started(robot, logs, seconds, structure, problem)
+    problem = started(logs, structure, problem)
     sigma = np.asarray([noise[name] for name in logs.channels.measured])
     problem = replace(problem, sigma=sigma, free=np.zeros(problem.free.shape, dtype=bool))
     there = minimise_compiled(structure, problem, approached(structure, problem, unknowns)).unknowns

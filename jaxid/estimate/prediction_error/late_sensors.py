@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from ...effects.earlier import earlier
 from ...effects.sensor import SensorDelay, SensorLag
+from ...effects.sensor.outputs import sensed
 from ...logs import LogSet
 from ...robots.effect import Effect, Numbers
 from ...robots.robot import Robot
@@ -33,7 +34,12 @@ def lag_of(robot: Robot) -> SensorLag | None:
 
 def lagged_outputs(robot: Robot) -> tuple[str, ...]:
     """Outputs that a lag holds as states of the filter, which stand behind the robot's own."""
-    return robot.channels.outputs if lag_of(robot) else ()
+    return sensed(robot) if lag_of(robot) else ()
+
+
+def _places(robot: Robot) -> np.ndarray:
+    """Places of the lagged outputs among the measured channels."""
+    return np.array([robot.channels.measured.index(name) for name in lagged_outputs(robot)], int)
 
 
 def _measured(robot: Robot, effects: tuple[Effect, ...], y: Float[Array, " ny"], p: Numbers) -> Float[Array, " ny"]:
@@ -61,16 +67,16 @@ def shown(
     y = before_lag(robot, p, state, seen)
     if not lag_of(robot):
         return y
-    y = jnp.concatenate([lagged, y[lagged.shape[0] :]])
+    y = y.at[_places(robot)].set(lagged)
     return _measured(robot, _halves(robot)[1], y, p)
 
 
 def moved(robot: Robot, p: Numbers, lagged: Float[Array, " nl"], before, after, h) -> Float[Array, " nl"]:
     """The lagged outputs a step of `h` seconds later, while what arrives goes from `before` to `after` [ny]."""
-    lag, n = lag_of(robot), lagged.shape[0]
+    lag = lag_of(robot)
     if lag is None:
         return lagged
-    before, after = before[:n], after[:n]
+    before, after = before[_places(robot)], after[_places(robot)]
     T = p[lag.key("time_constant")]
     behind = T * (after - before) / h  # its derivative at no lag is that of a small one
     return after - behind + (lagged - (before - behind)) * jnp.exp(-h / jnp.maximum(T, _LEAST * h))
@@ -80,10 +86,10 @@ def with_lagged(robot: Robot, p: Numbers, start: Moments, seen: Float[Array, " n
     """Moments of the state with the lagged outputs behind it, which begin where the outputs do."""
     if not lag_of(robot):
         return start
-    count = len(lagged_outputs(robot))
+    places = _places(robot)
 
     def arrives(x):
-        return before_lag(robot, p, as_state(robot, x), seen)[:count]
+        return before_lag(robot, p, as_state(robot, x), seen)[places]
 
     slope = jax.jacfwd(arrives)(start.mean)
     both = jnp.concatenate([jnp.eye(start.mean.shape[0]), slope])
@@ -129,12 +135,11 @@ def refusal(robot: Robot, logs: LogSet) -> str | None:
             f"{', '.join(e.id for e in others)} remembers earlier outputs, which a filter of the state does not hold; take "
             "output error for this model, or leave the effect out"
         )
-    extra = [
-        c for c in robot.channels.measured if c not in robot.channels.outputs and any(c in log.measured for log in logs)
-    ]
+    late = sensed(robot)
+    extra = [c for c in robot.channels.measured if c not in late and any(c in log.measured for log in logs)]
     if extra and any(isinstance(e, SensorDelay) for e in robot.effects):
         return (
-            f"sensor_delay makes {', '.join(robot.channels.outputs)} late but not {', '.join(extra)}, and a filter has one "
+            f"sensor_delay makes {', '.join(late)} late but not {', '.join(extra)}, and a filter has one "
             f"state at a time; leave {', '.join(extra)} out of the logs, or take output error for this model"
         )
     return None

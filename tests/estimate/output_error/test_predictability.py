@@ -7,7 +7,8 @@ import pytest
 from jaxid import AXIS, Axis, Channels, Custom, Integrator, Log, LogSet, Parameter
 from jaxid.estimate.output_error.feedback import feedback
 from jaxid.estimate.output_error.predictability import predictability
-from jaxid.estimate.output_error.window_start import local_parabola, states_at
+from jaxid.simulation.start import states_at
+from jaxid.simulation.told_states import local_parabola
 
 SAMPLES = 300
 

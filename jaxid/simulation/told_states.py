@@ -1,0 +1,108 @@
+"""The state at any sample of a log, from the measurement around it, and from what led there.
+
+The measured outputs y and their slopes dy/dt, from a parabola through the neighbouring samples, are what the model's
+state must explain: y = h(x) first, then, with what that leaves open, dy/dt = (dh/dx) f(x, u), by Gauss-Newton steps of least
+length. A position gives a speed so, and a speed the current behind it. What neither shows (a caster's angle, a motor's
+warmth) is carried along from the log's start by the model, with what they do show.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from .._float64 import in_float64
+from ..logs import Log
+from ..robots.robot import Robot
+from .carried_states import carried
+from .local_slopes import output_slopes
+from .rollout import Integrator
+
+Array = NDArray[np.float64]
+_NEIGHBOURS = 9
+"""Samples of the parabola."""
+_STEPS = 6
+_RANK = 1e-8
+_TOLD = 0.9
+"""Share of a state that outputs and slopes resolve from which they tell it."""
+
+
+def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Value and slope [W] of `values` [T] at the samples `at`, by a parabola through the measured neighbours (a line, or
+    a constant, where there are few); NaN where there is none."""
+    there = np.flatnonzero(np.isfinite(values))
+    count = min(_NEIGHBOURS, len(there))
+    if not count:
+        return np.full(len(at), np.nan), np.full(len(at), np.nan)
+    first = np.clip(np.searchsorted(there, at) - _NEIGHBOURS // 2, 0, len(there) - count)
+    near = there[first[:, None] + np.arange(count)]  # [W, samples]
+    span = time[near[:, -1]] - time[near[:, 0]] if count > 1 else np.ones(len(at))
+    since = (time[near] - time[at][:, None]) / span[:, None]
+    powers = since[..., None] ** np.arange(min(3, count))
+    found = np.einsum("wpn,wn->wp", np.linalg.pinv(powers, rcond=count * np.finfo(float).eps), values[near])
+    return found[:, 0], found[:, 1] / span if count > 1 else np.zeros(len(at))
+
+
+@in_float64
+def told_states(
+    robot: Robot, log: Log, at: NDArray[np.int64], begin: Mapping[str, float]
+) -> dict[str, Float[NDArray, " W"]]:
+    """The likeliest states [W] by name at the samples `at` [W] of a log that begins in the state `begin`."""
+    default = {name: np.full(len(at), float(value)) for name, value in robot.initial_state().items()}
+    found, told = _told_by_outputs(robot, log, at, default)
+    others = [name for name in robot.states if name not in told]
+    if not others or not told:
+        return found
+    there = _carried_along(robot, log, told, begin)
+    if any(not np.isfinite(there[name]).all() for name in others):
+        return found
+    return _told_by_outputs(robot, log, at, {**default, **{name: there[name][at] for name in others}})[0]
+
+
+def _carried_along(robot: Robot, log: Log, told: tuple[str, ...], begin: Mapping[str, float]) -> dict[str, Array]:
+    """All states at all samples of a log: those `told` by its outputs, and where the model takes the others with these."""
+    every = {name: np.full(len(log), value) for name, value in begin.items()}
+    shown = _told_by_outputs(robot, log, np.arange(len(log)), every)[0]
+    dt = np.diff(log.time)
+    integrator = Integrator.suited(robot, log.sampling_interval)
+    return carried(robot, integrator, begin, log.inputs, np.append(dt, dt[-1:]), {name: shown[name] for name in told})
+
+
+def _told_by_outputs(
+    robot: Robot, log: Log, at: NDArray[np.int64], near: dict[str, Array]
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """The states [W] nearest to those given that explain the measured outputs and their slopes, and which of them these tell.
+    What no sensor shows, as the robot says itself, stays as it is given."""
+    names = robot.estimated_states
+    measured = [np.isfinite(log.outputs[:, j]).any() for j in range(log.outputs.shape[1])]
+    parabolas = [local_parabola(log.time, column, at) for column in log.outputs.T]
+    target = np.concatenate([[p[0] for p in parabolas], [p[1] for p in parabolas]]).T  # [W, 2 ny]
+    known = np.tile(measured, 2) & np.isfinite(target)
+    target = np.where(known, target, 0.0)
+    ny = log.outputs.shape[1]
+    x = np.stack([near[name] for name in names], axis=1)
+    shown = {name for j, name in enumerate(log.channels.measured) if measured[j]}
+    open_to = np.array([name in shown or name not in robot.prior_spreads for name in names], float)
+    for j, name in enumerate(log.channels.measured):
+        if name in names:
+            x[:, names.index(name)] = np.where(known[:, j], target[:, j], x[:, names.index(name)])
+    step = log.sampling_interval
+    resolved = np.zeros(len(names))
+    for _ in range(_STEPS):
+        states = near | dict(zip(names, x.T, strict=True))
+        seen, slopes = output_slopes(robot, names, states, log.inputs[at], step)
+        error = np.where(known, target - seen, 0.0)
+        slopes = np.where(known[..., None], slopes, 0.0) * open_to
+        if not (np.isfinite(error).all() and np.isfinite(slopes).all()):
+            break
+        level = np.linalg.pinv(slopes[:, :ny], rcond=_RANK)  # [W, s, ny]
+        first = np.einsum("wij,wj->wi", level, error[:, :ny])
+        open_ = np.eye(len(names)) - level @ slopes[:, :ny]
+        rest = error[:, ny:] - np.einsum("wij,wj->wi", slopes[:, ny:], first)
+        rate = np.linalg.pinv(slopes[:, ny:] @ open_, rcond=_RANK)
+        x = x + first + np.einsum("wij,wj->wi", open_ @ rate, rest)
+        left = open_ - open_ @ rate @ slopes[:, ny:] @ open_
+        resolved = 1.0 - np.median(np.abs(np.diagonal(left, axis1=1, axis2=2)), axis=0)
+    told = tuple(name for name, share in zip(names, resolved, strict=True) if share > _TOLD)
+    return near | dict(zip(names, np.where(np.isfinite(x), x, 0.0).T, strict=True)), told

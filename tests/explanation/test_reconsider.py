@@ -1,0 +1,74 @@
+"""One mechanism's curve instead of a further name beside its formula, on an axis in closed form."""
+
+import numpy as np
+
+from jaxid import AXIS, Axis, Log, LogSet, output_error
+from jaxid.effects import effect_by_id
+from jaxid.explanation.reconsider import rather_by_curves
+from jaxid.explanation.refit import refit
+from jaxid.explanation.steps import Step
+from jaxid.logs import noise_scale
+from jaxid.simulation.scaled import scaled_to
+
+
+def driven(law, count=3):
+    """Speeds, exact but for white noise, of a mass driven by `law` of the input; held inputs, no dry friction."""
+    logs = []
+    for k in range(count):
+        rng = np.random.default_rng([9, k])
+        u = np.repeat(rng.uniform(-4, 4, 40), 10)
+        decay, v, found = np.exp(-0.04), 0.0, []
+        for force in law(u):
+            found.append(v)
+            v = 0.5 * force + (v - 0.5 * force) * decay
+        outputs = {"v": np.array(found) + 0.003 * rng.normal(size=400)}
+        logs.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(400), u[:, None], outputs, AXIS))
+    return LogSet(logs[:-1]), LogSet(logs[-1:])
+
+
+def found_of(logs, held_out):
+    """The step to a dead zone, and that from there to a quadratic drag, as a search has them."""
+    noise = noise_scale(held_out, otherwise=logs)
+    robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
+    fit = output_error(robot, logs)
+
+    def trial(model, before):
+        start = {name: model.parameters[name].value for name in model.parameters.free_names}
+        strengths = {n: p.typical for n, p in model.effects[-1].parameters(model).items()} if model.effects else {}
+        return refit(model, [start | strengths], logs, held_out, noise, before)
+
+    base = trial(fit.robot, fit.initial_states)
+    one = trial(base.robot + effect_by_id(base.robot, "actuator_dead_zone", "subtractive"), base.initial_states)
+    two = trial(one.robot + effect_by_id(one.robot, "quadratic_drag"), one.initial_states)
+    return noise, Step((one,), (), (), base, one, (one,)), Step((two,), (), (), one, two, (two,))
+
+
+def smooth_zone(u):
+    """What passes of a command: little near zero, bent as no dead zone with two edges is."""
+    return u - 0.8 * np.tanh(u / 0.8)
+
+
+def test_the_curve_of_one_mechanism_is_taken_instead_of_two_names():
+    logs, held_out = driven(smooth_zone)
+    noise, step, further = found_of(logs, held_out)
+    steps, current = rather_by_curves([step], further, logs, held_out, noise, lambda message: None)
+    assert [own.chosen.id for own in steps] == ["actuator_dead_zone"] and steps[0].chosen.law == "shape"
+    assert current is steps[0].chosen and current.score < further.chosen.score
+    assert current.fitted.normalised_rms < 1.1 < further.chosen.fitted.normalised_rms
+
+
+def test_a_second_name_that_no_curve_stands_in_for_stays():
+    """A dead zone with its edges, and a drag that is none of the command's."""
+    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0))
+    noise, step, further = found_of(logs, held_out)
+    worse = Step(further.trials, (), (), further.chosen, further.chosen, further.laws)
+    # Whose model before it was not the last step's, there is nothing to stand in for.
+    assert rather_by_curves([step], worse, logs, held_out, noise, lambda message: None) is None
+
+
+def test_a_curve_is_not_looked_for_twice():
+    logs, held_out = driven(smooth_zone)
+    noise, step, further = found_of(logs, held_out)
+    again, current = rather_by_curves([step], further, logs, held_out, noise, lambda message: None)
+    beyond = Step(further.trials, (), (), current, further.chosen, further.laws)
+    assert rather_by_curves(again, beyond, logs, held_out, noise, lambda message: None) is None
