@@ -17,7 +17,7 @@ from .candidate_refits import Report
 from .laws import best_first
 from .refit import Trial, refit_from_itself
 from .steps import Step
-from .telling_apart import alike, not_told_apart, supersets
+from .telling_apart import alike, not_told_apart, simplest_first, supersets
 
 _FINER, _MOST = 4, 3
 """By how much steps are shortened at a time, and how often at most."""
@@ -65,12 +65,14 @@ def ranked_with_fine_steps(step: Step, logs: LogSet, held_out: LogSet, noise: di
         if id(trial) not in again and not trial.angles and trial.fitted.normalised_rms < _NEAR:
             finer = replace(trial.robot, longest_step=longest)
             again[id(trial)] = replace(refit_from_itself(finer, trial, logs, held_out, noise), id=trial.id)
-    trials = sorted((again.get(id(trial), trial) for trial in step.trials), key=lambda trial: trial.score)
+    every = [again.get(id(trial), trial) for trial in step.trials]
+    trials = simplest_first(sorted((t for t in every if t.id not in step.refused), key=lambda trial: trial.score))
+    refused = [trial for trial in every if trial.id in step.refused]
     laws = [again.get(id(trial), trial) for trial in step.laws]
     laws = best_first(laws) if laws and laws[0].id == trials[0].id else [trials[0]]
     trials[0] = laws[0]
     equivalent = tuple(name for name in not_told_apart(trials) if name not in supersets(trials))
     same = tuple(trial.law for trial in alike(laws))
     return replace(
-        step, trials=tuple(trials), equivalent=equivalent, after=trials[0], laws=tuple(laws), laws_alike=same
+        step, trials=(*trials, *refused), equivalent=equivalent, after=trials[0], laws=tuple(laws), laws_alike=same
     )

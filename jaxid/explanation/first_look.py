@@ -68,6 +68,8 @@ def first_look(
     report("whole logs are too far off for a first look; looking in windows of them")
     start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
     there = refit(trial.robot, [start], windows, windows, noise, {})
+    if there.fitted.diverged:
+        return screen(trial.robot, logs, effects, noise, trial.initial_states, trial.angles, report)
     known = {name: there.robot.parameters[name].value for name in start}
     # What acts on records (a delay, a filter) needs what came before a window; its first look is one of whole logs.
     whole = [effect for effect in effects if on_records_alone(effect, trial.robot)]

@@ -134,7 +134,8 @@ def name_next(
         return None
     laws = next(own for own in mechanisms if own[0].id == trials[0].id)
     same = tuple(trial.law for trial in alike(laws))
-    return Step((*trials, *refused), equivalent, tuple(screened), base, trials[0], tuple(laws), same)
+    ids = tuple(trial.id for trial in refused)
+    return Step((*trials, *refused), equivalent, tuple(screened), base, trials[0], tuple(laws), same, ids)
 
 
 def or_constants(

@@ -153,7 +153,10 @@ def refit(
     elif len(starts) > 1:
         problem = free if repeats else problem
         optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
-    found = robot.with_values(**by_name(structure, problem, optimum.unknowns))
+    values = by_name(structure, problem, optimum.unknowns)
+    if not all(map(np.isfinite, values.values())):  # it ran away at its very start
+        values = {name: {**known, **starts[0]}[name] for name in structure.names}
+    found = robot.with_values(**values)
     return Trial(
         id=robot.effects[-1].id if robot.effects else "",
         robot=found,

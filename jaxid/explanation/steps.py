@@ -11,7 +11,8 @@ from .screen import Candidate
 @dataclass(frozen=True)
 class Step:
     """One effect added: the trials, one of every mechanism by its best law, best first, and the ids that the data cannot tell
-    from the best. `laws` are the trials of that one's laws, best first, of which the data cannot tell the first from
+    from the best. Those of the ids `refused` come last, however well they were fitted: they did not hold on the held-out logs.
+    `laws` are the trials of that one's laws, best first, of which the data cannot tell the first from
     `laws_alike`.
 
     `before` and `after` are the model without it and with it at the time it was added.
@@ -24,6 +25,7 @@ class Step:
     after: Trial = field(repr=False)
     laws: tuple[Trial, ...] = ()
     laws_alike: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
 
     @property
     def chosen(self) -> Trial:

@@ -27,7 +27,7 @@ from ..logs.windows import Windows, window_rows
 from ..robots.effect import Numbers
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides, passed
-from .told_states import told_states
+from .states_at_samples import states_at_samples
 
 _AT_REST = 5.0  # standard deviations of the first measurement
 _STILL = 0.1
@@ -122,7 +122,7 @@ def counted(robot: Robot, logs: LogSet) -> NDArray[np.bool_]:
 def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[NDArray, " W"]]:
     """The likeliest states [W] by name at the samples `at` [W] of a log."""
     begin = _by_first_samples(robot, LogSet([log])).states
-    return told_states(robot, log, at, {name: float(value[0]) for name, value in begin.items()})
+    return states_at_samples(robot, log, at, {name: float(value[0]) for name, value in begin.items()})
 
 
 def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:

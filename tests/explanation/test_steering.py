@@ -101,5 +101,7 @@ def test_what_is_wrong_with_steering_is_named_and_nothing_else(kind, size, named
     story = jaxid.explain(jaxid.output_error(CAR, fitted), fitted, held_out)
     assert (story.verdict, [effect.id for effect in story.effects]) == ("named", [named])
     assert story.before.normalised_rms > 4.0 and story.after.normalised_rms < 1.03
-    wheelbase = story.final.parameters["wheelbase"]  # a curve of the command may take up some of it, and its error says so
+    wheelbase = story.final.parameters[
+        "wheelbase"
+    ]  # a curve of the command may take up some of it, and its error says so
     assert abs(wheelbase.value - TRUE["wheelbase"]) < 3.0 * wheelbase.std_error

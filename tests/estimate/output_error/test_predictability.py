@@ -8,7 +8,7 @@ from jaxid import AXIS, Axis, Channels, Custom, Integrator, Log, LogSet, Paramet
 from jaxid.estimate.output_error.feedback import feedback
 from jaxid.estimate.output_error.predictability import predictability
 from jaxid.simulation.start import states_at
-from jaxid.simulation.told_states import local_parabola
+from jaxid.simulation.states_at_samples import local_parabola
 
 SAMPLES = 300
 

@@ -200,15 +200,12 @@ class Summed(Effect):
         return jnp.cumsum(outputs, axis=0)
 
 
-def test_what_it_cannot_do_it_says(disturbed_axis, axis_log):
+def test_what_it_cannot_do_it_says(disturbed_axis):
     logs = LogSet([disturbed_axis(1)])
     with pytest.raises(ParameterError, match="summed remembers"):
         prediction_error(Axis() + Summed(), logs)
     with pytest.raises(ParameterError, match="no state 'w'.* q, v"):
         prediction_error(Axis(), logs, process_noise=["w"])
-    both = LogSet([axis_log("both", np.ones(16))])
-    with pytest.raises(ParameterError, match="sensor_delay makes v late but not q"):
-        prediction_error(Axis() + SensorDelay(), both)
 
 
 def test_noise_acts_on_velocities_not_on_what_integrates_them(balanced):

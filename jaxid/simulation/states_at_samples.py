@@ -24,7 +24,7 @@ _NEIGHBOURS = 9
 """Samples of the parabola."""
 _STEPS = 6
 _RANK = 1e-8
-_TOLD = 0.9
+_RESOLVED = 0.9
 """Share of a state that outputs and slopes resolve from which they tell it."""
 
 
@@ -45,31 +45,34 @@ def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[A
 
 
 @in_float64
-def told_states(
+def states_at_samples(
     robot: Robot, log: Log, at: NDArray[np.int64], begin: Mapping[str, float]
 ) -> dict[str, Float[NDArray, " W"]]:
     """The likeliest states [W] by name at the samples `at` [W] of a log that begins in the state `begin`."""
     default = {name: np.full(len(at), float(value)) for name, value in robot.initial_state().items()}
-    found, told = _told_by_outputs(robot, log, at, default)
-    others = [name for name in robot.states if name not in told]
-    if not others or not told:
+    found, certain = _by_outputs(robot, log, at, default)
+    others = [name for name in robot.states if name not in certain]
+    if not others or not certain:
         return found
-    there = _carried_along(robot, log, told, begin)
-    if any(not np.isfinite(there[name]).all() for name in others):
-        return found
-    return _told_by_outputs(robot, log, at, {**default, **{name: there[name][at] for name in others}})[0]
+    there = _carried_along(robot, log, certain, begin)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if any(not np.isfinite(np.square(there[name])).all() for name in others):
+            return found  # the model runs away
+    return _by_outputs(robot, log, at, {**default, **{name: there[name][at] for name in others}})[0]
 
 
-def _carried_along(robot: Robot, log: Log, told: tuple[str, ...], begin: Mapping[str, float]) -> dict[str, Array]:
-    """All states at all samples of a log: those `told` by its outputs, and where the model takes the others with these."""
+def _carried_along(robot: Robot, log: Log, certain: tuple[str, ...], begin: Mapping[str, float]) -> dict[str, Array]:
+    """All states at all samples of a log: those that its outputs resolve, and where the model takes the others with these."""
     every = {name: np.full(len(log), value) for name, value in begin.items()}
-    shown = _told_by_outputs(robot, log, np.arange(len(log)), every)[0]
+    shown = _by_outputs(robot, log, np.arange(len(log)), every)[0]
     dt = np.diff(log.time)
     integrator = Integrator.suited(robot, log.sampling_interval)
-    return carried(robot, integrator, begin, log.inputs, np.append(dt, dt[-1:]), {name: shown[name] for name in told})
+    return carried(
+        robot, integrator, begin, log.inputs, np.append(dt, dt[-1:]), {name: shown[name] for name in certain}
+    )
 
 
-def _told_by_outputs(
+def _by_outputs(
     robot: Robot, log: Log, at: NDArray[np.int64], near: dict[str, Array]
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """The states [W] nearest to those given that explain the measured outputs and their slopes, and which of them these tell.
@@ -104,5 +107,5 @@ def _told_by_outputs(
         x = x + first + np.einsum("wij,wj->wi", open_ @ rate, rest)
         left = open_ - open_ @ rate @ slopes[:, ny:] @ open_
         resolved = 1.0 - np.median(np.abs(np.diagonal(left, axis1=1, axis2=2)), axis=0)
-    told = tuple(name for name, share in zip(names, resolved, strict=True) if share > _TOLD)
-    return near | dict(zip(names, np.where(np.isfinite(x), x, 0.0).T, strict=True)), told
+    certain = tuple(name for name, share in zip(names, resolved, strict=True) if share > _RESOLVED)
+    return near | dict(zip(names, np.where(np.isfinite(x), x, 0.0).T, strict=True)), certain
