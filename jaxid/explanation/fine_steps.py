@@ -71,7 +71,7 @@ def ranked_with_fine_steps(step: Step, logs: LogSet, held_out: LogSet, noise: di
     laws = [again.get(id(trial), trial) for trial in step.laws]
     laws = best_first(laws) if laws and laws[0].id == trials[0].id else [trials[0]]
     trials[0] = laws[0]
-    equivalent = tuple(name for name in not_told_apart(trials) if name not in supersets(trials))
+    equivalent = tuple(name for name in not_told_apart(trials, step.before) if name not in supersets(trials))
     same = tuple(trial.law for trial in alike(laws))
     return replace(
         step, trials=(*trials, *refused), equivalent=equivalent, after=trials[0], laws=tuple(laws), laws_alike=same

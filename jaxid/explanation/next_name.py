@@ -122,7 +122,7 @@ def name_next(
         worth = any(held)
         leading = held.index(True) if worth else 0
         refused, trials = trials[:leading], trials[leading:]
-        equivalent = tuple(name for name in not_told_apart(trials) if name not in supersets(trials))
+        equivalent = tuple(name for name in not_told_apart(trials, base) if name not in supersets(trials))
     else:
         trials, equivalent, worth = in_colour
     equivalent = (*equivalent, *(name for name in _as_near(trials, base) if name not in equivalent))

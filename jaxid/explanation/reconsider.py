@@ -129,7 +129,7 @@ def with_trials(step: Step, trials: list[Trial]) -> Step:
     others = tuple(trial for trial in step.trials if trial.id not in {own.id for own in trials})
     same = trials[0].id == step.chosen.id
     laws, alike_laws = (step.laws, step.laws_alike) if same else ((trials[0],), ())
-    equivalent = not_told_apart(trials)
+    equivalent = not_told_apart(trials, step.before)
     return replace(step, trials=(*trials, *others), equivalent=equivalent, laws=laws, laws_alike=alike_laws)
 
 

@@ -12,6 +12,8 @@ from .refit import Trial
 
 _UNKNOWN_PAST = 10
 """First samples of a log, which show what was commanded before it began."""
+_INTERPOLATED = 0.01
+"""Share of what a delay makes of a motion that interpolation between samples may get wrong of it."""
 _BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
 
 
@@ -60,10 +62,14 @@ def told_apart_from(best: Trial, trial: Trial) -> bool:
     return _worse(best, trial) >= (2 * separated) ** 2 or told_apart(best.fitted, trial.fitted) >= separated
 
 
-def _same_but_later(one: Trial, other: Trial) -> bool:
-    """Whether both are one model by two names, the same motion later; but for what was commanded before a log began."""
-    both = all(trial.effect is not None and trial.effect.only_later for trial in (one, other))
-    return both and differ(one.fitted, other.fitted, _UNKNOWN_PAST) < current_policy().same_motion
+def _same_but_later(one: Trial, other: Trial, base: Trial | None) -> bool:
+    """Whether both are one model by two names, the same motion later; but for what was commanded before a log began. `base` is
+    the model that is not late."""
+    if not all(trial.effect is not None and trial.effect.only_later for trial in (one, other)):
+        return False
+    late = differ(one.fitted, base.fitted, _UNKNOWN_PAST) if base is not None else 0.0
+    same = max(current_policy().same_motion, _INTERPOLATED * (late if np.isfinite(late) else 0.0))
+    return differ(one.fitted, other.fitted, _UNKNOWN_PAST) < same
 
 
 def differ(one: HeldOut, other: HeldOut, skip: int = 0) -> float:
@@ -72,15 +78,15 @@ def differ(one: HeldOut, other: HeldOut, skip: int = 0) -> float:
     return float(np.sqrt(np.nanmean(np.concatenate([(a - b)[skip:].ravel() for a, b in pairs]) ** 2)))
 
 
-def alike(trials: Sequence[Trial]) -> list[Trial]:
-    """Those that the data cannot tell from the first: about as likely on the fitted logs."""
+def alike(trials: Sequence[Trial], base: Trial | None = None) -> list[Trial]:
+    """Those that the data cannot tell from the first: about as likely on the fitted logs. `base` is the model without them."""
     best = trials[0]
-    return [trial for trial in trials[1:] if _same_but_later(best, trial) or not told_apart_from(best, trial)]
+    return [trial for trial in trials[1:] if _same_but_later(best, trial, base) or not told_apart_from(best, trial)]
 
 
-def not_told_apart(trials: Sequence[Trial]) -> tuple[str, ...]:
-    """The ids of those that the data cannot tell from the first."""
-    return tuple(trial.id for trial in alike(trials))
+def not_told_apart(trials: Sequence[Trial], base: Trial | None = None) -> tuple[str, ...]:
+    """The ids of those that the data cannot tell from the first. `base` is the model without any of them."""
+    return tuple(trial.id for trial in alike(trials, base))
 
 
 def simplest_first(trials: Sequence[Trial]) -> list[Trial]:

@@ -40,3 +40,12 @@ def test_what_is_hidden_is_named_and_closes_the_gap(name, counts, hidden, effect
     assert fit.window is None and not fit.trustworthy
     assert found.verdict == "named" and [own.id for own in found.effects] == [effect]
     assert found.before.normalised_rms > 20 and found.after.normalised_rms < 1.15
+
+
+@pytest.mark.slow
+def test_a_delay_of_fine_counts_is_one_of_two_that_nothing_tells_apart():
+    """Positions between samples are interpolated, by less than half of what 8,192 counts a turn round off."""
+    _, found = explained("own drive", 8192, Hidden(delay=0.03))
+    assert found.verdict == "ambiguous" and found.after.normalised_rms < 1.15
+    (delay,) = found.effects
+    assert {delay.id, *delay.equivalent_to} == {"input_delay", "sensor_delay"}

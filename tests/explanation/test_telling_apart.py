@@ -42,6 +42,16 @@ def test_delays_that_differ_by_more_than_interpolation_are_two(residuals):
     assert not_told_apart([trial("input_delay", right), trial("sensor_delay", far)]) == ()
 
 
+def test_delays_that_differ_by_little_of_what_a_delay_makes_are_one(residuals):
+    """Where a delay moves a position by hundreds of an encoder's counts, interpolation is off by more than the noise."""
+    right, other = residuals
+    far = right + 3 * (other - right)
+    trials = [trial("input_delay", right), trial("sensor_delay", far)]
+    missing = np.sin(np.arange(20000) / 40)
+    assert not_told_apart(trials, trial("motor_lag", right + 40 * missing)) == ("sensor_delay",)
+    assert not_told_apart(trials, trial("motor_lag", right + 20 * missing)) == ()
+
+
 def test_equally_likely_names_are_one_set(residuals):
     right, _ = residuals
     first = trial("motor_lag", right)
