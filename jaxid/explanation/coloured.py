@@ -132,12 +132,16 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
         return None
     level, count = first.false_alarm / GATES, len(coloured)
     # The fitted logs have taken in some of what is missing; the held-out ones, which come first, have not.
-    noise = min(2.0 * related(own, list(coloured)) for own in (states[:1], states))
+    noise = 1.0
+    for own in (states[:1], states):
+        noise = min(noise, 2.0 * related(own, list(coloured)))
+        if noise < level:
+            return None
     shape, simple, faster = 1.0, True, True
     for name, colour in coloured.items():
         parts = [without_jumps(own[np.isfinite(own)]) for own in parts_of([state for state, _ in states], name)]
         parts = [own for own in parts if len(own) > _FEWEST]
-        if not parts or noise < level:
+        if not parts:
             return None
         rounding = _rounding(states, name)
         groups = [_Tested.of(*group, memory, rounding) for group in shape_of.alike(colour, parts, level / count)]

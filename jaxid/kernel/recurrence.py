@@ -1,10 +1,11 @@
-"""First-order linear recurrences as one operation of JAX's: a loop in XLA, machine code from NumPy.
+"""Recurrences along a record as one operation of JAX's each: a loop in XLA, machine code from NumPy.
 
 Written as `jax.lax.scan` they could not be run in NumPy in reasonable time; written as log2(T) operations on whole arrays they
 take XLA a second to compile.
 """
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from typing import Any
 
 import jax
@@ -14,7 +15,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Float
 
-from .expressions import Graph
+from .expressions import Graph, Node
 from .map import Map, compiled_maps
 from .map_kernel import Mapped
 from .symbolic import inputs, scalars
@@ -32,28 +33,54 @@ def recurrence(
     return recurrence_p.bind(keep, jnp.concatenate([new[:1] + keep[:1] * first, new[1:]]))
 
 
+def limited(wanted: Float[Array, " T *n"], most: Float[Array, "#T *#n"]) -> Float[jax.Array, " T *n"]:
+    """`x[t]` as near to `wanted[t]` as steps of at most `most[t]` get it; from zero."""
+    wanted = jnp.asarray(wanted)
+    return limited_p.bind(wanted, jnp.broadcast_to(most, wanted.shape))
+
+
 @cache
-def _code() -> Map:
-    """x' = keep x + new along rows of (keep, new)."""
+def _code(name: str, after: Callable[[Graph, Node, Node, Node], Node]) -> Map:
+    """`after` (of the last value and of two of a row) along rows."""
 
     def make() -> list[Mapped]:
         graph = Graph()
-        (keep, new), (x,) = (scalars(inputs(graph, group, count)) for group, count in (("row", 2), ("carried", 1)))
-        after = graph.add(graph.mul(keep, x), new)
-        return [Mapped(graph, 2, [after], [after])]
+        (one, other), (x,) = (scalars(inputs(graph, group, count)) for group, count in (("row", 2), ("carried", 1)))
+        result = after(graph, x, one, other)
+        return [Mapped(graph, 2, [result], [result])]
 
-    return compiled_maps("recurrence", "all columns", make)[0]
+    return compiled_maps(name, "all columns", make)[0]
+
+
+def _along(name: str, after: Callable[[Graph, Node, Node, Node], Node], one: np.ndarray, other: np.ndarray):
+    """In machine code, from zero, along the first axis of two arrays [T, ...]."""
+    one, other = np.broadcast_arrays(one, other)
+    T, columns = len(one), one.size // max(1, len(one))
+    rows = np.stack([one.reshape(T, columns), other.reshape(T, columns)], axis=-1)
+    found = _code(name, after)(np.zeros(0), rows.transpose(1, 0, 2), np.zeros((columns, 1)))
+    return found[:, :, 0].T.reshape(one.shape)
+
+
+def _kept_and_new(graph: Graph, x: Node, keep: Node, new: Node) -> Node:
+    return graph.add(graph.mul(keep, x), new)
+
+
+def _near_and_no_farther(graph: Graph, x: Node, wanted: Node, most: Node) -> Node:
+    low, high = graph.sub(x, most), graph.add(x, most)
+    return graph.apply("min", graph.apply("max", wanted, low), high)
 
 
 def recurrence_in_numpy(keep: np.ndarray, new: np.ndarray) -> np.ndarray:
     """From zero, in machine code; `keep` and `new` [T, ...]."""
-    T, columns = len(new), new.size // max(1, len(new))
-    rows = np.stack([np.broadcast_to(keep, new.shape).reshape(T, columns), new.reshape(T, columns)], axis=-1)
-    found = _code()(np.zeros(0), rows.transpose(1, 0, 2), np.zeros((columns, 1)))
-    return found[:, :, 0].T.reshape(new.shape)
+    return _along("recurrence", _kept_and_new, keep, new)
 
 
-def _looped(keep, new):
+def limited_in_numpy(wanted: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """The same of limited steps."""
+    return _along("limited", _near_and_no_farther, wanted, most)
+
+
+def _recurring(keep, new):
     def advance(x, row):
         x = row[0] * x + row[1]
         return x, x
@@ -61,11 +88,19 @@ def _looped(keep, new):
     return jax.lax.scan(advance, jnp.zeros_like(new[0]), (keep, new))[1]
 
 
+def _limiting(wanted, most):
+    def advance(x, row):
+        x = jnp.minimum(jnp.maximum(row[0], x - row[1]), x + row[1])
+        return x, x
+
+    return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, most))[1]
+
+
 def _before(x):
     return jnp.concatenate([jnp.zeros_like(x[:1]), x[:-1]])
 
 
-def _moved(values, tangents):
+def _recurring_moved(values, tangents):
     keep, new = values
     d_keep, d_new = tangents
     x = recurrence_p.bind(keep, new)
@@ -75,26 +110,44 @@ def _moved(values, tangents):
     return x, recurrence_p.bind(keep, sum(parts)) if parts else ad.Zero(x.aval)
 
 
-def _transposed(cotangent, keep, new):
+def _limiting_moved(values, tangents):
+    wanted, most = values
+    d_wanted, d_most = (
+        jnp.zeros_like(v) if isinstance(d, ad.Zero) else d for v, d in zip(values, tangents, strict=True)
+    )
+    x = limited_p.bind(wanted, most)
+    step = wanted - _before(x)
+    short = jnp.abs(step) > most
+    new = jnp.where(short, jnp.sign(step) * d_most, d_wanted)
+    return x, recurrence_p.bind(short.astype(x.dtype), new)
+
+
+def _recurring_transposed(cotangent, keep, new):
     if isinstance(cotangent, ad.Zero):
         return None, ad.Zero(new.aval)
     later = jnp.flip(jnp.concatenate([keep[1:], jnp.zeros_like(keep[:1])]), 0)
     return None, jnp.flip(recurrence_p.bind(later, jnp.flip(cotangent, 0)), 0)
 
 
-def _batched(values, axes):
+def _batched(primitive, values, axes):
     size = next(v.shape[axis] for v, axis in zip(values, axes, strict=True) if axis is not None)
     wide = [
         jnp.broadcast_to(v[..., None], (*v.shape, size)) if axis is None else jnp.moveaxis(v, axis, -1)
         for v, axis in zip(values, axes, strict=True)
     ]
-    return recurrence_p.bind(*wide), wide[0].ndim - 1
+    return primitive.bind(*wide), wide[0].ndim - 1
 
 
-recurrence_p = Primitive("recurrence")
-recurrence_p.def_impl(jax.jit(_looped))
-recurrence_p.def_abstract_eval(lambda keep, new: new)
-ad.primitive_jvps[recurrence_p] = _moved
-ad.primitive_transposes[recurrence_p] = _transposed
-batching.primitive_batchers[recurrence_p] = _batched
-mlir.register_lowering(recurrence_p, mlir.lower_fun(_looped, multiple_results=False))
+def _primitive(name: str, looped: Callable[..., Any], moved: Callable[..., Any]) -> Primitive:
+    made = Primitive(name)
+    made.def_impl(jax.jit(looped))
+    made.def_abstract_eval(lambda one, other: one)
+    ad.primitive_jvps[made] = moved
+    batching.primitive_batchers[made] = partial(_batched, made)
+    mlir.register_lowering(made, mlir.lower_fun(looped, multiple_results=False))
+    return made
+
+
+recurrence_p = _primitive("recurrence", _recurring, _recurring_moved)
+ad.primitive_transposes[recurrence_p] = _recurring_transposed
+limited_p = _primitive("limited", _limiting, _limiting_moved)

@@ -26,7 +26,7 @@ from .rollout import commanded as _commanded_one
 Array = Any
 """NumPy's, or what can be read as such."""
 _MOST_MODELS = 256
-_SELDOM = 100
+_SELDOM = 300
 """Runs on one shape up to which NumPy, at up to ten times the time of XLA's program, is done before XLA has compiled."""
 _TRIED = 3
 """Samples of the record on which it is seen which parameters an effect reads."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 
-from ...kernel.recurrence import recurrence
+from ...kernel.recurrence import limited, recurrence
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
@@ -35,15 +35,12 @@ def low_passed(inputs, dt, T):
 def ramped(inputs, dt, per_unit):
     """`inputs` [T, nu] followed by at most one unit in `per_unit` seconds (one, or one an input): the mean over every step."""
 
-    def advance(now, row):
-        u, interval = row
-        most = interval / jnp.maximum(per_unit, _TINY * interval)
-        step = jnp.clip(u - now, -most, most)
-        # The mean over the step: it ramps for as long as the way takes, and then holds.
-        ramp = jnp.minimum(jnp.abs(step) * per_unit / interval, 1.0)
-        return now + step, now + step * (1.0 - 0.5 * ramp)
-
-    return jax.lax.scan(advance, jnp.zeros_like(inputs[0]), (inputs, dt))[1]
+    most = dt[:, None] / jnp.maximum(per_unit, _TINY * dt[:, None])
+    after = limited(inputs, most)
+    step = after - jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
+    # The mean over the step: it ramps for as long as the way takes, and then holds.
+    ramp = jnp.minimum(jnp.abs(step) * per_unit / dt[:, None], 1.0)
+    return after - 0.5 * step * ramp
 
 
 @dataclass(frozen=True)
