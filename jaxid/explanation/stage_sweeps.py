@@ -4,7 +4,7 @@ A sweep is a robot's own stages with its effects, asked at many values of one th
 at many true values. Nothing here knows any effect by name, so that a user's own one is asked the same way.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -216,31 +216,35 @@ def _drive_sweeps(effect: Effect, robot: Robot, scales: Scales, largest: dict[st
         yield Sweep(*named, f"{_said(robot, name)}, no command", robot.velocity_unit(name), values, coasting, "speed")
 
 
-def _command_sweeps(robot: Robot, scales: Scales) -> Iterator[Sweep]:
-    names, units = robot.channels.inputs, robot.channels.units
+def _command_sweeps(robot: Robot, scales: Scales, places: Sequence[int]) -> Iterator[Sweep]:
+    """Of the inputs at `places`, all moved alike; the others rest."""
+    names, units = [robot.channels.inputs[k] for k in places], robot.channels.units
+    drives = set(places) <= set(robot.drive_inputs)
     named = (
-        "what reaches the motor",
+        "what reaches the motor" if drives else "what arrives",
         tuple(f"of {name}" for name in names),
         tuple(units.get(name, "") for name in names),
     )
-    size = both_ways(scales.input)
-    # Held for long, one value after another: what a lag or a delay does is over at each.
-    static = lambda r, p: _held(r, size, p)  # noqa: E731
+    largest, at = scales.input if drives else scales.input_of(names[0]), np.array(places)
+    moved = np.zeros(len(robot.channels.inputs))
+    moved[at] = 1.0
+    size = both_ways(largest)
+
+    def static(r: Robot, p: Numbers):
+        # Held for long, one value after another: what a lag or a delay does is over at each.
+        ages = 1e4 * r.scales.time * jnp.arange(len(size), dtype=float)
+        inputs = jnp.asarray(size)[:, None] * moved
+        return passed(r, "command", inputs, ages, jnp.full(len(size), ages[1]), p).T[at]
+
     yield Sweep(*named, "command", units.get(names[0], ""), size, static, "command")
     time = np.linspace(0.0, 6.0 * scales.time, POINTS)
 
     def stepped(r: Robot, p: Numbers):
-        inputs = jnp.full((len(time), len(names)), 0.5 * scales.input)
+        inputs = jnp.full((len(time), 1), 0.5 * largest) * moved
         steps = jnp.full(len(time), time[1] - time[0])
-        return passed(r, "command", inputs, jnp.asarray(time), steps, p).T
+        return passed(r, "command", inputs, jnp.asarray(time), steps, p).T[at]
 
     yield Sweep(*named, "time since a step of the command", "s", time, stepped, "step")
-
-
-def _held(robot: Robot, size: Grid, p: Numbers):
-    inputs = jnp.repeat(jnp.asarray(size)[:, None], len(robot.channels.inputs), axis=1)
-    ages = 1e4 * robot.scales.time * jnp.arange(len(size), dtype=float)
-    return passed(robot, "command", inputs, ages, jnp.full(len(size), ages[1]), p).T
 
 
 def _sensor_sweeps(robot: Robot, scales: Scales) -> Iterator[Sweep]:
@@ -289,7 +293,8 @@ def sweeps(effect: Effect, robot: Robot, scales: Scales, floor: Grid, largest: d
     if "force" in acts:
         found.append(list(_force_sweeps(robot, scales, floor)))
     if "command" in acts:
-        found.append(list(_command_sweeps(robot, scales)))
+        others = [(k,) for k in range(len(robot.channels.inputs)) if k not in robot.drive_inputs]
+        found += [list(_command_sweeps(robot, scales, places)) for places in (robot.drive_inputs, *others)]
     if "measure" in acts:
         found.append(list(_sensor_sweeps(robot, scales)))
     return found

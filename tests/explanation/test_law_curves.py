@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from benchmarks.fingerprints.steered import CAR
 from jaxid import Axis, Effect, Omni, Parameter
 from jaxid.effects import catalogue, effect_by_id
 from jaxid.explanation.law_curves import _chosen, law_curves
@@ -64,6 +65,13 @@ def test_a_command_s_map_is_drawn_over_the_command(double_precision, identifier,
     ((sweep, parts, _, change),) = swept(Omni(), effect_by_id(Omni(), identifier, law), **values)
     assert (sweep.variable, sweep.of, parts) == ("command", "V", [0, 1, 2, 3])
     np.testing.assert_allclose(change, np.tile(expected(sweep.values), (4, 1)), atol=1e-12)
+
+
+def test_a_steering_error_is_drawn_over_the_command_that_does_not_drive(double_precision):
+    ((sweep, parts, after, change),) = swept(CAR, effect_by_id(CAR, "steering_error"), offset_steering=0.05)
+    assert (sweep.variable, sweep.of, sweep.parts) == ("command", "rad", ("of steering",)) and parts == [0]
+    np.testing.assert_allclose(change[0], 0.05, atol=1e-12)
+    assert np.max(sweep.values) == pytest.approx(1.1 * CAR.scales.input_of("steering"))
 
 
 def test_a_lag_is_drawn_as_the_response_to_a_step(double_precision):
