@@ -64,12 +64,12 @@ def _without(identifier: str, current: Trial, base: Trial, logs, held_out, noise
 
 
 def by_laws_again(
-    steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report
+    steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report, last: bool = False
 ) -> tuple[list[Step], Trial]:
-    """The laws of all effects but the last chosen anew, now that the others are there: a law that was best while another effect
-    was missing may have been so by that effect's doing."""
+    """The laws of all effects but the last (or of that, too) chosen anew, now that the others are there: a law that was best
+    while another effect was missing may have been so by that effect's doing."""
     revised = list(steps)
-    for place, step in enumerate(steps[:-1]):
+    for place, step in enumerate(steps if last else steps[:-1]):
         effect = next((e for e in current.robot.effects if e.id == step.chosen.id), None)
         laws = [law.blurred for law in laws_of(base.robot, step.chosen.id)]
         if effect is None or len(laws) < 2 or current.held_out.adequate or current.angles:

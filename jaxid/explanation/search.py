@@ -89,5 +89,8 @@ def search(
         report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
     if colour is not None:
         report(f"what is left is coloured noise: {colour.phrase}")
+    names = [step.chosen.id for step in steps]
     steps, current = reconsidered(steps, current, baseline, logs, held_out, noise, report)
+    if [step.chosen.id for step in steps] != names and not current.held_out.adequate:
+        steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=True)
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
