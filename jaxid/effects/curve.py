@@ -121,7 +121,8 @@ class Curve(Effect):
         return found | shape(self, "reach", of, reach, free=False)
 
     def agrees(self, robot: Robot) -> bool:
-        """Whether the curve that `robot` has is this mechanism's, and not another's whose curve has the same formula."""
+        """Whether the curve that `robot` has is this mechanism's, and not another's whose curve has the same formula, or of
+        which it is several alike."""
         return True
 
     def at(self, x: Scalar, p: Numbers, name: str = "") -> Scalar:

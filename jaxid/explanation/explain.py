@@ -1,6 +1,5 @@
 """The workflow from a fit to an explanation: is anything missing, where, what, how sure, and what next."""
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
@@ -44,6 +43,8 @@ from .telling_apart import differ, supersets, told_apart
 from .worth import likelier
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
+_NO_SLOPE = 1e3
+"""Standard errors, in sizes of a parameter, that only a slope which is none but for rounding leaves."""
 _WEAK = 100.0
 """Lead over the runner-up (chi-squared) below which an experiment is proposed to confirm a name."""
 
@@ -92,11 +93,12 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
 
 
 def _between_samples(effect: Effect, own: Iterable[Estimate], step: Step) -> bool:
-    """Whether the effect's edge lies where no sample does, such as between two levels of a command, so that its parameters
-    have no slope and no errors: that it is there, the likelihood says."""
-    flat = all(math.isinf(estimate.std_error) for estimate in own if estimate.status != "fixed")
+    """Whether the effect's edge lies where no sample does, such as between two levels of a command or, of a delay, between two
+    samples, so that its parameters have no slope and no errors: that it is there, the likelihood says."""
+    flat = all(e.std_error > _NO_SLOPE * abs(e.value) for e in own if e.status != "fixed")
     apart = told_apart(step.after.fitted, step.before.fitted) > current_policy().separated
-    return flat and effect.blurred != effect.sharp and apart and likelier(step.before, step.after, 1)
+    edge = effect.blurred != effect.sharp or effect.only_later
+    return flat and edge and apart and likelier(step.before, step.after, 1)
 
 
 def _equivalent(effect: Effect, step: Step, bare: Robot) -> tuple[str, ...]:

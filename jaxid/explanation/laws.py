@@ -13,7 +13,8 @@ from ..effects.curve import SHAPE, Curve
 from .policy import current_policy
 from .refit import Trial
 from .screen import Candidate
-from .telling_apart import alike
+from .telling_apart import alike, kinds_alike
+from .worth import coarseness
 
 _NEARLY = 0.03
 """Share of what the best explains that another mechanism may lack by one law and be tried by others."""
@@ -72,14 +73,19 @@ def with_the_same_curves(
     mechanisms: Sequence[Sequence[Trial]], screened: Sequence[Candidate], refits: Refits
 ) -> list[list[Trial]]:
     """The mechanisms with those besides whose curve has the formula of the best one's: where the curve bends, and not that one
-    explains, tells two such mechanisms apart."""
+    explains, tells two such mechanisms apart. Where the best one's are several that are alike, with the single curves of the
+    other mechanisms, too."""
     found = [list(own) for own in mechanisms]
-    best = found[0][0].effect
+    leading = found[0][0]
+    best = leading.effect
     if not isinstance(best, Curve):
         return found
+    single = [own[0].id for own in found[1:] if len(best.kinds) > 1 and not best.agrees(leading.robot)]
     tried = {(trial.id, trial.law) for own in found for trial in own}
     laws = [law for candidate in screened for law in (candidate, *candidate.laws)]
-    same = {law.effect.id: law for law in laws if isinstance(law.effect, Curve) and law.effect.formula == best.formula}
+    curves = [(law, law.effect) for law in laws if isinstance(law.effect, Curve)]
+    same = {own.id: law for law, own in curves if own.formula == best.formula}
+    same |= {own.id: law for law, own in curves if own.id in single and len(own.kinds) < len(best.kinds)}
     further = [law for name, law in same.items() if (name, law.effect.law) not in tried]
     for trial in refits(further) if further else []:
         own = next((own for own in found if own[0].id == trial.id), None)
@@ -91,16 +97,19 @@ def with_the_same_curves(
 
 
 def by_where_they_bend(mechanisms: Sequence[list[Trial]], base: Trial) -> list[list[Trial]]:
-    """The mechanisms, best first; where the best curve is rather that of another mechanism of the same formula, which explains
-    the gap of `base`, too, that one first."""
+    """The mechanisms, best first; where the best curve is rather that of another mechanism, of the same formula, which explains
+    the gap of `base`, too, that one first. Of several curves that are alike, a mechanism of fewer that explains the gap or
+    nearly as much comes first."""
     best = mechanisms[0][0]
     if not isinstance(best.effect, Curve) or best.effect.agrees(best.robot):
         return list(mechanisms)
     closed = current_policy().unexplained * base.fitted.gap
+    nearly = best.fitted.gap + coarseness(True, base.fitted)
     for own in mechanisms[1:]:
         effect = own[0].effect
         same = isinstance(effect, Curve) and effect.formula == best.effect.formula and effect.agrees(own[0].robot)
-        if same and own[0].fitted.gap < closed:
+        gap = own[0].fitted.gap
+        if (same and gap < closed) or (kinds_alike(best, own[0]) and gap < max(closed, nearly)):
             return [own, *(other for other in mechanisms if other is not own)]
     return list(mechanisms)
 

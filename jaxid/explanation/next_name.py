@@ -125,7 +125,8 @@ def name_next(
         equivalent = tuple(name for name in not_told_apart(trials, base) if name not in supersets(trials))
     else:
         trials, equivalent, worth = in_colour
-    equivalent = (*equivalent, *(name for name in _as_near(trials, base) if name not in equivalent))
+    near_too = [name for name in _as_near(trials, base) if name not in supersets(trials)]
+    equivalent = (*equivalent, *(name for name in near_too if name not in equivalent))
     for trial in (*trials, *refused):
         say(
             f"refitted with {trial.title}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects.curve import SHAPE
+from ..effects.curve import SHAPE, Curve
 from .heldout import HeldOut
 from .policy import current_policy
 from .refit import Trial
@@ -98,7 +98,21 @@ def simplest_first(trials: Sequence[Trial]) -> list[Trial]:
     return [first, *(trial for trial in trials if trial is not first)]
 
 
+def _kinds(trial: Trial) -> int:
+    """How many curves of one thing the trial's effect has, such as one for either way; a formula counts as one."""
+    return len(trial.effect.kinds) if isinstance(trial.effect, Curve) else 1
+
+
+def kinds_alike(several: Trial, fewer: Trial) -> bool:
+    """Whether the effect of `several` is more curves of one thing than that of `fewer`, all of them much the same: they follow
+    what depends on less."""
+    effect = several.effect
+    return isinstance(effect, Curve) and _kinds(several) > _kinds(fewer) and not effect.agrees(several.robot)
+
+
 def supersets(trials: Sequence[Trial]) -> set[str]:
-    """Ids of the curves of more parameters than the first trial's formula: that they can follow it is no evidence for them."""
+    """Ids of the curves of more parameters than the first trial's formula, and of several curves that are alike where the first
+    is one: that they can follow it is no evidence for them."""
     first = trials[0]
-    return {t.id for t in trials[1:] if first.law != SHAPE and t.law == SHAPE and t.free > first.free}
+    more = (t for t in trials[1:] if first.law != SHAPE and t.law == SHAPE and t.free > first.free)
+    return {t.id for t in more} | {t.id for t in trials[1:] if kinds_alike(t, first)}

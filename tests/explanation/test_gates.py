@@ -214,6 +214,8 @@ def test_an_edge_that_no_sample_lies_at_is_there_by_what_it_explains():
         return _between_samples(effect, [estimate], step)
 
     assert there(edge, flat, trial(1.0, 5))
+    late = effect_by_id(ROBOT, "input_delay")  # of a command that is held, seen at once: anywhere between two samples
+    assert there(late, flat, trial(1.0, 5)) and not there(late, flat, trial(2.0, 5))
     assert not there(edge, flat, trial(2.0, 5))  # explains nothing
     assert not there(smooth, flat, trial(1.0, 5))  # has a slope, or is not determined
     assert not there(edge, Estimate.of(0.1, 0.1, "V", "identified"), trial(1.0, 5))

@@ -10,11 +10,12 @@ from benchmarks.laws.cases import make  # noqa: E402
 from jaxid import explain, output_error, read_logs
 from jaxid.effects import effect_by_id
 from jaxid.explanation.heldout import HeldOut
-from jaxid.explanation.laws import by_law, other_laws
+from jaxid.explanation.laws import by_law, by_where_they_bend, other_laws
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.screen import Candidate
+from jaxid.explanation.telling_apart import supersets
 from jaxid.model_file import read_model, write_model
-from jaxid.robots import Axis, Pioneer
+from jaxid.robots import Axis, DifferentialDrive, Pioneer
 
 
 @pytest.fixture
@@ -126,3 +127,35 @@ def test_of_laws_that_the_data_cannot_tell_apart_the_simplest_and_most_usual_is_
     laws = candidate(tanh, 80.0, (candidate(unequal, 79.0), candidate(hard, 78.0)))
     (own,) = by_law([laws], [tried[tanh]], 5000.0, lambda more: [tried[c.effect] for c in more])
     assert [t.law for t in own] == ["hard", "unequal_limits", "tanh"]
+
+
+@pytest.mark.parametrize("identifier", ["asymmetric_friction", "asymmetric_viscous_friction"])
+def test_a_curve_for_either_way_that_is_one_both_ways_is_no_asymmetry(identifier, double_precision):
+    """Friction that bends alike both ways is one curve of the speed; forward against backward tells nothing of it."""
+    robot = DifferentialDrive()
+    gap = replace(STATE, residuals=(np.full((SAMPLES, 1), 3.0),))
+
+    def followed(effect, squares, **heights):
+        own = trial(robot, effect, squares)
+        state = replace(own.fitted, normalised_rms=1.0 + squares / 1e6)
+        return replace(own, robot=own.robot.with_values(**heights), fitted=state)
+
+    ways, bend = (effect_by_id(robot, name, "shape") for name in (identifier, "stribeck_friction"))
+    each = [[0.9, -0.4, 0.1, 0.3], [0.9, -0.4, 0.1, 0.3]]
+    alike, apart = (
+        {
+            ways.key(f"at_{k}_{way}"): h
+            for way, own in zip(("forward", "backward"), pair, strict=True)
+            for k, h in enumerate(own, 1)
+        }
+        for pair in (each, [[0.5, 0.5, 0.6, 0.5], [-0.5, -0.6, -0.5, -0.5]])
+    )
+    one = followed(bend, 120.0)
+    base = replace(one, fitted=replace(gap, normalised_rms=2.0))
+    for heights, first in ((alike, one.id), (apart, ways.id)):
+        two = followed(ways, 100.0, **heights)
+        ranked = by_where_they_bend([[two], [one]], base)
+        assert ranked[0][0].id == first
+        assert (ways.id in supersets([one, two])) == (first == one.id)
+    unexplained = replace(one, fitted=replace(one.fitted, normalised_rms=1.9))
+    assert by_where_they_bend([[followed(ways, 100.0, **alike)], [unexplained]], base)[0][0].id == ways.id

@@ -14,16 +14,21 @@ from ..earlier import earlier
 from ..effect_parameters import positive
 from .drives import drive_names, each_drive, on_drives
 
+_LEAST = 1e-6
+"""Share of a step that is always shown."""
+
 
 def late(inputs, time, dt, delay):
-    """The mean of `inputs` [T, n], held over steps `dt`, `delay` seconds later, over every step; nothing acts before the
-    start."""
+    """The mean of `inputs` [T, n], held over steps `dt`, `delay` seconds later (one, or one at every edge of the steps,
+    [T + 1]), over every step; nothing acts before the start."""
     # Differences of its integral, which is linear between stamps.
     edges = jnp.concatenate([time, time[-1:] + dt[-1:]])
     whole = jnp.concatenate([jnp.zeros_like(inputs[:1]), jnp.cumsum(inputs * dt[:, None], axis=0)])
     before, share = earlier(edges, delay)
     then = whole[before] + share[:, None] * (whole[before + 1] - whole[before])
-    return jnp.diff(then, axis=0) / dt[:, None]
+    # A delay that grows within a step shows less of the past than the step is long: a command that is held stays as large.
+    shown = dt - jnp.diff(jnp.broadcast_to(delay, edges.shape))
+    return jnp.diff(then, axis=0) / jnp.maximum(shown, _LEAST * dt)[:, None]
 
 
 _PARTS = 8
@@ -75,6 +80,18 @@ class DelayOfEach(InputDelay):
 
 
 @dataclass(frozen=True)
+class DelayOfAll(InputDelay):
+    """Every input with the same delay, those that steer with those that drive: one bus, one radio link."""
+
+    law: ClassVar[str] = "every_input"
+    formula: ClassVar[str] = "u_i'(t) = u_i(t - delay), of inputs that do not drive, too"
+    needs: ClassVar[tuple[str, ...]] = ("steered",)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        return late(inputs, time, dt, p[self.key("delay")])
+
+
+@dataclass(frozen=True)
 class JitteringDelay(InputDelay):
     """Every command late by a time of its own, anything up to twice the `delay`: on average that is a mean over this time."""
 
@@ -106,4 +123,4 @@ class GrowingDelay(InputDelay):
         return on_drives(robot, inputs, late(inputs, time, dt, p[self.key("rate")] * (edges - time[0])))
 
 
-LAWS: tuple[Effect, ...] = (InputDelay(), DelayOfEach(), JitteringDelay(), GrowingDelay())
+LAWS: tuple[Effect, ...] = (InputDelay(), DelayOfEach(), DelayOfAll(), JitteringDelay(), GrowingDelay())

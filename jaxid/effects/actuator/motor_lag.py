@@ -64,6 +64,18 @@ class MotorLag(Effect):
 
 
 @dataclass(frozen=True)
+class LagOfAll(MotorLag):
+    """The same lag of every input, those that steer with those that drive: a filter of all commands."""
+
+    law: ClassVar[str] = "every_input"
+    formula: ClassVar[str] = "time_constant * du_i'/dt = u_i - u_i', of inputs that do not drive, too"
+    needs: ClassVar[tuple[str, ...]] = ("steered",)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        return low_passed(inputs, dt, p[self.key("time_constant")])
+
+
+@dataclass(frozen=True)
 class SecondOrderLag(MotorLag):
     """Two first-order lags one after the other, with half the time constant each."""
 
@@ -178,6 +190,7 @@ LAWS: tuple[Effect, ...] = (
     SecondOrderLag(),
     Inductance(),
     LagOfEach(),
+    LagOfAll(),
     SlewRate(),
     StepResponse(),
 )

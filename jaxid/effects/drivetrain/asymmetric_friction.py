@@ -11,7 +11,7 @@ from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import axis_names, signed
-from .asymmetric_viscous_friction import WAYS
+from .asymmetric_viscous_friction import WAYS, differs_by_way
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,9 @@ class DryAsymmetryCurve(Curve):
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return axis_names(robot)
+
+    def agrees(self, robot: Robot) -> bool:
+        return differs_by_way(self, robot)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.02 * robot.scales.friction

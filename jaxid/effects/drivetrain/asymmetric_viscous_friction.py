@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
@@ -12,6 +13,22 @@ from ..curve import Curve
 from ..effect_parameters import axis_names, signed
 
 WAYS = ("forward", "backward")
+
+
+def differs_by_way(curve: Curve, robot: Robot) -> bool:
+    """Whether a curve for either way (`WAYS`) of each of the robot's axes differs between the ways more than it bends alike
+    both ways, which is a law of friction that no direction changes. What is constant or proportional to the speed both ways
+    is the robot's own Coulomb and viscous friction."""
+    p, share, one_way, both = robot.parameters.numbers, np.linspace(0.0, 1.0, 51), 0.0, 0.0
+    own = np.stack([np.ones_like(share), share], axis=1)
+    for part in curve.parts(robot) if curve.apart else ("",):
+        forward, backward = (
+            np.asarray(curve.at(share * p[curve.key("reach")], p, curve.of(part, way))) for way in WAYS
+        )
+        alike = 0.5 * (forward + backward)
+        alike = alike - own @ np.linalg.lstsq(own, alike, rcond=None)[0]
+        one_way, both = one_way + float(np.sum((0.5 * (forward - backward)) ** 2)), both + float(np.sum(alike**2))
+    return one_way >= both
 
 
 @dataclass(frozen=True)
@@ -73,6 +90,9 @@ class AsymmetryCurve(Curve):
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return axis_names(robot)
+
+    def agrees(self, robot: Robot) -> bool:
+        return differs_by_way(self, robot)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.01 * robot.scales.friction

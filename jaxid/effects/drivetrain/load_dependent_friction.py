@@ -12,18 +12,23 @@ from ..curve import Curve
 from ..effect_parameters import signed
 
 _STILL = 0.01
-"""Share of the robot's speed within which a gear is about to turn: its loss grows with the speed there."""
+"""Share of the robot's speed within which a gear is about to turn."""
 
 
-def turning(state: State, p: Numbers, robot: Robot) -> Scalars:
-    """Which way every wheel turns, -1 to 1."""
+def turning(torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+    """Which way every wheel turns, -1 to 1; one that stands, the way in which its torque would turn it.
+
+    A gear that stands loses as much before it starts as once it turns: else a wheel would break away by torques that cannot
+    move it.
+    """
     still = _STILL * robot.scales.speed * robot.scales.force / max(robot.scales.torque, 1e-300)
     if set(robot.angles) <= set(robot.own_states):  # states of the robot's own, whose rates are its axes' speeds
         speeds = robot.rubbing(state, p)
         rates = tuple(speeds[axis] for axis in robot.drive_axes)
     else:
         rates = robot.angle_rates(state, p)
-    return tuple(jnp.clip(rate / still, -1.0, 1.0) for rate in rates)
+    ways = (jnp.clip(rate / still, -1.0, 1.0) for rate in rates)
+    return tuple(way + (1.0 - jnp.abs(way)) * jnp.sign(torque) for torque, way in zip(torques, ways, strict=True))
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,7 @@ class LoadDependentFriction(Effect):
         return torque - p[self.key("share")] * jnp.abs(torque) * way
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        ways = turning(state, p, robot)
+        ways = turning(torques, state, p, robot)
         return tuple(self._kept(torque, way, p) for torque, way in zip(torques, ways, strict=True))
 
 
@@ -85,7 +90,7 @@ class LoadCurve(Curve):
         return self.heights_and_reach(robot, unit, 0.03 * largest, unit, largest)
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        ways = turning(state, p, robot)
+        ways = turning(torques, state, p, robot)
         return tuple(t - self.at(jnp.abs(t), p) * way for t, way in zip(torques, ways, strict=True))
 
 

@@ -263,6 +263,9 @@ def _refitted(
         total += sum(float(np.sum(r**2)) for r in compared) if held_out is not None else 0.0
         trials.append(_Trial(score, joint, total, compared))
     trials.sort(key=lambda trial: trial.total)
+    # Of a mechanism's laws the best.
+    first_of = {(t.score.candidate.id, t.score.candidate.side): t for t in reversed(trials)}
+    trials = [t for t in trials if first_of[t.score.candidate.id, t.score.candidate.side] is t]
     for trial in trials:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
     return trials, refit(pair, None, colours, null.theta, None, null.states), colours

@@ -122,17 +122,23 @@ def _own(pair: Pair) -> tuple[dict[Side, Array], list[_Changes]]:
     return shared, found
 
 
+def _on_more_inputs(law: Effect, usual: Effect) -> bool:
+    """Whether a law acts on inputs that do not drive, too, which the usual one leaves alone."""
+    return "steered" in law.needs and "steered" not in usual.needs
+
+
 def _mechanisms(
     robot: Robot,
     pair: Pair,
     known: Mapping[Side, Mapping[str, Mapping[str, float]]],
     report: Callable[[str], None],
 ) -> list[_Changes]:
-    """The changes that mechanisms of the catalogue make, by their usual law and their curve, where they appear or vanish."""
+    """The changes that mechanisms of the catalogue make, by their usual law, its like for all inputs and their curve, where
+    they appear or vanish."""
     effects: list[Effect] = []
     for usual in mechanisms_of(robot):
         laws = laws_of(robot, usual.id)
-        effects += [laws[0].blurred, *(law for law in laws[1:] if law.law == SHAPE)]
+        effects += [laws[0].blurred, *(law for law in laws[1:] if law.law == SHAPE or _on_more_inputs(law, laws[0]))]
     found: list[_Changes] = []
     if not effects:
         return found
@@ -287,13 +293,14 @@ def first_look(
 
 
 def _one_of_each(scores: Sequence[Score]) -> list[Score]:
-    """The best of each mechanism by its worth."""
-    seen: set[tuple[str, str]] = set()
+    """The best of each mechanism by its worth, and the best law of fewer numbers than a curve that comes first: to first order
+    alone the curve may promise more."""
+    fewest: dict[tuple[str, str], int] = {}
     kept: list[Score] = []
     for score in sorted(scores, key=lambda s: -s.worth):
-        key = (score.candidate.id, score.candidate.side)
-        if key not in seen:
-            seen.add(key)
+        key, count = (score.candidate.id, score.candidate.side), len(score.delta)
+        if key not in fewest or count < fewest[key]:
+            fewest[key] = count
             kept.append(score)
     return kept
 

@@ -1,0 +1,41 @@
+"""Friction that grows with the drive torque, against Newton's law of one mass."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Integrator, Log, LogSet
+from jaxid.effects import effect_by_id
+from jaxid.simulation.simulate import simulate
+
+MASS, COULOMB, SHARE = 2.0, 1.0, 0.2
+LAWS = {"share_of_torque": {"share": SHARE}, "driving_and_driven": {"driving": SHARE, "driven": SHARE}}
+
+
+def speeds(law, forces):
+    """Speeds [T] under the `forces` [T], 0.02 s each."""
+    robot = Axis().with_values(M=MASS, Fv=0.0, Fc=COULOMB)
+    effect = effect_by_id(robot, "load_dependent_friction", law)
+    robot = (robot + effect).with_values(**{effect.key(name): value for name, value in LAWS[law].items()})
+    inputs, still = np.asarray(forces)[:, None], np.zeros((len(forces), 1))
+    log = Log.from_arrays("run", 0.02 * np.arange(len(forces)), inputs, still, robot)
+    return simulate(robot, LogSet([log]), integrator=Integrator(8))[0][:, 0]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_gear_that_stands_loses_what_it_loses_once_it_turns(law):
+    """It breaks away where `torque (1 - share)` exceeds the Coulomb level, either way, and not before."""
+    breaks = COULOMB / (1.0 - SHARE)
+    for way in (1.0, -1.0):
+        assert np.abs(speeds(law, np.full(50, 0.97 * way * breaks))).max() < 1e-9
+        found = speeds(law, np.full(50, 1.2 * way * breaks))
+        assert found[-1] == pytest.approx(way * (1.2 - 1.0) * COULOMB / MASS * 0.98, rel=0.01)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_braking_takes_more_than_the_torque_and_then_it_stands(law):
+    forces = np.concatenate([np.full(50, 5.0), np.full(100, -1.2)])
+    found = speeds(law, forces)
+    fastest = (5.0 * (1.0 - SHARE) - COULOMB) / MASS
+    stops = fastest * MASS / (1.2 * (1.0 + SHARE) + COULOMB)
+    np.testing.assert_allclose(found[50:100], fastest * (1.0 - np.arange(50) * 0.02 / stops), atol=0.005 * fastest)
+    assert stops < 1.9 and abs(found[-1]) < 1e-9  # 1.2 N less a fifth is not enough to go back
