@@ -168,7 +168,7 @@ class _Runs:
         return self.steps(*arrays)[0]
 
 
-_runs = lru_cache(4 * _MOST_MODELS)(_Runs)
+_runs = lru_cache(_MOST_MODELS)(_Runs)
 
 
 def _run(function: Callable[..., Any], fixed: tuple[Any, ...], *records: Any) -> np.ndarray:
