@@ -18,7 +18,7 @@ _MOST = 2
 """Times that the points of a curve are doubled."""
 
 
-def _bare(robot: Robot, effect: Effect) -> Robot:
+def bare_of(robot: Robot, effect: Effect) -> Robot:
     """`robot` without one of its effects."""
     kept = {name: p for name, p in robot.parameters.items() if not name.startswith(effect.key(""))}
     others = tuple(own for own in robot.effects if own is not effect)
@@ -36,7 +36,7 @@ def with_curves_apart(robot: Robot, identifier: str) -> Robot:
     """`robot` with a curve of its own for every part of it (`Curve.parts`), all of them what the one for all was."""
     shared, table = _curve_of(robot, identifier), robot.parameters
     own = replace(shared, apart=True)
-    found = _bare(robot, shared) + own
+    found = bare_of(robot, shared) + own
     values = {n: p.value for n, p in table.items() if n.startswith(shared.key("")) and n in found.parameters}
     for kind in shared.kinds:
         for k in shared.varying:
@@ -55,7 +55,7 @@ def with_denser_curve(robot: Robot, identifier: str) -> Robot:
     """`robot` with its curve `identifier` through twice as many points: the same curve, what was held still held."""
     coarse, table = _curve_of(robot, identifier), robot.parameters
     dense = coarse.denser
-    found = _bare(robot, coarse) + dense
+    found = bare_of(robot, coarse) + dense
     values: dict[str, float] = {}
     for name in coarse.each(robot):
         heights = [
@@ -77,7 +77,7 @@ def with_further_terms(robot: Robot, identifier: str) -> Robot:
     """`robot` with the denser law of its effect `identifier`: what both have is what it was, the further terms are nothing."""
     plain = next(effect for effect in robot.effects if effect.id == identifier)
     assert plain.denser is not None
-    found = _bare(robot, plain) + plain.denser
+    found = bare_of(robot, plain) + plain.denser
     own = {n: p for n, p in robot.parameters.items() if n.startswith(plain.key("")) and n in found.parameters}
     for name, parameter in own.items():
         found = found if parameter.free else found.change(name, free=False)

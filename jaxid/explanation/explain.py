@@ -1,6 +1,6 @@
 """The workflow from a fit to an explanation: is anything missing, where, what, how sure, and what next."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from .._compile import seldom_collected
@@ -14,7 +14,7 @@ from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
 from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
-from ..estimate.result import Estimate, Fit
+from ..estimate.result import Fit
 from ..logs import LogError, LogSet
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
@@ -27,24 +27,22 @@ from .explanation import Explanation, Verdict
 from .heldout import HeldOut
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
-from .named_effect import Evidence, NamedEffect, differs_from_nothing, effect_parameters
+from .named_effect import Evidence, NamedEffect, effect_parameters
+from .needed import only_needed, sure_of
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .passing_jumps import without_passing_jumps
 from .policy import Policy, current_policy, keeps_policy
 from .prescribed_angles import predicted
-from .refit import in_full
+from .refit import Trial, in_full
 from .same_curves import curves_that_are
 from .search import MOST_EFFECTS, search
 from .shape import shapes_of
 from .steps import Search, Step
 from .table_constants import Shares, changed_by, constants_like, effects_that_are, found_wrong, in_a_sentence
-from .telling_apart import differ, supersets, told_apart
-from .worth import likelier
+from .telling_apart import differ, supersets
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
-_NO_SLOPE = 1e3
-"""Standard errors, in sizes of a parameter, that only a slope which is none but for rounding leaves."""
 _WEAK = 100.0
 """Lead over the runner-up (chi-squared) below which an experiment is proposed to confirm a name."""
 
@@ -72,7 +70,7 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
         effect = present.get(step.chosen.id)
         if effect is not None:
             own = effect_parameters(effect.id, effect.frees(final.robot), final.parameters)
-            sure = differs_from_nothing(effect, baseline, final) or _between_samples(effect, own.values(), step)
+            sure = sure_of(effect, step, baseline, final)
             same_law = effect.law == step.chosen.law
             named.append(
                 NamedEffect(
@@ -90,15 +88,6 @@ def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
                 )
             )
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
-
-
-def _between_samples(effect: Effect, own: Iterable[Estimate], step: Step) -> bool:
-    """Whether the effect's edge lies where no sample does, such as between two levels of a command or, of a delay, between two
-    samples, so that its parameters have no slope and no errors: that it is there, the likelihood says."""
-    flat = all(e.std_error > _NO_SLOPE * abs(e.value) for e in own if e.status != "fixed")
-    apart = told_apart(step.after.fitted, step.before.fitted) > current_policy().separated
-    edge = effect.blurred != effect.sharp or effect.only_later
-    return flat and edge and apart and likelier(step.before, step.after, 1)
 
 
 def _equivalent(effect: Effect, step: Step, bare: Robot) -> tuple[str, ...]:
@@ -300,8 +289,14 @@ def explain(
     mended = found.after.adequate and not found.before.adequate
     if (found.steps or mended) and found.final:
         report("fitting the model with what was added, and its standard errors")
-        final = in_full(found.final, whole, after.noise, loss=loss, covariance=covariance)
-        after = predicted(final.robot, held_out, after.noise)
+        noise = after.noise
+
+        def finished(trial: Trial) -> Fit:
+            return in_full(trial, whole, noise, loss=loss, covariance=covariance)
+
+        final = finished(found.final)
+        after = predicted(final.robot, held_out, noise)
+        found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
     named = _named(found, fit, final)
     doubts = _doubts(found, final, named, after)
     verdict = _verdict(found, named, most, doubts)

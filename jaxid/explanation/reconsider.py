@@ -10,12 +10,12 @@ from ..logs import LogSet
 from ..robots.robot import Robot
 from .candidate_refits import Report, all_added
 from .denser import densest
-from .laws import best_first
+from .laws import best_first, by_where_they_bend
 from .refit import Trial, continued, refit, refit_from_itself
 from .screen import screen
 from .steps import Step
 from .table_constants import constants_instead
-from .telling_apart import alike, not_told_apart, told_apart_from
+from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
 
 
 def _with_effects(base: Robot, owners: Mapping[str, Robot]) -> Robot:
@@ -57,7 +57,7 @@ def pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: d
     return current
 
 
-def _without(identifier: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
+def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
     """The model without one of its effects, refitted."""
     owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
     return _refitted(_with_effects(base.robot, owners), current, logs, held_out, noise)
@@ -75,7 +75,7 @@ def by_laws_again(
         if effect is None or len(laws) < 2 or current.held_out.adequate or current.angles:
             continue
         say(f"the laws of {step.chosen.id} once more")
-        bare = _without(effect.id, current, base, logs, held_out, noise)
+        bare = without(effect.id, current, base, logs, held_out, noise)
         screened = screen(bare.robot, logs, laws, noise, bare.initial_states)
         candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
         others = [law for law in candidates if law.effect.law != effect.law and law.gain > 0]
@@ -129,7 +129,7 @@ def with_trials(step: Step, trials: list[Trial]) -> Step:
     others = tuple(trial for trial in step.trials if trial.id not in {own.id for own in trials})
     same = trials[0].id == step.chosen.id
     laws, alike_laws = (step.laws, step.laws_alike) if same else ((trials[0],), ())
-    equivalent = not_told_apart(trials, step.before)
+    equivalent = tuple(name for name in not_told_apart(trials, step.before) if name not in supersets(trials))
     return replace(step, trials=(*trials, *others), equivalent=equivalent, laws=laws, laws_alike=alike_laws)
 
 
@@ -161,15 +161,16 @@ def reconsidered(
             swapped = _refitted(_with_effects(base.robot, owners), final, logs, held_out, noise)
             trials.append(replace(swapped, id=rival.id))
             say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
+        bare = without(step.chosen.id, final, base, logs, held_out, noise)
         if TableConstants.id not in present:
-            bare = _without(step.chosen.id, final, base, logs, held_out, noise)
             right = constants_instead(bare, min(trials, key=lambda t: t.score), logs, held_out)
             if right is not None:
                 say(
                     f"other constants instead of {step.chosen.id}: held-out {right.held_out.normalised_rms:.3f} x noise"
                 )
                 trials.append(right)
-        trials.sort(key=lambda t: t.score)
+        mechanisms = by_where_they_bend([[trial] for trial in sorted(trials, key=lambda t: t.score)], bare)
+        trials = simplest_first([own[0] for own in mechanisms])
         final = trials[0]
         if len(trials) > 1:
             step = with_trials(step, trials)

@@ -7,7 +7,6 @@ missing, and whether what ranked first is believed.
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..effects import catalogue, laws_of
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
@@ -16,10 +15,11 @@ from .candidate_refits import Report
 from .colour_left import colour_left, explained_somewhere, generalised_trial
 from .fine_steps import ranked_with_fine_steps
 from .first_look import first_look
+from .from_the_back import named_from_the_back, not_present
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
 from .reconsider import by_laws_again, pruned, rather_by_curves, reconsidered
-from .refit import refit
+from .refit import Trial, refit
 from .screen import Candidate
 from .steps import Search, Step
 from .within_errors import within_errors
@@ -52,45 +52,62 @@ def search(
     looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
     colour = None
-    while not current.held_out.adequate:
-        colour = colour_left(current, logs, held_out, noise)
-        if not could_matter(current, baseline):
-            colour = None  # too little to be looked at any further
-            break
-        if colour is None and len(steps) >= most:
-            break
-        present = {effect.id for effect in current.robot.effects}
-        own = [law for effect in catalogue(current.robot) for law in laws_of(current.robot, effect.id)]
-        remaining = [effect.blurred for effect in (*own, *effects) if effect.id not in present]
-        count = len({effect.id for effect in remaining})
-        report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
-        shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
-        screened = first_look(shown, logs, remaining, noise, report)
-        looked_at = looked_at or tuple(screened)
-        if colour is not None and explained_somewhere(shown, remaining, screened, logs, held_out, noise):
-            colour = None
-        if len(steps) >= most or colour is not None:
-            break
-        found = name_next(current, baseline, screened, logs, held_out, noise, report)
-        found = or_constants(found, current, baseline, screened, logs, held_out, report)
-        if found is None:
-            break
-        found = ranked_with_fine_steps(found, logs, held_out, noise, report)
-        instead = rather_by_curves(steps, found, logs, held_out, noise, report) if steps else None
-        if instead is not None:
-            steps, current = instead
-            continue
-        steps.append(found)
-        current = replace(found.chosen, in_colour=None)
-        if len(steps) > 1:
+    for last in (False, True):
+        while not current.held_out.adequate:
+            colour = colour_left(current, logs, held_out, noise)
+            if not could_matter(current, baseline):
+                colour = None  # too little to be looked at any further
+                break
+            full = _added(current, baseline) >= most or len(steps) > most
+            if colour is None and full:
+                break
+            remaining = not_present(current.robot, effects)
+            count = len({effect.id for effect in remaining})
+            report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
+            shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
+            screened = first_look(shown, logs, remaining, noise, report)
+            looked_at = looked_at or tuple(screened)
+            if colour is not None and explained_somewhere(shown, remaining, screened, logs, held_out, noise):
+                colour = None
+            if full or colour is not None:
+                break
+            found = name_next(current, baseline, screened, logs, held_out, noise, report)
+            found = or_constants(found, current, baseline, screened, logs, held_out, report)
+            if found is None:
+                break
+            found = ranked_with_fine_steps(found, logs, held_out, noise, report)
+            instead = rather_by_curves(steps, found, logs, held_out, noise, report) if steps else None
+            if instead is not None:
+                steps, current = instead
+                continue
+            steps.append(found)
+            current = replace(found.chosen, in_colour=None)
+            if len(steps) > 1:
+                current = pruned(current, baseline, logs, held_out, noise, report)
+                if not current.held_out.adequate:
+                    steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report)
+            report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
+        names = _names(steps)
+        if colour is None:
+            steps, current = named_from_the_back(steps, current, baseline, effects, logs, held_out, noise, report)
+        if _names(steps) != names:
             current = pruned(current, baseline, logs, held_out, noise, report)
-            if not current.held_out.adequate:
-                steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report)
-        report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
+        steps, current = reconsidered(steps, current, baseline, logs, held_out, noise, report)
+        if _names(steps) == names or current.held_out.adequate:
+            break
+        steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=True)
+        if last or current.held_out.adequate or colour is not None:
+            break
     if colour is not None:
         report(f"what is left is coloured noise: {colour.phrase}")
-    names = [step.chosen.id for step in steps]
-    steps, current = reconsidered(steps, current, baseline, logs, held_out, noise, report)
-    if [step.chosen.id for step in steps] != names and not current.held_out.adequate:
-        steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=True)
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
+
+
+def _added(current: Trial, baseline: Trial) -> int:
+    """How many effects the model has that the fitted one had not."""
+    return len(current.robot.effects) - len(baseline.robot.effects)
+
+
+def _names(steps: Sequence[Step]) -> list[str]:
+    """What the steps have added, in their order."""
+    return [step.chosen.id for step in steps]

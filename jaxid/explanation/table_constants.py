@@ -7,6 +7,7 @@ does, it is asked whether constants change the simulation like it (`constants_li
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,10 @@ _LIKE = 0.5
 """Share of what the effect changed (chi-squared) that constants may lack to first order to be fitted: large changes bend."""
 _BENT = 0.1
 """Share of what another candidate explains that constants may explain less, to first order, and are fitted all the same."""
+_NOTHING = 1e-6
+"""Share of a constant's change below which the fitted parameters are taken to do all of it."""
+_RANK = 1e-9
+"""Share of the largest below which a direction of changes is rounding."""
 _MOST = 6
 """Most constants that are fitted one by one."""
 _TOGETHER = 3
@@ -57,15 +62,6 @@ def _outputs(models: list[Robot], logs: LogSet, noise: Mapping[str, float]) -> A
     return np.stack([np.nan_to_num(np.concatenate([r.ravel() for r in own])) for own in every])
 
 
-def _left(own: Array, columns: Sequence[Array], wanted: Array) -> float:
-    """Share of `wanted` that the changes `own` [n, samples] and `columns` leave, to first order."""
-    every = np.column_stack([*own, *columns])
-    if not np.isfinite(every).all() or not all(np.any(column) for column in columns):
-        return np.inf
-    answer = np.linalg.lstsq(every, wanted, rcond=1e-9)[0]
-    return float(np.sum((wanted - every @ answer) ** 2)) / max(float(wanted @ wanted), 1e-300)
-
-
 def _shortened(own: Array, constants: Mapping[str, Array], wanted: Array) -> tuple[Array, dict[str, Array], Array]:
     """The same, turned so that all but the first few samples are zero and left out: what `_left` finds is the same."""
     every = np.column_stack([*own, *constants.values(), wanted])
@@ -75,21 +71,64 @@ def _shortened(own: Array, constants: Mapping[str, Array], wanted: Array) -> tup
     return turned[: len(own)], dict(zip(constants, turned[len(own) : -1], strict=True)), turned[-1]
 
 
-def _likely(own: Array, constants: Mapping[str, Array], wanted: Array) -> list[tuple[str, ...]]:
-    """Which constants, alone and together, may do what is wanted: those alone best first, then ever more of those that
-    together do most."""
-    own, constants, wanted = _shortened(own, constants, wanted)
-    alone = sorted((_left(own, [column], wanted), name) for name, column in constants.items())
+def _beyond(own: Array, constants: Mapping[str, Array], wanted: Array) -> tuple[list[str], Array, Array, float]:
+    """Which constants change something, their directions [constants, samples] of length one with the changes `own`
+    [n, samples] projected off, what of `wanted` these leave, and the whole of it (chi-squared)."""
+    own, columns, wanted = _shortened(own, constants, wanted)
+    basis = _basis(own)
+    kept = {}
+    for name, column in columns.items():
+        size = float(np.linalg.norm(column))
+        if not np.isfinite(size) or size == 0.0:
+            continue
+        beyond = column - basis @ (basis.T @ column)
+        length = float(np.linalg.norm(beyond))
+        if length > _NOTHING * size:  # else the fitted parameters do all that it does
+            kept[name] = beyond / length
+    left = wanted - basis @ (basis.T @ wanted)
+    directions = np.array(list(kept.values())) if kept else np.empty((0, len(wanted)))
+    return list(kept), directions, left, max(float(wanted @ wanted), 1e-300)
+
+
+def _basis(own: Array) -> Array:
+    """An orthonormal basis [samples, m] of the changes `own` [n, samples]."""
+    finite = own[np.isfinite(own).all(axis=1)]
+    sizes = np.linalg.norm(finite, axis=1, keepdims=True)
+    turned, values, _ = np.linalg.svd((finite[sizes[:, 0] > 0] / sizes[sizes > 0][:, None]).T, full_matrices=False)
+    return turned[:, values > _RANK * values.max(initial=0.0)]
+
+
+def _best_of(number: int, directions: Array, left: Array) -> tuple[float, tuple[int, ...]]:
+    """Of all sets of so many `directions` [constants, samples] that which leaves least of `left`, and what it leaves: chosen
+    one by one, the first would stand for two that are meant."""
+    sets = np.array(list(combinations(range(len(directions)), number)))
+    products, along = directions @ directions.T, directions @ left
+    own = products[sets[:, :, None], sets[:, None, :]]
+    wanted = along[sets]
+    inverse = np.linalg.pinv(own, rcond=_RANK, hermitian=True)
+    explained = np.einsum("sa,sab,sb->s", wanted, inverse, wanted)
+    best = int(np.argmax(explained))
+    return float(left @ left - explained[best]), tuple(int(k) for k in sets[best])
+
+
+def _likely(
+    own: Array, constants: Mapping[str, Array], wanted: Array
+) -> tuple[list[tuple[str, ...]], dict[str, tuple[str, ...]]]:
+    """Which constants, alone and together, may do what is wanted: those alone best first, then of ever more of them the set
+    that does most. And of each constant those that do the same as it, beside the fitted parameters."""
+    names, directions, left, whole = _beyond(own, constants, wanted)
+    same = np.abs(directions @ directions.T) > 1.0 - _NOTHING
+    twins = {name: tuple(np.array(names)[same[k]].tolist()) for k, name in enumerate(names)}
+    alone = sorted(
+        (float(left @ left - (d @ left) ** 2) / whole, name) for name, d in zip(names, directions, strict=True)
+    )
     sets: list[tuple[str, ...]] = []
-    sets += [(name,) for left, name in alone if left < _LIKE][:_MOST]
-    chosen: list[str] = []
-    for _ in range(min(_TOGETHER, len(constants))):
-        rest = [name for name in constants if name not in chosen]
-        left, best = min((_left(own, [constants[n] for n in (*chosen, name)], wanted), name) for name in rest)
-        chosen.append(best)
-        if len(chosen) > 1 and left < _LIKE:
-            sets.append(tuple(chosen))
-    return sets
+    sets += [(name,) for rest, name in alone if rest < _LIKE][:_MOST]
+    for number in range(2, min(_TOGETHER, len(names)) + 1):
+        rest, best = _best_of(number, directions, left)
+        if rest / whole < _LIKE:
+            sets.append(tuple(names[k] for k in best))
+    return sets, twins
 
 
 def _secants(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: LogSet) -> tuple[Array, Array, Array]:
@@ -125,12 +164,18 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
     _, secants, changes = _secants(before, [after.robot], constants, logs)
     own = secants[: -len(constants)]
     found: list[Shares] = []
-    for chosen in _likely(own, dict(zip(constants, secants[-len(constants) :], strict=True)), changes[0]):
+    sets, twins = _likely(own, dict(zip(constants, secants[-len(constants) :], strict=True)), changes[0])
+    failed: set[str] = set()
+    for chosen in sets:
         if found and len(chosen) > len(found[0]):
             break  # fewer do
+        if len(chosen) == 1 and chosen[0] in failed:
+            continue
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
-        if max(map(abs, shares.values())) < _FARTHEST and not told_apart_from(after, trial):
+        if told_apart_from(after, trial):
+            failed |= set(twins[chosen[0]]) if len(chosen) == 1 else set()
+        elif max(map(abs, shares.values())) < _FARTHEST:
             found.append(shares)
     return found
 
@@ -157,17 +202,14 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
         return None
     residual, secants, _ = _secants(before, [], constants, logs)
     own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
-    usable = {name: column for name, column in columns.items() if np.isfinite(column).all() and np.any(column)}
-    own, usable, residual = _shortened(own, usable, residual)
+    names, directions, wanted, _ = _beyond(own, columns, -residual)
     rival = best.squares if best is not None else before.squares
-    chosen: tuple[str, ...] = ()
     trials: list[Trial] = []
-    for _ in range(min(_TOGETHER, len(usable))):
-        rest = [name for name in usable if name not in chosen]
-        left, name = min((_left(own, [usable[n] for n in (*chosen, name)], -residual), name) for name in rest)
-        chosen = (*chosen, name)
+    for number in range(1, min(_TOGETHER, len(names)) + 1):
+        left, places = _best_of(number, directions, wanted)
+        chosen = tuple(names[k] for k in places)
         # To first order; what the fit finds may be less.
-        if left * float(residual @ residual) > rival + _BENT * (before.squares - rival):
+        if left > rival + _BENT * (before.squares - rival):
             continue
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)

@@ -9,9 +9,10 @@ import pytest
 from jaxid import Axis, Custom, Log, LogError, LogSet, Parameter, compare, explain, output_error
 from jaxid.effects.catalogue import effect_by_id
 from jaxid.estimate.result import Estimate
-from jaxid.explanation.explain import _between_samples, _doubts, _verdict
+from jaxid.explanation.explain import _doubts, _verdict
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.named_effect import Evidence, NamedEffect, differs_from_nothing
+from jaxid.explanation.needed import _between_samples
 from jaxid.explanation.policy import Policy
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.steps import Search, Step
@@ -211,7 +212,7 @@ def test_an_edge_that_no_sample_lies_at_is_there_by_what_it_explains():
 
     def there(effect, estimate, after):
         step = Step((after,), (), (), trial(2.0, 4), after)
-        return _between_samples(effect, [estimate], step)
+        return _between_samples(effect, {"own": estimate}, step)
 
     assert there(edge, flat, trial(1.0, 5))
     late = effect_by_id(ROBOT, "input_delay")  # of a command that is held, seen at once: anywhere between two samples
