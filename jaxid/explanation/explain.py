@@ -39,7 +39,7 @@ from .same_curves import curves_that_are
 from .search import MOST_EFFECTS, search
 from .shape import shapes_of
 from .steps import Search, Step
-from .table_constants import Shares, changed_by, constants_like, effects_that_are, found_wrong, in_a_sentence
+from .table_constants import Shares, built_in, changed_by, constants_like, effects_that_are, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
@@ -317,6 +317,9 @@ def explain(
         verdict = _verdict(found, named, most, doubts)
     tables = tuple(in_a_sentence(identifier, sets) for identifier, sets in constants.items() if sets)
     tables += tuple(found_wrong(effect.constants[0]) for effect in named if effect.id == TableConstants.id)
+    if verdict in ("named", "ambiguous"):
+        there = {effect.id for effect in named}
+        tables += built_in([effect for effect in final.robot.effects if effect.id in there], fit.robot)
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
     open_ = found.colour is not None and not found.steps

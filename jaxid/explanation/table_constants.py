@@ -246,6 +246,19 @@ def in_a_sentence(identifier: str, found: Sequence[Shares]) -> str:
     )
 
 
+def built_in(effects: Sequence[Effect], robot: Robot) -> tuple[str, ...]:
+    """Sentences on those of the named `effects` that may as well be a constant of the model that its table does not hold; none
+    for a robot whose table holds constants, which have been tried."""
+    if _constants(robot):
+        return ()
+    return tuple(
+        f"What is called {in_words(effect.id)} here may as well be {effect.otherwise}: the model's table holds no known "
+        "constant that could be tried instead. Check those numbers in the model before the sensor is corrected."
+        for effect in effects
+        if effect.otherwise
+    )
+
+
 def found_wrong(shares: Shares) -> str:
     """A sentence that says which constants of the table the data contradicts, by how much."""
     listed = " and ".join(f"{n} by {100 * share:+.2g} %" for n, share in shares.items())

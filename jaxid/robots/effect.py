@@ -64,6 +64,8 @@ class Effect:
     """Whether it is tried by itself; else only where another law of the mechanism, whose `denser` it is, leaves something."""
     only_later: ClassVar[bool] = False
     """Whether all it does is that the same motion is seen later."""
+    otherwise: ClassVar[str] = ""
+    """What of the robot itself does the same, in words, so that no log tells it apart where the table does not hold it."""
     finer: ClassVar[float] = 1.0
     """How many times shorter than the robot's the integration steps must be for the effect's own parameters."""
 

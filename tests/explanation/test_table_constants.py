@@ -8,7 +8,7 @@ from jaxid import Channels, Custom, Log, LogSet, Parameter, Pioneer, explain, ou
 from jaxid.effects import effect_by_id
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.refit import Trial
-from jaxid.explanation.table_constants import constants_like, effects_that_are
+from jaxid.explanation.table_constants import _likely, constants_like, effects_that_are
 from jaxid.model_file import read_model
 
 DT, NOISE = 0.02, 0.005
@@ -53,6 +53,20 @@ def test_a_wrong_radius_is_named_beside_the_sensors_scale_with_its_error(radius)
     (said,) = [note for note in found.notes if "a wrong constant in the table" in note]
     share = float(said.partition("radius (")[2].partition(" %")[0])
     assert share == pytest.approx(100 * (0.1 / radius - 1.0), abs=0.5)
+
+
+def test_a_length_that_is_written_into_the_model_is_said_beside_the_sensors_scale():
+    """The radius is no parameter, so that nothing of the table can be tried in the sensor's place."""
+    own = Custom(
+        dynamics=lambda state, inputs, p: {"v": (0.104 * inputs["spin"] - state["v"]) / p["T"]},
+        state_names=("v",),
+        own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
+        table={"T": Parameter(0.3, "s", lower=0.0, free=True)},
+    )
+    fitted = LogSet([log("a", 0, own), log("b", 1, own)])
+    found = explain(output_error(own, fitted), fitted, LogSet([log("held", 2, own)]))
+    assert [effect.id for effect in found.effects] == ["sensor_scale"]
+    assert any("built in wrongly" in note for note in found.notes)
 
 
 def test_what_no_constant_does_is_called_by_its_name_alone():
@@ -119,3 +133,29 @@ def test_a_wrong_constant_that_no_effect_stands_for_is_itself_what_is_found(tmp_
     found.save(tmp_path)
     again = read_model(tmp_path / "model.toml", SLOWED)
     assert again.parameters["limit"].value == effect.parameters["limit"].value
+
+
+def test_two_constants_are_found_where_a_third_alone_does_more_than_either():
+    """Chosen one by one, what is nearly the sum of two comes first, and with any one of these the answer is worse."""
+    rng = np.random.default_rng(5)
+    own, one, other, far = np.linalg.qr(rng.normal(size=(500, 4)))[0].T
+    columns = {
+        "a": 3.0 * one + 2.0 * own,
+        "b": 0.1 * other - own,
+        "between": one + other + 0.4 * far,
+        "nothing": 5.0 * own,
+    }
+    sets, twins = _likely(own[None], columns, one + other + 0.7 * own)
+    assert ("between",) in sets and ("a", "b") in sets
+    assert not any("nothing" in chosen for chosen in sets)  # the fitted parameters do all that it does
+    assert twins["a"] == ("a",)
+
+
+def test_constants_that_do_the_same_are_known_for_it():
+    """A mass and a resistance that scale one force: which of them it is, no log says."""
+    rng = np.random.default_rng(6)
+    own, one, other = np.linalg.qr(rng.normal(size=(500, 3)))[0].T
+    columns = {"mass": one + 3.0 * own, "resistance": -2.0 * one + own, "length": other}
+    sets, twins = _likely(own[None], columns, one)
+    assert set(twins["mass"]) == {"mass", "resistance"} and twins["length"] == ("length",)
+    assert sets[:2] == [("mass",), ("resistance",)] or sets[:2] == [("resistance",), ("mass",)]

@@ -21,6 +21,9 @@ class SensorScale(Effect):
     law: ClassVar[str] = "each_channel"
     where: ClassVar[str] = "sensor"
     formula: ClassVar[str] = "y' = (1 + error) y"
+    otherwise: ClassVar[str] = (
+        "a length that the model has built in wrongly, such as a wheel's radius or a lever, or a unit"
+    )
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
@@ -38,6 +41,7 @@ class ScaleByDirection(SensorScale):
 
     law: ClassVar[str] = "by_direction"
     formula: ClassVar[str] = "y' = (1 + error) y where y > 0, (1 + error_backward) y where y < 0"
+    otherwise: ClassVar[str] = ""
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
