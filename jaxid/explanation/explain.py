@@ -297,6 +297,8 @@ def explain(
         final = finished(found.final)
         after = predicted(final.robot, held_out, noise)
         found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
+    if found.steps and final is not fit:
+        found = replace(found, after=after)  # what the fit in full leaves, and not what a search's few steps had left
     named = _named(found, fit, final)
     doubts = _doubts(found, final, named, after)
     verdict = _verdict(found, named, most, doubts)
@@ -318,8 +320,8 @@ def explain(
     tables = tuple(in_a_sentence(identifier, sets) for identifier, sets in constants.items() if sets)
     tables += tuple(found_wrong(effect.constants[0]) for effect in named if effect.id == TableConstants.id)
     if verdict in ("named", "ambiguous"):
-        there = {effect.id for effect in named}
-        tables += built_in([effect for effect in final.robot.effects if effect.id in there], fit.robot)
+        alone = {effect.id for effect in named if not constants.get(effect.id)}
+        tables += built_in([effect for effect in final.robot.effects if effect.id in alone], fit.robot)
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
     open_ = found.colour is not None and not found.steps

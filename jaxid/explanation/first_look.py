@@ -7,11 +7,16 @@ an initial state of its own, errors grow for the length of a window only (multip
 force where it acts. But a window's initial state takes up what is slow, and costs in windows and of whole logs do not compare.
 So windows are for the first look alone, all candidates in the same ones: it says which are refitted and from where. Refits are
 made to whole logs, where they are ranked and judged.
+
+A fit that does not follow its logs may have gone where nothing moves any more, such as to a mass that no motor turns, because
+what is missing holds the robot still. Nothing is seen from there, and no few steps lead back: the look is then one from where
+that fit began, too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from ..estimate.result import Fit
 from ..logs import LogSet
 from ..logs.windows import Windows, in_windows
 from ..robots.effect import Effect
@@ -58,10 +63,57 @@ def _rescaled(candidate: Candidate, scale: float) -> Candidate:
     return replace(candidate, gain=candidate.share * scale, in_colour=candidate.share * scale, laws=laws)
 
 
+def begun_at(fit: Fit) -> dict[str, float]:
+    """The free parameters from which a failed fit began, as far as its origin tells; none of any other fit."""
+    arguments = fit.origin.arguments if fit.failed and fit.origin is not None else {}
+    robot, start = arguments.get("robot"), arguments.get("start")
+    if not isinstance(robot, Robot) or not set(fit.free_names) <= set(robot.parameters):
+        return {}
+    values = {name: robot.parameters[name].value for name in fit.free_names}
+    given = start if isinstance(start, Mapping) else {}
+    return values | {name: float(value) for name, value in given.items() if name in values}
+
+
+def _from_the_start(
+    found: list[Candidate],
+    begun: dict[str, float],
+    trial: Trial,
+    logs: LogSet,
+    effects: Sequence[Effect],
+    noise: dict[str, float],
+    report: Report,
+) -> list[Candidate]:
+    """The candidates with those of a look from the values `begun`: of each mechanism the one that promises the greater share of
+    what there is to explain where it was looked for, and refits from there, too."""
+    robot = trial.robot.with_values(**begun)
+    others = [
+        _from_there(own, begun) for own in screen(robot, logs, effects, noise, trial.initial_states, None, report)
+    ]
+    scale = max((c.gain / c.share for c in found if c.share > 0), default=0.0)
+    best = {candidate.effect.id: _from_there(candidate, begun) for candidate in found}
+    for other in others:
+        known = best.get(other.effect.id)
+        if scale and (known is None or other.share > known.share):
+            best[other.effect.id] = _rescaled(other, scale)
+    return sorted(best.values(), key=lambda candidate: -candidate.gain)
+
+
 def first_look(
+    trial: Trial,
+    logs: LogSet,
+    effects: Sequence[Effect],
+    noise: dict[str, float],
+    report: Report,
+    begun: dict[str, float] | None = None,
+) -> list[Candidate]:
+    """Score `effects` that `trial` lacks, as `screen` does; from the values `begun` besides, where these are given."""
+    found = _first_look(trial, logs, effects, noise, report)
+    return found if not begun else _from_the_start(found, begun, trial, logs, effects, noise, report)
+
+
+def _first_look(
     trial: Trial, logs: LogSet, effects: Sequence[Effect], noise: dict[str, float], report: Report
 ) -> list[Candidate]:
-    """Score `effects` that `trial` lacks, as `screen` does."""
     windows = windows_to_look_in(trial, logs)
     if windows is None:
         return screen(trial.robot, logs, effects, noise, trial.initial_states, trial.angles, report)

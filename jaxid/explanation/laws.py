@@ -96,6 +96,21 @@ def with_the_same_curves(
     return sorted((best_first(own) for own in found), key=lambda own: own[0].score)
 
 
+def with_its_curve(
+    mechanisms: Sequence[Sequence[Trial]], screened: Sequence[Candidate], refits: Refits
+) -> list[list[Trial]]:
+    """The mechanisms with the best one's curve besides, where none of its formulas leaves only noise: what a curve promised
+    beside a formula, to first order from a model far off, says little."""
+    found = [list(own) for own in mechanisms]
+    leading = found[0]
+    if leading[0].fitted.adequate or any(trial.law == SHAPE for trial in leading):
+        return found
+    laws = [law for candidate in screened for law in (candidate, *candidate.laws)]
+    curves = [law for law in laws if law.effect.id == leading[0].id and law.effect.law == SHAPE and law.gain > 0]
+    leading += refits(curves) if curves else []
+    return sorted((best_first(own) for own in found), key=lambda own: own[0].score)
+
+
 def by_where_they_bend(mechanisms: Sequence[list[Trial]], base: Trial) -> list[list[Trial]]:
     """The mechanisms, best first; where the best curve is rather that of another mechanism, of the same formula, which explains
     the gap of `base`, too, that one first. Of several curves that are alike, a mechanism of fewer that explains the gap or

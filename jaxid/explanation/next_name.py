@@ -11,7 +11,7 @@ from ..robots.robot import Robot
 from .candidate_refits import Report, all_added
 from .colour_left import explaining, ranked_in_colour
 from .denser import densest
-from .laws import best_first, by_law, by_where_they_bend, with_the_same_curves
+from .laws import best_first, by_law, by_where_they_bend, with_its_curve, with_the_same_curves
 from .policy import current_policy
 from .refit import Trial, continued, refit_from_itself
 from .screen import Candidate
@@ -106,6 +106,7 @@ def name_next(
 
     mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
     mechanisms = with_the_same_curves(mechanisms, screened, added)
+    mechanisms = with_its_curve(mechanisms, screened, added)
     if not mechanisms[0][0].fitted.adequate:
         leading, others = mechanisms[:_FIRST_TRIALS], mechanisms[_FIRST_TRIALS:]
         leading = [[densest(trial, again) for trial in own] for own in leading]

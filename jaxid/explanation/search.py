@@ -14,7 +14,7 @@ from ..simulation.scaled import scaled_to
 from .candidate_refits import Report
 from .colour_left import colour_left, explained_somewhere, generalised_trial
 from .fine_steps import ranked_with_fine_steps
-from .first_look import first_look
+from .first_look import begun_at, first_look
 from .from_the_back import named_from_the_back, not_present
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
@@ -49,6 +49,7 @@ def search(
     # With the same weights as the refits, so that likelihoods compare.
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
     baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
+    begun = begun_at(fit)
     looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
     colour = None
@@ -65,7 +66,7 @@ def search(
             count = len({effect.id for effect in remaining})
             report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
             shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
-            screened = first_look(shown, logs, remaining, noise, report)
+            screened = first_look(shown, logs, remaining, noise, report, None if steps else begun)
             looked_at = looked_at or tuple(screened)
             if colour is not None and explained_somewhere(shown, remaining, screened, logs, held_out, noise):
                 colour = None

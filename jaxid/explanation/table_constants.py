@@ -247,13 +247,14 @@ def in_a_sentence(identifier: str, found: Sequence[Shares]) -> str:
 
 
 def built_in(effects: Sequence[Effect], robot: Robot) -> tuple[str, ...]:
-    """Sentences on those of the named `effects` that may as well be a constant of the model that its table does not hold; none
-    for a robot whose table holds constants, which have been tried."""
-    if _constants(robot):
+    """Sentences on those of the named `effects`, which no constant of the table does as well, that may be a constant which the
+    model holds outside its table; none for a robot of this package, whose tables hold all of them."""
+    if _constants(robot) and not robot.declared:
         return ()
     return tuple(
-        f"What is called {in_words(effect.id)} here may as well be {effect.otherwise}: the model's table holds no known "
-        "constant that could be tried instead. Check those numbers in the model before the sensor is corrected."
+        f"What is called {in_words(effect.id)} here may as well be {effect.otherwise}: no known constant in the model's table "
+        "would do the same. Check those numbers in the model before the sensor is corrected: if one is wrong, so are the "
+        "parameters found here."
         for effect in effects
         if effect.otherwise
     )

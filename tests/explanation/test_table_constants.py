@@ -55,18 +55,25 @@ def test_a_wrong_radius_is_named_beside_the_sensors_scale_with_its_error(radius)
     assert share == pytest.approx(100 * (0.1 / radius - 1.0), abs=0.5)
 
 
-def test_a_length_that_is_written_into_the_model_is_said_beside_the_sensors_scale():
-    """The radius is no parameter, so that nothing of the table can be tried in the sensor's place."""
+@pytest.mark.parametrize("known", [{}, {"drag": Parameter(1e-3, "1/m")}], ids=["no constant", "another constant"])
+def test_a_length_that_is_written_into_the_model_is_said_beside_the_sensors_scale(known):
+    """The radius is no parameter, so that nothing of the table does as well in the sensor's place."""
     own = Custom(
-        dynamics=lambda state, inputs, p: {"v": (0.104 * inputs["spin"] - state["v"]) / p["T"]},
+        dynamics=lambda state, inputs, p: {
+            "v": (0.104 * inputs["spin"] - state["v"]) / p["T"] - (p["drag"] * state["v"] ** 3 if known else 0.0)
+        },
         state_names=("v",),
         own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
-        table={"T": Parameter(0.3, "s", lower=0.0, free=True)},
+        table={"T": Parameter(0.3, "s", lower=0.0, free=True), **known},
     )
     fitted = LogSet([log("a", 0, own), log("b", 1, own)])
     found = explain(output_error(own, fitted), fitted, LogSet([log("held", 2, own)]))
     assert [effect.id for effect in found.effects] == ["sensor_scale"]
     assert any("built in wrongly" in note for note in found.notes)
+
+
+def test_where_the_table_holds_the_wrong_constant_no_number_outside_it_is_blamed():
+    assert not any("built in wrongly" in note for note in explained(0.104).notes)
 
 
 def test_what_no_constant_does_is_called_by_its_name_alone():
