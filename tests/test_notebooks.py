@@ -84,9 +84,9 @@ def shell(monkeypatch):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=by_name)
 def test_notebook_runs(path, less_data, shell, monkeypatch):
     monkeypatch.setattr(demo, "folder", less_data.joinpath)
-    search = importlib.import_module("jaxid.explanation.search")
+    searching = importlib.import_module("jaxid.explanation.from_the_back")
     monkeypatch.setattr(
-        search, "catalogue", lambda robot: [effect for effect in catalogue(robot) if effect.id in EFFECTS]
+        searching, "catalogue", lambda robot: [effect for effect in catalogue(robot) if effect.id in EFFECTS]
     )
     for cell in code_cells(nbformat.read(path, as_version=4)):
         # Pictures are drawn into memory here; `%matplotlib inline` is a kernel's.

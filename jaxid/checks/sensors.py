@@ -3,6 +3,7 @@ it at rest when the log began?
 """
 
 from collections.abc import Iterator
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from .windows import Windows, excited, speed_windows
 
 Array = NDArray[np.float64]
 
+_RELATED = 0.1
+"""Share of a sensor's variance from which it is taken to follow what predicts it."""
 UNRELATED = "is unrelated to every input and every other sensor"
 """What is said of a sensor that moves, but not with the robot."""
 
@@ -66,6 +69,35 @@ def _answer(target: Array, regressors: Array) -> float:
     return float(correlation * np.sqrt((len(target) - 2) / max(1 - correlation**2, 1e-12)))
 
 
+def _turned(log: Log, others: Array, names: list[str]) -> list[Array]:
+    """What the inputs make in a frame that does not turn, seen in the one that does, for every yaw rate among the `others
+    [T, n]`: of a body that spins while its motors push, its own speeds follow nothing else."""
+    found = []
+    for k in [k for k, name in enumerate(names) if log.channels.units.get(name) == "rad/s" and name in log.measured]:
+        turn = np.exp(1j * np.cumsum(others[:, k]) * log.sampling_interval)[:, None]
+        pushed = others[:, : log.inputs.shape[1]] * turn
+        for samples in (response(log) / 3, 1.0 * response(log), 3.0 * response(log)):
+            decay = float(np.exp(-1 / samples))
+            late = (lagged(pushed.real, decay) + 1j * lagged(pushed.imag, decay)) / turn
+            found += [late.real, late.imag]
+    return found
+
+
+def _mixed(log: Log, others: Array, columns: list[str], name: str) -> Iterator[Array]:
+    """Regressors `[T, m]` of what follows others while the robot turns: lagged products of every two of the `others [T, n]`
+    (the inputs and the `columns` but `name`) and of each with the sine and cosine of every angle among them; and the inputs
+    `_turned`."""
+    names = [*log.channels.inputs, *(key for key in columns if key != name)]
+    angles = [k for k, key in enumerate(names) if log.channels.units.get(key) == "rad"]
+    waves = [wave(others[:, k]) for k in angles for wave in (np.cos, np.sin)]
+    pairs = [others[:, a] * others[:, b] for a, b in combinations(range(others.shape[1]), 2)]
+    products = [*(others[:, k] * wave for k in range(others.shape[1]) for wave in waves), *pairs]
+    if products:
+        yield _lagged(log, np.stack(products, axis=-1))
+    if turned := _turned(log, others, names):
+        yield np.concatenate([others, *turned], axis=1)
+
+
 def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[Finding]:
     """Sensors that answer neither to the inputs nor to any other sensor although the robot was driven."""
     driven = {windows.name for windows in outputs if excited(windows)}
@@ -97,7 +129,14 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
         regressors = _smooth(_lagged(log, others)[active], width)
         # A position or heading follows the inputs by its change.
         share = max(_predicted(smooth, regressors), _predicted(np.diff(smooth), regressors[1:]))
-        if share < 0.1 and _answer(smooth, regressors) < 4.5:
+        if share < _RELATED and _answer(smooth, regressors) < 4.5:
+            # While the robot turns, axes mix, and nothing that is linear in the others follows them.
+            for mixed in _mixed(log, others, list(columns), name):
+                both = _smooth(mixed[active], width)
+                share = max(share, _predicted(smooth, both), _predicted(np.diff(smooth), both[1:]))
+        else:
+            continue
+        if share < _RELATED:
             text = (
                 f"{UNRELATED} ({max(share, 0):.0%} predicted), so the sensor "
                 "looks dead or the column is another one; repair it or leave the column out (unless the robot hardly moved "
