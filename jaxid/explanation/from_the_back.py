@@ -45,7 +45,7 @@ def named_from_the_back(
     catalogue's.
     """
     revised = list(steps)
-    for place, step in enumerate(steps[:-1]):
+    for step in steps[:-1]:
         present = {effect.id for effect in current.robot.effects}
         lasting = step.chosen.id != TableConstants.id and step.chosen.id in present and not current.angles
         if not lasting or current.held_out.adequate:
@@ -64,5 +64,6 @@ def named_from_the_back(
         say(
             f"{found.chosen.title} instead of {step.chosen.title}: held-out {found.chosen.held_out.normalised_rms:.3f} x noise"
         )
-        revised[place], current = found, found.chosen
+        others = [own for own in revised if own is step or own.chosen.id != found.chosen.id]
+        revised, current = [found if own is step else own for own in others], found.chosen
     return revised, current

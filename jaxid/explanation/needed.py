@@ -67,6 +67,6 @@ def only_needed(
         if state.adequate and not fit.failed:
             say(f"{identifier} is not needed")
             steps = tuple(step for step in found.steps if step.chosen.id != identifier)
-            found = replace(found, final=lean, after=state, steps=steps)
+            found = replace(found, final=lean, steps=steps)
             final, after = fit, state
     return found, final, after

@@ -81,7 +81,8 @@ def search(
             if instead is not None:
                 steps, current = instead
                 continue
-            steps.append(found)
+            # What was left out again may be found anew; its earlier step is no longer one.
+            steps = [*(step for step in steps if step.chosen.id != found.chosen.id), found]
             current = replace(found.chosen, in_colour=None)
             if len(steps) > 1:
                 current = pruned(current, baseline, logs, held_out, noise, report)

@@ -63,7 +63,7 @@ def _outputs(models: list[Robot], logs: LogSet, noise: Mapping[str, float]) -> A
 
 
 def _shortened(own: Array, constants: Mapping[str, Array], wanted: Array) -> tuple[Array, dict[str, Array], Array]:
-    """The same, turned so that all but the first few samples are zero and left out: what `_left` finds is the same."""
+    """The same, turned so that all but the first few samples are zero and left out: lengths and angles are the same."""
     every = np.column_stack([*own, *constants.values(), wanted])
     if not np.isfinite(every).all():
         return own, dict(constants), wanted

@@ -28,8 +28,9 @@ def driven(edge, count=3):
     return LogSet(logs[:-1]), LogSet(logs[-1:])
 
 
-def searched(first, law, edge=0.6):
-    """Two steps of a search, to the effect `first` and then to a sensor's bias, and what comes of them from the back."""
+def searched(first, law, edge=0.6, left_out=()):
+    """Two steps of a search, to the effect `first` and then to a sensor's bias, and what comes of them from the back. Of the
+    effects `left_out` there was a step before them, which the model lacks again."""
     logs, held_out = driven(edge)
     noise = noise_scale(held_out, otherwise=logs)
     robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0, offset=0.0), logs)
@@ -44,13 +45,18 @@ def searched(first, law, edge=0.6):
     one = trial(base.robot + effect_by_id(base.robot, first, law), base.initial_states)
     two = trial(one.robot + effect_by_id(one.robot, "sensor_bias"), one.initial_states)
     steps = [Step((t,), (), (), before, t, (t,)) for t, before in ((one, base), (two, one))]
+    for name in left_out:
+        once = trial(base.robot + effect_by_id(base.robot, name, "subtractive"), base.initial_states)
+        steps.insert(0, Step((once,), (), (), base, once, (once,)))
     said = []
     revised, current = named_from_the_back(steps, two, base, (), logs, held_out, noise, said.append)
     return steps, two, revised, current, said
 
 
 def test_a_name_that_stood_in_for_another_is_exchanged_beside_the_later_one():
-    steps, before, revised, current, said = searched("sublinear_viscous_friction", "power")
+    # Added before and left out again, it is found anew: one step to it, not two.
+    again = ("actuator_dead_zone",)
+    steps, before, revised, current, said = searched("sublinear_viscous_friction", "power", left_out=again)
     assert before.held_out.normalised_rms > 2.0  # the friction is no dead zone
     assert [step.chosen.id for step in revised] == ["actuator_dead_zone", "sensor_bias"]
     assert revised[0].before.robot.effects[0].id == "sensor_bias"  # looked for beside what was added later
