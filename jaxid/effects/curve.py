@@ -69,6 +69,9 @@ class Curve(Effect):
     variable: ClassVar[str] = ""
     kinds: ClassVar[tuple[str, ...]] = ("",)
     """Several curves of one thing, such as one for either way."""
+    begins_later: ClassVar[bool] = False
+    """Whether it is the first height that is held at zero, and not the last, where a share of the variable itself is another
+    parameter's: what is limited loses nothing while it is small."""
     reaches: ClassVar[tuple[float, ...]] = (1.0,)
     """Reaches that a first look tries, in units of the usual one: where a curve bends within little of its variable."""
 

@@ -201,12 +201,14 @@ class Fit:
 
     def to_pandas(self) -> pd.DataFrame:
         """A row for every parameter, then combination, by symbol: `value`, `std_error`, `ci95_low` and `ci95_high` (NaN where
-        there are none), `unit`, `status` and `meaning`."""
+        there are none), `unit`, `status` and `meaning`; the status of what is identified is in the words of
+        `status_of`: of a poor model, it is not "identified" alone."""
         table, combined = self.robot.parameters, self.robot.combinations
         rows = {}
         for name, e in {**self.parameters, **self.combinations}.items():
             meaning = table[name].meaning if name in table else combined[name][2] if name in combined else ""
-            rows[name] = (e.value, e.std_error, *e.ci95, e.unit, e.status, meaning)
+            status = self.status_of(name) if e.status == "identified" else e.status
+            rows[name] = (e.value, e.std_error, *e.ci95, e.unit, status, meaning)
         columns = ["value", "std_error", "ci95_low", "ci95_high", "unit", "status", "meaning"]
         return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 

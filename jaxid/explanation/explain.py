@@ -184,6 +184,27 @@ def still_doubted(final: Fit) -> str:
     return f"The fit with what was added is itself to be doubted. {said}".rstrip()
 
 
+def doubted_on(final: Fit, after: HeldOut) -> Fit:
+    """`final`, which leaves `after` on held-out logs and does not explain them: of a poor model, however well it follows its own.
+
+    What a wrong model's parameters are on the fitted logs, no standard error says of the robot.
+    """
+    if (
+        final.judgement is None
+        or not final.judgement.trustworthy
+        or not after.normalised_rms > final.judgement.normalised_rms
+    ):
+        return final
+    rms = "diverges on" if after.diverged else f"leaves {after.normalised_rms:.3g} times the noise on"
+    sentence = (
+        f"The model {rms} held-out logs ({final.judgement.normalised_rms:.2f} on its own): something is missing, and its "
+        "parameters may be far off, by more than their standard errors."
+    )
+    return replace(
+        final, judgement=replace(final.judgement.doubted(sentence), better=""), notes=(sentence, *final.notes)
+    )
+
+
 def apart(logs: LogSet, held_out: LogSet) -> None:
     """Raise `LogError` where a fitted and a held-out log have one name: what a fit knows of logs, it knows by name."""
     shared = [name for name in held_out.names if name in logs.names]
@@ -334,6 +355,8 @@ def explain(
         )
     if found.steps:
         report("looking for the experiment that would tell more")
+    if verdict == "unexplained":
+        final = doubted_on(final, after)
     return Explanation(
         verdict=verdict,
         effects=named,

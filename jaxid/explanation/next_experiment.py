@@ -23,6 +23,9 @@ _LEVELS = (0.15, 0.4, 1.0)
 _FASTEST = 1.05
 """Of the fastest motion seen in the logs, which the simulated experiment must not exceed."""
 
+_FAR = 1000.0
+"""Times the noise beyond which a difference of predictions is said to be large, and no more: one of the two ran away."""
+
 
 @dataclass(frozen=True)
 class NextExperiment:
@@ -40,9 +43,11 @@ class NextExperiment:
     def sentence(self) -> str:
         """What to do and what it would show."""
         one, other = map(in_words, self.between)
+        there = f"{self.separation:.1f}" if self.separation < _FAR else f"more than {_FAR:,.0f}"
+        so_far = f"{self.so_far:.2f}" if self.so_far < _FAR else f"more than {_FAR:,.0f}"
         return (
-            f"Drive {self.description}: there the models with {one} and with {other} differ by {self.separation:.1f} "
-            f"times the noise (RMS), against {self.so_far:.2f} on the held-out logs."
+            f"Drive {self.description}: there the models with {one} and with {other} differ by {there} times the noise (RMS), "
+            f"against {so_far} on the held-out logs."
         )
 
     def save(self, path: str | Path) -> None:

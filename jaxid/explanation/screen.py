@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._float64 import in_float64
-from ..effects.curve import SHAPE
+from ..effects.curve import SHAPE, Curve
 from ..estimate.noise_colour import colour_of
 from ..logs import LogSet
 from ..robots.effect import Effect
@@ -103,7 +103,8 @@ def screen(
         block = block - (block @ basis) @ basis.T
         useful = np.linalg.norm(block, axis=1) > 1e-6
         if group.effect.law == SHAPE and not _each_counts(block[useful]):
-            useful[np.flatnonzero(useful)[-1]] = False
+            first = isinstance(group.effect, Curve) and group.effect.begins_later
+            useful[np.flatnonzero(useful)[0 if first else -1]] = False
         if not useful.any():
             continue
         names = [name for name, ok in zip(group.probe.strengths, useful, strict=True) if ok]

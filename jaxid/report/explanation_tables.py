@@ -2,12 +2,12 @@
 
 import math
 
-from ..estimate.result import Estimate
+from ..estimate.result import Estimate, Fit
 from ..explanation.explanation import Explanation
 from ..explanation.localise import channel_name
 from ..robots.effect import in_words
 from .intervals import intervals
-from .tables import Cell, Table, number, percent, to_text, with_error
+from .tables import DOUBT, Cell, Table, number, percent, to_text, with_error
 
 _MOVED = 2.0
 """Standard errors (of the fit before) beyond which a parameter's move is marked."""
@@ -19,13 +19,18 @@ def interval(estimate: Estimate) -> str:
     return "-" if math.isnan(low) or math.isnan(high) else f"{number(low, 3)} to {number(high, 3)}"
 
 
+def _unsure(fit: Fit) -> str:
+    """The mark behind estimates of a fit that is to be doubted (`tables.DOUBT`)."""
+    return "" if fit.trustworthy else " ?"
+
+
 def effects_table(found: Explanation) -> Table:
     """Every parameter of every effect that was added; below, the formulas and by which law each is, or by which curve."""
-    rows = []
+    rows, unsure = [], _unsure(found.final)
     for effect in found.effects:
         for k, (name, e) in enumerate(effect.parameters.items()):
             doubt = "" if e.status == "identified" else f" ({in_words(e.status)})"
-            value = with_error(e.value, e.std_error) if not doubt else number(e.value, 3) + doubt
+            value = with_error(e.value, e.std_error) + unsure if not doubt else number(e.value, 3) + doubt
             title, where = (effect.title, effect.where) if k == 0 else ("", "")
             rows.append(
                 (Cell(title), Cell(where), Cell(in_words(name)), Cell(value), Cell(interval(e)), Cell(e.unit, "dim"))
@@ -33,7 +38,7 @@ def effects_table(found: Explanation) -> Table:
     laws = ((effect, f", {effect.law_in_words}" if effect.law_in_words else "") for effect in found.effects)
     formulas = tuple(f"{effect.title}: {effect.formula}{law}" for effect, law in laws)
     header = ("effect", "where", "parameter", "value ± std error", "95 % interval", "unit")
-    return Table("What was added", header, tuple(rows), formulas)
+    return Table("What was added", header, tuple(rows), (*formulas, *([DOUBT] if unsure else [])))
 
 
 def evidence_table(found: Explanation) -> Table:
@@ -92,8 +97,8 @@ def moved_table(found: Explanation, drawn: bool = False) -> Table:
             (
                 Cell(name, detail=table[name].meaning if drawn and name in table else ""),
                 Cell(after.unit, "words"),
-                Cell(with_error(before.value, before.std_error), "value"),
-                Cell(with_error(after.value, after.std_error), "value"),
+                Cell(with_error(before.value, before.std_error) + _unsure(found.baseline), "value"),
+                Cell(with_error(after.value, after.std_error) + _unsure(found.final), "value"),
                 Cell(relative, f"{mark} value".strip()),
                 Cell("-" if math.isnan(errors) else f"{errors:.1f}", mark),
                 *([intervals(name, {"before": before, "after": after}, ("before", "after"))] if drawn else ()),
@@ -101,6 +106,7 @@ def moved_table(found: Explanation, drawn: bool = False) -> Table:
         )
     header = ("parameter", "unit", "before", "after", "moved", "in std errors", *(("95 % intervals",) if drawn else ()))
     notes = ("In std errors: of the fit before, which could not know of its own bias.",)
+    notes += (DOUBT,) if _unsure(found.baseline) or _unsure(found.final) else ()
     return Table("How the robot's own parameters moved", header, tuple(rows), notes)
 
 

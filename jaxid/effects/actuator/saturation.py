@@ -90,6 +90,7 @@ class SaturationCurve(Curve):
     formula: ClassVar[str] = "u' = u - lost(|u|) sgn u"
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    begins_later: ClassVar[bool] = True
     variable: ClassVar[str] = "|u|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

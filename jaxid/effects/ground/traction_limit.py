@@ -96,6 +96,7 @@ class TractionCurve(Curve):
     needs: ClassVar[tuple[str, ...]] = ("torque",)
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.2, 0.4, 0.7, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
+    begins_later: ClassVar[bool] = True
     variable: ClassVar[str] = "|drive force|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
