@@ -185,7 +185,7 @@ def still_doubted(final: Fit) -> str:
 
 
 def doubted_on(final: Fit, after: HeldOut) -> Fit:
-    """`final`, which leaves `after` on held-out logs and does not explain them: of a poor model, however well it follows its own.
+    """`final`, which does not explain what it leaves on held-out logs (`after`): of a poor model, however well it fits its own.
 
     What a wrong model's parameters are on the fitted logs, no standard error says of the robot.
     """
