@@ -12,6 +12,7 @@ from ..effects.table_constants import TableConstants
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
+from ..estimate.output_error.lost_inputs import with_lost_inputs
 from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit
@@ -27,6 +28,7 @@ from .explanation import Explanation, Verdict
 from .heldout import HeldOut
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
+from .lost_inputs import with_inputs_put_back
 from .named_effect import Evidence, NamedEffect, effect_parameters
 from .needed import only_needed, sure_of
 from .next_experiment import NextExperiment, propose
@@ -266,7 +268,8 @@ def explain(
     `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `loss` and
     `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, samples that jump away
     from their neighbours and come back are left out of the search, in the fitted and in the held-out logs
-    (`passing_jumps`). Stamps that scatter about an even clock are evened where that predicts better (`even_stamps`). `windows`:
+    (`passing_jumps`). Stamps that scatter about an even clock are evened where that predicts better (`even_stamps`), and rows in which an
+    input changed unseen are put back (`lost_inputs`). `windows`:
     "auto" keeps those of an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something
     is done. Of compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
 
@@ -295,6 +298,8 @@ def explain(
     if placeless:
         report(placeless)
     fit, logs, held_out, evened = on_even_stamps(fit, logs, held_out, report, loss=loss, covariance=covariance)
+    with_gaps = logs, held_out
+    fit, logs, held_out, put_back = with_inputs_put_back(fit, logs, held_out, report, loss=loss, covariance=covariance)
     recorded = logs, held_out
     if fit.window is not None:
         logs, held_out = in_windows(logs, fit.window), in_windows(held_out, fit.window)
@@ -310,10 +315,14 @@ def explain(
     mended = found.after.adequate and not found.before.adequate
     if (found.steps or mended) and found.final:
         report("fitting the model with what was added, and its standard errors")
-        noise = after.noise
+        noise, lost = after.noise, None
+        if put_back:  # as the model says that has what was found
+            lost = with_lost_inputs(found.final.robot, with_gaps[0], noise)
+            whole, held_out = lost.logs, with_lost_inputs(found.final.robot, with_gaps[1], noise).logs
 
         def finished(trial: Trial) -> Fit:
-            return in_full(trial, whole, noise, loss=loss, covariance=covariance)
+            own = in_full(trial, whole, noise, loss=loss, covariance=covariance)
+            return lost.widened(own) if lost else own
 
         final = finished(found.final)
         after = predicted(final.robot, held_out, noise)
@@ -324,7 +333,7 @@ def explain(
     doubts = _doubts(found, final, named, after)
     verdict = _verdict(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not _all_noise(found) else ""
-    doubted = doubtful_logs(*recorded) if verdict != "adequate" and not _all_noise(found) else ""
+    doubted = doubtful_logs(*recorded) if not (after.adequate or verdict == "adequate" or _all_noise(found)) else ""
     still = still_doubted(final) if verdict in ("named", "ambiguous") and named else ""
     constants: dict[str, list[Shares]] = {}
     if verdict in ("named", "ambiguous"):
@@ -369,6 +378,6 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (*tables, still, evened, placeless, noted, doubted, untried) if note),
+        notes=tuple(note for note in (*tables, still, evened, put_back, placeless, noted, doubted, untried) if note),
         colour=found.colour,
     )

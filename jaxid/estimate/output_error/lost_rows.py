@@ -86,5 +86,5 @@ def lost_rows(fit: Fit, logs: LogSet, structure: Structure, problem: Problem, un
         f"Rows are missing and an input is another one after them, {count} time(s) (first in {log.name}, after t = "
         f"{log.time[at]:.4g} s). When it changed is not known, and {structure.names[most]} may be off for that by "
         f"{off[most]:.2g} of its standard errors, which do not include it. If inputs were held until the next row, nothing "
-        "is amiss; if not, cut the logs there."
+        "is amiss; if not, cut the logs there (`explain` estimates when they changed)."
     )

@@ -11,11 +11,11 @@ ROBOT = Axis().with_values(M=1.0, Fv=1.0, Fc=0.0, offset=0.0).change("Fc", free=
 INPUTS = np.repeat(np.random.default_rng(4).uniform(-3, 3, (SAMPLES + 40) // 20), 20)
 
 
-def without(rows, seed=0):
+def without(rows, seed=0, noise=NOISE):
     """v' = u - v with held inputs, a log of the first 400 of its rows less `rows`."""
     decay = np.exp(-DT)
     v = np.append(0.0, lfilter([1 - decay], [1, -decay], INPUTS[:-1]))
-    measured = v + NOISE * np.random.default_rng(seed).normal(size=len(v))
+    measured = v + noise * np.random.default_rng(seed).normal(size=len(v))
     kept = np.setdiff1d(np.arange(len(v)), rows)[:SAMPLES]
     time = DT * np.arange(len(v))
     return LogSet([Log.from_arrays("run", time[kept], INPUTS[kept, None], measured[kept, None], "axis")])

@@ -1,0 +1,207 @@
+"""Inputs of rows that are missing, estimated from what the robot did afterwards.
+
+A simulation holds every input until the next row. Where rows are missing and an input is another one after them, it changed at
+one of them, or at the row that follows: one number per place says when. These are estimated together, to first order beside the
+parameters, from the outputs after each place; the rows are put back with the inputs that come of it and with nothing measured.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...logs import Log, LogSet
+from ...robots.robot import Robot
+from ...simulation.simulate import integrator_for, simulate, simulate_models
+from ..confidence.agreement import errors_of
+from ..result import Estimate, Fit
+from .estimated_start import estimated_start
+from .lost_rows import unknown_changes
+
+Array = NDArray[np.float64]
+
+_LONGEST = 10
+"""Missing rows in one place up to which an input is taken to have changed once."""
+_STEPS = 4
+_NOTICEABLE = 1e-3
+"""Share of the cost by which another step must lower it."""
+_PRECISION = 12.0
+"""Of a share that may be anything from nothing to one: the inverse of a uniform distribution's variance."""
+_SECANT = 0.25
+_STEP_OF_PARAMETERS = 1e-3
+"""Steps of secants: of the share of the missing rows that had the new input, and of a parameter in units of its size."""
+_AT_ONCE = 2_000_000
+"""Samples that are simulated at once."""
+
+
+class _Places:
+    """A log's `after`, the samples after which rows are missing that are to be put back, and `rows`, how many are."""
+
+    def __init__(self, log: Log, after: NDArray[np.int64]) -> None:
+        rows = np.round(np.diff(log.time)[after] / log.sampling_interval).astype(int) - 1
+        near = (rows >= 1) & (rows <= _LONGEST)
+        self.after, self.rows = after[near], rows[near]
+
+    def __len__(self) -> int:
+        return len(self.after)
+
+    def filled(self, log: Log, shares: Array) -> Log:
+        """`log` with the rows put back, of which the last `shares` [places] have the input of the row after them."""
+        at = np.repeat(self.after, self.rows)
+        number = np.concatenate([np.arange(1, n + 1) for n in self.rows]) if len(self.rows) else np.zeros(0, int)
+        of = np.repeat(self.rows, self.rows)
+        time = log.time[at] + (log.time[at + 1] - log.time[at]) * number / (of + 1)
+        new = np.clip(np.repeat(shares, self.rows) * of - (of - number), 0.0, 1.0)[:, None]
+        inputs = log.inputs[at] + new * (log.inputs[at + 1] - log.inputs[at])
+        order = np.argsort(np.concatenate([log.time, time]), kind="stable")
+        outputs = np.concatenate([log.outputs, np.full((len(at), log.outputs.shape[1]), np.nan)])
+        extra = log.extra
+        if len(extra.columns):
+            empty = pd.DataFrame(np.nan, index=range(len(at)), columns=extra.columns)
+            extra = pd.concat([extra, empty], ignore_index=True).iloc[order]
+        return replace(
+            log,
+            time=np.concatenate([log.time, time])[order],
+            inputs=np.concatenate([log.inputs, inputs])[order],
+            outputs=outputs[order],
+            extra=extra,
+        )
+
+
+def _wider(known: Array, estimated: Array) -> list[float]:
+    """Times what the standard errors of parameters are by one normal matrix [n, n] rather than by another, at least 1."""
+    size = np.sqrt(np.maximum(np.diag(known), np.finfo(float).tiny))
+    variances = [np.diag(np.linalg.pinv(each / np.outer(size, size), rcond=1e-10)) for each in (known, estimated)]
+    return [float(x) for x in np.sqrt(np.maximum(variances[1] / np.maximum(variances[0], np.finfo(float).tiny), 1.0))]
+
+
+def _step(
+    own: Sequence[Array], common: Sequence[Array], residuals: Sequence[Array], shares: Sequence[Array]
+) -> tuple[list[Array], Array, list[float]]:
+    """The Gauss-Newton steps of every log's shares, whose changes of its residual [N] are `own` [N, places], and of the
+    parameters, whose are `common` [N, n], with what `_wider` says of these.
+
+    Each log's shares are eliminated for what all logs have in common.
+    """
+    triangles = [np.linalg.cholesky(c.T @ c + _PRECISION * np.eye(c.shape[1])) for c in own]
+    pulls = [c.T @ r + _PRECISION * (s - 0.5) for c, r, s in zip(own, residuals, shares, strict=True)]
+    mixed = [np.linalg.solve(t, c.T @ p) for t, c, p in zip(triangles, own, common, strict=True)]
+    halves = [np.linalg.solve(t, g) for t, g in zip(triangles, pulls, strict=True)]
+    known = np.sum([p.T @ p for p in common], axis=0)
+    normal = known - np.sum([m.T @ m for m in mixed], axis=0)
+    pull = np.sum([p.T @ r - m.T @ h for p, r, m, h in zip(common, residuals, mixed, halves, strict=True)], axis=0)
+    moved = -np.asarray(np.linalg.lstsq(normal, pull, rcond=1e-10)[0], dtype=float)
+    steps = [
+        -np.asarray(np.linalg.solve(t.T, h + m @ moved), dtype=float)
+        for t, h, m in zip(triangles, halves, mixed, strict=True)
+    ]
+    return steps, moved, _wider(known, normal)
+
+
+@dataclass(frozen=True)
+class LostInputs:
+    """`logs` with rows put back in so many `places`; `wider`, by parameter, times what its standard error is if the moments
+    that were estimated for it were known."""
+
+    logs: LogSet
+    places: int
+    wider: Mapping[str, float]
+
+    def widened(self, fit: Fit) -> Fit:
+        """A fit to these logs with the errors that estimated moments make of its own."""
+        factors = np.array([self.wider.get(name, 1.0) for name in fit.free_names])
+        parameters = dict(fit.parameters)
+        for name, factor in zip(fit.free_names, factors, strict=True):
+            e = parameters[name]
+            parameters[name] = Estimate.of(e.value, e.std_error * factor, e.unit, e.status)
+        return replace(fit, parameters=parameters, covariance=np.asarray(fit.covariance) * np.outer(factors, factors))
+
+
+def with_lost_inputs(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> LostInputs:
+    """`logs` with the rows in which an input changed put back, as `robot` tells when it did.
+
+    The moments are estimated together with the free parameters, from those of `robot` on. `noise`: each channel's
+    standard deviation. Places of more than 10 missing rows stay as they are. Call under float64.
+    """
+    places = [_Places(log, after) for log, after in zip(logs, unknown_changes(logs), strict=True)]
+    count = sum(map(len, places))
+    if not count:
+        return LostInputs(logs, 0, {})
+
+    def filled(shares: Sequence[Array]) -> LogSet:
+        return LogSet([own.filled(log, s) for log, own, s in zip(logs, places, shares, strict=True)])
+
+    shares: list[Array] = [np.full(len(own), 0.5) for own in places]
+    now = filled(shares)
+    start, steps = estimated_start(robot, now, noise), integrator_for(robot, now)
+
+    def scaled(log: Log, outputs: Array) -> Array:
+        found = errors_of(log, np.nan_to_num(outputs, nan=np.inf))
+        parts = [np.nan_to_num(found[c] / noise[c], posinf=0.0, neginf=0.0) for c in found if noise.get(c, 0.0) > 0.0]
+        return np.concatenate(parts)
+
+    def residuals(model: Robot, of: LogSet) -> list[Array]:
+        return [scaled(log, y) for log, y in zip(of, simulate(model, of, start=start, integrator=steps), strict=True)]
+
+    def cost(of: Sequence[Array], shares: Sequence[Array]) -> float:
+        return float(sum(r @ r for r in of) + sum(_PRECISION * ((s - 0.5) ** 2).sum() for s in shares))
+
+    def columns(model: Robot, shares: Sequence[Array], here: Sequence[Array]) -> list[Array]:
+        """What every log's residual changes by with each of its own shares, [N, places]."""
+        most = max(map(len, places))
+        chunk = max(_AT_ONCE // max(sum(map(len, now)), 1), 1)
+        found: list[list[Array]] = [[] for _ in places]
+        for first in range(0, most, chunk):
+            moved, owners = [], []
+            for k in range(first, min(first + chunk, most)):
+                for e, (log, own, s) in enumerate(zip(logs, places, shares, strict=True)):
+                    if k < len(own):
+                        other = s.copy()
+                        other[k] += _SECANT if s[k] <= 0.5 else -_SECANT
+                        moved.append(replace(own.filled(log, other), name=f"{log.name} {k}"))
+                        owners.append((e, other[k] - s[k]))
+            begin = {name: np.array([values[e] for e, _ in owners]) for name, values in start.items()}
+            many = LogSet(moved)
+            for (e, step), log, y in zip(
+                owners, many, simulate(model, many, start=begin, integrator=steps), strict=True
+            ):
+                found[e].append((scaled(log, y) - here[e]) / step)
+        return [np.stack(own, axis=1) if own else np.zeros((len(r), 0)) for own, r in zip(found, here, strict=True)]
+
+    def of_parameters(model: Robot, of: LogSet, here: Sequence[Array]) -> list[Array]:
+        table = model.parameters
+        sizes = [_STEP_OF_PARAMETERS * max(abs(table[n].value), table[n].typical or 0.0) or 1e-6 for n in names]
+        others = [model.with_values(**{n: table[n].value + h}) for n, h in zip(names, sizes, strict=True)]
+        if not others:
+            return [np.zeros((len(r), 0)) for r in here]
+        every = simulate_models(others, of, start=start, integrator=steps)
+        return [
+            np.stack([(scaled(log, y) - r) / h for y, h in zip(ys, sizes, strict=True)], axis=1)
+            for log, ys, r in zip(of, every, here, strict=True)
+        ]
+
+    def moved_by(model: Robot, step: Array) -> Robot:
+        table = model.parameters
+        values = {n: table[n].value + float(h) for n, h in zip(names, step, strict=True)}
+        return model.with_values(**{n: min(max(v, table[n].lower), table[n].upper) for n, v in values.items()})
+
+    names, wider = robot.parameters.free_names, {}
+    here = residuals(robot, now)
+    best = cost(here, shares)
+    for _ in range(_STEPS):
+        own, common = columns(robot, shares, here), of_parameters(robot, now, here)
+        wanted, step, errors = _step(own, common, here, shares)
+        wider = dict(zip(names, errors, strict=True))
+        before = best
+        for share in (1.0, 0.3):
+            there: list[Array] = [np.clip(s + share * w, 0.0, 1.0) for s, w in zip(shares, wanted, strict=True)]
+            model, of = moved_by(robot, share * step), filled(there)
+            then = residuals(model, of)
+            if cost(then, there) < best:
+                robot, now, shares, here, best = model, of, there, then, cost(then, there)
+                break
+        if not best < (1.0 - _NOTICEABLE) * before:
+            break
+    return LostInputs(now, count, wider)
