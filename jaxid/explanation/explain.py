@@ -268,8 +268,8 @@ def explain(
     `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `loss` and
     `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, samples that jump away
     from their neighbours and come back are left out of the search, in the fitted and in the held-out logs
-    (`passing_jumps`). Stamps that scatter about an even clock are evened where that predicts better (`even_stamps`), and rows in which an
-    input changed unseen are put back (`lost_inputs`). `windows`:
+    (`passing_jumps`). Stamps that scatter about an even clock are evened where that predicts better (`even_stamps`), and
+    rows in which an input changed unseen are put back (`lost_inputs`). `windows`:
     "auto" keeps those of an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something
     is done. Of compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
 
