@@ -96,19 +96,22 @@ def with_the_same_curves(
     return sorted((best_first(own) for own in found), key=lambda own: own[0].score)
 
 
-def with_its_curve(
+def with_its_other_laws(
     mechanisms: Sequence[Sequence[Trial]], screened: Sequence[Candidate], refits: Refits
 ) -> list[list[Trial]]:
-    """The mechanisms with the best one's curve besides, where none of its formulas leaves only noise: what a curve promised
-    beside a formula, to first order from a model far off, says little."""
+    """The mechanisms, with all that the first one has of other laws where none of those tried leaves only noise: what one
+    promised beside another, to first order from a model far off, says little, and the next question would be what else is
+    missing."""
     found = [list(own) for own in mechanisms]
     leading = found[0]
-    if leading[0].fitted.adequate or any(trial.law == SHAPE for trial in leading):
+    if leading[0].fitted.adequate:
         return found
+    tried = {trial.law for trial in leading}
     laws = [law for candidate in screened for law in (candidate, *candidate.laws)]
-    curves = [law for law in laws if law.effect.id == leading[0].id and law.effect.law == SHAPE and law.gain > 0]
-    leading += refits(curves) if curves else []
-    return sorted((best_first(own) for own in found), key=lambda own: own[0].score)
+    others = [law for law in laws if law.effect.id == leading[0].id and law.effect.law not in tried and law.gain > 0]
+    if others:
+        found[0] = best_first([*leading, *refits(others)])
+    return found
 
 
 def by_where_they_bend(mechanisms: Sequence[list[Trial]], base: Trial) -> list[list[Trial]]:

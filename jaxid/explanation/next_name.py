@@ -11,7 +11,7 @@ from ..robots.robot import Robot
 from .candidate_refits import Report, all_added
 from .colour_left import explaining, ranked_in_colour
 from .denser import densest
-from .laws import best_first, by_law, by_where_they_bend, with_its_curve, with_the_same_curves
+from .laws import best_first, by_law, by_where_they_bend, with_its_other_laws, with_the_same_curves
 from .policy import current_policy
 from .refit import Trial, continued, refit_from_itself
 from .screen import Candidate
@@ -106,12 +106,12 @@ def name_next(
 
     mechanisms = by_law([*shortlist, *alike_to_it], to_the_end(trials), near, added, base.score)
     mechanisms = with_the_same_curves(mechanisms, screened, added)
-    mechanisms = with_its_curve(mechanisms, screened, added)
+    mechanisms = sorted(with_its_other_laws(mechanisms, screened, added), key=lambda own: own[0].score)
     if not mechanisms[0][0].fitted.adequate:
         leading, others = mechanisms[:_FIRST_TRIALS], mechanisms[_FIRST_TRIALS:]
         leading = [[densest(trial, again) for trial in own] for own in leading]
         mechanisms = sorted((best_first(own) for own in [*leading, *others]), key=lambda own: own[0].score)
-    mechanisms = by_where_they_bend(mechanisms, base)
+    mechanisms = with_its_other_laws(by_where_they_bend(mechanisms, base), screened, added)
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])
     in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)

@@ -10,7 +10,7 @@ from benchmarks.laws.cases import make  # noqa: E402
 from jaxid import explain, output_error, read_logs
 from jaxid.effects import effect_by_id
 from jaxid.explanation.heldout import HeldOut
-from jaxid.explanation.laws import by_law, by_where_they_bend, other_laws
+from jaxid.explanation.laws import by_law, by_where_they_bend, other_laws, with_its_other_laws
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.screen import Candidate
 from jaxid.explanation.telling_apart import supersets
@@ -86,6 +86,33 @@ def test_other_mechanisms_laws_are_tried_while_none_leaves_only_noise():
     ranked = by_law([saturation, candidate(bias, 90.0)], tried, near=2000.0, refits=refits)
     assert asked == [tanh, curve]
     assert [[t.law for t in own] for own in ranked] == [["shape", "hard", "tanh"], ["constant"]]
+
+
+def test_the_best_mechanism_s_laws_are_all_tried_before_a_further_effect_is_looked_for():
+    """The law that the first look promises least of is the one that leaves only noise."""
+    robot = Pioneer()
+    usual, root, per_axis = (
+        effect_by_id(robot, "stribeck_friction", n) for n in ("gaussian", "exponent_one_half", "per_axis")
+    )
+    bias = effect_by_id(robot, "sensor_bias")
+    screened = [candidate(usual, 100.0, (candidate(root, 5.0), candidate(per_axis, -1.0))), candidate(bias, 90.0)]
+    asked = []
+
+    def refits(further):
+        asked.extend(c.effect for c in further)
+        return [trial(robot, c.effect, 100.0, NOISE_ONLY) for c in further]
+
+    tried = [[trial(robot, usual, 500.0)], [trial(robot, bias, 600.0)]]
+    (best, *others), second = with_its_other_laws(tried, screened, refits)
+    assert (asked, best.law, [t.law for t in others], second[0].id) == (
+        [root],
+        "exponent_one_half",
+        ["gaussian"],
+        "sensor_bias",
+    )
+    asked.clear()
+    with_its_other_laws([[trial(robot, usual, 100.0, NOISE_ONLY)], tried[1]], screened, refits)
+    assert not asked
 
 
 def test_a_mechanism_whose_other_law_promises_enough_stays_in_the_running():
