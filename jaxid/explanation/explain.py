@@ -16,7 +16,7 @@ from ..estimate.output_error.lost_inputs import with_lost_inputs
 from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit
-from ..logs import LogError, LogSet
+from ..logs import LogError, LogSet, noise_scale
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect
@@ -33,6 +33,7 @@ from .named_effect import Evidence, NamedEffect, effect_parameters
 from .needed import only_needed, sure_of
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
+from .overrated import small_after_all
 from .passing_jumps import without_passing_jumps
 from .policy import Policy, current_policy, keeps_policy
 from .prescribed_angles import predicted
@@ -325,7 +326,9 @@ def explain(
             return lost.widened(own) if lost else own
 
         final = finished(found.final)
-        after = predicted(final.robot, held_out, noise)
+        after = small_after_all(
+            predicted(final.robot, held_out, noise), held_out, noise_scale(held_out, otherwise=whole)
+        )
         found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
     if found.steps and final is not fit:
         found = replace(found, after=after)  # what the fit in full leaves, and not what a search's few steps had left

@@ -31,9 +31,9 @@ class HeldOut:
     Where the wheels' angles were prescribed (see `smoothed_angles.py`), `simulated_freely` is the state without.
     `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
     `noise_error`: standard deviation of the unit itself, the estimated noise, as a share of it. `within_errors`: whether what
-    is left is what the standard errors of the parameters let expect (`within_errors.py`). `false_alarm`: how often a complete
-    model may be called incomplete by it (`level.py`), `negligible` the RMS below which a gap matters to nobody
-    (`policy.py`).
+    is left is what the standard errors of the parameters let expect (`within_errors.py`); `unrelated`: whether it is small and
+    follows nothing that drove the robot (`overrated.py`). `false_alarm`: how often a complete model may be called incomplete
+    by it (`level.py`), `negligible` the RMS below which a gap matters to nobody (`policy.py`).
     """
 
     normalised_rms: float
@@ -45,6 +45,7 @@ class HeldOut:
     diverged: tuple[str, ...] = ()
     noise_error: float = 0.0
     within_errors: bool = False
+    unrelated: bool = False
     false_alarm: float = field(default_factory=current_level)
     negligible: float = field(default_factory=lambda: current_policy().negligible)
 
@@ -61,7 +62,12 @@ class HeldOut:
     @property
     def adequate(self) -> bool:
         """Whether nothing but noise is left: white residuals at the noise floor, or a gap too small to matter."""
-        return bool(self.p_value >= self.false_alarm or self.normalised_rms < self.negligible or self.within_errors)
+        return bool(
+            self.p_value >= self.false_alarm
+            or self.normalised_rms < self.negligible
+            or self.within_errors
+            or self.unrelated
+        )
 
     @property
     def p_large(self) -> float:

@@ -18,6 +18,7 @@ from .first_look import begun_at, first_look
 from .from_the_back import named_from_the_back, not_present
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
+from .overrated import in_its_own_noise, small_after_all
 from .reconsider import by_laws_again, pruned, rather_by_curves, reconsidered
 from .refit import Trial, refit
 from .screen import Candidate
@@ -38,9 +39,10 @@ def search(
     report: Report = lambda message: None,
 ) -> Search:
     """Add effects to a fitted model as long as they explain something. `effects` are further candidates."""
-    noise = noise_scale(held_out, otherwise=logs)
+    noise = rated = noise_scale(held_out, otherwise=logs)
     fit = replace(fit, robot=scaled_to(fit.robot, logs))
-    state = held_out_state(fit.robot, held_out, noise)
+    state = in_its_own_noise(fit, held_out, held_out_state(fit.robot, held_out, noise))
+    noise = rated | state.noise
     if not state.adequate:
         state = within_errors(fit, held_out, state)
     if state.adequate:
@@ -88,6 +90,7 @@ def search(
                 current = pruned(current, baseline, logs, held_out, noise, report)
                 if not current.held_out.adequate:
                     steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report)
+            current = replace(current, held_out=small_after_all(current.held_out, held_out, rated))
             report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
         names = _names(steps)
         if colour is None:
