@@ -22,9 +22,11 @@ from ..estimate.output_error.windows import approached
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..logs.windows import Windows
+from ..parameters import ParameterError
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..simulation.integrated_angles import integrated_angles
+from ..simulation.simulate import integrator_for
 from .heldout import HeldOut, state_left
 from .prescribed_angles import (
     PRESCRIBED_STEPS,
@@ -153,20 +155,31 @@ def refit(
     elif len(starts) > 1:
         problem = free if repeats else problem
         optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
-    values = by_name(structure, problem, optimum.unknowns)
-    if not all(map(np.isfinite, values.values())):  # it ran away at its very start
-        values = {name: {**known, **starts[0]}[name] for name in structure.names}
+    values, squares = by_name(structure, problem, optimum.unknowns), chi_squared(problem, optimum, free)
+    if not _can_be_simulated(robot, values, held_out):  # it ran away
+        values, squares = {name: {**known, **starts[0]}[name] for name in structure.names}, np.inf
     found = robot.with_values(**values)
     return Trial(
         id=robot.effects[-1].id if robot.effects else "",
         robot=found,
-        squares=chi_squared(problem, optimum, free),
+        squares=squares,
         free=len(structure.names),
         fitted=_fitted(structure, problem, optimum, logs, free),
         held_out=predicted(found, held_out, noise),
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         angles=problem.prescribed or None,
     )
+
+
+def _can_be_simulated(robot: Robot, values: Mapping[str, float], logs: LogSet) -> bool:
+    """Whether `robot` with these values is anything that steps of a sensible number follow on `logs`."""
+    if not all(map(np.isfinite, values.values())):
+        return False
+    try:
+        integrator_for(robot.with_values(**values), logs)
+    except ParameterError:
+        return False
+    return True
 
 
 def refit_from_itself(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:
