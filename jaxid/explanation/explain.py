@@ -22,6 +22,7 @@ from ..parameters import ParameterError
 from ..robots.effect import Effect
 from ..robots.given import given_logs
 from ..robots.robot import Robot
+from .between_logs import changed_between
 from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation, Verdict
@@ -367,8 +368,10 @@ def explain(
         )
     if found.steps:
         report("looking for the experiment that would tell more")
+    changed = ""
     if verdict == "unexplained":
         final = doubted_on(final, after)
+        changed = changed_between(fit, logs, held_out, report)
     return Explanation(
         verdict=verdict,
         effects=named,
@@ -381,6 +384,8 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (*tables, still, evened, put_back, placeless, noted, doubted, untried) if note),
+        notes=tuple(
+            note for note in (changed, *tables, still, evened, put_back, placeless, noted, doubted, untried) if note
+        ),
         colour=found.colour,
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..estimate.confidence.agreement import rms
 from ..estimate.judge import NOTHING
-from ..estimate.residual_tests import cross_correlation
+from ..estimate.residual_tests import LAGS, cross_correlation
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..logs.noise import noise_error
@@ -21,21 +21,26 @@ from .heldout import HeldOut, held_out_state
 _BELOW = 4.0
 """Standard errors of the noise's size by which what is new in a residual must be smaller."""
 _LEAST_ERROR = 0.01
+_SHARE = 0.05
+"""Share of what is new in a residual that an input must explain, about: a model's error of a fifth of that. Coarse rounding
+alone follows what is rounded by up to 4 % (complete omni with rounded speeds, case 31087)."""
 
 
-def _unrelated(state: HeldOut, logs: LogSet, names: Sequence[str]) -> float:
-    """p value of the residuals of the channels `names` following no input of the last samples.
+def _follows_an_input(state: HeldOut, logs: LogSet, names: Sequence[str]) -> bool:
+    """Whether the residual of a channel of `names` follows an input's last samples, by more than chance and to some extent.
 
     In whitened samples: noise that pulls apart lets a regression on slow signals as they are look surer than it is.
     """
-    p_values = [1.0]
+    inputs = len(logs.channels.inputs)
     for name in names:
         parts = [r[:, list(state.by_channel).index(name)] for r in state.residuals]
-        tests = [
-            cross_correlation(parts, [log.inputs[:, j] for log in logs])[0] for j in range(len(logs.channels.inputs))
-        ]
-        p_values += [test.p_value for test in tests if np.isfinite(test.p_value)]
-    return min(min(p_values) * max(len(p_values) - 1, 1), 1.0)
+        samples = sum(int(np.isfinite(part).sum()) for part in parts)
+        for j in range(inputs):
+            test, _ = cross_correlation(parts, [log.inputs[:, j] for log in logs])
+            chance = state.false_alarm / (inputs * len(names))
+            if test.p_value < chance and LAGS * test.statistic > _SHARE * samples:
+                return True
+    return False
 
 
 def in_its_own_noise(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
@@ -50,7 +55,7 @@ def in_its_own_noise(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     errors, colours = noise_error(held_out), colours_of([state])
     own = {name: colour.level for name, colour in colours.items() if colour.order}
     own = {name: level for name, level in own.items() if level < 1.0 - _BELOW * max(errors[name], _LEAST_ERROR)}
-    if not own or _unrelated(state, held_out, list(own)) > state.false_alarm:
+    if not (own and _follows_an_input(state, held_out, list(own))):
         return state
     noise = dict(state.noise) | {name: state.noise[name] * level for name, level in own.items()}
     return replace(held_out_state(fit.robot, held_out, noise), false_alarm=state.false_alarm)
@@ -66,4 +71,4 @@ def small_after_all(state: HeldOut, held_out: LogSet, rated: Mapping[str, float]
     if not size < state.negligible:
         return state
     names = [name for name, factor in zip(state.by_channel, scale, strict=True) if factor != 1.0]
-    return replace(state, unrelated=_unrelated(state, held_out, names) > state.false_alarm)
+    return replace(state, unrelated=not _follows_an_input(state, held_out, names))
