@@ -1,12 +1,14 @@
 """What effects know of a robot they take from the robot: its supply, what a load changes, and no number of their own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 pytest.importorskip("numba")
 from benchmarks.hidden.cases import MODEL, NOISE, REFERENCE  # noqa: E402
-from jaxid import Integrator, Log, LogSet
-from jaxid.effects import effect_by_id, laws_of
+from jaxid import DifferentialDrive, Integrator, Log, LogSet
+from jaxid.effects import catalogue, effect_by_id, laws_of
 from jaxid.simulation.simulate import simulate
 from reference import excitation  # noqa: E402
 from reference.logs import simulate_log  # noqa: E402
@@ -55,6 +57,22 @@ def test_every_law_of_the_supply_asks_the_robot_for_its_voltage(name):
             log = Log.from_arrays("one", DT * np.arange(120), inputs, still, model)
             found.append(simulate(model, LogSet([log]), integrator=Integrator(4))[0])
         assert np.max(np.abs(found[0] - found[1])) > 1e-4, law.title
+
+
+@pytest.mark.parametrize("name", ["pioneer", "omni", "axis", "differential"])
+@pytest.mark.parametrize(
+    "odd",
+    [{"speed": 40.0, "length": 0.3}, {"speed": 1e-4, "length": 50.0}, {"time": 1e-4}, {"time": 1e3, "interval": 1e-4}],
+    ids=lambda odd: ", ".join(odd),
+)
+def test_a_robot_of_any_size_can_have_every_effect(name, odd):
+    """Logs in another unit than they say (a yaw rate in degrees) make a robot that outruns its own path."""
+    robot = (MODEL | {"differential": DifferentialDrive})[name]()
+    odd_one = replace(robot, scales=replace(robot.scales, **odd))
+    for effect in catalogue(odd_one):
+        for law in laws_of(odd_one, effect.id):
+            for key, parameter in (odd_one + law).parameters.items():
+                assert parameter.lower <= parameter.value <= parameter.upper, (law.title, key)
 
 
 @pytest.mark.parametrize(("name", "mass"), [("pioneer", 4.0), ("omni", 8.0), ("axis", 0.3)])
