@@ -179,7 +179,9 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
             columns[standard] = source.interval * np.arange(len(table.frame), dtype=float)
             continue
         values = _numbers(table, source.column, path)
-        if standard in channels.positions and not source.derivative:
+        if (
+            standard in channels.positions or source.derivative
+        ):  # in the sensor's own unit, in which its turns are whole
             values, text = whole_way(columns["t"], values, standard, source.column)
             if text:
                 findings.append(Finding(name, standard, None, "warning", "turns", f"{name}: {text}."))

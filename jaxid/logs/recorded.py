@@ -181,13 +181,8 @@ def _signals(
     notes: list[Note] = []
     for name, series in there.items():
         source, command = wanted[name], name in channels.inputs
-        values = series.values
-        if name in channels.positions and not source.derivative:
-            values, text = whole_way(1e-9 * (clock[name] - clock[name][0]), values, name, source.column)
-            if text:
-                notes.append(("warning", "turns", name, text))
         with np.errstate(over="ignore"):
-            values = source.scale * values + source.offset
+            values = source.scale * series.values + source.offset
         bad = ~(np.abs(values) <= ABSURD)
         if bad.any() and command:
             raise LogError(
@@ -201,7 +196,7 @@ def _signals(
         if bad.all():
             raise LogError(f"{path}: field {series.name!r} (for {name!r}) holds no usable number; map another one.")
         one = Used(source, series, clock[name])
-        whole, repeated, late = _ordered(path, name, one, values, command)
+        whole, repeated, late = _ordered(path, name, one, series.values, command)
         if late:
             text = (
                 f"{late} message(s) of {series.topic!r} came after later ones and were put in the order of their stamps"
@@ -210,8 +205,15 @@ def _signals(
         if repeated:
             text = f"{repeated} message(s) of {series.topic!r} repeat the one before, stamp included, and were left out"
             notes.append(("warning", "repeated_row", name, text))
-        fine = np.abs(whole.values) <= ABSURD
-        signal = Signal(whole.time[fine], whole.values[fine])
+        values, text = whole.values, ""
+        if name in channels.positions or source.derivative:  # in the sensor's own unit, in which its turns are whole
+            values, text = whole_way(1e-9 * (whole.time - whole.time[0]), values, name, source.column)
+        if text:
+            notes.append(("warning", "turns", name, text))
+        with np.errstate(over="ignore"):
+            values = source.scale * values + source.offset
+        fine = np.abs(values) <= ABSURD
+        signal = Signal(whole.time[fine], values[fine])
         if source.derivative:
             signal, note = _speed(signal, source, name, path)
             notes.append(note)
