@@ -14,25 +14,24 @@ Vector = Float[np.ndarray, " n"]
 _PERIODS = ((2.0 * np.pi, 0.05), (360.0, 0.5), (65536.0, 0.0))
 """A turn [rad, degrees] and a counter of 16 bits, and by how much positions may lie beyond their range."""
 _BITS = (8, 32)
-"""Of the shortest and the longest counter of another size."""
+"""Of the shortest and the longest counter that are told by their steps alone."""
 
 
-def _counter(positions: Vector) -> float | None:
-    """Where a counter of another size begins anew: the least power of two that holds all positions, if these are whole numbers
-    and none of their steps across its end, put together, is longer than the others."""
+def _counter(positions: Vector) -> float:
+    """Where a counter begins anew: the least power of two that holds all positions, if these are whole numbers and none of their
+    steps across its end, put together, is much longer than the others; 0 for what is none."""
     low, high = float(np.min(positions)), float(np.max(positions))
     if not np.all(positions == np.round(positions)):
-        return None
+        return 0.0
     for bits in range(_BITS[0], _BITS[1] + 1):
         period = 2.0**bits
         if (low >= 0 and high < period) or (low >= -period / 2 and high < period / 2):
             steps = np.abs(np.diff(positions))
             far = steps > 0.5 * period
             usual = float(np.max(steps[~far], initial=0.0))
-            return (
-                period if far.any() and usual < 0.25 * period and np.all(period - steps[far] <= 1.5 * usual) else None
-            )
-    return None
+            meets = usual < 0.25 * period and np.all(period - steps[far] <= 1.5 * usual)
+            return period if far.any() and meets else 0.0
+    return 0.0
 
 
 def unwrapped(positions: Vector) -> Vector:
@@ -42,14 +41,15 @@ def unwrapped(positions: Vector) -> Vector:
     """
     if len(positions) < 2:
         return positions
+    if period := _counter(positions):
+        return np.unwrap(positions, period=period)
     low, high, step = float(np.min(positions)), float(np.max(positions)), float(np.max(np.abs(np.diff(positions))))
     for period, margin in _PERIODS:
         within = (low >= -margin and high <= period + margin) or max(-low, high) <= period / 2 + margin
         whole = period != 65536.0 or bool(np.all(positions == np.round(positions)))
         if within and whole and step > 0.5 * period:
             return np.unwrap(positions, period=period)
-    period = _counter(positions)
-    return positions if period is None else np.unwrap(positions, period=period)
+    return positions
 
 
 _LONG = 2.5
