@@ -18,8 +18,8 @@ _BITS = (8, 32)
 
 
 def _counter(positions: Vector) -> float:
-    """Where a counter begins anew: the least power of two that holds all positions, if these are whole numbers and none of their
-    steps across its end, put together, is much longer than the others; 0 for what is none."""
+    """Where a counter begins anew: the least power of two that holds all positions, if these are whole numbers and none of
+    their steps across its end, put together, is much longer than the others; 0 for what is none."""
     low, high = float(np.min(positions)), float(np.max(positions))
     if not np.all(positions == np.round(positions)):
         return 0.0
