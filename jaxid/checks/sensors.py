@@ -103,7 +103,7 @@ def _mixed(log: Log, others: Array, columns: list[str], name: str) -> Iterator[A
         yield np.concatenate([others, *turned], axis=1)
 
 
-def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _filled(values: Array, unit: str) -> tuple[Array, NDArray[np.bool_]]:
     """A column `[T]` between its samples, turns put together, and the rows that lie between two of them at their usual
     distance: of a sensor slower than its log all, of one that broke off those before."""
     there = np.flatnonzero(np.isfinite(values))
@@ -114,12 +114,16 @@ def _filled(values: Array) -> tuple[Array, NDArray[np.bool_]]:
     before = np.maximum(np.searchsorted(there, rows, side="right") - 1, 0)
     apart = np.maximum(there[after] - there[before], np.abs(rows - there[after]))
     usual = np.median(np.diff(there)) if len(there) > 1 else 1
-    return np.interp(rows, there, unwrapped(values[there])), apart <= 2 * usual
+    seen = values[there]
+    # In degrees only where the unit says so: whatever else has such numbers is no heading.
+    if unit in _RADIANS or np.ptp(seen) <= 2 * np.pi:
+        seen = unwrapped(seen)
+    return np.interp(rows, there, seen), apart <= 2 * usual
 
 
 def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[Finding]:
     """Sensors that answer neither to the inputs nor to any other sensor although the robot was driven."""
-    driven = {windows.name for windows in outputs if excited(windows)}
+    driven, units = {windows.name for windows in outputs if excited(windows)}, log.channels.units
     columns = {name: log.output(name) for name in log.measured}
     columns |= {name: np.asarray(log.extra[name], dtype=float) for name in also}
     # Rows that repeat the row before say nothing about an answer, and their mean differs for many a broken sensor.
@@ -138,10 +142,9 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
             )
             yield finding(log, name, None, "warning", "dead_sensor", text)
             continue
-        others = np.stack(
-            [*log.inputs.T, *(_filled(other)[0] for key, other in columns.items() if key != name)], axis=-1
-        )
-        values, near = _filled(values)
+        others = [_filled(other, units.get(key, ""))[0] for key, other in columns.items() if key != name]
+        others = np.stack([*log.inputs.T, *others], axis=-1)
+        values, near = _filled(values, units.get(name, ""))
         looked, width = active & near, max(least, int(np.median(np.diff(np.flatnonzero(there)))))
         if looked.sum() < 24 * width:
             continue
