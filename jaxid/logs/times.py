@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _NAMES = {
     "t",
@@ -42,6 +42,31 @@ class TimeColumn(NamedTuple):
     column: str
     scale: float
     said: str
+
+
+_FEW_LATE = 0.1
+"""Share of the rows that may have come late."""
+_MISSED = 1.4
+"""Intervals, in usual ones, from which on a row is missing between two."""
+
+
+def order_of_late_rows(time: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"] | None:
+    """The order in which rows were measured of which a few were written later than their followers; None where none was, or
+    where the clock was set back: then the others leave no place where a late row is missing. Rows of one time, which are not
+    looked into, keep their order."""
+    if not np.isfinite(time).all() or not len(time):
+        return None
+    late = time < np.maximum.accumulate(time)
+    if not late.any() or late.mean() > _FEW_LATE:
+        return None
+    kept = time[~late]
+    steps = np.diff(kept)
+    after = np.searchsorted(kept, time[late])
+    alone = ~np.isin(time[late], kept)  # or else it is there a second time
+    if np.any(after == 0) or not (steps > 0).any():
+        return None
+    missed = steps[after - 1] > _MISSED * float(np.median(steps[steps > 0]))
+    return np.argsort(time, kind="stable") if np.all(missed | ~alone) else None
 
 
 def seconds_of_dates(values: Any) -> Float[np.ndarray, " n"] | None:
