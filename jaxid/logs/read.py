@@ -157,11 +157,20 @@ def _without_repeats(table: Table, time_column: str, path: Path) -> tuple[Table,
     return Table(frame.iloc[kept].reset_index(drop=True), lines, table.notes), rows
 
 
-def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source]) -> Log:
-    """One file as a log called `name`."""
+def _at_rest(table: Table, channels: Channels, mapping: dict[str, Source]) -> Table:
+    """The table with every output that it lacks, zero in the first row and not measured from then on."""
+    lacking = [mapping.get(name, Source(name)).column for name in channels.outputs]
+    start = np.where(np.arange(len(table.frame)) == 0, 0.0, np.nan)
+    new = {column: start for column in lacking if column not in table.frame.columns}
+    return table._replace(frame=table.frame.assign(**new))
+
+
+def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source], planned: bool = False) -> Log:
+    """One file as a log called `name`; `planned`: it may be one that nobody has driven yet, without outputs."""
     if format_of(path) is not None:
         return read_recorded(path, name, channels, mapping)
     table = read_table(path)
+    table = _at_rest(table, channels, mapping) if planned else table
     findings = [Finding(name, None, row, "warning", check, f"{name}: {text}.") for check, row, text in table.notes]
 
     def note(column: str, rows: np.ndarray, check: str, what: str, remedy: str) -> None:
@@ -317,6 +326,21 @@ def _other_layout(
         return of(named) if of(named) != own else of({*first_columns(paths), *named})
     except (OSError, ValueError):
         return own
+
+
+def read_planned(path: PathLike, robot: Any, mapping: Mapping[str, Any] | PathLike | None = None) -> Log | None:
+    """A table of inputs alone, which nobody has driven yet, as the log of a robot that starts at rest; None where the file has
+    any of the robot's outputs, or is no table. Raises `LogError` as `read_logs` does."""
+    channels = channels_of(robot)
+    (one,) = named_files(path)[:1]
+    if format_of(one.path) is not None:
+        return None
+    sources = read_mapping(mapping, channels)
+    measured = {sources.get(name, Source(name)).column for name in channels.measured}
+    measured |= {column for name in channels.measured if name in sources for column in sources[name].columns}
+    if measured & {str(column) for column in read_table(one.path).frame.columns}:
+        return None
+    return one.cut(_read(one.path, one.name, channels, sources, planned=True))
 
 
 def first_columns(paths: PathLike | Iterable[PathLike]) -> tuple[str, ...]:
