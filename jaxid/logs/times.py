@@ -32,6 +32,8 @@ _EPOCHS = ((1e9, 1.0), (1e12, 1e-3), (1e15, 1e-6), (1e18, 1e-9))
 """Sizes of today's date since 1970 in seconds, milli-, micro- and nanoseconds, and the factor to seconds."""
 
 
+_OF_DAY = r"\s*\d{1,2}:\d\d:\d\d(\.\d+)?\s*"
+_DAY = 86400.0
 SINCE_1970 = 5e8
 """Seconds from which on a time is a date counted from 1970, and no experiment's own."""
 
@@ -70,13 +72,16 @@ def order_of_late_rows(time: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"] |
 
 
 def seconds_of_dates(values: Any) -> Float[np.ndarray, " n"] | None:
-    """Seconds since the first of dates (or of times of day with a date), or of durations; None for what is neither."""
+    """Seconds since the first of dates or times of day, across midnight, too, or of durations; None for what is neither."""
     column: Any = pd.Series(values)
     if column.dtype.kind == "m":
         return (column / pd.Timedelta(1, "s")).to_numpy(dtype=float)
     if column.dtype.kind in "OUT" or isinstance(column.dtype, pd.StringDtype):
         if np.isfinite(_numbers(column)).any():
             return None
+        if column.astype(str).str.fullmatch(_OF_DAY).all():
+            seconds = (pd.to_timedelta(column.astype(str)) / pd.Timedelta(1, "s")).to_numpy(dtype=float)
+            return np.unwrap(seconds, period=_DAY) - seconds[0]
         column = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
     if column.dtype.kind != "M" or not len(column) or pd.isna(column.iloc[0]):
         return None

@@ -1,6 +1,7 @@
 """jaxid/logs/read.py and table.py: every dialect a log may come in, and the ways in which a file may be broken."""
 
 import gzip
+import re
 import warnings
 
 import numpy as np
@@ -46,6 +47,7 @@ def _same(log, values=VALUES):
         GOOD.replace(HEADER, '"t","V2","V3","eta1","eta2"'),
         GOOD.replace("\n", ",\n") + ",",  # a delimiter after each line
         gzip.compress(GOOD.encode(), mtime=0),
+        re.sub(r"(\d)\.(\d+)", r'"\1,\2"', GOOD),  # decimal commas in quotes
     ],
 )
 def test_dialects_of_csv_give_the_same_log(tmp_path, content):
@@ -185,6 +187,11 @@ BROKEN = {
     "decimal comma in comma": (GOOD.replace("0.25", "0,25"), "6 fields"),
     "time missing": (GOOD.replace("0.04,6", ",6"), "no time at sample 2"),
     "time repeated": (GOOD.replace("0.04,", "0.02,"), "repeats the previous time at sample 2"),
+    "units, decimal commas": (
+        "t;u\n[s];[N]\n0,0;1\n0,1;2\n0,2;2\n",
+        r"line 2 holds no number \(\[s\], \[N\]\).*start it with #",
+    ),
+    "thousands": (GOOD.replace("0.04,6", '0.04,"6,000"'), "'V2' has '6,000' at sample 2"),
     "time backwards": (GOOD.replace("0.06,", "0.01,"), "runs backwards at sample 3"),
     "time constant": (GOOD.replace("\n0.0", "\n1.0").replace("1.02", "1.00"), "repeats"),
     "time infinite": (GOOD.replace("0.08,", "inf,"), "no time at sample 4"),

@@ -20,8 +20,10 @@ STAMPS = pd.to_datetime(START * 1_000_000_000 + np.round(TIME * 1e9).astype(np.i
         STAMPS.strftime("%Y-%m-%d %H:%M:%S.%f"),
         STAMPS.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
         STAMPS - STAMPS[0],
+        STAMPS.strftime("%H:%M:%S.%f"),
+        (STAMPS + pd.Timedelta("1h46m39.5s")).strftime("%H:%M:%S.%f"),
     ],
-    ids=["zone", "local", "text", "ISO", "durations"],
+    ids=["zone", "local", "text", "ISO", "durations", "time of day", "midnight"],
 )
 def test_dates_become_seconds_since_the_first(dates):
     np.testing.assert_allclose(seconds_of_dates(pd.Series(dates)), TIME, atol=1e-9)
