@@ -116,6 +116,12 @@ def _unit(name: str, values: Float[np.ndarray, " n"]) -> tuple[float, str]:
     return 1.0, ""
 
 
+def seconds_in_name(name: str) -> float | None:
+    """The factor to seconds of what a name calls times in a unit (`t_ms`), and nothing else; None for any other name."""
+    words = _words(name)
+    return _UNITS.get(words[1]) if len(words) == 2 and words[0] in _NAMES else None
+
+
 def time_column(frame: pd.DataFrame, given: str | None = None) -> TimeColumn | None:
     """The column of times: `given`, or the first that a name calls so, or the first whose numbers or dates all increase; None
     where there is none."""
