@@ -121,7 +121,11 @@ def _clock(path: Path, used: dict[str, Series], stamp: str | None) -> tuple[dict
         notes.append(("warning", "clocks_apart", None, text))
     if without:
         topics = ", ".join(dict.fromkeys(used[name].topic for name in without))
-        text = f"{topics} has no stamps of its own (for {', '.join(without)}), so that the recorder's count there"
+        usual = max(delays.values(), key=abs)
+        text = (
+            f"{topics} has no stamps of its own (for {', '.join(without)}), so that the recorder's count there, and for the rest "
+            f'the senders\', which it had {usual * 1e3:.3g} ms later; t = {{stamp = "receive"}} takes one clock for all'
+        )
         notes.append(("note", "receive_stamps", without[0], text))
     return {n: s.received if s.stamped is None else s.stamped for n, s in used.items()}, notes
 
