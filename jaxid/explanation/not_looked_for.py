@@ -50,6 +50,8 @@ def not_looked_for(robot: Robot) -> str:
         if refused and not set(lacking) & set(_BY_NATURE):
             arguments = [word for trait in lacking for word in _wanted(trait, robot)]
             found.setdefault(", ".join(dict.fromkeys(arguments)), []).append(in_words(effect.id))
+    if "dry" not in traits_of(robot):  # which is no effect, but what others change
+        found.setdefault(", ".join(_wanted("dry", robot)), []).insert(0, "dry friction")
     if not found:
         return ""
     listed = "; ".join(f"{', '.join(names)} ({arguments})" for arguments, names in found.items())

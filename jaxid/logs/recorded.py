@@ -123,8 +123,8 @@ def _clock(path: Path, used: dict[str, Series], stamp: str | None) -> tuple[dict
         topics = ", ".join(dict.fromkeys(used[name].topic for name in without))
         usual = max(delays.values(), key=abs)
         text = (
-            f"{topics} has no stamps of its own (for {', '.join(without)}), so that the recorder's count there, and for the rest "
-            f'the senders\', which it had {usual * 1e3:.3g} ms later; t = {{stamp = "receive"}} takes one clock for all'
+            f"{topics} has no stamps of its own (for {', '.join(without)}), so that the recorder's count there, and the "
+            f'senders\' for the rest, which it had {usual * 1e3:.3g} ms later; t={{stamp = "receive"}} takes one clock for all'
         )
         notes.append(("note", "receive_stamps", without[0], text))
     return {n: s.received if s.stamped is None else s.stamped for n, s in used.items()}, notes
