@@ -186,9 +186,14 @@ class Declared(Robot):
         return tuple(self.state_names)
 
     @property
+    def dry(self) -> bool:
+        """Whether any axis has dry friction of its own, which effects may change."""
+        return any(axis.coulomb for _, axis in self._axes)
+
+    @property
     def stages(self) -> frozenset[str]:  # type: ignore[override]
         driven = [axis for _, axis in self._axes if axis.driven]
-        found = {"dry"} if any(axis.coulomb for _, axis in self._axes) else set()
+        found = {"dry"} if self._axes else set()
         found |= {"viscous"} if any(axis.viscous for _, axis in self._axes) else set()
         found |= {"torque"} if driven and all(axis.torque is not None for axis in driven) else set()
         found |= {"force"} if self.forces and self.velocities else set()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 TRAITS = {
     "supply": "the currents of its motors (`motor_currents=`)",
     "torque": "the torques of its drive axes (`axes=` with `torque`)",
-    "dry": "the dry friction of its axes (`axes=` with `coulomb`, or `dry_friction=`)",
+    "dry": "axes that rub (`axes=` or `dry_friction=`)",
     "viscous": "the viscous friction of its axes (`axes=` with `viscous`)",
     "force": "what a generalised force accelerates (`forces=`)",
     "drive_axes": "which axes its motors drive (`axes=`)",

@@ -1,7 +1,8 @@
 """jaxid/explanation/not_looked_for.py: a robot that keeps something to itself is told which effects that hides."""
 
+from dataclasses import replace
+
 from jaxid import Channels, Custom, DriveAxis, Parameter, Pioneer
-from jaxid.effects import catalogue
 from jaxid.explanation.not_looked_for import not_looked_for
 
 
@@ -31,15 +32,15 @@ def test_what_was_declared_is_not_asked_for_again():
     assert "cogging torque (`axes=` with `angle`)" in not_looked_for(driven)
 
 
-def test_dry_friction_that_a_robot_has_not_is_named_and_no_rise_of_it_looked_for():
-    """A level that rises at standstill within a speed beyond all others is the level itself, under a wrong name."""
-    axis = {"wheel": DriveAxis("v", torque=lambda s, u, p: u["u"])}
-    bare = cart(axes=axis, forces={"v": "m"})
-    assert "dry friction, Stribeck friction" in not_looked_for(bare) and "`dry_friction=`" in not_looked_for(bare)
-    assert "stribeck_friction" not in [effect.id for effect in catalogue(bare)]
-    rubbing = cart(axes=axis | {"wheel": DriveAxis("v", "b", torque=axis["wheel"].torque)}, forces={"v": "m"})
-    assert "dry friction" not in not_looked_for(rubbing)
-    assert "stribeck_friction" in [effect.id for effect in catalogue(rubbing)]
+def test_dry_friction_that_a_robot_has_not_is_named():
+    """A level that rises at standstill within a speed beyond all others is the level itself, under another name."""
+    driven = DriveAxis("v", torque=lambda s, u, p: u["u"])
+    for axes in ({}, {"wheel": driven}):
+        assert "dry friction (`axes=` with `coulomb`, or `dry_friction=`)" in not_looked_for(
+            cart(axes=axes, forces={"v": "m"})
+        )
+    assert "dry friction" not in not_looked_for(cart(axes={"wheel": replace(driven, coulomb="b")}, forces={"v": "m"}))
+    assert "dry friction" not in not_looked_for(cart(dry_friction={"wheel": ("v", "b")}, forces={"v": "m"}))
 
 
 def test_what_a_built_in_robot_lacks_it_cannot_have():
