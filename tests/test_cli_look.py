@@ -287,3 +287,33 @@ def test_a_commanded_twist_is_no_side_and_no_measurement(jaxid, tmp_path):
     np.testing.assert_allclose(log.output("way_right"), 0.08 * 1.5 * way)
     np.testing.assert_allclose(log.input("u_right")[[0, 60]], [2.0, 0.0])
     np.testing.assert_allclose(log.input("u_left")[[0, 60]], [2.0, -2.0])
+
+
+def test_a_place_or_heading_is_no_speed(jaxid, tmp_path):
+    """Millimetres and degrees without a time say what they are beside a word for a place."""
+    way = np.cumsum(np.sin(TIMES))
+    path = write_mat(tmp_path / "axis.mat", {"log": {"time": TIMES, "F_cmd": np.sign(np.sin(9 * TIMES)), "x_mm": way}})
+    out = tmp_path / "axis.toml"
+    jaxid("look", path, "--robot", "axis", "--write", out)
+    found = tomllib.loads(out.read_text())
+    assert "v" not in found and found["q"]["field"] == "log.x_mm" and found["q"]["scale"] == 0.001
+
+    rows = zip(
+        TIMES, np.sign(np.sin(5 * TIMES)), np.sign(np.cos(7 * TIMES)), np.sin(TIMES), 90 * np.sin(TIMES), strict=True
+    )
+    text = "t,uR,uL,v,heading_deg\n" + "".join(",".join(f"{x:.4f}" for x in row) + "\n" for row in rows)
+    (tmp_path / "run.csv").write_text(text)
+    out = tmp_path / "run.toml"
+    _, said, _ = jaxid("look", tmp_path / "run.csv", "--robot", "differential", "--write", out)
+    found = tomllib.loads(out.read_text())
+    assert "w" not in found and found["u_right"]["field"] == "uR" and found["u_left"]["field"] == "uL"
+    assert 'w = { field = "heading_deg", scale = 0.017453292519943295, derivative = true }' in said.replace("\n", " ")
+
+
+def test_a_column_that_is_called_what_the_channel_is_needs_no_unit(jaxid, tmp_path):
+    text = "time,effort,speed\n" + "".join(f"{t:.3f},{np.sign(np.sin(5 * t))},{np.sin(t):.4f}\n" for t in TIMES)
+    (tmp_path / "run.csv").write_text(text)
+    out = tmp_path / "map.toml"
+    jaxid("look", tmp_path / "run.csv", "--robot", "axis", "--write", out)
+    found = tomllib.loads(out.read_text())
+    assert found["v"]["field"] == "speed"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..logs.finding import Finding, Severity
 from ..logs.log import Log
 from ..logs.noise import counting_step
+from ..logs.rates import unwrapped
 from .motion import is_position
 from .own_rows import as_measured, nothing_else_changes, on_several_clocks, placed
 
@@ -100,10 +101,14 @@ def _missing(log: Log, name: str, values: Array) -> Iterator[Finding]:
         return
     first = int(np.argmax(missing))
     spacing = np.diff(np.flatnonzero(~missing))
-    if len(spacing) > 3 and spacing.min() > 1 and np.ptp(spacing) <= 1:
-        text = (
-            f"measured at one row in {np.median(spacing):.0f}, the others do not count; nothing to do if it is slower"
-        )
+    usual = np.median(spacing) if len(spacing) else 1.0
+    even = len(spacing) > 3 and spacing.min() > 1 and np.ptp(spacing) <= 1
+    if even or (
+        len(spacing) > 3 and usual > 1 and np.mean(np.abs(spacing - usual) < 1) > 0.9 and spacing.max() <= 3.5 * usual
+    ):
+        lost = int(np.sum(np.round(spacing / usual) - 1))
+        left = f" ({lost} sample(s) of it left out)" if lost and not even else ""
+        text = f"measured at one row in {usual:.0f}, the others do not count{left}; nothing to do if it is slower"
         yield finding(log, name, first, "note", "slow_sensor", text)
         return
     text = (
@@ -111,6 +116,19 @@ def _missing(log: Log, name: str, values: Array) -> Iterator[Finding]:
         "in stretches"
     )
     yield finding(log, name, first, "warning", "missing_samples", text)
+
+
+def _turns(log: Log, name: str, values: Array) -> Iterator[Finding]:
+    """An angle that jumps back at every turn, which the state of no model does."""
+    turn = {"rad": 2.0 * np.pi, "deg": 360.0}.get(log.channels.units.get(name, ""), np.inf)
+    jumps = np.flatnonzero(np.abs(np.diff(unwrapped(values) - values)) > 0.5 * turn)
+    if len(jumps):
+        text = (
+            f"jumps by a whole turn {len(jumps)} time(s), which no model's angle does; put the turns together before "
+            "(numpy.unwrap)"
+        )
+        row = int(np.flatnonzero(np.isfinite(log.output(name)))[jumps[0] + 1])
+        yield finding(log, name, row, "warning", "turns", text)
 
 
 def _answers(log: Log, name: str, steps: Array, away: Array) -> NDArray[np.bool_]:
@@ -244,6 +262,7 @@ def _idle(log: Log) -> Iterator[Finding]:
     outputs = np.nan_to_num(log.outputs)
     change = np.diff(outputs, axis=0)
     same = np.all(change == 0, axis=1) & np.all(np.diff(log.inputs, axis=0) == 0, axis=1)
+    same &= np.isfinite(log.outputs[1:]).any(axis=1)  # a row between the samples of slower sensors repeats nothing
     settled = 1e-4 * np.maximum(np.ptp(outputs, axis=0), 1e-300)
     for start, length in zip(*runs(same), strict=True):
         if start and change[start - 1].any() and np.all(np.abs(change[start - 1]) < settled):
@@ -294,6 +313,7 @@ def _on_their_own_rows(log: Log) -> Iterator[Finding]:
         values = own.output(name)
         found = [*_clock(own, name)]
         if np.ptp(values) > 0:
+            yield from _turns(log, name, values)
             found += [*_frozen(own, name, values, nothing_else_changes(log, name, rows)), *_spikes(own, name, values)]
             found += [*_saturated(own, name, values), *_resolution(own, name, values)]
         yield from placed(found, rows, name)
@@ -325,6 +345,8 @@ def check_samples(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:
         there = np.isfinite(values)
         if not there.any() or np.ptp(values[there]) == 0:
             continue
+        if name in log.measured:
+            yield from _turns(log, name, values[there])
         values = np.interp(log.time, log.time[there], values[there])
         others = np.delete(changed, log.inputs.shape[1] + position, axis=1)
         yield from _frozen(log, name, np.where(there, values, np.nan), ~others.any(axis=1))

@@ -12,6 +12,7 @@ from .._filters import lagged
 from ..logs.finding import Finding
 from ..logs.log import Log
 from ..logs.noise import white_level
+from ..logs.rates import unwrapped
 from .motion import is_position, response, speed
 from .samples import finding
 from .windows import Windows, excited, speed_windows
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 
 _RELATED = 0.1
 """Share of a sensor's variance from which it is taken to follow what predicts it."""
+_RADIANS = {"rad": 1.0, "deg": np.pi / 180.0}
+"""Units of angles, and of turning once `/s` is added."""
 UNRELATED = "is unrelated to every input and every other sensor"
 """What is said of a sensor that moves, but not with the robot."""
 
@@ -73,8 +76,10 @@ def _turned(log: Log, others: Array, names: list[str]) -> list[Array]:
     """What the inputs make in a frame that does not turn, seen in the one that does, for every yaw rate among the `others
     [T, n]`: of a body that spins while its motors push, its own speeds follow nothing else."""
     found = []
-    for k in [k for k, name in enumerate(names) if log.channels.units.get(name) == "rad/s" and name in log.measured]:
-        turn = np.exp(1j * np.cumsum(others[:, k]) * log.sampling_interval)[:, None]
+    scales = [_RADIANS.get(log.channels.units.get(name, "").removesuffix("/s")) for name in names]
+    rates = [log.channels.units.get(name, "").endswith("/s") and name in log.measured for name in names]
+    for k, scale in [(k, scale) for k, scale in enumerate(scales) if scale is not None and rates[k]]:
+        turn = np.exp(1j * scale * np.cumsum(others[:, k]) * log.sampling_interval)[:, None]
         pushed = others[:, : log.inputs.shape[1]] * turn
         for samples in (response(log) / 3, 1.0 * response(log), 3.0 * response(log)):
             decay = float(np.exp(-1 / samples))
@@ -88,8 +93,8 @@ def _mixed(log: Log, others: Array, columns: list[str], name: str) -> Iterator[A
     (the inputs and the `columns` but `name`) and of each with the sine and cosine of every angle among them; and the inputs
     `_turned`."""
     names = [*log.channels.inputs, *(key for key in columns if key != name)]
-    angles = [k for k, key in enumerate(names) if log.channels.units.get(key) == "rad"]
-    waves = [wave(others[:, k]) for k in angles for wave in (np.cos, np.sin)]
+    angles = [(k, _RADIANS.get(log.channels.units.get(key, ""))) for k, key in enumerate(names)]
+    waves = [wave(scale * others[:, k]) for k, scale in angles if scale is not None for wave in (np.cos, np.sin)]
     pairs = [others[:, a] * others[:, b] for a, b in combinations(range(others.shape[1]), 2)]
     products = [*(others[:, k] * wave for k in range(others.shape[1]) for wave in waves), *pairs]
     if products:
@@ -98,15 +103,33 @@ def _mixed(log: Log, others: Array, columns: list[str], name: str) -> Iterator[A
         yield np.concatenate([others, *turned], axis=1)
 
 
+def _filled(values: Array, unit: str) -> tuple[Array, NDArray[np.bool_]]:
+    """A column `[T]` between its samples, turns put together, and the rows that lie between two of them at their usual
+    distance: of a sensor slower than its log all, of one that broke off those before."""
+    there = np.flatnonzero(np.isfinite(values))
+    if not len(there):
+        return np.zeros_like(values), np.zeros(len(values), bool)
+    rows = np.arange(len(values))
+    after = np.minimum(np.searchsorted(there, rows), len(there) - 1)
+    before = np.maximum(np.searchsorted(there, rows, side="right") - 1, 0)
+    apart = np.maximum(there[after] - there[before], np.abs(rows - there[after]))
+    usual = np.median(np.diff(there)) if len(there) > 1 else 1
+    seen = values[there]
+    # In degrees only where the unit says so: whatever else has such numbers is no heading.
+    if unit in _RADIANS or np.ptp(seen) <= 2 * np.pi:
+        seen = unwrapped(seen)
+    return np.interp(rows, there, seen), apart <= 2 * usual
+
+
 def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[Finding]:
     """Sensors that answer neither to the inputs nor to any other sensor although the robot was driven."""
-    driven = {windows.name for windows in outputs if excited(windows)}
+    driven, units = {windows.name for windows in outputs if excited(windows)}, log.channels.units
     columns = {name: log.output(name) for name in log.measured}
     columns |= {name: np.asarray(log.extra[name], dtype=float) for name in also}
     # Rows that repeat the row before say nothing about an answer, and their mean differs for many a broken sensor.
     rows = np.concatenate([log.inputs, np.nan_to_num(log.outputs)], axis=1)
     active = np.concatenate([[True], np.any(np.diff(rows, axis=0) != 0, axis=1)])
-    width = max(1, min(response(log) // 2, int(active.sum()) // 48))
+    least = max(1, min(response(log) // 2, int(active.sum()) // 48))
     if active.sum() < 60 or not np.ptp(log.inputs, axis=0).any():
         return
     for name, values in columns.items():
@@ -119,20 +142,22 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
             )
             yield finding(log, name, None, "warning", "dead_sensor", text)
             continue
-        others = np.stack([*log.inputs.T, *(other for key, other in columns.items() if key != name)], axis=-1)
-        others = np.where(np.isfinite(others), others, 0)
-        if np.ptp(values[there]) <= 2 * np.pi < 2 * np.max(np.abs(np.diff(values[there]))):
-            values = np.unwrap(np.where(there, values, 0))  # a heading that wraps
+        others = [_filled(other, units.get(key, ""))[0] for key, other in columns.items() if key != name]
+        others = np.stack([*log.inputs.T, *others], axis=-1)
+        values, near = _filled(values, units.get(name, ""))
+        looked, width = active & near, max(least, int(np.median(np.diff(np.flatnonzero(there)))))
+        if looked.sum() < 24 * width:
+            continue
         middle, spread = np.median(values[there]), 1.4826 * np.median(np.abs(values[there] - np.median(values[there])))
         calm = np.clip(values, middle - 4 * spread, middle + 4 * spread) if spread > 0 else values
-        smooth = _smooth(calm[active], width)
-        regressors = _smooth(_lagged(log, others)[active], width)
+        smooth = _smooth(calm[looked], width)
+        regressors = _smooth(_lagged(log, others)[looked], width)
         # A position or heading follows the inputs by its change.
         share = max(_predicted(smooth, regressors), _predicted(np.diff(smooth), regressors[1:]))
         if share < _RELATED and _answer(smooth, regressors) < 4.5:
             # While the robot turns, axes mix, and nothing that is linear in the others follows them.
             for mixed in _mixed(log, others, list(columns), name):
-                both = _smooth(mixed[active], width)
+                both = _smooth(mixed[looked], width)
                 share = max(share, _predicted(smooth, both), _predicted(np.diff(smooth), both[1:]))
         else:
             continue

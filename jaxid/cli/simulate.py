@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 
 from .._atomic import replacing
-from ..logs import read_logs
+from ..logs import LogSet, read_logs
+from ..logs.files import named_files
+from ..logs.read import read_planned
 from ..model_file import read_model
 from ..parameters import ParameterError
 from ..simulation.simulate import simulate as simulate_logs
@@ -19,16 +21,20 @@ from .findings import warn_of_findings
 def run_simulate(
     spec: str, log: str, model: Path, mapping: Path | None, out: Path, own_effects: str | None = None
 ) -> None:
-    """Write t, the inputs and the predicted outputs under their standard names, one row for each row of the log."""
+    """Write t, the inputs and the predicted outputs under their standard names, one row for each row of the log, which may be a
+    planned one without outputs, such as a designed experiment."""
     keep_compiled_programs()
     for given in (Path(log), model, *([mapping] if mapping else [])):
         if out.exists() and given.exists() and out.samefile(given):
             raise UnusableInput(f"--out {out} is a file that is read, and would be written over; give another name.")
     robot = read_model(model, for_logs(load_robot(spec), [log], mapping), load_effects(own_effects))
-    logs = read_logs(log, robot, mapping=mapping)
-    if len(logs) > 1:
-        raise UnusableInput(f"{log} matches {len(logs)} files; give one log, and simulate each on its own.")
-    warn_of_findings(logs)
+    files = named_files(log)
+    if len(files) > 1:
+        raise UnusableInput(f"{log} matches {len(files)} files; give one log, and simulate each on its own.")
+    planned = read_planned(log, robot, mapping)
+    logs = LogSet([planned]) if planned is not None else read_logs(log, robot, mapping=mapping)
+    if planned is None:
+        warn_of_findings(logs)
     only = logs[0]
     try:
         (outputs,) = simulate_logs(robot, logs)

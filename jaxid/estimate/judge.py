@@ -197,8 +197,10 @@ def judge(
                 f"times the noise) is {np.sqrt(left):.2g} times what {c} varies by."
             )
     for words, other in (others or {}).items():
-        rival = _pooled(logs, other, noise, [logs[k].name for k in kept])
-        if pooled > max(ABOVE, _WORSE * rival):
+        names = [logs[k].name for k in kept]
+        rival, rival_level = _pooled(logs, other, noise, names)
+        # A fit that weighs its channels by what it leaves of each may leave much of one for the sake of another.
+        if pooled > max(ABOVE, _WORSE * rival) and _pooled(logs, simulated, noise, names)[1] > _WORSE * rival_level:
             failures.append(
                 f"The fit is worse than {words}: it leaves {_times(pooled)} times the noise, that {_times(rival)}."
             )
@@ -317,14 +319,21 @@ def with_integration(
     return found
 
 
-def _pooled(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float], names: Sequence[str]) -> float:
-    """Normalised RMS on the named logs, endless where the simulation is not finite."""
-    found = []
+def _pooled(
+    logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float], names: Sequence[str]
+) -> tuple[float, float]:
+    """Normalised RMS on the named logs, endless where the simulation is not finite: of all samples, and the channels' geometric
+    mean, which is the likelihood's where each channel's noise is what its residual shows."""
+    found: dict[str, list[Array]] = {}
     for log, y in zip(logs, simulated, strict=True):
         if log.name in names:
             y = np.clip(np.nan_to_num(np.asarray(y), nan=_ENDLESS), -_ENDLESS, _ENDLESS)
-            found += [error / noise[c] for c, error in errors_of(log, y).items()]
-    return rms(np.concatenate(found))
+            for c, error in errors_of(log, y).items():
+                found.setdefault(c, []).append(error / noise[c])
+    each = [np.concatenate(own) for own in found.values()]
+    levels = [np.log(max(rms(own), 1e-300)) for own in each]
+    mean = np.average(levels, weights=[np.isfinite(own).sum() for own in each])
+    return rms(np.concatenate(each)), float(np.exp(mean))
 
 
 def judged(fit: Fit, judgement: Judgement) -> Fit:

@@ -11,12 +11,15 @@ _MOST = 3
 _HARMLESS = frozenset({"short_log", "idle", "moving_start", "unused_column", "empty_column"})
 """Doubts of what logs leave open, and not of what they hold."""
 
+_TOLD = frozenset({"receive_stamps"})
+"""Notes that are doubts once something is missing: commands by another clock than what was measured act too late or early."""
+
 
 def doubtful_logs(logs: LogSet, held_out: LogSet) -> str:
     """A sentence on the doubts, one of each kind in the words of the first log that has it; empty where there are none."""
     kinds: dict[str, dict[str, str]] = {}
     for finding in (*logs.preflight(), *held_out.preflight()):
-        if finding.severity != "note" and finding.check not in _HARMLESS:
+        if finding.check in _TOLD or (finding.severity != "note" and finding.check not in _HARMLESS):
             kinds.setdefault(finding.check, {}).setdefault(finding.file, finding.message.rstrip("."))
     if not kinds:
         return ""

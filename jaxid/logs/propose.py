@@ -11,7 +11,7 @@ import numpy as np
 from .channels import Channels
 from .look import Look
 from .series import Series
-from .units import Unit, unit_in_name
+from .units import HEADINGS, Unit, unit_in_name, words_in
 from .wheel_pairs import of_one_side, wheel_pair, wheel_positions
 
 
@@ -57,7 +57,9 @@ _SUPPLIES = ("battery", "batt", "vbat", "supply", "vbus")
 
 
 def _of_side(side: str, name: str) -> bool:
-    return side in name or any(part in _SIDES[side] for part in re.split(r"[^a-z0-9]+", name))
+    """Whether a name bears a side: as a word, or as a letter of its own (`u_r`, `encR`)."""
+    parts = {*re.split(r"[^a-z0-9]+", name.lower()), *words_in(name)}
+    return side in name.lower() or not parts.isdisjoint(_SIDES[side])
 
 
 def _side_score(said: str, name: str) -> float:
@@ -103,7 +105,12 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
     score += 0.0 if found is None else 3.0 - 0.2 * found
     commanded = any(word in name for word in _COMMANDS)
     score += (2.0 if commanded else -1.0) if command else (-3.0 if commanded else 0.0)
-    score += _side_score(said, name)
+    # Called by what the channel is, in one word, it needs no unit (not `speed` for the speed of one side among others).
+    score += 1.0 if words_in(last) == words_in(wanted) and not series.name.startswith("/") else 0.0
+    side = _side_score(said, series.name)
+    score += side
+    # Nor does it where it begins with the channel's own letter, and bears its side (uR of u_right).
+    score += 2.0 if side > 0 and words_in(last)[:1] == words_in(channel)[:1] else 0.0
     index = re.search(r"\[(\d+)\]$", series.name)
     if index and command:
         score += 1.0 if int(index[1]) == place else -0.5
@@ -152,19 +159,32 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
             proposals.append(Proposal(channel, unit, "", wanted, (), 1.0, "", hint, False))
             continue
         if not good:
-            hint = wheels.hint(channel, unit) if wheels is not None else ""
+            hint = _of_heading(channel, unit, usable) or (wheels.hint(channel, unit) if wheels is not None else "")
             proposals.append(Proposal(channel, unit, "", wanted, (), 1.0, "", hint, channel in channels.optional))
             continue
         series = good[0][1]
         taken.add(series.name)
         others = tuple(other.name for _, other in good[1:] if np.ptp(other.values) > 0)[:3]
         scale, source = _scale(unit, series)
-        if command and series.name.endswith("]") and not _side_score(wanted, series.name.lower()) > 0:
+        if command and series.name.endswith("]") and not _side_score(wanted, series.name) > 0:
             source = ", ".join(filter(None, (source, "by its place in the array alone")))
         inside = series.said or series.unit
         why = ", ".join(filter(None, (wanted, inside and f"in {inside}", series.frame and f"frame {series.frame}")))
         proposals.append(Proposal(channel, unit, series.name, why, others, scale, source))
     return proposals
+
+
+def _of_heading(channel: str, unit: str, usable: Sequence[Series]) -> str:
+    """A line that makes a yaw rate of a heading; empty where there is none."""
+    if unit != "rad/s":
+        return ""
+    angles = (one for one in usable if not HEADINGS.isdisjoint(words_in(one.name)) and _unit(one).si == "rad")
+    found = next((one for one in angles if np.ptp(one.values) > 0), None)
+    if found is None:
+        return ""
+    return (
+        f'{channel} = {{ field = "{found.name}", scale = {_unit(found).factor!r}, derivative = true }}   # of a heading'
+    )
 
 
 def _of_twist(channel: str, wanted: str, usable: Sequence[Series]) -> str:

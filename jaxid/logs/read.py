@@ -5,8 +5,8 @@ Decisions taken here, each leaving a finding that pre-flight repeats:
 - an output cell that is empty, NaN, infinite or beyond any physical size is "not measured" and masked;
 - an input missing for a single sample is held from the sample before (zero-order hold); a longer gap is an error, since
   what was applied is unknown;
-- a row that repeats the row before it in every column, time included, is left out (the recorder wrote it twice); any
-  other time that does not increase is an error.
+- a few rows that were written later than their followers are put at their place; a row that repeats the row before it in every
+  column, time included, is left out (the recorder wrote it twice); any other time that does not increase is an error.
 """
 
 import warnings
@@ -27,7 +27,7 @@ from .rates import rate, whole_way
 from .recorded import read_recorded
 from .sums import with_summed_columns
 from .table import Table, read_table
-from .times import SINCE_1970, with_seconds
+from .times import SINCE_1970, order_of_late_rows, with_seconds
 
 
 def _where(table: Table, row: int) -> str:
@@ -127,6 +127,22 @@ def _overlooked(channels: Channels, there: Iterable[str], columns: list[str]) ->
     return [(name, column) for name in wanted for column in columns if plain(name) == plain(column)]
 
 
+def _in_order(table: Table, time_column: str, path: Path) -> tuple[Table, int]:
+    """The table with rows that came late at their place, and how many these were."""
+    if time_column not in table.frame.columns:
+        return table, 0
+    time = _numbers(table, time_column, path)
+    order = order_of_late_rows(time)
+    if order is None:
+        return table, 0
+    lines = [table.lines[k] for k in order] if table.lines else []
+    found = Table(table.frame.iloc[order].reset_index(drop=True), lines, table.notes)
+    again, _ = _without_repeats(found, time_column, path)
+    if np.any(np.diff(_numbers(again, time_column, path)) == 0):
+        return table, 0  # two rows of one time that differ: the clock was set back
+    return found, int(np.count_nonzero(time < np.maximum.accumulate(time)))
+
+
 def _without_repeats(table: Table, time_column: str, path: Path) -> tuple[Table, np.ndarray]:
     """The table without rows that equal the row before them in every column, and which rows those were."""
     frame = table.frame
@@ -141,11 +157,20 @@ def _without_repeats(table: Table, time_column: str, path: Path) -> tuple[Table,
     return Table(frame.iloc[kept].reset_index(drop=True), lines, table.notes), rows
 
 
-def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source]) -> Log:
-    """One file as a log called `name`."""
+def _at_rest(table: Table, channels: Channels, mapping: dict[str, Source]) -> Table:
+    """The table with every output that it lacks, zero in the first row and not measured from then on."""
+    lacking = [mapping.get(name, Source(name)).column for name in channels.outputs]
+    start = np.where(np.arange(len(table.frame)) == 0, 0.0, np.nan)
+    new = {column: start for column in lacking if column not in table.frame.columns}
+    return table._replace(frame=table.frame.assign(**new))
+
+
+def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source], planned: bool = False) -> Log:
+    """One file as a log called `name`; `planned`: it may be one that nobody has driven yet, without outputs."""
     if format_of(path) is not None:
         return read_recorded(path, name, channels, mapping)
     table = read_table(path)
+    table = _at_rest(table, channels, mapping) if planned else table
     findings = [Finding(name, None, row, "warning", check, f"{name}: {text}.") for check, row, text in table.notes]
 
     def note(column: str, rows: np.ndarray, check: str, what: str, remedy: str) -> None:
@@ -168,6 +193,10 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
             text = f"{name}: {sources['t'].column!r} holds dates; the times are seconds since the first."
             findings.append(Finding(name, None, None, "note", "dates", text))
             table = table._replace(frame=dated)
+        table, late = _in_order(table, sources["t"].column, path)
+        what = f"{late} row(s) came after later ones and were put in the order of their times"
+        if late:
+            findings.append(Finding(name, "t", None, "warning", "out_of_order", f"{name}: {what}."))
         shorter, rows = _without_repeats(table, sources["t"].column, path)
         what = "a row repeats the one before in every column, time included, and was left out,"
         note(sources["t"].column, rows, "repeated_row", what, "check the recorder")
@@ -179,7 +208,9 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source])
             columns[standard] = source.interval * np.arange(len(table.frame), dtype=float)
             continue
         values = _numbers(table, source.column, path)
-        if standard in channels.positions and not source.derivative:
+        if (
+            standard in channels.positions or source.derivative
+        ):  # in the sensor's own unit, in which its turns are whole
             values, text = whole_way(columns["t"], values, standard, source.column)
             if text:
                 findings.append(Finding(name, standard, None, "warning", "turns", f"{name}: {text}."))
@@ -295,6 +326,21 @@ def _other_layout(
         return of(named) if of(named) != own else of({*first_columns(paths), *named})
     except (OSError, ValueError):
         return own
+
+
+def read_planned(path: PathLike, robot: Any, mapping: Mapping[str, Any] | PathLike | None = None) -> Log | None:
+    """A table of inputs alone, which nobody has driven yet, as the log of a robot that starts at rest; None where the file has
+    any of the robot's outputs, or is no table. Raises `LogError` as `read_logs` does."""
+    channels = channels_of(robot)
+    (one,) = named_files(path)[:1]
+    if format_of(one.path) is not None:
+        return None
+    sources = read_mapping(mapping, channels)
+    measured = {sources.get(name, Source(name)).column for name in channels.measured}
+    measured |= {column for name in channels.measured if name in sources for column in sources[name].columns}
+    if measured & {str(column) for column in read_table(one.path).frame.columns}:
+        return None
+    return one.cut(_read(one.path, one.name, channels, sources, planned=True))
 
 
 def first_columns(paths: PathLike | Iterable[PathLike]) -> tuple[str, ...]:

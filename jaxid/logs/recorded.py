@@ -121,7 +121,11 @@ def _clock(path: Path, used: dict[str, Series], stamp: str | None) -> tuple[dict
         notes.append(("warning", "clocks_apart", None, text))
     if without:
         topics = ", ".join(dict.fromkeys(used[name].topic for name in without))
-        text = f"{topics} has no stamps of its own (for {', '.join(without)}), so that the recorder's count there"
+        usual = max(delays.values(), key=abs)
+        text = (
+            f"{topics} has no stamps of its own (for {', '.join(without)}), so that the recorder's count there, and the "
+            f'senders\' for the rest, which it had {usual * 1e3:.3g} ms later; t={{stamp = "receive"}} takes one clock for all'
+        )
         notes.append(("note", "receive_stamps", without[0], text))
     return {n: s.received if s.stamped is None else s.stamped for n, s in used.items()}, notes
 
@@ -181,13 +185,8 @@ def _signals(
     notes: list[Note] = []
     for name, series in there.items():
         source, command = wanted[name], name in channels.inputs
-        values = series.values
-        if name in channels.positions and not source.derivative:
-            values, text = whole_way(1e-9 * (clock[name] - clock[name][0]), values, name, source.column)
-            if text:
-                notes.append(("warning", "turns", name, text))
         with np.errstate(over="ignore"):
-            values = source.scale * values + source.offset
+            values = source.scale * series.values + source.offset
         bad = ~(np.abs(values) <= ABSURD)
         if bad.any() and command:
             raise LogError(
@@ -201,7 +200,7 @@ def _signals(
         if bad.all():
             raise LogError(f"{path}: field {series.name!r} (for {name!r}) holds no usable number; map another one.")
         one = Used(source, series, clock[name])
-        whole, repeated, late = _ordered(path, name, one, values, command)
+        whole, repeated, late = _ordered(path, name, one, series.values, command)
         if late:
             text = (
                 f"{late} message(s) of {series.topic!r} came after later ones and were put in the order of their stamps"
@@ -210,8 +209,15 @@ def _signals(
         if repeated:
             text = f"{repeated} message(s) of {series.topic!r} repeat the one before, stamp included, and were left out"
             notes.append(("warning", "repeated_row", name, text))
-        fine = np.abs(whole.values) <= ABSURD
-        signal = Signal(whole.time[fine], whole.values[fine])
+        values, text = whole.values, ""
+        if name in channels.positions or source.derivative:  # in the sensor's own unit, in which its turns are whole
+            values, text = whole_way(1e-9 * (whole.time - whole.time[0]), values, name, source.column)
+        if text:
+            notes.append(("warning", "turns", name, text))
+        with np.errstate(over="ignore"):
+            values = source.scale * values + source.offset
+        fine = np.abs(values) <= ABSURD
+        signal = Signal(whole.time[fine], values[fine])
         if source.derivative:
             signal, note = _speed(signal, source, name, path)
             notes.append(note)

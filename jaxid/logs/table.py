@@ -104,6 +104,23 @@ def _header(lines: list[str], numbers: list[int], comment: str, path: Path) -> t
     return [name.strip() for name in cells], delimiter, True
 
 
+def _units_row(rows: list[str], delimiter: str | None) -> str:
+    """The cells of a first row in which nothing is a number, above one in which something is; empty where it is no such row."""
+    if len(rows) < 3:
+        return ""
+    first, second = ([cell.strip() for cell in line if cell.strip()] for line in _split(rows[:2], delimiter))
+    return "" if any(map(_number, first)) or not any(map(_number, second)) else ", ".join(first)[:60]
+
+
+def _decimal_comma(rows: list[str], delimiter: str | None) -> bool:
+    """Whether numbers have a comma before their decimals. Between commas such numbers stand in quotes, where they may be
+    thousands, too, if all of them have three digits after it."""
+    cells = [cell.strip() for line in _split(rows[:200], delimiter) for cell in line]
+    found = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
+    thousands = delimiter == "," and all(len(re.split("[,eE]", cell)[1]) == 3 for cell in found)
+    return bool(found) and not thousands and not any("." in cell for cell in cells)
+
+
 def _csv(data: bytes, path: Path) -> Table:
     text = _text(data, path)
     kept, numbers, comment = [], [], ""
@@ -147,12 +164,12 @@ def _csv(data: bytes, path: Path) -> Table:
             f"({len(wrong)} such line(s)); repair or remove it."
         )
 
-    sample = [cell.strip() for line in _split(rows[:200], delimiter) for cell in line]
-    comma = (
-        delimiter != ","
-        and any(_DECIMAL_COMMA.fullmatch(cell) is not None for cell in sample)
-        and not any("." in cell for cell in sample)
-    )
+    if units := _units_row(rows, delimiter):
+        raise LogError(
+            f"{path}: line {lines[0]} holds no number ({units}); if that line holds units, delete it or start it with #, and "
+            "map what is not in SI units with a scale."
+        )
+    comma = _decimal_comma(rows, delimiter)
     try:
         frame = pd.read_csv(
             io.StringIO("\n".join(rows)),
@@ -194,7 +211,7 @@ def _parquet(data: bytes, path: Path) -> Table:
 
 def read_table(path: Path) -> Table:
     """The columns of one file. CSV may be separated by comma, semicolon, tab, bar or white space, use decimal commas
-    (not with comma separation), start with a byte-order mark, hold comment lines (#, %, //), or be gzipped; Parquet is
+    (between commas in quotes), start with a byte-order mark, hold comment lines (#, %, //), or be gzipped; Parquet is
     told by its first bytes. Raises `LogError` for anything that is not a table with a header and rows.
     """
     try:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _NAMES = {
     "t",
@@ -32,6 +32,8 @@ _EPOCHS = ((1e9, 1.0), (1e12, 1e-3), (1e15, 1e-6), (1e18, 1e-9))
 """Sizes of today's date since 1970 in seconds, milli-, micro- and nanoseconds, and the factor to seconds."""
 
 
+_OF_DAY = r"\s*\d{1,2}:\d\d:\d\d(\.\d+)?\s*"
+_DAY = 86400.0
 SINCE_1970 = 5e8
 """Seconds from which on a time is a date counted from 1970, and no experiment's own."""
 
@@ -44,14 +46,42 @@ class TimeColumn(NamedTuple):
     said: str
 
 
+_FEW_LATE = 0.1
+"""Share of the rows that may have come late."""
+_MISSED = 1.4
+"""Intervals, in usual ones, from which on a row is missing between two."""
+
+
+def order_of_late_rows(time: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"] | None:
+    """The order in which rows were measured of which a few were written later than their followers; None where none was, or
+    where the clock was set back: then the others leave no place where a late row is missing. Rows of one time, which are not
+    looked into, keep their order."""
+    if not np.isfinite(time).all() or not len(time):
+        return None
+    late = time < np.maximum.accumulate(time)
+    if not late.any() or late.mean() > _FEW_LATE:
+        return None
+    kept = time[~late]
+    steps = np.diff(kept)
+    after = np.searchsorted(kept, time[late])
+    alone = ~np.isin(time[late], kept)  # or else it is there a second time
+    if np.any(after == 0) or not (steps > 0).any():
+        return None
+    missed = steps[after - 1] > _MISSED * float(np.median(steps[steps > 0]))
+    return np.argsort(time, kind="stable") if np.all(missed | ~alone) else None
+
+
 def seconds_of_dates(values: Any) -> Float[np.ndarray, " n"] | None:
-    """Seconds since the first of dates (or of times of day with a date), or of durations; None for what is neither."""
+    """Seconds since the first of dates or times of day, across midnight, too, or of durations; None for what is neither."""
     column: Any = pd.Series(values)
     if column.dtype.kind == "m":
         return (column / pd.Timedelta(1, "s")).to_numpy(dtype=float)
     if column.dtype.kind in "OUT" or isinstance(column.dtype, pd.StringDtype):
         if np.isfinite(_numbers(column)).any():
             return None
+        if column.astype(str).str.fullmatch(_OF_DAY).all():
+            seconds = (pd.to_timedelta(column.astype(str)) / pd.Timedelta(1, "s")).to_numpy(dtype=float)
+            return np.unwrap(seconds, period=_DAY) - seconds[0]
         column = pd.to_datetime(column, errors="coerce", utc=True, format="ISO8601")
     if column.dtype.kind != "M" or not len(column) or pd.isna(column.iloc[0]):
         return None
@@ -84,6 +114,12 @@ def _unit(name: str, values: Float[np.ndarray, " n"]) -> tuple[float, str]:
             unit = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}[factor]
             return factor, f"{unit} since 1970 by their size"
     return 1.0, ""
+
+
+def seconds_in_name(name: str) -> float | None:
+    """The factor to seconds of what a name calls times in a unit (`t_ms`), and nothing else; None for any other name."""
+    words = _words(name)
+    return _UNITS.get(words[1]) if len(words) == 2 and words[0] in _NAMES else None
 
 
 def time_column(frame: pd.DataFrame, given: str | None = None) -> TimeColumn | None:

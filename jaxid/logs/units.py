@@ -38,6 +38,24 @@ _WITHOUT_SCALE = {
     "tick": "counts", "count": "counts", "pulse": "counts",
 }  # fmt: skip
 
+HEADINGS = {"heading", "yaw", "theta", "psi", "compass", "bearing"}
+_PLACES = HEADINGS | {
+    "x",
+    "y",
+    "z",
+    "q",
+    "pos",
+    "position",
+    "angle",
+    "phi",
+    "distance",
+    "dist",
+    "way",
+    "travel",
+    "odometer",
+}
+_RATES = {"rate", "speed", "velocity", "vel", "dot", "gyro", "omega"}
+
 
 class Unit(NamedTuple):
     """An SI unit (alternatives joined by " or ") and the factor that leads to it; NaN where only the owner knows the factor.
@@ -50,7 +68,7 @@ class Unit(NamedTuple):
     said: str
 
 
-def _words(text: str) -> list[str]:
+def words_in(text: str) -> list[str]:
     """Lower-case words of a text, a new one at every capital after a small letter."""
     parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text)
     return [part.lower() for part in parts]
@@ -60,8 +78,11 @@ def _singular(word: str) -> str:
     return word[:-1] if len(word) > 1 and word.endswith("s") else word
 
 
-def _found(words: list[str], lengths: dict[str, float], angles: dict[str, float], strict: bool) -> Unit | None:
-    """The unit that the words from the first on are, lengths and angles per time before those alone."""
+def _found(
+    words: list[str], lengths: dict[str, float], angles: dict[str, float], strict: bool, place: bool = False
+) -> Unit | None:
+    """The unit that the words from the first on are, lengths and angles per time before those alone. In a name the time is
+    often left out (gyro_deg), but not of a `place`."""
     base = _singular(words[0])
     kind = "m" if base in lengths else "rad" if base in angles else ""
     if not kind:
@@ -73,8 +94,7 @@ def _found(words: list[str], lengths: dict[str, float], angles: dict[str, float]
         return Unit(f"{kind}/s", factor / time, f"{words[0]}/{rest[1]}")
     if strict and len(words) > 1:
         return None
-    # In a name the time is often left out: gyro_deg.
-    return Unit(kind if strict else f"{kind} or {kind}/s", factor, words[0])
+    return Unit(kind if strict or place else f"{kind} or {kind}/s", factor, words[0])
 
 
 def unit_said(text: str) -> Unit | None:
@@ -107,17 +127,18 @@ def unit_in_name(name: str) -> Unit | None:
     ending = re.search(r"[_ ]([VA])$", name)
     if ending:
         return Unit(ending[1], 1.0, ending[1])
-    words = _words(name)
-    for place in reversed(range(len(words))):
-        here = words[place:]
-        word = _singular(words[place])
+    words = words_in(name)
+    place = bool(_PLACES & {*words}) and not _RATES & {*words}
+    for first in reversed(range(len(words))):
+        here = words[first:]
+        word = _singular(words[first])
         # Plain m/s and mm: m alone is a letter.
-        if words[place] == "m" and _singular("".join(here[1:2]) or "-") in _TIMES:
+        if words[first] == "m" and _singular("".join(here[1:2]) or "-") in _TIMES:
             return Unit("m/s", 1.0 / _TIMES[_singular(here[1])], f"m/{here[1]}")
-        if found := _found(here, _LENGTHS, _ANGLES, strict=False):
+        if found := _found(here, _LENGTHS, _ANGLES, strict=False, place=place):
             return found
         if word in _OTHERS:
-            return Unit(*_OTHERS[word], words[place])
+            return Unit(*_OTHERS[word], words[first])
         if word in _WITHOUT_SCALE:
             return Unit("", math.nan, _WITHOUT_SCALE[word])
     return None

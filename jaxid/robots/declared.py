@@ -186,6 +186,11 @@ class Declared(Robot):
         return tuple(self.state_names)
 
     @property
+    def dry(self) -> bool:
+        """Whether any axis has dry friction of its own, which effects may change."""
+        return any(axis.coulomb for _, axis in self._axes)
+
+    @property
     def stages(self) -> frozenset[str]:  # type: ignore[override]
         driven = [axis for _, axis in self._axes if axis.driven]
         found = {"dry"} if self._axes else set()

@@ -167,6 +167,22 @@ def test_a_model_with_an_effect_of_ones_own_is_simulated(jaxid, tmp_path, monkey
     np.testing.assert_allclose(found["v"], 2.0 * np.tanh(since / 2.0), atol=1e-6)
 
 
+def test_an_experiment_that_nobody_has_driven_yet_is_simulated(jaxid, tmp_path, monkeypatch):
+    """As `jaxid design` writes it: inputs alone, from rest; and a file that lacks one of several outputs is still wrong."""
+    monkeypatch.chdir(tmp_path)
+    times = 0.01 * np.arange(200)
+    Path("experiment.csv").write_text("t,u\n" + "".join(f"{t:.2f},3\n" for t in times))
+    Path("model.toml").write_text("[parameters]\nM = 2.0\nFv = 1.5\nFc = 0.6\noffset = 0.0\n")
+    code, _, remarks = jaxid("simulate", "axis", "--log", "experiment.csv", "--model", "model.toml", "--out", "p.csv")
+    assert code == 0 and "dead" not in remarks, remarks
+    found = pd.read_csv("p.csv")
+    np.testing.assert_allclose(found["v"], 2.4 / 1.5 * (1.0 - np.exp(-1.5 / 2.0 * times)), atol=1e-6)
+    Path("half.csv").write_text("t,u_right,u_left,v\n" + "".join(f"{t:.2f},3,3,0.1\n" for t in times))
+    Path("model.toml").write_text("[parameters]\nM = 2.0\n")
+    code, _, remarks = jaxid("simulate", "differential", "--log", "half.csv", "--model", "model.toml", "--out", "q.csv")
+    assert code == 1 and "no column 'w'" in remarks
+
+
 def test_effects_without_a_model_that_could_name_them_are_wrong_arguments(jaxid):
     code, _, remarks = jaxid("fit", "axis", "--fit", "a.csv", "--out", "o", "--effects", "effects_of_a_test:ours")
     assert code == 2 and "--model names" in remarks

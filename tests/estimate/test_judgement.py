@@ -5,6 +5,7 @@ import pytest
 
 from jaxid import (
     Axis,
+    DifferentialDrive,
     Disturbance,
     Estimate,
     Log,
@@ -148,6 +149,21 @@ def test_a_model_that_does_not_follow_fails_whatever_its_optimiser_says(axis_log
     assert all(e.status != "identified" for e in fit.parameters.values())
     assert np.isnan(fit["M"].std_error) and repr(fit).startswith("Failed: ")
     assert "<b>Failed: " in fit._repr_html_()
+
+
+def test_a_fit_that_weighs_its_channels_by_what_it_leaves_is_no_failure():
+    """Where something is missing, one channel may fit well and the other not: the likelihood prefers that to a start that
+    misses both, though the sum of squares in units of the sensors' noise is larger. Not where the fit misses both, too."""
+    time, rng = 0.02 * np.arange(SAMPLES), np.random.default_rng(4)
+    noise = {"v_right": 0.01, "v_left": 0.01}
+    truth = np.stack([np.sin(time), np.cos(time) - 1.0], axis=1)
+    robot = DifferentialDrive(measures="wheels")
+    commands = np.stack([np.sin(3 * time), np.cos(2 * time)], axis=1)
+    logs = LogSet([Log.from_arrays("one", time, commands, truth + 0.01 * rng.normal(size=truth.shape), robot.channels)])
+    wave = np.sin(9 * time)[:, None] * 0.01 * np.sqrt(2.0)
+    for own, failed in ((np.array([0.1, 2.3]), False), (np.array([1.6, 2.3]), True)):
+        found = judge(logs, [truth + own * wave], noise, others={"its own start": [truth + 1.5 * wave]})
+        assert ("worse than its own start" in found.sentence) == failed == (found.verdict == "failed")
 
 
 def test_members_of_a_fleet_are_judged_as_single_fits_are(axis_log):

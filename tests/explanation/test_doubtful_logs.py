@@ -1,9 +1,12 @@
 """What pre-flight doubts in the logs is said beside what is missing: stamps that jitter, on an axis in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.explanation.doubtful_logs import doubtful_logs
+from jaxid.logs import Finding
 
 SAMPLES, DT = 600, 0.02
 
@@ -30,3 +33,11 @@ def test_a_clock_that_jitters_is_said_beside_what_has_no_name(axis_law):
 
 def test_logs_without_doubts_say_nothing(axis_law):
     assert doubtful_logs(*recorded(axis_law, 0.0)) == ""
+
+
+def test_commands_on_the_recorders_clock_are_told_though_nothing_else_doubts_them(axis_law):
+    logs, held_out = recorded(axis_law, 0.0)
+    text = "run 0: /volts has no stamps of its own (for u), so that the recorder's count there."
+    note = Finding("run 0", "u", None, "note", "receive_stamps", text)
+    logs = LogSet([replace(log, findings=(note,)) if log.name == "run 0" else log for log in logs])
+    assert "/volts has no stamps" in doubtful_logs(logs, held_out)

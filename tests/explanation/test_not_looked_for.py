@@ -1,5 +1,7 @@
 """jaxid/explanation/not_looked_for.py: a robot that keeps something to itself is told which effects that hides."""
 
+from dataclasses import replace
+
 from jaxid import Channels, Custom, DriveAxis, Parameter, Pioneer
 from jaxid.explanation.not_looked_for import not_looked_for
 
@@ -28,6 +30,17 @@ def test_what_was_declared_is_not_asked_for_again():
     assert "ground slope (`plane=`, `mass=`)" in found
     driven = cart(axes={"wheel": DriveAxis("v", torque=lambda s, u, p: u["u"])}, forces={"v": "m"})
     assert "cogging torque (`axes=` with `angle`)" in not_looked_for(driven)
+
+
+def test_dry_friction_that_a_robot_has_not_is_named():
+    """A level that rises at standstill within a speed beyond all others is the level itself, under another name."""
+    driven = DriveAxis("v", torque=lambda s, u, p: u["u"])
+    for axes in ({}, {"wheel": driven}):
+        assert "dry friction (`axes=` with `coulomb`, or `dry_friction=`)" in not_looked_for(
+            cart(axes=axes, forces={"v": "m"})
+        )
+    assert "dry friction" not in not_looked_for(cart(axes={"wheel": replace(driven, coulomb="b")}, forces={"v": "m"}))
+    assert "dry friction" not in not_looked_for(cart(dry_friction={"wheel": ("v", "b")}, forces={"v": "m"}))
 
 
 def test_what_a_built_in_robot_lacks_it_cannot_have():

@@ -1,6 +1,7 @@
 """jaxid/logs/read.py and table.py: every dialect a log may come in, and the ways in which a file may be broken."""
 
 import gzip
+import re
 import warnings
 
 import numpy as np
@@ -46,6 +47,7 @@ def _same(log, values=VALUES):
         GOOD.replace(HEADER, '"t","V2","V3","eta1","eta2"'),
         GOOD.replace("\n", ",\n") + ",",  # a delimiter after each line
         gzip.compress(GOOD.encode(), mtime=0),
+        re.sub(r"(-?\d+)\.(\d+)", r'"\1,\2"', GOOD),  # decimal commas in quotes
     ],
 )
 def test_dialects_of_csv_give_the_same_log(tmp_path, content):
@@ -177,7 +179,10 @@ BROKEN = {
     "column twice": (GOOD.replace("V3", "V2"), "'V2' twice"),
     "column missing": (GOOD.replace("eta2", "eta_2"), r"'eta2'.*'eta_2'.*map"),
     "column in capitals": (GOOD.replace("eta1", "ETA1"), r"'eta1' \(close: 'ETA1'"),
-    "units line": (GOOD.replace(HEADER, HEADER + "\ns,V,V,m/s,rad/s"), r"'t' has 's' at sample 0 \(line 2\).*units"),
+    "units line": (
+        GOOD.replace(HEADER, HEADER + "\ns,V,V,m/s,rad/s"),
+        r"line 2 holds no number \(s, V, V, .*units",
+    ),
     "word in a cell": (GOOD.replace("0.25", "fast"), r"'eta1' has 'fast' at sample 3 \(line 5\)"),
     "date as time": (GOOD.replace("0.02,6,6,0", "2024-01-01,6,6,0"), "'t' has '2024-01-01'"),
     "fields missing": (GOOD.replace("0.04,6,6,0.1,0.01", "0.04,6,6"), r"line 4 \(sample 2\) has 3 fields"),
@@ -185,6 +190,11 @@ BROKEN = {
     "decimal comma in comma": (GOOD.replace("0.25", "0,25"), "6 fields"),
     "time missing": (GOOD.replace("0.04,6", ",6"), "no time at sample 2"),
     "time repeated": (GOOD.replace("0.04,", "0.02,"), "repeats the previous time at sample 2"),
+    "units, decimal commas": (
+        "t;u\n[s];[N]\n0,0;1\n0,1;2\n0,2;2\n",
+        r"line 2 holds no number \(\[s\], \[N\]\).*start it with #",
+    ),
+    "thousands": (GOOD.replace("0.04,6", '0.04,"6,000"'), "'V2' has '6,000' at sample 2"),
     "time backwards": (GOOD.replace("0.06,", "0.01,"), "runs backwards at sample 3"),
     "time constant": (GOOD.replace("\n0.0", "\n1.0").replace("1.02", "1.00"), "repeats"),
     "time infinite": (GOOD.replace("0.08,", "inf,"), "no time at sample 4"),

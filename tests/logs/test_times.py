@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxid import LogError, Pioneer, read_logs
+from jaxid import LogError, LogWarning, Pioneer, read_logs
 from jaxid.logs.times import seconds_of_dates, time_column
 
 TIME = 0.02 * np.arange(60)
@@ -20,8 +20,10 @@ STAMPS = pd.to_datetime(START * 1_000_000_000 + np.round(TIME * 1e9).astype(np.i
         STAMPS.strftime("%Y-%m-%d %H:%M:%S.%f"),
         STAMPS.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
         STAMPS - STAMPS[0],
+        STAMPS.strftime("%H:%M:%S.%f"),
+        (STAMPS + pd.Timedelta("1h46m39.5s")).strftime("%H:%M:%S.%f"),
     ],
-    ids=["zone", "local", "text", "ISO", "durations"],
+    ids=["zone", "local", "text", "ISO", "durations", "time of day", "midnight"],
 )
 def test_dates_become_seconds_since_the_first(dates):
     np.testing.assert_allclose(seconds_of_dates(pd.Series(dates)), TIME, atol=1e-9)
@@ -82,3 +84,34 @@ def test_a_date_that_is_none_is_an_error(tmp_path):
     frame.to_csv(tmp_path / "run.csv", index=False)
     with pytest.raises(LogError, match="no time at sample 7"):
         read_logs(tmp_path / "run.csv", Pioneer(), mapping={"t": "when"})
+
+
+def swapped(time, *pairs):
+    order = np.arange(len(time))
+    for k, j in pairs:
+        order[[k, j]] = order[[j, k]]
+    return order
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.004])
+def test_rows_that_came_late_are_put_at_their_place(tmp_path, jitter):
+    time = np.round(TIME + np.random.default_rng(0).uniform(-jitter, jitter, len(TIME)), 5)
+    whole = table(time)
+    (tmp_path / "whole.csv").write_text(whole.to_csv(index=False))
+    order = swapped(time, (10, 12), (30, 31), (50, 53))
+    late = whole.iloc[np.insert(order, 20, order[19])]  # and one of them was written twice
+    (tmp_path / "late.csv").write_text(late.to_csv(index=False))
+    with pytest.warns(LogWarning, match=r"6 row\(s\) came after later ones"):
+        found = read_logs(tmp_path / "late.csv", "pioneer", mapping={"t": "when"})[0]
+    np.testing.assert_array_equal(found.time, time)
+    np.testing.assert_array_equal(
+        found.outputs, read_logs(tmp_path / "whole.csv", "pioneer", mapping={"t": "when"})[0].outputs
+    )
+
+
+@pytest.mark.parametrize("back", [0.03, 0.06, 0.5, 1.1])
+def test_a_clock_that_was_set_back_is_no_late_row(tmp_path, back):
+    time = np.where(np.arange(60) < 40, TIME, TIME - back)
+    (tmp_path / "set_back.csv").write_text(table(time).to_csv(index=False))
+    with pytest.raises(LogError, match="runs backwards at sample 40"):
+        read_logs(tmp_path / "set_back.csv", "pioneer", mapping={"t": "when"})

@@ -41,7 +41,11 @@ def test_other_words_are_none(text):
         ("speed (km/h)", "m/s", 1 / 3.6),
         ("V2 [mV]", "V", 1e-3),
         ("/speed_mm_s.data", "m/s", 1e-3),
-        ("heading_deg", "rad or rad/s", math.pi / 180),
+        ("heading_deg", "rad", math.pi / 180),
+        ("gyro_deg", "rad or rad/s", math.pi / 180),
+        ("yaw_rate_deg", "rad or rad/s", math.pi / 180),
+        ("log.x_mm", "m", 1e-3),
+        ("vx_mm", "m or m/s", 1e-3),
         ("current_ma", "A", 1e-3),
     ],
 )

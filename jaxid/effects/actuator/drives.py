@@ -52,3 +52,11 @@ def one_torque_each(robot: Robot) -> bool:
     zero = dict.fromkeys(robot.states, 0.0) | robot.initial_state()
     idle = (0.0,) * len(robot.channels.inputs)
     return len(robot.drive_torques(idle, zero, robot.parameters.numbers)) == len(robot.drive_inputs)
+
+
+def torque_falls_with_speed(robot: Robot) -> bool:
+    """Whether the drive torques without a command are others in motion than at rest, as a back-EMF makes them."""
+    idle, rest = (0.0,) * len(robot.channels.inputs), dict.fromkeys(robot.states, 0.0) | robot.initial_state()
+    moving = rest | dict.fromkeys(robot.velocities, 1.0)
+    still, driven = (robot.drive_torques(idle, state, robot.parameters.numbers) for state in (rest, moving))
+    return any(float(one) != float(other) for one, other in zip(still, driven, strict=True))

@@ -10,7 +10,7 @@ from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import signed
-from .drives import back_emf, drive_names, each_drive, input_unit, one_torque_each
+from .drives import back_emf, drive_names, each_drive, input_unit, one_torque_each, torque_falls_with_speed
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,20 @@ class TorqueConstant(_OfTorque):
 
 @dataclass(frozen=True)
 class WindingResistance(_OfTorque):
-    """A motor's winding has (1 + excess_i) times the nominal resistance: less current, less torque, all else equal."""
+    """A motor's winding has (1 + excess_i) times the nominal resistance: less current, less torque, all else equal.
+
+    It needs the torque alone. Where that does not fall with the speed, by a back-EMF, it is another gain of the command.
+    """
 
     law: ClassVar[str] = "winding_resistance"
     formula: ClassVar[str] = "i_i = (u_i - back-EMF_i) / (R (1 + excess_i))"
     stem: ClassVar[str] = "excess"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def refusal(self, robot: Robot) -> str | None:
+        if robot.winding or torque_falls_with_speed(robot):
+            return super().refusal(robot)
+        return f"the drive torques of {robot.name!r} do not fall with its speed, so that {self.title} is another gain"
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         return tuple(t / (1.0 + excess) for t, excess in zip(torques, self._shares(p, robot), strict=True))

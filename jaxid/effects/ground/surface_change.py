@@ -88,8 +88,9 @@ class GradualChange(SurfaceChange):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         sharp = super().parameters(robot)[self.key("width")].value
         wide = shape(self, "width", "m", 0.25 * robot.scales.length)
-        # A width of none divides by zero.
-        return super().parameters(robot) | {name: replace(p, lower=sharp) for name, p in wide.items()}
+        # A width of none divides by zero; a robot that drives far within one sample has an edge wider than that at first.
+        bounded = {name: replace(p, value=max(p.value, sharp), lower=sharp) for name, p in wide.items()}
+        return super().parameters(robot) | bounded
 
 
 @dataclass(frozen=True)

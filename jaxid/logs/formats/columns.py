@@ -14,7 +14,7 @@ from ..finding import LogError
 from ..log import did_you_mean
 from ..series import Recording, Series, Topic, nanoseconds
 from ..table import read_table
-from ..times import time_column, with_seconds
+from ..times import order_of_late_rows, time_column, with_seconds
 
 
 def _numbers(column: Any) -> Float[np.ndarray, " n"]:
@@ -37,6 +37,12 @@ def read_columns(path: Path, time_field: str | None = None) -> Recording:
         raise LogError(f"{path} has no column of times{near}; it has {listed:.300}: rename one to t, in seconds.")
     time, frame = found.column, with_seconds(table.frame, found.column)
     numbers = {name: _numbers(frame[name]) for name in columns}
+    order = order_of_late_rows(numbers[time])
+    if order is not None:
+        numbers = {name: values[order] for name, values in numbers.items()}
+        table.notes.append(
+            ("out_of_order", None, "rows that came after later ones were put in the order of their times")
+        )
     there = np.isfinite(numbers[time])
     try:
         first = numbers[time][there][0] if there.any() else 0.0

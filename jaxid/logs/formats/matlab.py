@@ -1,7 +1,7 @@
 """MATLAB files (.mat), by SciPy, or h5py for version 7.3: vectors, structs of vectors, and structures with time.
 
-- Vectors of one length, at the top or in a struct, with a time among them (`t`, `time`, `Time`, `tout`, or one that a mapping
-  names): `V2`, or `run.V2` in a struct called run.
+- Vectors of one length, at the top or in a struct, with a time among them (`t`, `time`, `Time`, `tout`, in another unit `t_ms`,
+  or one that a mapping names, of every struct that has it): `V2`, or `run.V2` in a struct called run.
 - Simulink's "structure with time": `out.time` with `out.signals(k).values` and `.label`: `out.label`.
 
 Timetables and timeseries are objects of MATLAB's own, which no other program reads; as structs they can be saved.
@@ -14,6 +14,7 @@ import numpy as np
 
 from ..finding import LogError
 from ..series import Recording, Series, Topic, nanoseconds
+from ..times import seconds_in_name
 from . import matlab73
 
 TIMES = ("t", "time", "Time", "tout", "timestamp", "t_s", "time_s", "seconds")
@@ -82,11 +83,12 @@ def read_mat(path: Path, time_field: str | None = None) -> Recording:
     """
     loaded = {name: value for name, value in _loaded(path).items() if not name.startswith("__")}
     vectors = {name: column for top, value in loaded.items() for name, column in _vectors(top, value).items()}
-    times = {name: v for name, v in vectors.items() if _is_time(name) or name == time_field}
+    times = {name: v * _factor(name, time_field) for name, v in vectors.items() if _is_time(name, time_field)}
     series: dict[str, Series] = {}
     topics: dict[str, Topic] = {}
     for name, values in vectors.items():
-        near = (time_field, *(f"{_group(name)}{time}" for time in TIMES), *TIMES)
+        called = (*([time_field] if time_field else []), *TIMES, *{_last(time) for time in times})
+        near = (time_field, *(f"{_group(name)}{time}" for time in called), *called)
         own = next((time for time in near if _beside(time, values, times)), None)
         if name in times or own is None:
             continue
@@ -103,7 +105,7 @@ def read_mat(path: Path, time_field: str | None = None) -> Recording:
         listed = ", ".join(f"{name} ({len(values)})" for name, values in vectors.items()) or "no vectors of numbers"
         raise LogError(
             f"{path} has no vectors with a time of their length beside them (it has {listed:.200}); save one called t, in "
-            "seconds."
+            'seconds, or name yours in the mapping, such as t = { field = "clock_ms", scale = 0.001 }.'
         )
     return Recording(series, topics)
 
@@ -113,8 +115,19 @@ def _group(name: str) -> str:
     return name[: name.rfind(".") + 1]
 
 
-def _is_time(name: str) -> bool:
-    return name[name.rfind(".") + 1 :] in TIMES
+def _last(name: str) -> str:
+    """A variable's or a field's own name."""
+    return name[name.rfind(".") + 1 :]
+
+
+def _is_time(name: str, time_field: str | None) -> bool:
+    """Whether a vector is one of times: the named one, or one of its name in another struct; or one that is called so."""
+    return time_field in (name, _last(name)) or _last(name) in TIMES or seconds_in_name(_last(name)) is not None
+
+
+def _factor(name: str, time_field: str | None) -> float:
+    """What makes seconds of times; 1 of those that a mapping names, which has their scale."""
+    return 1.0 if time_field in (name, _last(name)) else seconds_in_name(_last(name)) or 1.0
 
 
 def _beside(time: str | None, values: np.ndarray, times: dict[str, np.ndarray]) -> bool:

@@ -44,6 +44,22 @@ def test_signals_of_other_rates_keep_their_own_times(tmp_path):
     np.testing.assert_array_equal(series["slow.v"].received, np.round(T[::5] * 1e9))
 
 
+@pytest.mark.parametrize("mapping", [{}, {"t": {"field": "t_ms", "scale": 0.001}}])
+def test_times_in_another_unit_stand_beside_their_signals(tmp_path, mapping):
+    """In every struct its own, found by their name, or by the mapping, whose scale then counts."""
+    names = {"u": "fast.force", "v": {"field": "slow.speed", "scale": 0.001}}
+    slow = {"t_ms": 1000 * T[::5], "speed": 1000 * V[::5]}
+    path = write_mat(tmp_path / "run.mat", {"fast": {"t_ms": 1000 * T, "force": U}, "slow": slow})
+    log = read_logs(path, "axis", mapping=names | mapping)[0]
+    np.testing.assert_allclose(log.time[np.isfinite(log.output("v"))], T[::5], atol=1e-9)
+    np.testing.assert_allclose(log.output("v")[np.isfinite(log.output("v"))], V[::5])
+    other = write_mat(
+        tmp_path / "other.mat", {"fast": {"clk": T, "force": U}, "slow": {"clk": T[::5], "speed": V[::5]}}
+    )
+    log = read_logs(other, "axis", mapping={"u": "fast.force", "v": "slow.speed", "t": "clk"})[0]
+    np.testing.assert_allclose(log.time[np.isfinite(log.output("v"))], T[::5], atol=1e-9)
+
+
 def matlab73(path):
     """As MATLAB lays out version 7.3: 512 bytes before the HDF5 file, columns as rows, structs as groups, text as numbers."""
     h5py = pytest.importorskip("h5py", reason="files of version 7.3 are HDF5")
