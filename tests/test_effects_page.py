@@ -23,6 +23,8 @@ def source(effect: Effect) -> str:
 def who(law: Effect) -> str:
     """Which built-in robots can have a law, and which have it already in numbers of their own."""
     can = [robot.name for robot in ROBOTS if refusal(law, robot) is None and law.id not in robot.expressed]
+    if law.id == "coulomb_friction":
+        return "none; yours without dry friction"
     if "steered" in law.needs:
         return "none; yours with an input that does not drive"
     return "all" if len(can) == len(ROBOTS) else ", ".join(can) or "none"

@@ -14,6 +14,7 @@ EXPECTED = {
     "actuator_dead_zone": lambda u: -GAIN * np.clip(u, -1.5, 1.5),
     "voltage_saturation": lambda u: GAIN * (np.clip(u, -6.0, 6.0) - u),
     "quadratic_drag": lambda v: -8.0 * v * np.abs(v),
+    "coulomb_friction": lambda v: -3.0 * np.sign(v),
     "stribeck_friction": lambda v: -3.0 * np.exp(-((v / 0.06) ** 2)) * np.sign(v),
     "traction_limit": lambda f: np.clip(f, -9.0, 9.0) - f,
     "asymmetric_viscous_friction": lambda v: -0.6 * AXIS.parameters["Fv"].value * np.abs(v),

@@ -302,6 +302,13 @@ CASES: Mapping[str, Case] = {
         reading=True,
         quantity="wrong by [m/s]",
     ),
+    "coulomb_friction": Case(
+        AXIS.with_values(Fc=0.0).change("Fc", free=False),
+        {"coulomb_friction.level": 3.0},
+        speed("v"),
+        _SPEED,
+        inputs=small,
+    ),
     "stribeck_friction": Case(
         AXIS,
         {"stribeck_friction.amplitude": 3.0, "stribeck_friction.speed": 0.06},

@@ -23,10 +23,13 @@ _SAME = 10.0
 
 
 def not_present(robot: Robot, effects: Sequence[Effect]) -> list[Effect]:
-    """The laws that may be added to `robot`: the catalogue's and `effects`, of mechanisms that it has not got."""
+    """The laws that may be added to `robot`: the catalogue's and `effects`, of mechanisms that it has not got, and not upon
+    one that it might have and has not."""
     present = {effect.id for effect in robot.effects}
     own = [law for effect in catalogue(robot) for law in laws_of(robot, effect.id)]
-    return [effect.blurred for effect in (*own, *effects) if effect.id not in present]
+    absent = [effect for effect in (*own, *effects) if effect.id not in present]
+    missing = {effect.id for effect in absent}
+    return [effect.blurred for effect in absent if effect.upon not in missing]
 
 
 def named_from_the_back(

@@ -7,6 +7,7 @@ towards standstill leaves, too.
 import re
 
 from ..effects.catalogue import ALL
+from ..effects.drivetrain import CoulombFriction
 from ..robots.declared import Declared
 from ..robots.effect import in_words
 from ..robots.robot import Robot
@@ -51,8 +52,8 @@ def not_looked_for(robot: Robot) -> str:
         if refused and not set(lacking) & set(_BY_NATURE):
             arguments = [word for trait in lacking for word in _wanted(trait, robot)]
             found.setdefault(", ".join(dict.fromkeys(arguments)), []).append(in_words(effect.id))
-    if isinstance(robot, Declared) and not robot.dry:
-        # No effect, but what others change: those of an axis without may then be it, under their names.
+    if isinstance(robot, Declared) and not robot.dry and refusal(CoulombFriction(), robot) is not None:
+        # Others change it: those of an axis without may then be it, under their names.
         found.setdefault("`axes=` with `coulomb`, or `dry_friction=`", []).append("dry friction")
     if not found:
         return ""

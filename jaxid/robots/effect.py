@@ -66,6 +66,8 @@ class Effect:
     """Whether all it does is that the same motion is seen later."""
     otherwise: ClassVar[str] = ""
     """What of the robot itself does the same, in words, so that no log tells it apart where the table does not hold it."""
+    upon: ClassVar[str] = ""
+    """Another effect that changes what this one does: it is looked for only where the robot cannot have that one, or has it."""
     finer: ClassVar[float] = 1.0
     """How many times shorter than the robot's the integration steps must be for the effect's own parameters."""
 

@@ -32,13 +32,13 @@ def test_what_was_declared_is_not_asked_for_again():
     assert "cogging torque (`axes=` with `angle`)" in not_looked_for(driven)
 
 
-def test_dry_friction_that_a_robot_has_not_is_named():
-    """A level that rises at standstill within a speed beyond all others is the level itself, under another name."""
+def test_dry_friction_that_a_robot_has_not_and_cannot_have_is_named():
     driven = DriveAxis("v", torque=lambda s, u, p: u["u"])
-    for axes in ({}, {"wheel": driven}):
-        assert "dry friction (`axes=` with `coulomb`, or `dry_friction=`)" in not_looked_for(
-            cart(axes=axes, forces={"v": "m"})
-        )
+    bare = not_looked_for(cart(axes={}, forces={"v": "m"}))
+    assert "dry friction (`axes=` with `coulomb`, or `dry_friction=`)" in bare and "Coulomb friction" in bare
+    # With a drive axis it is an effect that is looked for.
+    said = not_looked_for(cart(axes={"wheel": driven}, forces={"v": "m"}))
+    assert "dry friction" not in said and "Coulomb friction" not in said
     assert "dry friction" not in not_looked_for(cart(axes={"wheel": replace(driven, coulomb="b")}, forces={"v": "m"}))
     assert "dry friction" not in not_looked_for(cart(dry_friction={"wheel": ("v", "b")}, forces={"v": "m"}))
 

@@ -4,6 +4,7 @@ from .asymmetric_friction import AsymmetricFriction
 from .asymmetric_viscous_friction import AsymmetricViscousFriction
 from .backlash import GearPlay
 from .cogging_torque import CoggingTorque
+from .coulomb_friction import CoulombFriction
 from .load_dependent_friction import LoadDependentFriction
 from .stribeck_friction import StribeckFriction, risen
 from .viscous_shape import SublinearViscousFriction
@@ -12,6 +13,7 @@ __all__ = [
     "AsymmetricFriction",
     "AsymmetricViscousFriction",
     "CoggingTorque",
+    "CoulombFriction",
     "GearPlay",
     "LoadDependentFriction",
     "StribeckFriction",

@@ -19,6 +19,7 @@ class AsymmetricFriction(Effect):
     """Coulomb levels `C (1 + asymmetry)` forwards and `C (1 - asymmetry)` backwards."""
 
     id: ClassVar[str] = "asymmetric_friction"
+    upon: ClassVar[str] = "coulomb_friction"
     law: ClassVar[str] = "all_axes"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "C' = C (1 + asymmetry sgn s)"
@@ -64,6 +65,7 @@ class AsymmetryOfTheBody(Effect):
     """A force that resists forward and helps backward motion of the whole body, whatever its size; none at standstill."""
 
     id: ClassVar[str] = "asymmetric_friction"
+    upon: ClassVar[str] = "coulomb_friction"
     law: ClassVar[str] = "forward_motion"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "F = -difference along the forward motion while it moves"
@@ -89,6 +91,7 @@ class DryAsymmetryCurve(Curve):
     """
 
     id: ClassVar[str] = "asymmetric_friction"
+    upon: ClassVar[str] = "coulomb_friction"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "C' = C + more_way(|s|), the way being forward or backward"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)

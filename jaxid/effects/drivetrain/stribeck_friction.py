@@ -50,6 +50,7 @@ class StribeckFriction(Effect):
     """Coulomb level higher by `amplitude` at standstill, the excess falling off as a Gaussian of the speed (Stribeck)."""
 
     id: ClassVar[str] = "stribeck_friction"
+    upon: ClassVar[str] = "coulomb_friction"
     law: ClassVar[str] = "gaussian"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "C' = C + amplitude * exp(-(s / speed)^2)"
@@ -161,6 +162,7 @@ class StribeckCurve(Curve):
     """The excess as a curve of the speed at the rim, none beyond the reach."""
 
     id: ClassVar[str] = "stribeck_friction"
+    upon: ClassVar[str] = "coulomb_friction"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "C' = C + excess(|s|)"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
