@@ -384,8 +384,7 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(
-            note for note in (changed, *tables, still, evened, put_back, placeless, noted, doubted, untried) if note
-        ),
+        notes=tuple(note for note in (*tables, still, evened, put_back, placeless, noted, doubted, untried) if note),
         colour=found.colour,
+        between_logs=changed,
     )

@@ -30,7 +30,8 @@ class Explanation:
 
     `before` and `after` are the held-out states of the `baseline` and the `final` fit; `localisation` says where the gap
     is; `next_experiment` what to record to settle what this data leaves open; `doubts` why names that were found are no
-    answer; `notes` what else to know; `colour` is that of the noise if nothing but coloured noise is left. `held_out` are
+    answer; `between_logs` which parameter differs between which logs where every log alone is explained (`between_logs.py`);
+    `notes` what else to know; `colour` is that of the noise if nothing but coloured noise is left. `held_out` are
     the logs it was judged on. Where `after` is that with prescribed wheels' angles (`smoothed_angles.py`),
     `after.simulated_freely` is the state without. In a
     notebook it shows itself.
@@ -49,6 +50,7 @@ class Explanation:
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     colour: OnlyColour | None = None
+    between_logs: str = ""
     origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
@@ -86,6 +88,8 @@ class Explanation:
                 f"Nothing is missing that these logs show: {coloured} The held-out error is {before:.2f} times the noise "
                 "that neighbouring samples show, follows nothing that drove the robot, and no effect explains it."
             )
+        if self.between_logs:
+            return f"{self.between_logs} Together the held-out error is {before:.4g} times the noise."
         if self.verdict == "unexplained" and self.colour is not None and not self.effects:
             return (
                 f"No effect explains what is left, and it follows nothing that drove the robot: the held-out error of "
@@ -175,6 +179,7 @@ class Explanation:
                 "false_alarm": self.before.false_alarm,
                 "sentence": self.sentence,
                 "doubts": list(self.doubts),
+                "between_logs": self.between_logs,
                 "notes": list(self.notes),
                 "judgement": {
                     "before": self.baseline.judgement.to_dict() if self.baseline.judgement else None,

@@ -31,7 +31,8 @@ def test_the_logs_with_another_load_are_told_and_no_effect_is_said_to_be_missing
     logs, held_out = recorded([1.0, 1.3, 1.0, 1.3, 1.0, 1.0, 1.0])
     found = explain(output_error(ROBOT, logs), logs, held_out)
     assert found.verdict == "unexplained"
-    (said,) = [note for note in found.notes if note.startswith("Every log alone")]
+    said = found.sentence
+    assert said.startswith(found.between_logs) and found.between_logs.startswith("Every log alone")
     assert "M is 1.3" in said and "run 1" in said and "run 3" in said and "`explain_change`" in said
     assert not any(f"run {k}" in said for k in (0, 2, 4, 5, 6))
 
