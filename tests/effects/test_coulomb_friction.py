@@ -47,8 +47,10 @@ def test_a_robot_with_dry_friction_of_its_own_cannot_have_it():
 
 
 def test_what_changes_dry_friction_is_looked_for_once_there_is_some():
+    # Not on an axis, whose own offset is an asymmetric friction.
+    drive = DifferentialDrive().with_values(Fc=0.0).change("Fc", free=False)
     upon = {"stribeck_friction", "asymmetric_friction"}
-    assert not upon & {effect.id for effect in not_present(WITHOUT, ())}
-    assert upon <= {effect.id for effect in not_present(WITHOUT + CoulombFriction(), ())}
-    assert upon <= {effect.id for effect in not_present(Axis(), ())}
-    assert (WITHOUT + StribeckFriction()).effects  # who asks for it may have it
+    assert not upon & {effect.id for effect in not_present(drive, ())}
+    assert upon <= {effect.id for effect in not_present(drive + CoulombFriction(), ())}
+    assert upon <= {effect.id for effect in not_present(DifferentialDrive(), ())}
+    assert (drive + StribeckFriction()).effects  # who asks for it may have it
