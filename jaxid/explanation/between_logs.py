@@ -10,7 +10,7 @@ import numpy as np
 
 from .._distributions import chi_squared_tail
 from ..estimate.output_error.fleet import fit_fleet
-from ..estimate.result import Fit
+from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
 from .level import current_level
 
@@ -32,22 +32,21 @@ def changed_between(fit: Fit, logs: LogSet, held_out: LogSet, report: Callable[[
     alone = fit_fleet(fit.robot, {log.name: LogSet([log]) for log in every}, start=start)
     if alone.failed or not all(own.trustworthy for own in alone.fits.values()):
         return ""
-    surest = None, current_level() / max(len(fit.free_names), 1)
-    for name in fit.free_names:
-        told = {log: own[name] for log, own in alone.fits.items() if own[name].status == "identified"}
+    surest, name = current_level() / max(len(fit.free_names), 1), ""
+    differing: dict[str, Estimate] = {}
+    for candidate in fit.free_names:
+        told = {log: own[candidate] for log, own in alone.fits.items() if own[candidate].status == "identified"}
         values, errors = (np.array([getattr(e, what) for e in told.values()]) for what in ("value", "std_error"))
         if len(told) < _FEWEST or not (np.isfinite(errors).all() and np.all(errors > 0)):
             continue
         mean = np.average(values, weights=errors**-2)
         p = float(chi_squared_tail(float(np.sum(((values - mean) / errors) ** 2)), len(told) - 1))
-        if p < surest[1]:
-            surest = name, p
-    name = surest[0]
-    if name is None:
+        if p < surest:
+            surest, name, differing = p, candidate, told
+    if not differing:
         return ""
-    told = {log: own[name] for log, own in alone.fits.items() if own[name].status == "identified"}
-    middle = float(np.median([e.value for e in told.values()]))
-    away = {log: e for log, e in told.items() if abs(e.value - middle) > _AWAY * e.std_error}
+    middle = float(np.median([e.value for e in differing.values()]))
+    away = {log: e for log, e in differing.items() if abs(e.value - middle) > _AWAY * e.std_error}
     furthest = sorted(away, key=lambda log: -abs(away[log].value - middle) / away[log].std_error)
     if not furthest:
         return ""
@@ -57,5 +56,5 @@ def changed_between(fit: Fit, logs: LogSet, held_out: LogSet, report: Callable[[
     return (
         f"Every log alone is explained by the robot as it is, with values of its own: {name} is {', '.join(each)}{more}, "
         f"where the middle of all logs is {middle:.4g}{unit}. Then something changed between the logs (a load, the battery, "
-        "the floor), and no effect is missing: `explain_change` says what, between the logs before it and after it."
+        "the floor), and within each nothing is missing: `explain_change` says what, between the logs before it and after it."
     )

@@ -4,19 +4,21 @@ import numpy as np
 import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
+from jaxid.explanation.lost_inputs import with_inputs_put_back
 
 DT, SAMPLES = 0.02, 800
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
 
 
-def recorded(law, seed, count=4, held=False):
+def recorded(law, seed, count=4, held=False, long=False):
     """Speeds under held levels that pass through `law`; one row in fifteen is missing. `held`: the robot lacked those
-    commands, too, and went on with the one before."""
+    commands, too, and went on with the one before. `long`: twenty rows in one place are missing instead."""
     logs = []
     for k in range(count):
         rng = np.random.default_rng([seed, k])
         u = np.repeat(rng.uniform(-4, 4, SAMPLES // 10), 10)
         kept = np.append(True, rng.uniform(size=SAMPLES - 1) > 1 / 15)
+        kept = np.abs(np.arange(SAMPLES) - 310) > 10 if long else kept
         applied = u[np.maximum.accumulate(np.where(kept, np.arange(SAMPLES), 0))] if held else u
         decay, v, found = np.exp(-2.0 * DT), 0.0, []
         for force in law(applied):
@@ -50,6 +52,14 @@ def test_a_dead_zone_is_named_with_its_size_though_rows_are_missing():
     assert len(said(found)) == 1 and found.after.normalised_rms < 1.1
     edge = found.effects[0].parameters["threshold"]
     assert edge.value == pytest.approx(0.6, abs=4 * edge.std_error) and edge.std_error < 0.02
+
+
+def test_of_long_gaps_nothing_is_said():
+    """Twenty rows in one place may hold any number of commands."""
+    logs, held_out = recorded(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0), 4, long=True)
+    fit = output_error(ROBOT, logs)
+    found, same, held, sentence = with_inputs_put_back(fit, logs, held_out, lambda message: None)
+    assert (found, same, held, sentence) == (fit, logs, held_out, "")
 
 
 def test_inputs_that_were_held_are_left_alone():

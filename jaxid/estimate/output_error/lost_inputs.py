@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..._float64 import in_float64
 from ...logs import Log, LogSet
 from ...robots.robot import Robot
 from ...simulation.simulate import integrator_for, simulate, simulate_models
@@ -119,11 +120,12 @@ class LostInputs:
         return replace(fit, parameters=parameters, covariance=np.asarray(fit.covariance) * np.outer(factors, factors))
 
 
+@in_float64
 def with_lost_inputs(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> LostInputs:
     """`logs` with the rows in which an input changed put back, as `robot` tells when it did.
 
     The moments are estimated together with the free parameters, from those of `robot` on. `noise`: each channel's
-    standard deviation. Places of more than 10 missing rows stay as they are. Call under float64.
+    standard deviation. Places of more than 10 missing rows stay as they are.
     """
     places = [_Places(log, after) for log, after in zip(logs, unknown_changes(logs), strict=True)]
     count = sum(map(len, places))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from jaxid import output_error
-from jaxid._float64 import in_float64
 from jaxid.estimate.output_error.lost_inputs import with_lost_inputs
 
 from .test_lost_rows import CHANGES, DT, INPUTS, ROBOT, without
@@ -12,13 +11,12 @@ from .test_lost_rows import CHANGES, DT, INPUTS, ROBOT, without
 NOISE = 0.005
 ERROR = NOISE / (1.0 - np.exp(-DT)) * np.sqrt(1.0 - np.exp(-2.0 * DT))
 """Standard deviation of an input of one row as the speeds after it tell it, which fade within a second (least squares)."""
-FOUND = in_float64(with_lost_inputs)
 
 
 def put_back(rows):
     """The logs without `rows`, a fit to them, and what is put back."""
     logs = without(rows, noise=NOISE)
-    return logs, FOUND(output_error(ROBOT, logs).robot, logs, {"v": NOISE})
+    return logs, with_lost_inputs(output_error(ROBOT, logs).robot, logs, {"v": NOISE})
 
 
 @pytest.mark.parametrize(("first", "new"), [(0, 1.0), (-1, 0.0)])
