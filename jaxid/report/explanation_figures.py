@@ -4,13 +4,12 @@ Residuals are in units of the noise's standard deviation throughout, so that 1 i
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.mlab import psd
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
@@ -130,15 +129,14 @@ def correlation(parts: Sequence[Array], lags: int = _LAGS) -> Array:
 def spectrum(parts: Sequence[Array], interval: float) -> tuple[Array, Array]:
     """Frequency [Hz] and power of the residuals in units of the noise's, which is 1 at every frequency (Welch)."""
     n = min(256, min(len(part) for part in parts))
-    plain: Any = False  # no trend is taken off; the library's annotation knows strings only
-    found = [scipy.signal.welch(np.nan_to_num(part), 1.0 / interval, nperseg=n, detrend=plain) for part in parts]
+    found = [psd(np.nan_to_num(part), NFFT=n, Fs=1.0 / interval, noverlap=n // 2) for part in parts]
     weights = [len(part) for part in parts]
-    power = np.average([p for _, p in found], axis=0, weights=weights)
+    power = np.average([p for p, _ in found], axis=0, weights=weights)
     # One-sided density of white noise of variance 1 is 2 / rate; the two ends of the spectrum have half of it.
     level = np.full(len(power), 2.0 * interval)
     level[0] /= 2.0
     level[-1] /= 2.0 if n % 2 == 0 else 1.0
-    return found[0][0][1:], (power / level)[1:]
+    return found[0][1][1:], (power / level)[1:]
 
 
 def whiteness(found: Explanation) -> Figure:

@@ -5,6 +5,7 @@ The same body shows in a notebook. Imported when it is wanted (`page.Page`), sin
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
@@ -52,20 +53,34 @@ _VERDICTS: dict[str, tuple[str, Tone]] = {
 }
 
 
+class _OnPage(NamedTuple):
+    """Figures that the page shows and that are written beside it, made once, and the curves that the first draws."""
+
+    curves: Mapping[str, tuple[LawCurve, ...]]
+    law: Figure | None
+    leads: Figure | None
+    whiteness: Figure
+
+
+def _on_page(found: Explanation) -> _OnPage:
+    curves = curves_of(found)
+    led = found.localisation is not None and found.verdict == "unexplained"
+    return _OnPage(curves, law_figure(curves), leads(found) if led else None, draw.whiteness(found))
+
+
 def figures(found: Explanation) -> dict[str, Figure]:
     """The figures that apply, by the names of `PICTURES`."""
-    return _figures(found, curves_of(found))
+    return _figures(found, _on_page(found))
 
 
-def _figures(found: Explanation, curves: Mapping[str, tuple[LawCurve, ...]]) -> dict[str, Figure]:
-    made: dict[str, Figure | None] = {"law": law_figure(curves)}
+def _figures(found: Explanation, shown: _OnPage) -> dict[str, Figure]:
+    made: dict[str, Figure | None] = {"law": shown.law}
     if found.localisation is not None:
         made["localisation"] = localisation(found.localisation, found.held_out)
-        if found.verdict == "unexplained":
-            made["leads"] = leads(found)
+        made["leads"] = shown.leads
     made["ranking"] = ranking(found)
     made["before_after"] = draw.before_after(found)
-    made["whiteness"] = draw.whiteness(found)
+    made["whiteness"] = shown.whiteness
     made["moved"] = draw.moved(found)
     if found.next_experiment is not None:
         made["next_experiment"] = draw.next_inputs(found.next_experiment, found.model.channels.units)
@@ -85,8 +100,8 @@ def _errors(found: Explanation) -> Bars:
     return Bars("", bars, note)
 
 
-def _law(found: Explanation, curves: Mapping[str, tuple[LawCurve, ...]]) -> tuple[Block, ...]:
-    figure, said = law_figure(curves), caption(found, curves)
+def _law(found: Explanation, shown: _OnPage) -> tuple[Block, ...]:
+    figure, said = shown.law, caption(found, shown.curves)
     if figure is None:
         return ()
     note = (
@@ -98,7 +113,7 @@ def _law(found: Explanation, curves: Mapping[str, tuple[LawCurve, ...]]) -> tupl
     return (picture(figure, "law", said, note, min(panels, 3), 1.5 if panels == 1 else 1.15),)
 
 
-def _where(found: Explanation) -> Section | None:
+def _where(found: Explanation, figure: Figure | None) -> Section | None:
     place = found.localisation
     if place is None:
         return None
@@ -125,7 +140,6 @@ def _where(found: Explanation) -> Section | None:
         bars.append(Bars("What it follows", rows, "The share of the missing force that each reproduces."))
     sure = any(c.stands_out for c in place.conditions) or any(p.stands_out for p in place.patterns)
     blocks += bars if sure or not bars else [More("When it acts and what it follows: nothing stands out", tuple(bars))]
-    figure = leads(found) if found.verdict == "unexplained" else None
     if figure is not None:
         note = (
             "The missing force of all held-out logs against what it may depend on (black: median). A line that is not flat is "
@@ -236,7 +250,7 @@ def _chances(found: Explanation) -> list[str]:
     return [said, f"{left} {_cases(found.after.p_white)}."]
 
 
-def _before_and_after(found: Explanation) -> Section:
+def _before_and_after(found: Explanation, figure: Figure) -> Section:
     order = sorted(range(len(found.held_out)), key=lambda e: -draw.size_of(found.before.residuals[e]))
     blocks: list[Block] = [Tabled(tab.channel_table(found))]
     for k, e in enumerate(order[:_LOGS]):
@@ -244,7 +258,6 @@ def _before_and_after(found: Explanation) -> Section:
         name = found.held_out[e].name
         worst = f"{name}, the held-out log that was predicted worst before." if len(order) > 1 else f"{name}."
         blocks += [Text(worst), chart] if k == 0 else [More(name, (chart,))]
-    figure = draw.whiteness(found)
     note = (
         "Left: how much neighbouring residuals are alike; noise stays in the grey band. Right: the residual's power at every "
         "frequency, in units of the noise's; noise is flat at one."
@@ -280,8 +293,12 @@ def _next(found: Explanation) -> tuple[Block, ...]:
 
 def page_of(found: Explanation) -> Page:
     """The whole page as data."""
+    return _page_of(found, _on_page(found))
+
+
+def _page_of(found: Explanation, shown: _OnPage) -> Page:
     verdict, tone = _VERDICTS[found.verdict]
-    sections = (_where(found), _what(found), _sure(found), _before_and_after(found))
+    sections = (_where(found, shown.leads), _what(found), _sure(found), _before_and_after(found, shown.whiteness))
     held_out = f"{len(found.held_out)} log{'s' * (len(found.held_out) > 1)} held out"
     return Page(
         title=f"jaxid explain {found.model.name}",
@@ -289,7 +306,7 @@ def page_of(found: Explanation) -> Page:
         verdict=verdict,
         tone=tone,
         headline=found.sentence,
-        lead=(*texts(found.notes), _errors(found), *_law(found, curves_of(found))),
+        lead=(*texts(found.notes), _errors(found), *_law(found, shown)),
         sections=tuple(section for section in sections if section is not None),
         next=_next(found),
     )
@@ -303,8 +320,9 @@ def body(found: Explanation) -> str:
 def save(found: Explanation, folder: Path) -> list[Path]:
     """Write the page, and its pictures as PNG files, into `folder` and return their paths."""
     written = [folder / "report.html"]
-    write_page(written[0], page_of(found))
-    pictures = figures(found)
+    shown = _on_page(found)
+    write_page(written[0], _page_of(found, shown))
+    pictures = _figures(found, shown)
     for name, figure in pictures.items():
         written.append(folder / f"{name}.png")
         with replacing(written[-1]) as temporary:
