@@ -124,6 +124,11 @@ def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: Held
         doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
     elif after.normalised_rms > current_policy().many and not _all_noise(found):
         doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
+    elif len(named) > 1 and _more_than_imprecise(named, after) and not _all_noise(found):
+        doubts.append(
+            f"with {len(named)} effects the held-out error is still {after.normalised_rms:.3g} times the noise, so that one may "
+            "stand for what another's law lacks"
+        )
     if final.judgement is not None and final.failed:
         doubts.append(
             f"the model does not follow the logs it was fitted to ({final.judgement.sentences[0].rstrip('.')})"
@@ -132,6 +137,13 @@ def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: Held
         if not effect.identified:
             doubts.append(f"the errors of {effect.title} do not exclude that there is none")
     return tuple(doubts)
+
+
+def _more_than_imprecise(named: Sequence[NamedEffect], after: HeldOut) -> bool:
+    """Whether more is left than what laws near the right ones leave of their own."""
+    policy = current_policy()
+    curve = any(effect.law == SHAPE for effect in named)
+    return not after.adequate and after.normalised_rms > (policy.coarse_curve if curve else policy.coarse_law)
 
 
 def _all_noise(found: Search) -> bool:

@@ -73,11 +73,11 @@ def named(sure=True):
     return NamedEffect("quadratic_drag", "body", "", {}, (), evidence, sure)
 
 
-def verdict(fit, before, after, effect):
+def verdict(fit, before, after, *effects):
     without, with_it = (Trial("", fit.robot, 0.0, 1, state(rms), state(rms), {}) for rms in (before, after))
     found = Search(state(before), state(after), None, (Step((with_it,), (), (), without, with_it),), ())
-    doubts = _doubts(found, fit, [effect], found.after)
-    return _verdict(found, [effect], 3, doubts), doubts
+    doubts = _doubts(found, fit, effects, found.after)
+    return _verdict(found, effects, 3, doubts), doubts
 
 
 def test_a_name_that_leaves_many_times_the_noise_is_not_given(heavy_tailed):
@@ -86,6 +86,18 @@ def test_a_name_that_leaves_many_times_the_noise_is_not_given(heavy_tailed):
     assert found == "unexplained" and "1.02e+03 times the noise" in doubts[0]
     assert verdict(fit, 10.0, 1.01, named())[0] == "named"
     assert verdict(fit, 1000.0, Policy().many + 0.1, named())[0] == "unexplained"
+
+
+def test_two_names_that_leave_more_than_an_imprecise_law_are_not_given(heavy_tailed):
+    _, fit, *_ = heavy_tailed
+    policy, other = Policy(), replace(named(), id="effective_track")
+    assert verdict(fit, 10.0, policy.coarse_law - 0.01, named(), other)[0] == "named"
+    found, doubts = verdict(fit, 10.0, policy.coarse_law + 0.01, named(), other)
+    assert found == "unexplained" and "one may stand for what another's law lacks" in doubts[0]
+    of_a_curve = replace(other, law="shape")  # through few points, which follow a law less closely
+    assert verdict(fit, 10.0, policy.coarse_law + 0.01, named(), of_a_curve)[0] == "named"
+    assert verdict(fit, 10.0, policy.coarse_curve + 0.01, named(), of_a_curve)[0] == "unexplained"
+    assert verdict(fit, 10.0, policy.coarse_curve + 0.01, named())[0] == "named"  # one alone is what explains most
 
 
 def test_a_name_that_may_be_nothing_is_not_given(heavy_tailed):
