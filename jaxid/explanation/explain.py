@@ -9,7 +9,6 @@ from .._origin import with_origin
 from .._renamed import renamed
 from ..effects.curve import SHAPE, Curve
 from ..effects.table_constants import TableConstants
-from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
 from ..estimate.output_error.lost_inputs import with_lost_inputs
@@ -25,8 +24,7 @@ from ..robots.robot import Robot
 from .between_logs import changed_between
 from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
-from .explanation import Explanation, Verdict
-from .heldout import HeldOut
+from .explanation import Explanation
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
 from .lost_inputs import with_inputs_put_back
@@ -45,6 +43,7 @@ from .shape import shapes_of
 from .steps import Search, Step
 from .table_constants import Shares, built_in, changed_by, constants_like, effects_that_are, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
+from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _WEAK = 100.0
@@ -117,56 +116,6 @@ def _wrong(effect: Effect, baseline: Fit, final: Fit) -> tuple[Shares, ...]:
     return (changed_by(constants, baseline.robot, final.parameters),) if constants else ()
 
 
-def _doubts(found: Search, final: Fit, named: Sequence[NamedEffect], after: HeldOut) -> tuple[str, ...]:
-    """Why the names that were found are not the answer: each reason in a sentence; empty where they may be."""
-    doubts = []
-    if after.diverged:
-        doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
-    elif after.normalised_rms > current_policy().many and not _all_noise(found):
-        doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
-    elif len(named) > 1 and _more_than_imprecise(named, after) and not _all_noise(found):
-        doubts.append(
-            f"with {len(named)} effects the held-out error is still {after.normalised_rms:.3g} times the noise, so that one may "
-            "stand for what another's law lacks"
-        )
-    if final.judgement is not None and final.failed:
-        doubts.append(
-            f"the model does not follow the logs it was fitted to ({final.judgement.sentences[0].rstrip('.')})"
-        )
-    for effect in named:
-        if not effect.identified:
-            doubts.append(f"the errors of {effect.title} do not exclude that there is none")
-    return tuple(doubts)
-
-
-def _more_than_imprecise(named: Sequence[NamedEffect], after: HeldOut) -> bool:
-    """Whether more is left than what laws near the right ones leave of their own."""
-    policy = current_policy()
-    curve = any(effect.law == SHAPE for effect in named)
-    return not after.adequate and after.normalised_rms > (policy.coarse_curve if curve else policy.coarse_law)
-
-
-def _all_noise(found: Search) -> bool:
-    """Whether what the search leaves is coloured noise such as a sensor's filter makes, and nothing else."""
-    return found.colour is not None and found.colour.simple
-
-
-def _verdict(found: Search, named: Sequence[NamedEffect], most: int, doubts: Sequence[str]) -> Verdict:
-    before, after = found.before, found.after
-    enough = after.adequate or _all_noise(found)
-    if not found.steps and enough:
-        return "adequate"
-    if doubts:
-        return "unexplained"
-    policy = current_policy()
-    left = after.gap > policy.unexplained * before.gap and after.normalised_rms > policy.small
-    # As many effects as may be added and still not noise: they stand in for something else.
-    used_up = len(named) >= most > 1
-    if not named or (not enough and (left or used_up)):
-        return "unexplained"
-    return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"
-
-
 def _next(found: Search, logs: LogSet) -> NextExperiment | None:
     """An experiment for the first pair of names that this data leaves open or tells apart by little only."""
     for step in found.steps:
@@ -190,35 +139,6 @@ def _stages(found: Search) -> dict[str, float]:
         where = candidate.effect.where
         shares[where] = max(shares.get(where, 0.0), min(max(candidate.share, 0.0), 1.0))
     return shares
-
-
-def still_doubted(final: Fit) -> str:
-    """What the residual says of the fit with all that was added, where it is poor or failed; else empty."""
-    if final.judgement is None or final.judgement.verdict not in ("poor", "failed"):
-        return ""
-    said = final.judgement.sentence.removesuffix(LOOK_FURTHER)
-    return f"The fit with what was added is itself to be doubted. {said}".rstrip()
-
-
-def doubted_on(final: Fit, after: HeldOut) -> Fit:
-    """`final`, which does not explain what it leaves on held-out logs (`after`): of a poor model, however well it fits its own.
-
-    What a wrong model's parameters are on the fitted logs, no standard error says of the robot.
-    """
-    if (
-        final.judgement is None
-        or not final.judgement.trustworthy
-        or not after.normalised_rms > final.judgement.normalised_rms
-    ):
-        return final
-    rms = "diverges on" if after.diverged else f"leaves {after.normalised_rms:.3g} times the noise on"
-    sentence = (
-        f"The model {rms} held-out logs ({final.judgement.normalised_rms:.2f} on its own): something is missing, and its "
-        "parameters may be far off, by more than their standard errors."
-    )
-    return replace(
-        final, judgement=replace(final.judgement.doubted(sentence), better=""), notes=(sentence, *final.notes)
-    )
 
 
 def apart(logs: LogSet, held_out: LogSet) -> None:
@@ -346,10 +266,10 @@ def explain(
     if found.steps and final is not fit:
         found = replace(found, after=after)  # what the fit in full leaves, and not what a search's few steps had left
     named = _named(found, fit, final)
-    doubts = _doubts(found, final, named, after)
-    verdict = _verdict(found, named, most, doubts)
-    untried = not_looked_for(fit.robot) if verdict != "adequate" and not _all_noise(found) else ""
-    doubted = doubtful_logs(*recorded) if not (after.adequate or verdict == "adequate" or _all_noise(found)) else ""
+    doubts = doubts_of(found, final, named, after)
+    verdict = verdict_of(found, named, most, doubts)
+    untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""
+    doubted = doubtful_logs(*recorded) if not (after.adequate or verdict == "adequate" or all_noise(found)) else ""
     still = still_doubted(final) if verdict in ("named", "ambiguous") and named else ""
     constants: dict[str, list[Shares]] = {}
     if verdict in ("named", "ambiguous"):
@@ -362,7 +282,7 @@ def explain(
                 constants[effect.id] = constants_like(step.before, step.after, logs, held_out)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(_or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
-        verdict = _verdict(found, named, most, doubts)
+        verdict = verdict_of(found, named, most, doubts)
     tables = tuple(in_a_sentence(identifier, sets) for identifier, sets in constants.items() if sets)
     tables += tuple(found_wrong(effect.constants[0]) for effect in named if effect.id == TableConstants.id)
     if verdict in ("named", "ambiguous"):

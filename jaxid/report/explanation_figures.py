@@ -4,6 +4,7 @@ Residuals are in units of the noise's standard deviation throughout, so that 1 i
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -129,7 +130,7 @@ def correlation(parts: Sequence[Array], lags: int = _LAGS) -> Array:
 def spectrum(parts: Sequence[Array], interval: float) -> tuple[Array, Array]:
     """Frequency [Hz] and power of the residuals in units of the noise's, which is 1 at every frequency (Welch)."""
     n = min(256, min(len(part) for part in parts))
-    found = [psd(np.nan_to_num(part), NFFT=n, Fs=1.0 / interval, noverlap=n // 2) for part in parts]
+    found: Any = [psd(np.nan_to_num(part), NFFT=n, Fs=1.0 / interval, noverlap=n // 2) for part in parts]
     weights = [len(part) for part in parts]
     power = np.average([p for p, _ in found], axis=0, weights=weights)
     # One-sided density of white noise of variance 1 is 2 / rate; the two ends of the spectrum have half of it.

@@ -9,13 +9,13 @@ import pytest
 from jaxid import Axis, Custom, Log, LogError, LogSet, Parameter, compare, explain, output_error
 from jaxid.effects.catalogue import effect_by_id
 from jaxid.estimate.result import Estimate
-from jaxid.explanation.explain import _doubts, _verdict
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.named_effect import Evidence, NamedEffect, differs_from_nothing
 from jaxid.explanation.needed import _between_samples
 from jaxid.explanation.policy import Policy
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.steps import Search, Step
+from jaxid.explanation.verdict import doubts_of, verdict_of
 from jaxid.logs import Channels
 from jaxid.report.files import fit_document
 
@@ -76,8 +76,8 @@ def named(sure=True):
 def verdict(fit, before, after, *effects):
     without, with_it = (Trial("", fit.robot, 0.0, 1, state(rms), state(rms), {}) for rms in (before, after))
     found = Search(state(before), state(after), None, (Step((with_it,), (), (), without, with_it),), ())
-    doubts = _doubts(found, fit, effects, found.after)
-    return _verdict(found, effects, 3, doubts), doubts
+    doubts = doubts_of(found, fit, effects, found.after)
+    return verdict_of(found, effects, 3, doubts), doubts
 
 
 def test_a_name_that_leaves_many_times_the_noise_is_not_given(heavy_tailed):

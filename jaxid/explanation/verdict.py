@@ -1,0 +1,92 @@
+"""What an explanation is worth: why names are no answer, its verdict, and doubts about the model that it ends with."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..effects.curve import SHAPE
+from ..estimate.judgement import LOOK_FURTHER
+from ..estimate.result import Fit
+from .explanation import Verdict
+from .heldout import HeldOut
+from .named_effect import NamedEffect
+from .policy import current_policy
+from .steps import Search
+
+
+def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: HeldOut) -> tuple[str, ...]:
+    """Why the names that were found are not the answer: each reason in a sentence; empty where they may be."""
+    doubts = []
+    if after.diverged:
+        doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
+    elif after.normalised_rms > current_policy().many and not all_noise(found):
+        doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
+    elif len(named) > 1 and _more_than_imprecise(named, after) and not all_noise(found):
+        doubts.append(
+            f"with {len(named)} effects the held-out error is still {after.normalised_rms:.3g} times the noise, so that one "
+            "may stand for what another's law lacks"
+        )
+    if final.judgement is not None and final.failed:
+        doubts.append(
+            f"the model does not follow the logs it was fitted to ({final.judgement.sentences[0].rstrip('.')})"
+        )
+    for effect in named:
+        if not effect.identified:
+            doubts.append(f"the errors of {effect.title} do not exclude that there is none")
+    return tuple(doubts)
+
+
+def _more_than_imprecise(named: Sequence[NamedEffect], after: HeldOut) -> bool:
+    """Whether more is left than what laws near the right ones leave of their own."""
+    policy = current_policy()
+    curve = any(effect.law == SHAPE for effect in named)
+    return not after.adequate and after.normalised_rms > (policy.coarse_curve if curve else policy.coarse_law)
+
+
+def all_noise(found: Search) -> bool:
+    """Whether what the search leaves is coloured noise such as a sensor's filter makes, and nothing else."""
+    return found.colour is not None and found.colour.simple
+
+
+def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: Sequence[str]) -> Verdict:
+    before, after = found.before, found.after
+    enough = after.adequate or all_noise(found)
+    if not found.steps and enough:
+        return "adequate"
+    if doubts:
+        return "unexplained"
+    policy = current_policy()
+    left = after.gap > policy.unexplained * before.gap and after.normalised_rms > policy.small
+    # As many effects as may be added and still not noise: they stand in for something else.
+    used_up = len(named) >= most > 1
+    if not named or (not enough and (left or used_up)):
+        return "unexplained"
+    return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"
+
+
+def still_doubted(final: Fit) -> str:
+    """What the residual says of the fit with all that was added, where it is poor or failed; else empty."""
+    if final.judgement is None or final.judgement.verdict not in ("poor", "failed"):
+        return ""
+    said = final.judgement.sentence.removesuffix(LOOK_FURTHER)
+    return f"The fit with what was added is itself to be doubted. {said}".rstrip()
+
+
+def doubted_on(final: Fit, after: HeldOut) -> Fit:
+    """`final`, which does not explain what it leaves on held-out logs (`after`): of a poor model, however well it fits its own.
+
+    What a wrong model's parameters are on the fitted logs, no standard error says of the robot.
+    """
+    if (
+        final.judgement is None
+        or not final.judgement.trustworthy
+        or not after.normalised_rms > final.judgement.normalised_rms
+    ):
+        return final
+    rms = "diverges on" if after.diverged else f"leaves {after.normalised_rms:.3g} times the noise on"
+    sentence = (
+        f"The model {rms} held-out logs ({final.judgement.normalised_rms:.2f} on its own): something is missing, and its "
+        "parameters may be far off, by more than their standard errors."
+    )
+    return replace(
+        final, judgement=replace(final.judgement.doubted(sentence), better=""), notes=(sentence, *final.notes)
+    )
