@@ -115,6 +115,25 @@ def percent(value: float) -> str:
     return f"{value:+.{decimals}f} %"
 
 
+_UNLIMITED = 10_000
+"""Columns of a screen on which every table has room."""
+
+
+def _rich(table: Table, narrow: bool = False) -> RichTable:
+    """The table as Rich shows it; a `narrow` one has one word of a heading in a line, but for the first."""
+    shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), show_edge=False)
+    for position, name in enumerate(table.header):
+        # Names must stay whole: a wrapped symbol cannot be read. Of a path that is too long no part is left out.
+        justify, overflow = ("right", "fold") if position else ("left", "ellipsis")
+        heading = name.replace(" ", "\n") if narrow and position else name
+        shown.add_column(Text(heading), justify=justify, no_wrap=position == 0, overflow=overflow)
+    for row in table.rows:
+        shown.add_row(
+            *(Text(cell.text, style=" ".join(_STYLES.get(mark, "") for mark in cell.mark.split())) for cell in row)
+        )
+    return shown
+
+
 def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int | None = None) -> str:
     """Plain text, at most `width` columns wide (by default `columns`): the paragraphs `before`, then the tables."""
     width = width or columns()
@@ -124,15 +143,10 @@ def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int | No
     for table in tables:
         console.print()
         console.print(Text(table.title, style="bold"))
-        shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), show_edge=False)
-        for position, name in enumerate(table.header):
-            # Names must stay whole: a wrapped symbol cannot be read. Of a path that is too long no part is left out.
-            justify, overflow = ("right", "fold") if position else ("left", "ellipsis")
-            shown.add_column(Text(name), justify=justify, no_wrap=position == 0, overflow=overflow)
-        for row in table.rows:
-            shown.add_row(
-                *(Text(cell.text, style=" ".join(_STYLES.get(mark, "") for mark in cell.mark.split())) for cell in row)
-            )
+        shown = _rich(table)
+        # Rich would fold a heading within its words before it makes any other column narrower.
+        wanted = console.measure(shown, options=console.options.update(width=_UNLIMITED)).maximum
+        shown = shown if wanted <= width else _rich(table, narrow=True)
         console.print(shown)
         for note in table.notes:
             console.print(Text(note))

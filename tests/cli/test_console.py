@@ -72,6 +72,15 @@ def test_text_is_as_wide_as_the_terminal_and_100_columns_elsewhere(monkeypatch):
     assert tables.columns() == 60
 
 
+def test_headings_are_broken_between_their_words_where_there_is_room_for_these():
+    header = ("method", "normalised RMS", *(f"RMS speed_{k} [rad/s]" for k in range(5)))
+    table = Table("T", header, ((Cell("output error"), *[Cell("0.99")] * 6),))
+    lines = tables.to_text([table], width=80).splitlines()
+    assert longest("\n".join(lines)) <= 80 and any("normalised" in line for line in lines)
+    assert sum(line.count(f"speed_{k}") for line in lines for k in range(5)) == 5
+    assert any("normalised RMS" in line for line in tables.to_text([table], width=200).splitlines())
+
+
 @pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX's")
 def test_a_real_terminals_width_is_asked_for(monkeypatch):
     import fcntl
