@@ -4,6 +4,7 @@ import io
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from types import MappingProxyType
 
 from rich import box
@@ -119,14 +120,20 @@ _UNLIMITED = 10_000
 """Columns of a screen on which every table has room."""
 
 
-def _rich(table: Table, narrow: bool = False) -> RichTable:
-    """The table as Rich shows it; a `narrow` one has one word of a heading in a line, but for the first."""
+_HEADINGS = (_UNLIMITED, 10, 1)
+"""Columns that headings take at most, but for their longest word and their cells: the first with which a table has room."""
+
+
+def _rich(table: Table, least: int) -> RichTable:
+    """The table as Rich shows it, headings but the first wrapped between their words at `least` columns or their cells'."""
     shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), show_edge=False)
     for position, name in enumerate(table.header):
         # Names must stay whole: a wrapped symbol cannot be read. Of a path that is too long no part is left out.
         justify, overflow = ("right", "fold") if position else ("left", "ellipsis")
-        heading = name.replace(" ", "\n") if narrow and position else name
-        shown.add_column(Text(heading), justify=justify, no_wrap=position == 0, overflow=overflow)
+        if position:
+            cells = (len(row[position].text) for row in table.rows if position < len(row))
+            name = "\n".join(wrap(name, max(least, *cells, *map(len, name.split()), 1), break_long_words=False))
+        shown.add_column(Text(name), justify=justify, no_wrap=position == 0, overflow=overflow)
     for row in table.rows:
         shown.add_row(
             *(Text(cell.text, style=" ".join(_STYLES.get(mark, "") for mark in cell.mark.split())) for cell in row)
@@ -143,10 +150,10 @@ def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int | No
     for table in tables:
         console.print()
         console.print(Text(table.title, style="bold"))
-        shown = _rich(table)
         # Rich would fold a heading within its words before it makes any other column narrower.
-        wanted = console.measure(shown, options=console.options.update(width=_UNLIMITED)).maximum
-        shown = shown if wanted <= width else _rich(table, narrow=True)
+        options = console.options.update(width=_UNLIMITED)
+        tried = [_rich(table, least) for least in _HEADINGS]
+        shown = next((own for own in tried if console.measure(own, options=options).maximum <= width), tried[1])
         console.print(shown)
         for note in table.notes:
             console.print(Text(note))
