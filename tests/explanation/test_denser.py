@@ -67,6 +67,13 @@ def test_points_that_tell_nothing_are_not_added(robot):
     assert densest(done, lambda model, like: pytest.fail("nothing is left to follow")) is done
 
 
+def test_curves_of_many_heights_get_no_more(robot):
+    """What follows all that is missing through a hundred heights says nothing of it, and takes minutes."""
+    rest = np.random.default_rng(0).normal(size=5000)
+    many = trial(with_denser_curve(with_denser_curve(robot, "sensor_bias"), "sensor_bias"), 3.0 * rest, 40)
+    assert densest(many, lambda model, like: pytest.fail("68 heights")) is many
+
+
 @pytest.mark.parametrize("law", ["shape", "first_order"])
 def test_what_is_no_curve_through_points_is_left_as_it_is(law):
     """A step response in four drawn steps is a law without a formula, too."""
