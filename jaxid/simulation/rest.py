@@ -1,0 +1,86 @@
+"""Which parameters a robot at rest would show its first samples with, where outputs answer inputs at once.
+
+A current, or an accelerometer, shows at standstill what the input and the parameters make of it. With start values that are
+far off, that is far from what was measured, and the robot seems to start in motion, or hot. So it is first seen how much of
+the first samples of all logs together other values of the free parameters would explain, by Gauss-Newton with weights that
+let a few logs start elsewhere (iteratively reweighted least squares: Holland & Welsch, Communications in Statistics 6, 1977).
+"""
+
+import math
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from .._float64 import in_float64
+from ..robots.effect import State
+from ..robots.robot import Robot
+
+_STEPS, _RANK = 12, 1e-8
+"""Gauss-Newton steps, and the share of the largest slope below which one says nothing."""
+_LONGEST = 1.5
+"""Largest step of a parameter: of the logarithm of a positive one, or in units of its magnitude."""
+
+
+@in_float64
+def explaining_rest(
+    robot: Robot,
+    states: Sequence[State],
+    inputs: Float[NDArray, "E nu"],
+    first: Float[NDArray, "E ny"],
+    least: Float[NDArray, "E ny"],
+) -> Robot:
+    """The robot with values of its free parameters with which more of its outputs at rest are those measured.
+
+    - `states`: of every log, at rest; `inputs` and `first`: its first row; `first` is NaN where nothing was measured.
+    - `least`: differences that count as none, in the channels' units.
+
+    Judged are the outputs that answer an input at once. The robot itself where there are none, and where it has no free
+    parameter that matters to them.
+    """
+    names, table, numbers = robot.parameters.free_names, robot.parameters, robot.parameters.numbers
+    if not names:
+        return robot
+    values = np.array([numbers[name] for name in names])
+    positive = np.array([table[name].lower >= 0.0 and numbers[name] > 0.0 for name in names])
+    sizes = np.where(positive, 1.0, [abs(numbers[n]) or table[n].typical or 1.0 for n in names])
+    count = first.shape[1]
+
+    def seen(z, u, state):
+        moved = jnp.where(positive, values * jnp.exp(z), values + sizes * z)
+        p = {**numbers, **dict(zip(names, moved, strict=True))}
+        return jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, tuple(u), p)[:count]])
+
+    def everywhere(of, z):
+        return np.stack([np.asarray(of(jnp.asarray(z), u, s)) for u, s in zip(inputs, states, strict=True)])
+
+    at_once = np.any(everywhere(jax.jacfwd(seen, argnums=1), np.zeros(len(names))) != 0.0, axis=(0, 2))
+    told = np.isfinite(first) & at_once
+    lower, upper = (np.array([getattr(table[name], side) for name in names]) for side in ("lower", "upper"))
+
+    def residual(z) -> NDArray[np.float64]:
+        return np.where(told, np.nan_to_num(first) - everywhere(seen, z), 0.0) / np.where(least > 0, least, 1.0)
+
+    z = np.zeros(len(names))
+    r = residual(z)
+    begun = np.sum(np.abs(r))
+    best, found = begun, z
+    for _ in range(_STEPS if told.any() else 0):
+        slopes = (
+            np.where(told[..., None], everywhere(jax.jacfwd(seen), z), 0.0) / np.where(least > 0, least, 1.0)[..., None]
+        )
+        if not (np.isfinite(r).all() and np.isfinite(slopes).all()):
+            break
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(r), 1.0))
+        step = np.linalg.pinv((weight[..., None] * slopes).reshape(-1, len(z)), rcond=_RANK) @ (weight * r).ravel()
+        z = z + np.clip(step, -_LONGEST, _LONGEST)
+        r = residual(z)
+        if np.sum(np.abs(r)) < best:
+            best, found = np.sum(np.abs(r)), z
+    if not best < begun:
+        return robot
+    moved = np.clip(np.where(positive, values * np.exp(found), values + sizes * found), lower, upper)
+    return robot.with_values(**{n: float(v) for n, v in zip(names, moved, strict=True) if math.isfinite(v)})
