@@ -130,16 +130,18 @@ def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[
 def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
     """The initial states that the logs' own columns and first samples suggest; of windows, those that the logs from which they
     were cut tell there."""
-    found = _by_first_samples(robot, logs)
     if not isinstance(logs, Windows):
-        return found
+        return _by_first_samples(robot, logs)
+    found = _by_first_samples(robot, logs, [not log.cut for log in logs])
     parts = [states_at(robot, log, np.array([k.start for k in window_rows(log, logs.seconds)])) for log in logs.whole]
     there = {name: np.concatenate([part[name] for part in parts]) for name in robot.states}
     cut = np.array([log.cut for log in logs])
     return replace(found, states={name: np.where(cut, there[name], own) for name, own in found.states.items()})
 
 
-def _by_first_samples(robot: Robot, logs: LogSet) -> InitialConditions:
+def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None = None) -> InitialConditions:
+    """The initial states by every log's first sample, or by that of the logs `asked` [E]; of the others only whether they are
+    uncertain."""
     noise = noise_level(logs)
     default = robot.initial_state()
     states = {name: np.full(len(logs), default[name]) for name in robot.states}
@@ -158,9 +160,14 @@ def _by_first_samples(robot: Robot, logs: LogSet) -> InitialConditions:
     largest[:, [name not in logs[0].channels.outputs for name in measured]] = 0.0
     least = np.maximum(_AT_REST * level, _STILL * largest)
     known = [i for i, name in enumerate(outputs) if name not in states]
-    at_rest = [{name: float(own[e]) for name, own in states.items()} for e in range(len(logs))]
-    robot, rest = _at_rest(robot, logs, at_rest, values[:, : len(outputs)], least[:, : len(outputs)], known)
-    for e in range(len(logs)):
+    places = [e for e in range(len(logs)) if asked is None or asked[e]]
+    rest = np.full((len(logs), len(outputs)), np.nan)
+    if known and places:
+        standing = [{name: float(own[e]) for name, own in states.items()} for e in places]
+        begun = LogSet([logs[e] for e in places])
+        parts = (values[places, : len(outputs)], least[places, : len(outputs)])
+        robot, rest[places] = _at_rest(robot, begun, standing, *parts, known)
+    for e in places:
         elsewhere = False
         for index, channel in enumerate(measured):
             value = float(values[e, index])
@@ -197,11 +204,9 @@ def _at_rest(
 ) -> tuple[Robot, NDArray[np.float64]]:
     """What the robot in these `states` shows of the outputs at the places `known` [E, ny], and the robot that shows it: where
     its own numbers do not explain the first `values`, with those that do."""
-    found = np.full(values.shape, np.nan)
-    if not known:
-        return robot, found
 
     def shown(by: Robot) -> NDArray[np.float64]:
+        found = np.full(values.shape, np.nan)
         seen = np.stack([_observed(by, state, log.inputs[0]) for state, log in zip(states, logs, strict=True)])
         found[:, known] = seen[:, known]
         return found
