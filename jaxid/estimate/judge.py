@@ -74,6 +74,8 @@ TAILS = 1.5
 Student's with three degrees of freedom 1.4."""
 _CERTAIN = 4.0
 """Standard errors by which neighbours must be related for that to be no chance."""
+_DOUBT = 2.0
+"""Standard errors by which samples two apart must share more than in first-order noise."""
 LEFT, LEFT_IN_ONE = 0.7, 1.0
 """Slow part of a residual, in units of white noise, from which a fit is poor, of all logs and of one. It is not the sensor's,
 so that nothing says that the estimates stand; from here on it is too much of the residual to be passed over."""
@@ -141,20 +143,31 @@ def slow_part(parts: Sequence[Array], noise: float, step: float = 0.0) -> tuple[
     they differ by more than white noise does: then the noise itself is coloured, or the model's errors are fast. How much
     that is, the residual says as well as the data, and better where the data's own third differences hold quick motion; but
     of a coarse sensor, whose rounding is no white noise from sample to sample, no less than its `step` makes on average.
+    Zero, too, where what neighbours share is gone as soon as in first-order noise: that of a correlation below a half, as a
+    filtered gyro has, is all but white in its differences.
     """
     changes = [np.diff(part) for part in parts]
     white = min(noise, max(white_level(np.concatenate(parts)), step / np.sqrt(12.0)) or noise)
     if usual_size(np.concatenate(changes)) > _WHITE * np.sqrt(2.0) * white:
         return 0.0, 0.0
 
-    def shared(products: Array) -> float:
-        """Variance of what two neighbours share, where that is no chance."""
+    def common(parts: Sequence[Array], apart: int) -> tuple[float, float]:
+        """Variance that samples so far `apart` share, and its standard error if they share none."""
+        products = np.concatenate([part[apart:] * part[: len(part) - apart] for part in parts])
         products = products[np.isfinite(products)]
-        chance = np.sqrt(np.mean(products**2) / len(products)) if len(products) else np.inf
-        return float(products.mean()) if len(products) and products.mean() > _CERTAIN * chance else 0.0
+        if not len(products):
+            return 0.0, np.inf
+        return float(products.mean()), float(np.sqrt(np.mean(products**2) / len(products)))
 
-    each = [part[1:] * part[:-1] for part in parts]
-    return np.sqrt(shared(np.concatenate(each))) / noise, np.sqrt(max(map(shared, each))) / noise
+    def shared(parts: Sequence[Array]) -> float:
+        """Variance of what two neighbours share, where that is no chance and lasts longer than in first-order noise."""
+        (every, _), (near, chance), (next_but_one, doubt) = (common(parts, apart) for apart in range(3))
+        if near <= _CERTAIN * chance:
+            return 0.0
+        first_order = near <= _SLOW * every and next_but_one <= near**2 / every + _DOUBT * doubt
+        return 0.0 if first_order else near
+
+    return np.sqrt(shared(parts)) / noise, np.sqrt(max(shared([part]) for part in parts)) / noise
 
 
 def judge(

@@ -19,6 +19,11 @@ PRACTICAL = 1.0
 """A standard error above this multiple of the parameter's magnitude: the data says nothing useful about it."""
 
 
+_PART, _ROUNDING = 1e-3, 1e-5
+"""Share of a free direction from which a parameter takes part in it, and the share, in columns of length one, below which that
+may be rounding."""
+
+
 class Spread(NamedTuple):
     """Covariance of the free parameters, which single parameters the data determines, and which take part in a direction
     that it leaves entirely free."""
@@ -26,6 +31,24 @@ class Spread(NamedTuple):
     covariance: NDArray[np.float64]
     determined: NDArray[np.bool_]
     unseen: NDArray[np.bool_]
+
+
+def takes_part(
+    directions: NDArray[np.float64], lengths: NDArray[np.float64], magnitude: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Which parameters [n] move along any of the free `directions` [k, n] of a Jacobian whose columns, of these `lengths`, were
+    scaled to one.
+
+    A parameter that hardly shows has a small part of such a direction in those units, and may yet have to change as much, for
+    its `magnitude`, as the ones that show it best. Nothing bounds it then.
+    """
+    if not len(directions):
+        return np.zeros(len(lengths), dtype=bool)
+    own = np.abs(directions)
+    shown = (lengths > 0) & (magnitude > 0) & np.isfinite(magnitude)
+    change = np.where(shown, own / (np.where(shown, lengths, 1.0) * np.where(shown, magnitude, 1.0)), 0.0)
+    relative = change > _PART * np.maximum(change.max(axis=1, keepdims=True), 1e-300)
+    return np.any((own > _PART) | relative & (own > _ROUNDING), axis=0)
 
 
 def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: NDArray[np.float64]) -> Spread:
@@ -54,7 +77,7 @@ def spread(jacobian: NDArray[np.float64], free: NDArray[np.bool_], magnitude: ND
     inverse = np.where(zero, 0.0, 1.0 / np.where(zero, 1.0, values) ** 2)
     scaled = (Vt.T * inverse) @ Vt
     covariance[np.ix_(index, index)] = scaled / np.outer(used, used)
-    in_null_space = np.any(np.abs(Vt[zero]) > 1e-3, axis=0) if zero.any() else np.zeros(index.size, dtype=bool)
+    in_null_space = takes_part(Vt[zero], norms, magnitude[index])
     errors = np.sqrt(np.diag(covariance)[index])
     unseen[index] = in_null_space | (norms == 0)
     determined[index] = ~unseen[index] & (errors <= PRACTICAL * magnitude[index])

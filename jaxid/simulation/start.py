@@ -4,11 +4,12 @@ Pose columns (x, y, theta, beta) in a log give those states. A log whose first s
 of its largest speed), or shows another position than the origin, starts from what it measured, and that, with the states
 nobody measures, is then uncertain. So is, within its step, a position that a counter tells: whoever reads 0 may stand
 anywhere in a step, above it if the counter rounds down, on either side if it rounds to the nearest. What is measured need
-be no state: from outputs that the robot at rest would not show follow the nearest states that show them. Where the model
-knows of a sensor's bias or scale, it is taken off before.
+be no state: from outputs that the robot at rest would not show follow the nearest states that show them. What other values
+of the free parameters would make a robot at rest show says nothing of motion (`rest`). Where the model knows of a sensor's
+bias or scale, it is taken off before.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -24,9 +25,10 @@ from .._float64 import in_float64
 from ..logs import Log, LogSet
 from ..logs.noise import counting_step, noise_level
 from ..logs.windows import Windows, window_rows
-from ..robots.effect import Numbers
+from ..robots.effect import Numbers, State
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides, passed
+from .rest import explaining_rest
 from .states_at_samples import states_at_samples
 
 _AT_REST = 5.0  # standard deviations of the first measurement
@@ -128,52 +130,55 @@ def states_at(robot: Robot, log: Log, at: NDArray[np.int64]) -> dict[str, Float[
 def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
     """The initial states that the logs' own columns and first samples suggest; of windows, those that the logs from which they
     were cut tell there."""
-    found = _by_first_samples(robot, logs)
     if not isinstance(logs, Windows):
-        return found
+        return _by_first_samples(robot, logs)
+    found = _by_first_samples(robot, logs, [not log.cut for log in logs])
     parts = [states_at(robot, log, np.array([k.start for k in window_rows(log, logs.seconds)])) for log in logs.whole]
     there = {name: np.concatenate([part[name] for part in parts]) for name in robot.states}
     cut = np.array([log.cut for log in logs])
     return replace(found, states={name: np.where(cut, there[name], own) for name, own in found.states.items()})
 
 
-def _by_first_samples(robot: Robot, logs: LogSet) -> InitialConditions:
+def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None = None) -> InitialConditions:
+    """The initial states by every log's first sample, or by that of the logs `asked` [E]; of the others only whether they are
+    uncertain."""
     noise = noise_level(logs)
     default = robot.initial_state()
     states = {name: np.full(len(logs), default[name]) for name in robot.states}
     uncertain = np.array([log.cut for log in logs], dtype=bool)
-    measured = logs[0].channels.measured
+    measured, outputs = logs[0].channels.measured, robot.channels.outputs
     offset, gain = _sensed(robot, len(measured))
     for e, log in enumerate(logs):
         for column in set(log.extra.columns) & set(robot.states) & {"x", "y", "theta", "beta"}:
             value = float(log.extra[column].iloc[0])
             if np.isfinite(value):
                 states[column][e] = value
-        outputs = robot.channels.outputs
-        others = [name for name in outputs if name not in states]
-        rest = (
-            dict(zip(outputs, _observed(robot, {n: v[e] for n, v in states.items()}, log.inputs[0]), strict=True))
-            if others
-            else {}
-        )
-        first = np.full(len(outputs), np.nan)
+    values = np.stack([(log.outputs[0] - offset) / gain for log in logs])
+    # Started elsewhere than at rest at the origin: by the first sample, which is as wrong as its noise.
+    level = np.array([noise[name] if np.isfinite(noise[name]) else 0.0 for name in measured])
+    largest = np.array([np.nanmax(np.abs(log.outputs), axis=0, initial=0.0) for log in logs])
+    largest[:, [name not in logs[0].channels.outputs for name in measured]] = 0.0
+    least = np.maximum(_AT_REST * level, _STILL * largest)
+    known = [i for i, name in enumerate(outputs) if name not in states]
+    places = [e for e in range(len(logs)) if asked is None or asked[e]]
+    rest = np.full((len(logs), len(outputs)), np.nan)
+    if known and places:
+        standing = [{name: float(own[e]) for name, own in states.items()} for e in places]
+        begun = LogSet([logs[e] for e in places])
+        parts = (values[places, : len(outputs)], least[places, : len(outputs)])
+        robot, rest[places] = _at_rest(robot, begun, standing, *parts, known)
+    for e in places:
         elsewhere = False
         for index, channel in enumerate(measured):
-            value = float((log.outputs[0, index] - offset[index]) / gain[index])
-            if not np.isfinite(value) or (channel not in states and channel not in rest):
+            value = float(values[e, index])
+            if not np.isfinite(value) or (channel not in states and index not in known):
                 continue
-            usual = default[channel] if channel in states else rest[channel]
             # Nothing depends on where a wheel was when its counter was set to zero.
             if channel in robot.measured_angles:
                 states[channel][e] = value
                 continue
-            level = noise[channel] if np.isfinite(noise[channel]) else 0.0
-            largest = float(np.nanmax(np.abs(log.outputs[:, index]))) if channel in log.channels.outputs else 0.0
-            if channel in rest:
-                first[outputs.index(channel)] = value
-            # Started elsewhere than at rest at the origin: from the first sample, which is as wrong as its noise.
-            least = max(_AT_REST * level, _STILL * largest)
-            if not (abs(value - usual) > least and abs(value) > 0):
+            usual = default[channel] if channel in states else rest[e, index]
+            if not (abs(value - usual) > least[e, index] and abs(value) > 0):
                 continue
             uncertain[e] = True
             if channel in states:
@@ -181,11 +186,38 @@ def _by_first_samples(robot: Robot, logs: LogSet) -> InitialConditions:
             else:
                 elsewhere = True
         if elsewhere:
-            for name, value in _showing(
-                robot, {n: float(v[e]) for n, v in states.items()}, log.inputs[0], first
-            ).items():
+            first = np.full(len(outputs), np.nan)
+            first[known] = values[e, known]
+            begin = {name: float(own[e]) for name, own in states.items()}
+            for name, value in _showing(robot, begin, logs[e].inputs[0], first).items():
                 states[name][e] = value
     return InitialConditions(states, uncertain)
+
+
+def _at_rest(
+    robot: Robot,
+    logs: LogSet,
+    states: Sequence[State],
+    values: NDArray[np.float64],
+    least: NDArray[np.float64],
+    known: Sequence[int],
+) -> tuple[Robot, NDArray[np.float64]]:
+    """What the robot in these `states` shows of the outputs at the places `known` [E, ny], and the robot that shows it: where
+    its own numbers do not explain the first `values`, with those that do."""
+
+    def shown(by: Robot) -> NDArray[np.float64]:
+        found = np.full(values.shape, np.nan)
+        seen = np.stack([_observed(by, state, log.inputs[0]) for state, log in zip(states, logs, strict=True)])
+        found[:, known] = seen[:, known]
+        return found
+
+    found = shown(robot)
+    if np.any(np.abs(values - found) > least):
+        first = np.full(values.shape, np.nan)
+        first[:, known] = values[:, known]
+        robot = explaining_rest(robot, states, np.stack([log.inputs[0] for log in logs]), first, least)
+        found = shown(robot)
+    return robot, found
 
 
 def free_states(robot: Robot, logs: LogSet, begin: InitialConditions) -> NDArray[np.bool_]:

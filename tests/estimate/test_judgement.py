@@ -78,6 +78,27 @@ def test_a_slow_error_above_white_noise_is_not_taken_for_the_sensors_colour(axis
     assert fit.judgement.verdict == "coloured" and 2.0 < fit.judgement.normalised_rms
 
 
+@pytest.mark.parametrize("memory", [0.3, 0.4, 0.5])
+def test_lightly_filtered_noise_of_a_sensor_is_no_slow_error_of_the_model(axis_log, memory):
+    """Its differences are all but white; what neighbours share is gone soon. Most of such right fits were called poor."""
+    clean = [axis_log(name, INPUTS, position=False).outputs for name in "abc"]
+    verdicts = []
+    for seed in range(0, 90, 3):
+        logs = LogSet([log(axis_log, 0.01 * coloured(memory, seed + k), name) for k, name in enumerate("abc")])
+        verdicts.append(judge(logs, clean, noise_scale(logs)).verdict)
+    assert verdicts.count("coloured") >= 28
+
+
+@pytest.mark.parametrize("memory", [0.9, 0.97])
+def test_an_error_that_lasts_some_samples_above_white_noise_is_slow(axis_log, memory):
+    """As large as the noise, of a correlation time of ten samples and more: not the sensor's, and never passed over."""
+    clean = [axis_log(name, INPUTS, position=False).outputs for name in "abc"]
+    for seed in range(0, 60, 6):
+        errors = [0.01 * (coloured(0.0, seed + k) + coloured(memory, seed + k + 3)) for k in range(3)]
+        logs = LogSet([log(axis_log, e, name) for e, name in zip(errors, "abc", strict=True)])
+        assert judge(logs, clean, {"v": 0.01, "q": 1.0}).verdict == "poor"
+
+
 def test_quick_motion_does_not_make_first_order_noise_of_a_sensor_look_white():
     """A motion whose time constant is two samples is in the third differences of the data, and in the residual's not.
 

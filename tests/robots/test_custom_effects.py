@@ -222,6 +222,14 @@ def test_units_of_effects_are_those_of_the_users_axis():
         for name, unit in zip(names, units, strict=True):
             assert (model + effect_by_id(model, name.split(".")[0])).parameters[name].unit == unit
     assert joint.force_unit("rate") == "N m" and trolley.force_unit("v") == "N"
+    # Grams and millimetres: kg mm/s^2 are mN, and so is what is added to them.
+    small = replace(
+        trolley,
+        own_channels=Channels(("u",), ("v",), units={"v": "mm/s"}),
+        table={"m": Parameter(2.0, "kg"), "Fc": Parameter(400.0, "mN")},
+    )
+    dragged = small + effect_by_id(small, "quadratic_drag")
+    assert dragged.parameters["quadratic_drag.coefficient"].unit == "mN s^2/mm^2"
 
 
 def test_an_effect_gives_rates_of_its_own_states_only():

@@ -1,5 +1,5 @@
 """Coulomb friction that differs between forward and backward (Janot, Gautier and Brunot, Nonlinear System Identification
-Benchmarks, 2019: EMPS)."""
+Benchmarks, 2019: EMPS), or between the wheels."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,7 +11,7 @@ from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import axis_names, signed
-from .asymmetric_viscous_friction import WAYS, differs_by_way
+from .asymmetric_viscous_friction import WAYS, apart_already, differences, differs_by_way, shares
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,39 @@ class AsymmetryOfEach(AsymmetricFriction):
         for k, axis in enumerate(robot.drive_axes):
             a, (backward, forward) = p[self.key(f"asymmetry_{k + 1}")], levels[axis]
             changed[axis] = (backward * (1.0 - a), forward * (1.0 + a))
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
+class DryBetweenAxes(Effect):
+    """One wheel that rubs more than the others: a brake that drags, a bearing."""
+
+    id: ClassVar[str] = "asymmetric_friction"
+    upon: ClassVar[str] = "coulomb_friction"
+    law: ClassVar[str] = "between_axes"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "C_i' = C_i (1 + difference_i), the differences adding up to zero"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+    def refusal(self, robot: Robot) -> str | None:
+        if len(robot.drive_axes) < 2:
+            return f"{robot.name!r} has one drive axis, which cannot differ from others"
+
+        def dry(state: State, numbers: Numbers) -> list[float]:
+            levels = robot.own_coulomb(state, numbers)
+            return [float(levels[axis][1]) for axis in robot.drive_axes]
+
+        apart = apart_already(robot, dry)
+        return f"the drive axes of {robot.name!r} have dry friction each of its own" if apart else None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return differences(self, robot)
+
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
+        changed = list(levels)
+        for axis, share in zip(robot.drive_axes, shares(self, robot, p), strict=True):
+            backward, forward = levels[axis]
+            changed[axis] = (backward * share, forward * share)
         return tuple(changed)
 
 
@@ -123,4 +156,10 @@ class DryAsymmetryCurve(Curve):
         return tuple(changed)
 
 
-LAWS: tuple[Effect, ...] = (AsymmetricFriction(), AsymmetryOfEach(), AsymmetryOfTheBody(), DryAsymmetryCurve())
+LAWS: tuple[Effect, ...] = (
+    AsymmetricFriction(),
+    AsymmetryOfEach(),
+    DryBetweenAxes(),
+    AsymmetryOfTheBody(),
+    DryAsymmetryCurve(),
+)

@@ -1,5 +1,6 @@
-"""Viscous friction that differs between forward and backward (Janot, Gautier and Brunot, 2019: EMPS)."""
+"""Viscous friction that differs between forward and backward (Janot, Gautier and Brunot, 2019: EMPS), or between the wheels."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -29,6 +30,33 @@ def differs_by_way(curve: Curve, robot: Robot) -> bool:
         alike = alike - own @ np.linalg.lstsq(own, alike, rcond=None)[0]
         one_way, both = one_way + float(np.sum((0.5 * (forward - backward)) ** 2)), both + float(np.sum(alike**2))
     return one_way >= both
+
+
+def apart_already(robot: Robot, friction: Callable[[State, Numbers], list[float]]) -> bool:
+    """Whether the robot's own free parameters can change the `friction` of each drive axis on its own."""
+    numbers, zero = robot.parameters.numbers, dict.fromkeys(robot.states, 0.0) | robot.initial_state()
+    levels = [friction(zero, numbers)]
+    for name in robot.parameters.free_names:
+        more = numbers[name] + (abs(numbers[name]) or robot.parameters[name].typical or 1.0)
+        levels.append(friction(zero, {**numbers, name: more}))
+    changes = np.array(levels[1:]).reshape(-1, len(levels[0])) - np.array(levels[0])
+    sizes = np.linalg.norm(changes, axis=1)
+    changes = changes[sizes > 0] / sizes[sizes > 0, None]
+    return len(changes) > 0 and int(np.linalg.matrix_rank(changes, tol=1e-6)) == len(levels[0])
+
+
+def differences(effect: Effect, robot: Robot) -> dict[str, Parameter]:
+    """One for each drive axis but the last, whose own is that with which all add up to zero."""
+    found: dict[str, Parameter] = {}
+    for name in axis_names(robot)[:-1]:
+        found |= signed(effect, f"difference_{name}", "", 0.1)
+    return found
+
+
+def shares(effect: Effect, robot: Robot, p: Numbers) -> Scalars:
+    """What to multiply the friction of each drive axis with, by `differences`; no friction drives."""
+    own = [p[effect.key(f"difference_{name}")] for name in axis_names(robot)[:-1]]
+    return tuple(jnp.maximum(1.0 + share, 0.0) for share in (*own, -sum(own)))
 
 
 @dataclass(frozen=True)
@@ -75,6 +103,40 @@ class ViscousAsymmetryOfEach(AsymmetricViscousFriction):
 
 
 @dataclass(frozen=True)
+class ViscousBetweenAxes(Effect):
+    """One wheel that turns less easily than the others: a worn bearing, another tyre."""
+
+    id: ClassVar[str] = "asymmetric_viscous_friction"
+    law: ClassVar[str] = "between_axes"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "B_i' = B_i (1 + difference_i), the differences adding up to zero"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+    def refusal(self, robot: Robot) -> str | None:
+        ones = (1.0,) * len(robot.drive_axes)
+        if len(ones) < 2:
+            return f"{robot.name!r} has one drive axis, which cannot differ from others"
+
+        def viscous(state: State, numbers: Numbers) -> list[float]:
+            # At the speeds that belong to the states, of which none is zero.
+            moving = {name: 1.0 + 0.1 * k for k, name in enumerate(state)}
+            resistance = robot.own_viscous(robot.rubbing(moving, numbers), moving, numbers)
+            return [float(resistance[axis]) for axis in robot.drive_axes]
+
+        apart = apart_already(robot, viscous)
+        return f"the drive axes of {robot.name!r} have viscous friction each of its own" if apart else None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return differences(self, robot)
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        changed = list(resistance)
+        for axis, share in zip(robot.drive_axes, shares(self, robot, p), strict=True):
+            changed[axis] = resistance[axis] * share
+        return tuple(changed)
+
+
+@dataclass(frozen=True)
 class AsymmetryCurve(Curve):
     """What friction has more of than its straight line, a curve of the speed at the rim for either way."""
 
@@ -108,4 +170,9 @@ class AsymmetryCurve(Curve):
         return tuple(changed)
 
 
-LAWS: tuple[Effect, ...] = (AsymmetricViscousFriction(), ViscousAsymmetryOfEach(), AsymmetryCurve())
+LAWS: tuple[Effect, ...] = (
+    AsymmetricViscousFriction(),
+    ViscousAsymmetryOfEach(),
+    ViscousBetweenAxes(),
+    AsymmetryCurve(),
+)

@@ -214,7 +214,8 @@ def _solve(
             count - freedom,
         )
         covariance[np.ix_(seen, seen)] = spread
-        size, unseen = known_size(theta, default, F, y), unseen_of(Z, prior)
+        size = known_size(theta, default, F, y)
+        unseen = unseen_of(Z, prior, size)
         told = seen[np.sqrt(np.diag(spread)) <= USELESS * size[seen]]
         if len(told):
             # What the data says nothing about may have instruments as weak as it likes: its interval says so.

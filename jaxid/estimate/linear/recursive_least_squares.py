@@ -21,6 +21,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from ..._float64 import in_float64
+from ...robots.robot import Robot
 
 Array = Any
 """NumPy's, or JAX's where JAX traced."""
@@ -183,9 +184,15 @@ def recursive_least_squares(
     """Run through B blocks of equations: `regressors` [B, m, n] (or [B, n], one equation a block), `targets` [B, m].
 
     Blocks of unequal length are padded with rows of zeros, which say nothing. Returns the last state and the history
-    of estimates and standard errors [B, n], NaN until there are enough equations. Raises `ValueError` for shapes that
-    do not fit and for a forgetting factor outside (0, 1].
+    of estimates and standard errors [B, n], NaN until there are enough equations. Those of a robot's logs are from
+    `jaxid.estimate.linear.window_equations.window_equations(robot, logs)`. Raises `ValueError` for shapes that do not fit
+    and for a forgetting factor outside (0, 1], `TypeError` for a robot in the place of equations.
     """
+    if isinstance(regressors, Robot):
+        raise TypeError(
+            "a robot is no equations; give the regressors and targets of "
+            "jaxid.estimate.linear.window_equations.window_equations(robot, logs)"
+        )
     traced = _traced(regressors, targets, *jax.tree.leaves(start))
     F, y = (jnp.asarray(x) if traced else np.asarray(x, float) for x in (regressors, targets))
     if F.ndim == 2 and y.ndim == 1:

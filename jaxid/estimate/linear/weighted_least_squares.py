@@ -19,12 +19,12 @@ from scipy.linalg import qr as pivoted_qr
 from ..._float64 import in_float64
 from ...robots.robot import Robot
 from ..result import Status
+from ..uncertainty import takes_part
 from .score_covariance import score_covariance, widened
 from .window_equations import WindowEquations
 
 Array = NDArray[np.float64]
 _RANK = 1e-7
-_PART = 1e-3  # share of an unseen direction (columns of length one) from which a parameter takes part in it
 _NOTHING = 1e-10  # share of the largest effect: rounding
 USELESS = 1.0
 """A standard error above this multiple of the parameter: the data says nothing about it."""
@@ -119,13 +119,13 @@ def _full_covariance(F: Array, prior: Array) -> Array:
     return (Vt.T * inverse) @ Vt / np.outer(scale, scale)
 
 
-def unseen_of(F: Array, prior: Array) -> NDArray[np.bool_]:
-    """[n]: parameters that take part in a direction which the columns F [K, n] do not see."""
+def unseen_of(F: Array, prior: Array, size: Array) -> NDArray[np.bool_]:
+    """[n]: parameters of magnitudes `size` [n] that take part in a direction which the columns F [K, n] do not see."""
     scale = np.sqrt(np.sum(F * F, axis=0) + prior)
     stacked = np.concatenate([F, np.diag(np.sqrt(prior))]) / np.where(scale > 0, scale, 1.0)
     _, singular, Vt = np.linalg.svd(np.linalg.qr(stacked, mode="r"))
     blind = Vt[singular <= _RANK * singular.max(initial=1e-300)]
-    return np.any(np.abs(blind) > _PART, axis=0) | (scale == 0)
+    return takes_part(blind, scale, size) | (scale == 0)
 
 
 def statuses(
@@ -224,6 +224,6 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_]) -> 
         covariance[np.ix_(index, index)] = own
         full = _full_covariance(weighted, prior)
         break
-    unseen = held | unseen_of(weighted, prior)
     errors, size = np.sqrt(np.diag(covariance)), known_size(theta, default, weighted, target)
+    unseen = held | unseen_of(weighted, prior, size)
     return Solution(theta, covariance, full, statuses(theta, errors, size, unseen, bound), noise, held, unseen)

@@ -75,6 +75,9 @@ def _sized(name: str, d: Difference) -> str:
     low, high = d.size.ci95
     if not math.isfinite(d.size.std_error):
         return f"{name} {d.size.value:+.3g}{unit} (no interval)"
+    if not unit and not d.before:
+        low, high = 100 * low, 100 * high
+        return f"{name} {100 * d.size.value:+.3g} % (95 % {low:.3g} to {high:.3g} %)"
     share = f", {100 * d.share:+.2g} %" if math.isfinite(d.share) else ""
     return f"{name} {d.size.value:+.3g}{unit} (95 % {low:.3g} to {high:.3g}{share})"
 

@@ -38,6 +38,8 @@ _NEAR = 16.0
 _APART = 2.0
 _LEFT = 0.03
 """Share of the difference that a change may leave, significant or not: how far the models themselves are from nature."""
+_CLEAR, _NAMED = 4.0, 3
+"""Standard errors from which another parameter of the two fits is said to differ, too, and how many of them are."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,7 @@ def explain_change(
     likelier = chi_squared_tail(null.squares - _separate(pair, after, colours), len(pair.free))
     apart = max(differ_at_all(before, after), float(likelier))
     p = min(2.0 * by_name, 4.0 * apart, 4.0 * worse, 1.0)
-    best, equivalent, doubts = None, [], []
+    best, equivalent, doubts, notes = None, [], [], ()
     if p < level:
         trials, null, colours = _refitted(pair, look, null, held_out, report)
         best, *equivalent = _simplest_first(trials)
@@ -198,6 +200,7 @@ def explain_change(
     separate = _separate(pair, after, colours)
     if best is not None:
         doubts = _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
+        notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
     verdict: Verdict = "unchanged"
     if best is not None:
         verdict = "unexplained" if doubts else "ambiguous" if equivalent else "named"
@@ -219,6 +222,7 @@ def explain_change(
         looked=tuple(Looked(s.candidate.id, s.candidate.title, s.gain, s.p_value) for s in look.scores),
         held_out_gain=gain,
         doubts=tuple(doubts),
+        notes=notes,
     )
 
 
@@ -298,6 +302,40 @@ def _held_out_gain(pair: Pair, held_out: _HeldOut, null: Joint, joint: Joint, co
     return float(sum(np.sum(a**2) - np.sum(b**2) for a, b in zip(one, other, strict=True)))
 
 
+def _significant(left: float, level: float, free: int) -> bool:
+    """Whether two separate models of so many `free` parameters leave less by more than chance."""
+    return left > float(chi_squared_beyond(level / 4.0, max(free, 1)))
+
+
+def _remainder(best: _Trial, null: Joint, separate: float, level: float, before: Fit, after: Fit) -> tuple[str, ...]:
+    """That the named change is not all, where what it leaves is little beside it and yet no chance."""
+    left, gained = best.joint.squares - separate, null.squares - best.joint.squares
+    if not _significant(left, level, len(before.free_names)):
+        return ()
+    text = (
+        f"That is not all: two separate models follow the logs better still (chi-squared by {left:.0f}, beside "
+        f"{gained:.0f} that this change gains)"
+    )
+    changed = [c.of for c in best.score.candidate.coordinates]
+    if all(name in before.free_names for name in changed):
+        # A mechanism that appeared would have moved the other estimates, too; another value of a parameter does not.
+        apart = {n: _apart(before[n], after[n]) for n in before.free_names if n not in changed}
+        differ = sorted((n for n in apart if abs(apart[n]) > _CLEAR), key=lambda n: -abs(apart[n]))[:_NAMED]
+        listed = ", ".join(
+            f"{n} {after[n].value - before[n].value:+.3g} {before[n].unit}".rstrip()
+            + f" ({abs(apart[n]):.0f} standard errors)"
+            for n in differ
+        )
+        text += f". Of what else the two fits estimated differs: {listed}" if differ else ""
+    return (f"{text}.",)
+
+
+def _apart(one: Estimate, other: Estimate) -> float:
+    """By how many standard errors of the difference the second estimate is above the first; 0 where they have none."""
+    error = float(np.hypot(one.std_error, other.std_error))
+    return (other.value - one.value) / error if np.isfinite(error) and error > 0 else 0.0
+
+
 def _doubts(
     best: _Trial, null: Joint, separate: float, worse: float, ratio: float, by_name: float, level: float,
     held_out: _HeldOut | None, colours: Colours, pair: Pair,
@@ -307,7 +345,7 @@ def _doubts(
     if 2.0 * by_name >= level:
         doubts.append("no candidate stands out from chance by itself")
     left, gained = best.joint.squares - separate, null.squares - best.joint.squares
-    if left > float(chi_squared_beyond(level / 4.0, max(len(pair.free), 1))) and left > _LEFT * gained:
+    if _significant(left, level, len(pair.free)) and left > _LEFT * gained:
         doubts.append(
             f"two separate models follow the logs better (chi-squared by {left:.0f}, of {gained:.0f} that it gains)"
         )

@@ -124,3 +124,5 @@ def test_bad_input():
         recursive_least_squares(F, y[:-1])
     with pytest.raises(ValueError, match="forgetting factor of 1.5"):
         recursive_least_squares(F, y, forgetting=1.5)
+    with pytest.raises(TypeError, match=r"window_equations\(robot, logs\)"):
+        recursive_least_squares(Axis(), y)

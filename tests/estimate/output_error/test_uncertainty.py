@@ -109,3 +109,16 @@ def test_every_parameter_of_the_table_gets_a_status():
 
 def test_an_estimate_that_is_fixed_has_no_error():
     assert np.isnan(Estimate.of(1.0, 0.3, "kg", "fixed").std_error)
+
+
+@pytest.mark.parametrize("weak", [1.0, 1e-3, 1e-4])
+def test_a_parameter_that_hardly_shows_is_not_determined_where_it_scales_with_others_that_show_well(weak):
+    """J theta = 0: all of the first four may be multiplied by one number, and nothing changes. The fifth is on its own."""
+    rng = np.random.default_rng(4)
+    theta = np.array([2.0, 1e-3, 40.0, 0.3, 5.0])
+    relative = rng.normal(size=(60, 5)) * [1e3, 1e3, 1e3, 1e3 * weak, 10.0]
+    relative[:, 0] = -relative[:, 1:4].sum(axis=1)
+    found = spread(relative / theta, np.ones(5, dtype=bool), theta)
+    assert found.unseen.tolist() == [True, True, True, True, False]
+    assert found.determined.tolist() == [False, False, False, False, True]
+    assert np.sqrt(found.covariance[4, 4]) == pytest.approx(theta[4] / np.linalg.norm(relative[:, 4]), rel=0.1)

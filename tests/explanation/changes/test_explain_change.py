@@ -151,6 +151,24 @@ def test_a_robot_of_ones_own():
             assert within(named["command_gain"].differences["command_gain.gain"], -0.05)
 
 
+@pytest.mark.parametrize("gain", [1.0, 1.02])
+def test_a_second_change_that_is_small_beside_the_first_is_not_passed_over(gain):
+    robot, before = lag(1.0, 0.3, 0)
+    _, after = lag(gain, 0.5, 1)
+    found = explain_change(output_error(robot, before), output_error(robot, after), before, after)
+    assert found.verdict == "named" and found.change is not None and found.change.id == "T"
+    assert any("That is not all" in note and "differs: K" in note for note in found.notes) == (gain != 1.0)
+    shown = " ".join(str(found).split())
+    assert all(note in shown and note in found.to_dict()["notes"] for note in found.notes)
+
+
+def test_a_share_is_said_as_a_share():
+    """Of a size without unit, such as all friction times 1 + size."""
+    found = compared("axis", recorded("axis", 50, gain=1.08))
+    assert found.change is not None and found.change.id == "command_gain"
+    assert "gain +8" in found.change.sizes and " % (95 % " in found.change.sizes
+
+
 def test_what_cannot_be_compared_is_refused_with_a_remedy():
     fit, logs = usual("axis")
     other = replace(fit, robot=fit.robot.with_values(gain=2.0))
