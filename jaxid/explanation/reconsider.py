@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..effects import laws_of
-from ..effects.curve import Curve
+from ..effects.curve import SHAPE, Curve
 from ..effects.table_constants import TableConstants
 from ..logs import LogSet
 from ..robots.robot import Robot
@@ -16,6 +16,12 @@ from .screen import screen
 from .steps import Step
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
+
+_RIVALS = 3
+"""Most rivals of an effect that are looked at again."""
+_NEAR, _NEAR_A_CURVE = 0.2, 0.5
+"""Shares of what an effect gained when it was added that rivals may have lacked: more beside a curve, which followed a part of
+what was still missing as well, where a formula could not."""
 
 
 def _with_effects(base: Robot, owners: Mapping[str, Robot]) -> Robot:
@@ -148,8 +154,13 @@ def reconsidered(
         if step.chosen.id not in present:
             revised.append(step)
             continue
-        gain = max(t.score for t in step.trials) - step.chosen.score
-        rivals = [t for t in step.trials[1:] if t.score - step.chosen.score < 0.2 * gain and t.id not in present][:3]
+        # What was chosen may since have got another law, beside later effects, which the rivals were refitted without.
+        chosen = step.after.score
+        least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (
+            max(t.score for t in (*step.trials[1:], step.after)) - chosen
+        )
+        rivals = [t for t in step.trials[1:] if t.score < least and t.id not in present]
+        rivals = rivals[:_RIVALS]
         trials = [replace(final, id=step.chosen.id)]
         for number, rival in enumerate(rivals, start=1):
             say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")

@@ -1,11 +1,13 @@
 """One mechanism's curve instead of a further name beside its formula, on an axis in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from jaxid import AXIS, Axis, Log, LogSet, output_error
 from jaxid.effects import effect_by_id
-from jaxid.explanation.reconsider import rather_by_curves
-from jaxid.explanation.refit import refit
+from jaxid.explanation.reconsider import rather_by_curves, reconsidered
+from jaxid.explanation.refit import refit, refit_from_itself
 from jaxid.explanation.steps import Step
 from jaxid.logs import noise_scale
 from jaxid.simulation.scaled import scaled_to
@@ -72,3 +74,29 @@ def test_a_curve_is_not_looked_for_twice():
     again, current = rather_by_curves([step], further, logs, held_out, noise, lambda message: None)
     beyond = Step(further.trials, (), (), current, further.chosen, further.laws)
     assert rather_by_curves(again, beyond, logs, held_out, noise, lambda message: None) is None
+
+
+def test_beside_a_curve_rivals_from_farther_off_are_looked_at_again():
+    """A curve follows a part of what was still missing, too; what a formula explains without that says less against it."""
+    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 1.0, 0.0))
+    noise, step, further = found_of(logs, held_out)
+    base, formula = step.before, step.chosen
+    curve = refit_from_itself(
+        base.robot + effect_by_id(base.robot, "actuator_dead_zone", "shape"), base, logs, held_out, noise
+    )
+    rival = refit_from_itself(base.robot + effect_by_id(base.robot, "motor_lag"), base, logs, held_out, noise)
+    looked = {}
+    for chosen in (formula, curve):
+        # As if neither had explained what the later effect does, the rival 0.4 of what was gained behind.
+        gained = base.score - chosen.score
+        behind = replace(rival, squares=rival.squares + chosen.score + 0.4 * gained - rival.score)
+        first = replace(step, trials=(chosen, behind, replace(base, id="backlash")), laws=(chosen,), after=chosen)
+        second = replace(further, trials=(further.chosen,))
+        said = []
+        final = refit_from_itself(
+            chosen.robot + effect_by_id(chosen.robot, "quadratic_drag"), chosen, logs, held_out, noise
+        )
+        steps, found = reconsidered([first, second], final, base, logs, held_out, noise, said.append)
+        looked[chosen.law] = any("with motor_lag (first_order) instead" in sentence for sentence in said)
+        assert steps[0].chosen.id == "actuator_dead_zone" and found.score <= final.score + 10.0
+    assert looked == {formula.law: False, "shape": True}
