@@ -1,8 +1,8 @@
 """A height held at zero in curves whose heights and other parameters can all change together without being seen.
 
-What is lost of a force in proportion to it is a smaller gain of all that the force moves: a mass, its friction and its drag. Where
-a first look from far off has not seen that a straight line in a curve is such a scale, nothing of the model is identified though
-it predicts well. With one height held there is one answer, of the same motion.
+What is lost of a force in proportion to it is a smaller gain of all that the force moves: a mass, its friction and its drag.
+Where a first look from far off has not seen that a straight line in a curve is such a scale, nothing of the model is identified
+though it predicts well. With one height held there is one answer, of the same motion.
 """
 
 from collections.abc import Mapping
