@@ -25,6 +25,7 @@ from .between_logs import changed_between
 from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation
+from .held_heights import with_heights_held
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
 from .lost_inputs import with_inputs_put_back
@@ -263,6 +264,11 @@ def explain(
             predicted(final.robot, held_out, noise), held_out, noise_scale(held_out, otherwise=whole)
         )
         found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
+        if found.final and not all(effect.identified for effect in _named(found, fit, final)):
+            held = with_heights_held(found.final, logs, held_out, noise, report)
+            if held is not found.final:
+                found, final = replace(found, final=held), finished(held)
+                after = predicted(final.robot, held_out, noise)
     if found.steps and final is not fit:
         found = replace(found, after=after)  # what the fit in full leaves, and not what a search's few steps had left
     named = _named(found, fit, final)

@@ -16,7 +16,6 @@ from .colour_left import colour_left, explained_somewhere, generalised_trial
 from .fine_steps import ranked_with_fine_steps
 from .first_look import begun_at, first_look
 from .from_the_back import named_from_the_back, not_present
-from .held_heights import with_heights_held
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
 from .overrated import in_its_own_noise, small_after_all
@@ -104,8 +103,6 @@ def search(
         steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=True)
         if last or current.held_out.adequate or colour is not None:
             break
-    if steps:
-        current = with_heights_held(current, logs, held_out, noise, report)
     if colour is not None:
         report(f"what is left is coloured noise: {colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
