@@ -3,8 +3,6 @@
 Exit status: 0 with a result, 1 for input that cannot be used (one line on stderr), 2 for wrong arguments.
 """
 
-import atexit
-import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -14,6 +12,7 @@ from typing import Annotated
 import typer
 
 from .arguments import check_loop, check_named, print_version, repeat_flags, window_option
+from .collection import collect_seldom
 from .errors import one_line_errors
 from .options import (
     MANY,
@@ -395,20 +394,10 @@ def demo(
     run_demo(out, overwrite)
 
 
-def _collect_seldom() -> None:
-    """Let this process look for unreachable objects rarely: what traces and modules hold is alive until the end.
-
-    Of an explanation's time 6 % went into looking, and another second into a last look when the process ends.
-    """
-    gc.freeze()
-    gc.set_threshold(100_000, 20, 100)
-    atexit.register(gc.freeze)
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Run one command line (by default the process's own). Always ends in `SystemExit` with the exit status."""
     # One thread: handing long loops of small operations to several takes twice as long, and this process is ours alone.
     os.environ.setdefault("PJRT_NPROC", "1")
     if argv is None:
-        _collect_seldom()
+        collect_seldom()
     app(args=repeat_flags(list(sys.argv[1:] if argv is None else argv), MANY), prog_name="jaxid")

@@ -26,6 +26,7 @@ from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation
 from .held_heights import with_heights_held
+from .heldout import HeldOut
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
 from .lost_inputs import with_inputs_put_back
@@ -259,16 +260,18 @@ def explain(
             own = in_full(trial, whole, noise, loss=loss, covariance=covariance)
             return lost.widened(own) if lost else own
 
+        def left_by(model: Fit) -> HeldOut:
+            rated = noise_scale(held_out, otherwise=whole)
+            return small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
+
         final = finished(found.final)
-        after = small_after_all(
-            predicted(final.robot, held_out, noise), held_out, noise_scale(held_out, otherwise=whole)
-        )
+        after = left_by(final)
         found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
         if found.final and not all(effect.identified for effect in _named(found, fit, final)):
             held = with_heights_held(found.final, logs, held_out, noise, report)
             if held is not found.final:
                 found, final = replace(found, final=held), finished(held)
-                after = predicted(final.robot, held_out, noise)
+                after = left_by(final)
     if found.steps and final is not fit:
         found = replace(found, after=after)  # what the fit in full leaves, and not what a search's few steps had left
     named = _named(found, fit, final)
