@@ -162,6 +162,61 @@ class SlewRate(MotorLag):
 
 
 @dataclass(frozen=True)
+class RampOfEach(MotorLag):
+    """A ramp of every drive input's own: the limits of speed and yaw rate that a base with velocity commands has."""
+
+    law: ClassVar[str] = "ramp_per_motor"
+    formula: ClassVar[str] = "|du_i'/dt| <= 1 / time_per_unit_i"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in drive_names(robot):
+            unit, size = robot.channels.units.get(name, ""), robot.scales.input_of(name)
+            found |= positive(self, f"time_per_unit_{name}", f"s/{unit}", 0.15 * robot.scales.time / size)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = {self.key(f"time_per_unit_{name}"): robot.scales.input_of(name) for name in drive_names(robot)}
+        return tuple(Probe({key: time / size for key, size in names.items()}) for time in robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        per_unit = each_drive(robot, lambda name: p[self.key(f"time_per_unit_{name}")])
+        return on_drives(robot, inputs, ramped(inputs, dt, per_unit))
+
+
+@dataclass(frozen=True)
+class RampOfBody(MotorLag):
+    """Ramps of a body's speed and yaw rate, from which a controller makes the commands of two sides afterwards."""
+
+    law: ClassVar[str] = "ramp_of_body"
+    formula: ClassVar[str] = (
+        "|d(u_1 + u_2)'/dt| <= 2 / time_per_unit_mean, |d(u_1 - u_2)'/dt| <= 2 / time_per_unit_difference"
+    )
+
+    def refusal(self, robot: Robot) -> str | None:
+        count = len(robot.drive_inputs)
+        return (
+            None if count == 2 else f"the robot {robot.name!r} has {count} drive input(s), and {self.law!r} is of two"
+        )
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, size = f"s/{input_unit(robot)}", 0.15 * robot.scales.time / robot.scales.input
+        return positive(self, "time_per_unit_mean", unit, size) | positive(self, "time_per_unit_difference", unit, size)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = self.key("time_per_unit_mean"), self.key("time_per_unit_difference")
+        return tuple(Probe(dict.fromkeys(names, time / robot.scales.input)) for time in robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        one, other = robot.drive_inputs
+        sides = jnp.stack([inputs[:, one] + inputs[:, other], inputs[:, one] - inputs[:, other]], axis=-1) / 2.0
+        per_unit = jnp.stack([p[self.key("time_per_unit_mean")], p[self.key("time_per_unit_difference")]])
+        mean, half = ramped(sides, dt, per_unit).T
+        return inputs.at[:, one].set(mean + half).at[:, other].set(mean - half)
+
+
+@dataclass(frozen=True)
 class StepResponse(Effect):
     """Any response to a step of the command: shares of it that come late by multiples of the fixed `spacing`."""
 
@@ -192,5 +247,7 @@ LAWS: tuple[Effect, ...] = (
     LagOfEach(),
     LagOfAll(),
     SlewRate(),
+    RampOfEach(),
+    RampOfBody(),
     StepResponse(),
 )
