@@ -32,15 +32,17 @@ def low_passed(inputs, dt, T):
     return inputs + (before - inputs) * share
 
 
-def ramped(inputs, dt, per_unit):
-    """`inputs` [T, nu] followed by at most one unit in `per_unit` seconds (one, or one an input): the mean over every step."""
-
-    most = dt[:, None] / jnp.maximum(per_unit, _TINY * dt[:, None])
-    after = limited(inputs, most)
-    step = after - jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
-    # The mean over the step: it ramps for as long as the way takes, and then holds.
-    ramp = jnp.minimum(jnp.abs(step) * per_unit / dt[:, None], 1.0)
-    return after - 0.5 * step * ramp
+def ramped(inputs, dt, away, back=None):
+    """`inputs` [T, nu] followed by at most one unit in `away` seconds, and towards zero in `back` (default: the same; each one,
+    or one an input): the mean over every step."""
+    back = away if back is None else back
+    dt = dt[:, None]
+    after = limited(inputs, *(dt / jnp.maximum(per_unit, _TINY * dt) for per_unit in (away, back)))
+    before = jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
+    # It turns where it passes zero, if it does; it ramps for as long as both ways take, and then holds.
+    turn = jnp.clip(0.0, jnp.minimum(before, after), jnp.maximum(before, after))
+    first, second = jnp.abs(turn - before) * back / dt, jnp.abs(after - turn) * away / dt
+    return after + first * (0.5 * (before + turn) - after) + second * 0.5 * (turn - after)
 
 
 @dataclass(frozen=True)
@@ -162,6 +164,26 @@ class SlewRate(MotorLag):
 
 
 @dataclass(frozen=True)
+class UnequalRamps(MotorLag):
+    """A driver's ramp that slows down faster, or more slowly, than it speeds up."""
+
+    law: ClassVar[str] = "unequal_ramps"
+    formula: ClassVar[str] = "d|u'|/dt <= 1 / time_per_unit_away, -d|u'|/dt <= 1 / time_per_unit_back"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, size = f"s/{input_unit(robot)}", 0.15 * robot.scales.time / robot.scales.input
+        return positive(self, "time_per_unit_away", unit, size) | positive(self, "time_per_unit_back", unit, size)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = self.key("time_per_unit_away"), self.key("time_per_unit_back")
+        return tuple(Probe(dict.fromkeys(names, time / robot.scales.input)) for time in robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        away, back = p[self.key("time_per_unit_away")], p[self.key("time_per_unit_back")]
+        return on_drives(robot, inputs, ramped(inputs, dt, away, back))
+
+
+@dataclass(frozen=True)
 class RampOfEach(MotorLag):
     """A ramp of every drive input's own: the limits of speed and yaw rate that a base with velocity commands has."""
 
@@ -247,6 +269,7 @@ LAWS: tuple[Effect, ...] = (
     LagOfEach(),
     LagOfAll(),
     SlewRate(),
+    UnequalRamps(),
     RampOfEach(),
     RampOfBody(),
     StepResponse(),
