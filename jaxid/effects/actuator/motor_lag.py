@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from ...kernel.recurrence import limited, recurrence
 from ...parameters import Parameter
@@ -19,8 +18,6 @@ from .input_delay import late
 
 _TINY = 1e-9
 """Share of a step below which a time constant is none."""
-_NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(4)[0] + 1.0) / 2.0, np.polynomial.legendre.leggauss(4)[1] / 2.0
-"""Where in a window, as shares of it, a mean over it is taken, and with which weights (Gauss and Legendre)."""
 
 
 def low_passed(inputs, dt, T):
@@ -187,28 +184,6 @@ class UnequalRamps(MotorLag):
 
 
 @dataclass(frozen=True)
-class SmoothRamp(SlewRate):
-    """A ramp with limited jerk: its mean over the last `smoothing` seconds, in which the acceleration rises to its limit."""
-
-    law: ClassVar[str] = "smooth_ramp"
-    formula: ClassVar[str] = "u'(t) = mean over (t - smoothing, t) of u'' with |du''/dt| <= 1 / time_per_unit"
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | positive(self, "smoothing", "s", 0.15 * robot.scales.time)
-
-    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        steepness, smoothing = self.key("time_per_unit"), self.key("smoothing")
-        return tuple(
-            Probe({steepness: time / robot.scales.input, smoothing: time}) for time in robot.scales.times_to_try
-        )
-
-    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        ramp, smoothing = ramped(inputs, dt, p[self.key("time_per_unit")]), p[self.key("smoothing")]
-        parts = jax.vmap(late, (None, None, None, 0))(ramp, time, dt, _NODES * smoothing)
-        return on_drives(robot, inputs, jnp.tensordot(_WEIGHTS, parts, 1))
-
-
-@dataclass(frozen=True)
 class RampOfEach(MotorLag):
     """A ramp of every drive input's own: the limits of speed and yaw rate that a base with velocity commands has."""
 
@@ -295,7 +270,6 @@ LAWS: tuple[Effect, ...] = (
     LagOfAll(),
     SlewRate(),
     UnequalRamps(),
-    SmoothRamp(),
     RampOfEach(),
     RampOfBody(),
     StepResponse(),
