@@ -89,7 +89,7 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
     if series.name == channel or (last == channel and (len(channel) > 1 or not series.name.startswith("/"))):
         return 100.0
     words = words_in(last)
-    if not command and [word for word in words if word not in _MEASURED] == [channel]:
+    if not command and len(words) > 1 and [word for word in words if word not in _MEASURED] == [channel]:
         return 50.0
     units = [one for one in unit.split(" or ") if one]
     si, factor, measure = _unit(series)
