@@ -70,6 +70,6 @@ def test_a_body_s_ramps_limit_its_speed_and_yaw_rate_and_not_the_sides(robot):
 
 def test_slowing_down_at_another_rate_than_speeding_up():
     inputs = _commands()
-    found = _ramped_by("unequal_ramps", Pioneer(), {"time_per_unit_away": 1.0, "time_per_unit_back": 0.25}, inputs)
+    found = _ramped_by("unequal_ramps", Pioneer(), {"time_per_unit": 1.0, "share_back": 0.25}, inputs)
     np.testing.assert_allclose(found, _unequal(inputs, 1.0, 4.0), atol=3e-3)
     assert np.max(np.abs(found - _held_and_ramped(inputs, [1.0, 1.0]))) > 0.3

@@ -164,23 +164,24 @@ class SlewRate(MotorLag):
 
 
 @dataclass(frozen=True)
-class UnequalRamps(MotorLag):
-    """A driver's ramp that slows down faster, or more slowly, than it speeds up."""
+class UnequalRamps(SlewRate):
+    """A driver's ramp that slows down faster than it speeds up.
+
+    The other way round a command of two levels would be followed as after a delay.
+    """
 
     law: ClassVar[str] = "unequal_ramps"
-    formula: ClassVar[str] = "d|u'|/dt <= 1 / time_per_unit_away, -d|u'|/dt <= 1 / time_per_unit_back"
+    formula: ClassVar[str] = (
+        "d|u'|/dt <= 1 / time_per_unit, -d|u'|/dt <= 1 / (share_back * time_per_unit), share_back <= 1"
+    )
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        unit, size = f"s/{input_unit(robot)}", 0.15 * robot.scales.time / robot.scales.input
-        return positive(self, "time_per_unit_away", unit, size) | positive(self, "time_per_unit_back", unit, size)
-
-    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = self.key("time_per_unit_away"), self.key("time_per_unit_back")
-        return tuple(Probe(dict.fromkeys(names, time / robot.scales.input)) for time in robot.scales.times_to_try)
+        share = Parameter(0.5, "", free=True, lower=0.0, upper=1.0, typical=0.5, source="catalogue")
+        return super().parameters(robot) | {self.key("share_back"): share}
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        away, back = p[self.key("time_per_unit_away")], p[self.key("time_per_unit_back")]
-        return on_drives(robot, inputs, ramped(inputs, dt, away, back))
+        away = p[self.key("time_per_unit")]
+        return on_drives(robot, inputs, ramped(inputs, dt, away, p[self.key("share_back")] * away))
 
 
 @dataclass(frozen=True)
