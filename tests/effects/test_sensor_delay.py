@@ -2,9 +2,10 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxid import Axis
-from jaxid.effects import laws_of
+from jaxid.effects import effect_by_id, laws_of
 
 
 def test_what_is_stamped_early_is_what_will_be():
@@ -20,4 +21,14 @@ def test_what_is_stamped_early_is_what_will_be():
         found = np.asarray(effect.measure(outputs, jnp.asarray(time), {effect.key("lead"): lead}, Axis()))[:, 0]
         inner = (time + lead > time[1]) & (time + lead < time[-2])
         np.testing.assert_allclose(found[inner], speed(time + lead)[inner], atol=1e-5)
-        np.testing.assert_allclose(found, speed(time + lead), atol=1e-2)  # held where the line has gone on for an interval
+        np.testing.assert_allclose(
+            found, speed(time + lead), atol=1e-2
+        )  # held where the line has gone on for an interval
+
+
+def test_beside_a_lag_nothing_is_stamped_early():
+    late = Axis() + effect_by_id(Axis(), "motor_lag")
+    assert "early" in [law.law for law in laws_of(Axis(), "sensor_delay")]
+    assert "early" not in [law.law for law in laws_of(late, "sensor_delay")]
+    with pytest.raises(KeyError, match="'motor_lag' makes what 'axis' measures late already"):
+        effect_by_id(late, "sensor_delay", "early")

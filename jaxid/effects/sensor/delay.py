@@ -124,6 +124,11 @@ class StampedEarly(SensorDelay):
     formula: ClassVar[str] = "y'(t) = y(t + lead)"
     only_later: ClassVar[bool] = False
 
+    def refusal(self, robot: Robot) -> str | None:
+        # A lead would take back what a lag's law has too much of, which is no finding about stamps.
+        late = next((effect.id for effect in robot.effects if effect.id in _LATE), None)
+        return f"{late!r} makes what {robot.name!r} measures late already, which stamps cannot undo" if late else None
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "lead", "s", 0.1 * robot.scales.time)
 
@@ -133,6 +138,8 @@ class StampedEarly(SensorDelay):
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return sensed_only(robot, stamped_early(outputs, time, p[self.key("lead")]), outputs)
 
+
+_LATE = ("sensor_lag", "motor_lag", "input_delay")
 
 LAWS: tuple[Effect, ...] = (
     SensorDelay(),
