@@ -56,6 +56,7 @@ def check_early(log: Log) -> Iterator[Finding]:
         if share > _MOST_BY_ITSELF:
             text = (
                 f"changes with the input of its own row, which is applied only from then on ({share:.0%} of what is new); "
-                "if rows hold a command and what came of it, move what was measured one row down"
+                "if rows hold a command and what came of it, move what was measured one row down; an input that was measured, "
+                "and held by nobody, is a straight line between samples (`--intersample linear`)"
             )
             yield finding(log, name, None, "warning", "ahead_of_input", text)
