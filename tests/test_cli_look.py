@@ -317,3 +317,31 @@ def test_a_column_that_is_called_what_the_channel_is_needs_no_unit(jaxid, tmp_pa
     jaxid("look", tmp_path / "run.csv", "--robot", "axis", "--write", out)
     found = tomllib.loads(out.read_text())
     assert found["v"]["field"] == "speed"
+
+
+OF_A_STRANGER = """
+from jaxid import Channels, Custom, Parameter, ParameterTable
+
+inputs, outputs = ("u1", "u2", "u3"), ("vx", "w")
+rover = Custom(
+    dynamics=lambda s, u, p: {"vx": u["u1"] + u["u2"] - p["B"] * s["vx"], "w": u["u3"] - p["B"] * s["w"]},
+    state_names=outputs,
+    own_channels=Channels(inputs=inputs, outputs=outputs, units={"vx": "m/s", "w": "rad/s"}),
+    table=ParameterTable({"B": Parameter(1.0, "1/s", free=True)}),
+    velocities=outputs,
+    turning="w",
+)
+"""
+
+
+def test_a_robot_whose_sides_nobody_told_is_looked_at(jaxid, tmp_path, monkeypatch):
+    """A robot of one's own may say which speed is its turning and not with what signs its inputs act."""
+    (tmp_path / "of_a_stranger.py").write_text(OF_A_STRANGER)
+    table = np.column_stack([TIMES, np.random.default_rng(5).normal(size=(len(TIMES), 5))])
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t,u1,u2,u3,vx,w", comments="")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    out = tmp_path / "run_map.toml"
+    status, said, _ = jaxid("look", "run.csv", "--robot", "of_a_stranger:rover", "--write", out)
+    assert status == 0 and "side's command" not in said
+    assert {"u1", "u2", "u3", "vx", "w"} <= tomllib.loads(out.read_text()).keys()
