@@ -85,8 +85,17 @@ def test_other_words_that_nothing_has(logs):
         jaxid.output_error(Axis(), logs, covariance="robus")
     with pytest.raises(jaxid.EffectError, match="'cogging_torque' is no effect; add one of jaxid.catalogue"):
         Axis() + "cogging_torque"
-    with pytest.raises(TypeError, match="is no fit; compare what the estimators returned"):
-        jaxid.compare(Axis(), held_out=logs)
+
+
+def test_a_robot_in_the_place_of_its_fit_is_to_be_fitted_first(logs):
+    for call in (
+        lambda robot: jaxid.compare(robot, held_out=logs),
+        lambda robot: jaxid.explain(robot, logs, logs),
+        lambda robot: jaxid.explain_change(robot, robot, logs, logs),
+        lambda robot: jaxid.profile_likelihood(robot, logs),
+    ):
+        with pytest.raises(TypeError, match=r"is no fit; give what an estimator returns, such as jaxid\.\w+\(robot, logs\)"):
+            call(Axis())
 
 
 def test_a_fit_says_what_it_has(axis_log):

@@ -9,6 +9,7 @@ from ..logs.finding import Finding, Severity
 from ..logs.log import Log
 from ..logs.noise import counting_step
 from ..logs.rates import unwrapped
+from ..logs.times import unit_doubt
 from .motion import is_position
 from .own_rows import as_measured, nothing_else_changes, on_several_clocks, placed
 
@@ -82,16 +83,8 @@ def _clock(log: Log, measured: str = "") -> Iterator[Finding]:
             "that the times are those of the measurement and not of its arrival"
         )
         yield finding(log, "t", int(np.argmax(uneven)), "warning", "clock_jitter", text)
-    # Milliseconds make hours of a run, hours make an instant of it; whole numbers without a gap are those of the rows.
-    counted = len(log) > 2 and np.array_equal(log.time - log.time[0], np.arange(len(log)))
-    if counted:
-        text = "t counts the rows (0, 1, 2 …) and says no seconds; map it with the sampling interval as its scale"
-        yield finding(log, "t", None, "warning", "time_unit", text)
-    elif (usual >= 0.5 and log.duration > 3600) or (usual < 2e-5 and log.duration < 0.1):
-        text = (
-            f"a sampling interval of {usual:.4g} s over {log.duration:.4g} s is unlikely for a robot; map t with the scale "
-            "that gives seconds"
-        )
+    if doubt := unit_doubt(log.time):
+        text = f"{doubt}; map t with the scale that gives seconds (counted rows: the sampling interval)"
         yield finding(log, "t", None, "warning", "time_unit", text)
 
 
@@ -294,11 +287,18 @@ def _pulses(log: Log, name: str, values: Array) -> Iterator[Finding]:
 
 
 def _inputs(log: Log) -> Iterator[Finding]:
+    seen: dict[bytes, str] = {}
     for name in log.channels.inputs:
         values = log.input(name)
         if np.ptp(values) == 0:
             text = f"is {values[0]:.4g} throughout; take care that other logs vary it"
             yield finding(log, name, None, "note", "constant_input", text)
+        elif (other := seen.setdefault(values.tobytes(), name)) != name:
+            text = (
+                f"is the same as {other!r} throughout, to the last digit; if one column was recorded for both, map each "
+                "input to its own"
+            )
+            yield finding(log, name, None, "note", "equal_inputs", text)
         yield from _pulses(log, name, values)
         yield from _saturated(log, name, values)
 

@@ -244,3 +244,10 @@ class Fit:
             known = ", ".join([*self.parameters, *self.combinations])
             raise KeyError(f"There is no {name!r} in this fit; it has {known}.")
         return self.parameters[name] if name in self.parameters else self.combinations[name]
+
+
+def checked_fit(given: Any, method: str = "output_error") -> Fit:
+    """What a user gives as a fit. Raises `TypeError` for anything else, a robot above all, with the remedy."""
+    if not isinstance(given, Fit):
+        raise TypeError(f"{given!r:.60} is no fit; give what an estimator returns, such as jaxid.{method}(robot, logs).")
+    return given

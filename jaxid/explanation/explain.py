@@ -14,7 +14,7 @@ from ..estimate.output_error.losses import Loss, Squares, loss_named
 from ..estimate.output_error.lost_inputs import with_lost_inputs
 from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
-from ..estimate.result import Fit
+from ..estimate.result import Fit, checked_fit
 from ..logs import LogError, LogSet, noise_scale
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
@@ -224,9 +224,9 @@ def explain(
     (`without_windows`).
 
     Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share, `ValueError` for a
-    `false_alarm` that is no share below a half.
+    `false_alarm` that is no share below a half, `TypeError` for a robot in the place of its fit.
     """
-    logs, held_out = (given_logs(fit.robot, each) for each in (logs, held_out))
+    logs, held_out = (given_logs(checked_fit(fit).robot, each) for each in (logs, held_out))
     apart(logs, held_out)
     loss = loss_named(loss)
     fit = without_windows(fit, logs, report, loss=loss, covariance=covariance, windows=windows)

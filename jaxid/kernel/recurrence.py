@@ -16,6 +16,7 @@ from jax.interpreters import ad, batching, mlir
 from jaxtyping import Float
 
 from .expressions import Graph, Node
+from .identity import identity_of
 from .map import Map, compiled_maps
 from .map_kernel import Mapped
 from .symbolic import inputs, scalars
@@ -33,31 +34,35 @@ def recurrence(
     return recurrence_p.bind(keep, jnp.concatenate([new[:1] + keep[:1] * first, new[1:]]))
 
 
-def limited(wanted: Float[Array, " T *n"], most: Float[Array, "#T *#n"]) -> Float[jax.Array, " T *n"]:
-    """`x[t]` as near to `wanted[t]` as steps of at most `most[t]` get it; from zero."""
+def limited(
+    wanted: Float[Array, " T *n"], away: Float[Array, "#T *#n"], back: Float[Array, "#T *#n"] | None = None
+) -> Float[jax.Array, " T *n"]:
+    """`x[t]` as near to `wanted[t]` as steps get it that grow |x| by at most `away[t]` and shrink it by at most `back[t]`
+    (default: as much); from zero. A step through zero spends on the second half what the first leaves of it."""
     wanted = jnp.asarray(wanted)
-    return limited_p.bind(wanted, jnp.broadcast_to(most, wanted.shape))
+    away = jnp.broadcast_to(away, wanted.shape)
+    return limited_p.bind(wanted, away, away if back is None else jnp.broadcast_to(back, wanted.shape))
 
 
 @cache
-def _code(name: str, after: Callable[[Graph, Node, Node, Node], Node]) -> Map:
-    """`after` (of the last value and of two of a row) along rows."""
+def _code(name: str, after: Callable[..., Node], parts: int) -> Map:
+    """`after` (of the last value and of the `parts` of a row) along rows."""
 
     def make() -> list[Mapped]:
         graph = Graph()
-        (one, other), (x,) = (scalars(inputs(graph, group, count)) for group, count in (("row", 2), ("carried", 1)))
-        result = after(graph, x, one, other)
-        return [Mapped(graph, 2, [result], [result])]
+        row, (x,) = (scalars(inputs(graph, group, count)) for group, count in (("row", parts), ("carried", 1)))
+        result = after(graph, x, *row)
+        return [Mapped(graph, parts, [result], [result])]
 
-    return compiled_maps(name, "all columns", make)[0]
+    return compiled_maps(identity_of(name), "all columns", make)[0]
 
 
-def _along(name: str, after: Callable[[Graph, Node, Node, Node], Node], one: np.ndarray, other: np.ndarray):
-    """In machine code, from zero, along the first axis of two arrays [T, ...]."""
-    one, other = np.broadcast_arrays(one, other)
+def _along(name: str, after: Callable[..., Node], *parts: np.ndarray):
+    """In machine code, from zero, along the first axis of arrays [T, ...]."""
+    one, *_ = parts = tuple(np.broadcast_arrays(*parts))
     T, columns = len(one), one.size // max(1, len(one))
-    rows = np.stack([one.reshape(T, columns), other.reshape(T, columns)], axis=-1)
-    found = _code(name, after)(np.zeros(0), rows.transpose(1, 0, 2), np.zeros((columns, 1)))
+    rows = np.stack([part.reshape(T, columns) for part in parts], axis=-1)
+    found = _code(name, after, len(parts))(np.zeros(0), rows.transpose(1, 0, 2), np.zeros((columns, 1)))
     return found[:, :, 0].T.reshape(one.shape)
 
 
@@ -65,8 +70,16 @@ def _kept_and_new(graph: Graph, x: Node, keep: Node, new: Node) -> Node:
     return graph.add(graph.mul(keep, x), new)
 
 
-def _near_and_no_farther(graph: Graph, x: Node, wanted: Node, most: Node) -> Node:
-    low, high = graph.sub(x, most), graph.add(x, most)
+def _farthest_up(graph: Graph, x: Node, away: Node, back: Node) -> Node:
+    zero = graph.constant(0.0)
+    left = graph.add(graph.apply("min", x, zero), back)
+    through = graph.mul(graph.apply("max", left, zero), graph.div(away, back))
+    return graph.add(graph.add(graph.apply("max", x, zero), graph.apply("min", left, zero)), through)
+
+
+def _near_and_no_farther(graph: Graph, x: Node, wanted: Node, away: Node, back: Node) -> Node:
+    high = _farthest_up(graph, x, away, back)
+    low = graph.neg(_farthest_up(graph, graph.neg(x), away, back))
     return graph.apply("min", graph.apply("max", wanted, low), high)
 
 
@@ -75,9 +88,9 @@ def recurrence_in_numpy(keep: np.ndarray, new: np.ndarray) -> np.ndarray:
     return _along("recurrence", _kept_and_new, keep, new)
 
 
-def limited_in_numpy(wanted: np.ndarray, most: np.ndarray) -> np.ndarray:
+def limited_in_numpy(wanted: np.ndarray, away: np.ndarray, back: np.ndarray) -> np.ndarray:
     """The same of limited steps."""
-    return _along("limited", _near_and_no_farther, wanted, most)
+    return _along("limited", _near_and_no_farther, wanted, away, back)
 
 
 def _recurring(keep, new):
@@ -88,12 +101,24 @@ def _recurring(keep, new):
     return jax.lax.scan(advance, jnp.zeros_like(new[0]), (keep, new))[1]
 
 
-def _limiting(wanted, most):
+def _up_from(x, away, back):
+    """How far up a step gets from `x`, and its derivatives by the three."""
+    left = jnp.minimum(x, 0.0) + back
+    through, ratio = left > 0.0, away / back
+    after = jnp.maximum(x, 0.0) + jnp.where(through, left * ratio, left)
+    by_left = jnp.where(through, ratio, 1.0)
+    by_away = jnp.where(through, left / back, 0.0)
+    return after, (jnp.where(x < 0.0, by_left, 1.0), by_away, by_left - by_away * ratio)
+
+
+def _limiting(wanted, away, back):
     def advance(x, row):
-        x = jnp.minimum(jnp.maximum(row[0], x - row[1]), x + row[1])
+        wanted, *most = row
+        low, high = -_up_from(-x, *most)[0], _up_from(x, *most)[0]
+        x = jnp.minimum(jnp.maximum(wanted, low), high)
         return x, x
 
-    return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, most))[1]
+    return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, away, back))[1]
 
 
 def _before(x):
@@ -111,15 +136,17 @@ def _recurring_moved(values, tangents):
 
 
 def _limiting_moved(values, tangents):
-    wanted, most = values
-    d_wanted, d_most = (
+    wanted, away, back = values
+    d_wanted, d_away, d_back = (
         jnp.zeros_like(v) if isinstance(d, ad.Zero) else d for v, d in zip(values, tangents, strict=True)
     )
-    x = limited_p.bind(wanted, most)
-    step = wanted - _before(x)
-    short = jnp.abs(step) > most
-    new = jnp.where(short, jnp.sign(step) * d_most, d_wanted)
-    return x, recurrence_p.bind(short.astype(x.dtype), new)
+    x = limited_p.bind(wanted, away, back)
+    before = _before(x)
+    sign = jnp.sign(wanted - before)
+    up, (by_x, by_away, by_back) = _up_from(sign * before, away, back)
+    short = sign * wanted > up
+    new = jnp.where(short, sign * (by_away * d_away + by_back * d_back), d_wanted)
+    return x, recurrence_p.bind(jnp.where(short, by_x, 0.0), new)
 
 
 def _recurring_transposed(cotangent, keep, new):
@@ -141,7 +168,7 @@ def _batched(primitive, values, axes):
 def _primitive(name: str, looped: Callable[..., Any], moved: Callable[..., Any]) -> Primitive:
     made = Primitive(name)
     made.def_impl(jax.jit(looped))
-    made.def_abstract_eval(lambda one, other: one)
+    made.def_abstract_eval(lambda *parts: parts[0])
     ad.primitive_jvps[made] = moved
     batching.primitive_batchers[made] = partial(_batched, made)
     mlir.register_lowering(made, mlir.lower_fun(looped, multiple_results=False))

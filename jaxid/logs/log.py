@@ -4,6 +4,7 @@ Row k holds what was measured at t_k and the input applied from t_k to t_(k+1) (
 """
 
 import html
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,7 +21,8 @@ from .._renamed import renamed
 from .channels import Channels
 from .content_hash import content_hash
 from .dataset import log_dataset
-from .finding import SILENT_COMMAND, Finding, LogError, did_you_mean
+from .finding import SILENT_COMMAND, Finding, LogError, LogWarning, did_you_mean
+from .times import unit_doubt
 
 if TYPE_CHECKING:
     import xarray
@@ -162,15 +164,20 @@ class Log:
         """A log from arrays or from `{channel: values}` mappings.
 
         `inputs` is `[T, nu]`; `outputs` is `[T, n]` with the outputs first (missing optional columns become NaN);
-        `channels` is a `Channels`, a robot that has one, or a robot's name. Raises `LogError` as `Log` does.
+        `channels` is a `Channels`, a robot that has one, or a robot's name. Raises `LogError` as `Log` does, and warns
+        (`LogWarning`) of times that are hardly seconds: nothing that follows could tell, since every time constant would be
+        wrong alike.
         """
         channels = channels_of(channels)
         time = np.asarray(time, dtype=float)
         inputs = _columns(inputs, channels.inputs, len(time), f"{name}: inputs")
         outputs = _columns(outputs, channels.measured, len(time), f"{name}: outputs")
-        return cls(
+        log = cls(
             name, time, inputs, outputs, channels, pd.DataFrame() if extra is None else pd.DataFrame(extra), source
         )
+        if doubt := unit_doubt(log.time):
+            warnings.warn(f"{name}: column 't': {doubt}; give seconds.", LogWarning, stacklevel=2)
+        return log
 
     def __len__(self) -> int:
         return len(self.time)

@@ -52,6 +52,10 @@ _MISSED = 1.4
 """Intervals, in usual ones, from which on a row is missing between two."""
 
 
+_COUNTED = 20
+"""Rows from which on 0, 1, 2 … are a count: a handful may well be a second apart."""
+
+
 def order_of_late_rows(time: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"] | None:
     """The order in which rows were measured of which a few were written later than their followers; None where none was, or
     where the clock was set back: then the others leave no place where a late row is missing. Rows of one time, which are not
@@ -144,3 +148,14 @@ def time_column(frame: pd.DataFrame, given: str | None = None) -> TimeColumn | N
         scale, said = _unit(name, there) if len(there) and name != "t" else (1.0, "")
         return TimeColumn(name, scale, said) if math.isfinite(scale) else None
     return None
+
+
+def unit_doubt(time: Float[np.ndarray, " n"]) -> str:
+    """Why increasing times are hardly seconds, as the beginning of a sentence; empty where they may be."""
+    interval, duration = float(np.median(np.diff(time))), float(time[-1] - time[0])
+    # Milliseconds make hours of a run, hours make an instant of it; whole numbers without a gap are those of the rows.
+    if len(time) >= _COUNTED and np.array_equal(time - time[0], np.arange(len(time))):
+        return "t counts the rows (0, 1, 2 …) and says no seconds"
+    if (interval >= 0.5 and duration > 3600) or (interval < 2e-5 and duration < 0.1):
+        return f"a sampling interval of {interval:.4g} s over {duration:.4g} s is unlikely for a robot"
+    return ""

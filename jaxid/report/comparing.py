@@ -12,7 +12,7 @@ from ..estimate.confidence.prediction_spread import prediction_sentence
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.output_error.windows import followed
 from ..estimate.prediction_error.predict import predict
-from ..estimate.result import Fit
+from ..estimate.result import Fit, checked_fit
 from ..logs import Log, LogError, LogSet, noise_scale
 from ..simulation.simulate import simulate
 from ..simulation.start import initial_states
@@ -117,8 +117,7 @@ def compare(
     if not fits:
         raise ValueError("There is nothing to compare; give at least one fit, as in compare(fit, held_out=logs).")
     for other in fits:
-        if not isinstance(other, Fit):
-            raise TypeError(f"{other!r:.60} is no fit; compare what the estimators returned.")
+        checked_fit(other)
     held_out = LogSet([held_out]) if isinstance(held_out, Log) else _set(held_out)
     fit = None if fit is None else _set(fit)
     named = dict(zip(_labels(fits), fits, strict=True))

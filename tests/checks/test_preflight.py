@@ -209,6 +209,14 @@ def test_sampling_is_held_against_the_time_constant(dt, expected):
         assert "about 0.2 s" in found[0].message
 
 
+def test_one_column_recorded_for_two_motors_is_noted(pioneer):
+    """Nothing in the motion tells: a robot with unequal wheels turns on equal voltages, too."""
+    both = np.repeat(pioneer.inputs[:, :1], 2, axis=1)
+    (note,) = [f for f in preflight(_wrong(pioneer, inputs=both)) if f.check == "equal_inputs"]
+    assert (note.column, note.severity) == ("V3", "note") and "the same as 'V2'" in note.message
+    assert not [f for f in preflight(pioneer) if f.check == "equal_inputs"]
+
+
 def test_a_coarse_encoder_is_noted(pioneer):
     steps = np.round(pioneer.outputs / 0.1) * 0.1
     notes = [f for f in preflight(_wrong(pioneer, outputs=steps)) if f.check == "quantisation"]

@@ -62,31 +62,46 @@ def test_batches_of_either_part(case):
         np.testing.assert_allclose(found[:, 2], _loop(keep[:, 2], new[:, 0], first[2]), rtol=1e-12)
 
 
-def _limited(wanted, most):
+def _limited(wanted, away, back):
+    """Each step in time: towards zero at one rate, and with what is left of the step away from it at the other."""
     x, found = np.zeros(wanted.shape[1:]), []
-    for w, m in zip(wanted, np.broadcast_to(most, wanted.shape), strict=True):
-        x = x + np.clip(w - x, -m, m)
+    for w, a, b in zip(wanted, *(np.broadcast_to(most, wanted.shape) for most in (away, back)), strict=True):
+        after = np.empty_like(x)
+        for i, (own, goal, up, down) in enumerate(zip(x, w, a, b, strict=True)):
+            left = 1.0
+            if own * (goal - own) < 0:  # towards zero, as far as it or the goal
+                rest = max(abs(own) - left * down, abs(goal) if own * goal > 0 else 0.0)
+                left, own = left - (abs(own) - rest) / down, np.sign(own) * rest
+            if own * (goal - own) >= 0:
+                own += np.clip(goal - own, -left * up, left * up)
+            after[i] = own
+        x = after
         found.append(x)
     return np.array(found)
 
 
-def test_limited_steps_their_derivatives_and_batches(case):
+@pytest.mark.parametrize("alike", [True, False])
+def test_limited_steps_their_derivatives_and_batches(case, alike):
     _, wanted, _ = case
     rng = np.random.default_rng(6)
-    most, d_wanted, d_most = rng.uniform(0.2, 1.5, (50, 1)), rng.normal(size=(50, 3)), rng.normal(size=(50, 1))
+    most, moves = rng.uniform(0.2, 1.5, (2, 50, 1)), rng.normal(size=(2, 50, 1))
+    d_wanted, parts = rng.normal(size=(50, 3)), slice(0, 1) if alike else slice(0, 2)
+    both = most[[0, 0]] if alike else most
+
+    def loop(step=0.0):
+        return _limited(wanted + step * d_wanted, *(most + step * moves)[[0, 0] if alike else [0, 1]])
+
+    assert np.mean(loop() != wanted) > 0.2 and np.mean(np.sign(loop()[1:]) * np.sign(loop()[:-1]) < 0) > 0.2
     np.testing.assert_allclose(
-        limited_in_numpy(wanted, np.broadcast_to(most, (50, 3))), _limited(wanted, most), rtol=1e-12
+        limited_in_numpy(wanted, *np.broadcast_to(both, (2, 50, 3))), loop(), rtol=1e-12, atol=1e-14
     )
     with jax.enable_x64(True):
-        np.testing.assert_allclose(jax.jit(limited)(wanted, most), _limited(wanted, most), rtol=1e-12)
-        both = jax.vmap(limited, (0, None))(np.stack([wanted, -wanted]), most)
-        np.testing.assert_allclose(both[1], -_limited(wanted, most), rtol=1e-12)
-        moved = jax.jvp(limited, (wanted, most), (d_wanted, d_most))[1]
-        backwards = jax.grad(lambda h: jnp.sum(limited(wanted + h * d_wanted, most + h * d_most)))(0.0)
+        np.testing.assert_allclose(jax.jit(limited)(wanted, *most[parts]), loop(), rtol=1e-12, atol=1e-14)
+        batch = jax.vmap(lambda w: limited(w, *most[parts]))(np.stack([wanted, -wanted]))
+        np.testing.assert_allclose(batch[1], -loop(), rtol=1e-12, atol=1e-14)
+        moved = jax.jvp(limited, (wanted, *most[parts]), (d_wanted, *moves[parts]))[1]
+        backwards = jax.grad(lambda h: jnp.sum(limited(wanted + h * d_wanted, *(most + h * moves)[parts])))(0.0)
     step = 1e-7
-    wanted_slope = (
-        _limited(wanted + step * d_wanted, most + step * d_most)
-        - _limited(wanted - step * d_wanted, most - step * d_most)
-    ) / (2 * step)
-    np.testing.assert_allclose(moved, wanted_slope, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(backwards, np.sum(wanted_slope), rtol=1e-5)
+    slope = (loop(step) - loop(-step)) / (2 * step)
+    np.testing.assert_allclose(moved, slope, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(backwards, np.sum(slope), rtol=1e-5)

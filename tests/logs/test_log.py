@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxid.logs import AXIS, PIONEER, Log, LogError, LogSet, read_logs
+from jaxid.logs import AXIS, PIONEER, Log, LogError, LogSet, LogWarning, read_logs
 
 
 def _log(name="a.csv", samples=50, channels=PIONEER):
@@ -22,6 +22,14 @@ def test_arrays_are_read_only_copies():
     for array in (log.time, log.inputs, log.outputs, log.output("eta1")):
         with pytest.raises(ValueError):
             array[0] = 1
+
+
+@pytest.mark.parametrize(("scale", "words"), [(1.0, "counts the rows"), (20.0, "unlikely for a robot")])
+def test_times_that_are_hardly_seconds_are_warned_of(scale, words):
+    """Rows counted, and milliseconds of 50 Hz as they come: a fit would be sound, every time wrong by a factor."""
+    time = scale * np.arange(400.0)
+    with pytest.warns(LogWarning, match=f"a.csv: column 't'.*{words}.*; give seconds"):
+        Log.from_arrays("a.csv", time, np.ones((400, 1)), np.ones((400, 1)), AXIS)
 
 
 def test_columns_by_name_and_absent_optional_channels():

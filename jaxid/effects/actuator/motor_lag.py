@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ...kernel.recurrence import limited, recurrence
 from ...parameters import Parameter
@@ -18,6 +19,8 @@ from .input_delay import late
 
 _TINY = 1e-9
 """Share of a step below which a time constant is none."""
+_NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(4)[0] + 1.0) / 2.0, np.polynomial.legendre.leggauss(4)[1] / 2.0
+"""Where in a window, as shares of it, a mean over it is taken, and with which weights (Gauss and Legendre)."""
 
 
 def low_passed(inputs, dt, T):
@@ -32,15 +35,17 @@ def low_passed(inputs, dt, T):
     return inputs + (before - inputs) * share
 
 
-def ramped(inputs, dt, per_unit):
-    """`inputs` [T, nu] followed by at most one unit in `per_unit` seconds (one, or one an input): the mean over every step."""
-
-    most = dt[:, None] / jnp.maximum(per_unit, _TINY * dt[:, None])
-    after = limited(inputs, most)
-    step = after - jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
-    # The mean over the step: it ramps for as long as the way takes, and then holds.
-    ramp = jnp.minimum(jnp.abs(step) * per_unit / dt[:, None], 1.0)
-    return after - 0.5 * step * ramp
+def ramped(inputs, dt, away, back=None):
+    """`inputs` [T, nu] followed by at most one unit in `away` seconds, and towards zero in `back` (default: the same; each one,
+    or one an input): the mean over every step."""
+    back = away if back is None else back
+    dt = dt[:, None]
+    after = limited(inputs, *(dt / jnp.maximum(per_unit, _TINY * dt) for per_unit in (away, back)))
+    before = jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
+    # It turns where it passes zero, if it does; it ramps for as long as both ways take, and then holds.
+    turn = jnp.clip(0.0, jnp.minimum(before, after), jnp.maximum(before, after))
+    first, second = jnp.abs(turn - before) * back / dt, jnp.abs(after - turn) * away / dt
+    return after + first * (0.5 * (before + turn) - after) + second * 0.5 * (turn - after)
 
 
 @dataclass(frozen=True)
@@ -162,6 +167,103 @@ class SlewRate(MotorLag):
 
 
 @dataclass(frozen=True)
+class UnequalRamps(MotorLag):
+    """A driver's ramp that slows down faster, or more slowly, than it speeds up."""
+
+    law: ClassVar[str] = "unequal_ramps"
+    formula: ClassVar[str] = "d|u'|/dt <= 1 / time_per_unit_away, -d|u'|/dt <= 1 / time_per_unit_back"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, size = f"s/{input_unit(robot)}", 0.15 * robot.scales.time / robot.scales.input
+        return positive(self, "time_per_unit_away", unit, size) | positive(self, "time_per_unit_back", unit, size)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = self.key("time_per_unit_away"), self.key("time_per_unit_back")
+        return tuple(Probe(dict.fromkeys(names, time / robot.scales.input)) for time in robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        away, back = p[self.key("time_per_unit_away")], p[self.key("time_per_unit_back")]
+        return on_drives(robot, inputs, ramped(inputs, dt, away, back))
+
+
+@dataclass(frozen=True)
+class SmoothRamp(SlewRate):
+    """A ramp with limited jerk: its mean over the last `smoothing` seconds, in which the acceleration rises to its limit."""
+
+    law: ClassVar[str] = "smooth_ramp"
+    formula: ClassVar[str] = "u'(t) = mean over (t - smoothing, t) of u'' with |du''/dt| <= 1 / time_per_unit"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | positive(self, "smoothing", "s", 0.15 * robot.scales.time)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        steepness, smoothing = self.key("time_per_unit"), self.key("smoothing")
+        return tuple(
+            Probe({steepness: time / robot.scales.input, smoothing: time}) for time in robot.scales.times_to_try
+        )
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        ramp, smoothing = ramped(inputs, dt, p[self.key("time_per_unit")]), p[self.key("smoothing")]
+        parts = jax.vmap(late, (None, None, None, 0))(ramp, time, dt, _NODES * smoothing)
+        return on_drives(robot, inputs, jnp.tensordot(_WEIGHTS, parts, 1))
+
+
+@dataclass(frozen=True)
+class RampOfEach(MotorLag):
+    """A ramp of every drive input's own: the limits of speed and yaw rate that a base with velocity commands has."""
+
+    law: ClassVar[str] = "ramp_per_motor"
+    formula: ClassVar[str] = "|du_i'/dt| <= 1 / time_per_unit_i"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in drive_names(robot):
+            unit, size = robot.channels.units.get(name, ""), robot.scales.input_of(name)
+            found |= positive(self, f"time_per_unit_{name}", f"s/{unit}", 0.15 * robot.scales.time / size)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = {self.key(f"time_per_unit_{name}"): robot.scales.input_of(name) for name in drive_names(robot)}
+        return tuple(Probe({key: time / size for key, size in names.items()}) for time in robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        per_unit = each_drive(robot, lambda name: p[self.key(f"time_per_unit_{name}")])
+        return on_drives(robot, inputs, ramped(inputs, dt, per_unit))
+
+
+@dataclass(frozen=True)
+class RampOfBody(MotorLag):
+    """Ramps of a body's speed and yaw rate, from which a controller makes the commands of two sides afterwards."""
+
+    law: ClassVar[str] = "ramp_of_body"
+    formula: ClassVar[str] = (
+        "|d(u_1 + u_2)'/dt| <= 2 / time_per_unit_mean, |d(u_1 - u_2)'/dt| <= 2 / time_per_unit_difference"
+    )
+
+    def refusal(self, robot: Robot) -> str | None:
+        count = len(robot.drive_inputs)
+        return (
+            None if count == 2 else f"the robot {robot.name!r} has {count} drive input(s), and {self.law!r} is of two"
+        )
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        unit, size = f"s/{input_unit(robot)}", 0.15 * robot.scales.time / robot.scales.input
+        return positive(self, "time_per_unit_mean", unit, size) | positive(self, "time_per_unit_difference", unit, size)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = self.key("time_per_unit_mean"), self.key("time_per_unit_difference")
+        return tuple(Probe(dict.fromkeys(names, time / robot.scales.input)) for time in robot.scales.times_to_try)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        one, other = robot.drive_inputs
+        sides = jnp.stack([inputs[:, one] + inputs[:, other], inputs[:, one] - inputs[:, other]], axis=-1) / 2.0
+        per_unit = jnp.stack([p[self.key("time_per_unit_mean")], p[self.key("time_per_unit_difference")]])
+        mean, half = ramped(sides, dt, per_unit).T
+        return inputs.at[:, one].set(mean + half).at[:, other].set(mean - half)
+
+
+@dataclass(frozen=True)
 class StepResponse(Effect):
     """Any response to a step of the command: shares of it that come late by multiples of the fixed `spacing`."""
 
@@ -192,5 +294,9 @@ LAWS: tuple[Effect, ...] = (
     LagOfEach(),
     LagOfAll(),
     SlewRate(),
+    UnequalRamps(),
+    SmoothRamp(),
+    RampOfEach(),
+    RampOfBody(),
     StepResponse(),
 )

@@ -11,11 +11,22 @@ from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import axis_names, signed
-from .asymmetric_viscous_friction import WAYS, apart_already, differences, differs_by_way, shares
+from .by_axis import (
+    WAYS,
+    AsymmetryPerAxis,
+    OneAsymmetry,
+    apart_already,
+    differences,
+    differs_by_way,
+    has_one_axis,
+    on_drive_axes,
+    rubbing_more,
+    shares,
+)
 
 
 @dataclass(frozen=True)
-class AsymmetricFriction(Effect):
+class AsymmetricFriction(OneAsymmetry):
     """Coulomb levels `C (1 + asymmetry)` forwards and `C (1 - asymmetry)` backwards."""
 
     id: ClassVar[str] = "asymmetric_friction"
@@ -25,39 +36,18 @@ class AsymmetricFriction(Effect):
     formula: ClassVar[str] = "C' = C (1 + asymmetry sgn s)"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
 
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "asymmetry", "", 0.1)
-
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        a, changed = p[self.key("asymmetry")], list(levels)
-        for axis in robot.drive_axes:
-            backward, forward = levels[axis]
-            changed[axis] = (backward * (1.0 - a), forward * (1.0 + a))
-        return tuple(changed)
+        return on_drive_axes(
+            robot, levels, self.asymmetries(robot, p), lambda level, a: (level[0] * (1.0 - a), level[1] * (1.0 + a))
+        )
 
 
 @dataclass(frozen=True)
-class AsymmetryOfEach(AsymmetricFriction):
+class AsymmetryOfEach(AsymmetryPerAxis, AsymmetricFriction):
     """Every drive axis with an asymmetry of its own: one wheel's gear, or the body's forward axis alone."""
 
     law: ClassVar[str] = "per_axis"
     formula: ClassVar[str] = "C_i' = C_i (1 + asymmetry_i sgn s_i)"
-
-    def refusal(self, robot: Robot) -> str | None:
-        return None if len(robot.drive_axes) > 1 else f"{robot.name!r} has one drive axis, of which {self.id} has a law"
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        found: dict[str, Parameter] = {}
-        for k in range(len(robot.drive_axes)):
-            found |= signed(self, f"asymmetry_{k + 1}", "", 0.1)
-        return found
-
-    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        changed = list(levels)
-        for k, axis in enumerate(robot.drive_axes):
-            a, (backward, forward) = p[self.key(f"asymmetry_{k + 1}")], levels[axis]
-            changed[axis] = (backward * (1.0 - a), forward * (1.0 + a))
-        return tuple(changed)
 
 
 @dataclass(frozen=True)
@@ -72,8 +62,8 @@ class DryBetweenAxes(Effect):
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
 
     def refusal(self, robot: Robot) -> str | None:
-        if len(robot.drive_axes) < 2:
-            return f"{robot.name!r} has one drive axis, which cannot differ from others"
+        if alone := has_one_axis(self, robot):
+            return alone
 
         def dry(state: State, numbers: Numbers) -> list[float]:
             levels = robot.own_coulomb(state, numbers)
@@ -86,11 +76,9 @@ class DryBetweenAxes(Effect):
         return differences(self, robot)
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        changed = list(levels)
-        for axis, share in zip(robot.drive_axes, shares(self, robot, p), strict=True):
-            backward, forward = levels[axis]
-            changed[axis] = (backward * share, forward * share)
-        return tuple(changed)
+        return on_drive_axes(
+            robot, levels, shares(self, robot, p), lambda level, share: (level[0] * share, level[1] * share)
+        )
 
 
 @dataclass(frozen=True)
@@ -145,15 +133,12 @@ class DryAsymmetryCurve(Curve):
         return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.speed)
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
-        first = levers[robot.drive_axes[0]]
-        for name, axis in zip(axis_names(robot), robot.drive_axes, strict=True):
-            ahead, back = (self.at(jnp.abs(rims[axis]), p, self.of(name, way)) for way in WAYS)
-            if levers[axis] is not first:
-                ahead, back = ahead * (levers[axis] / first), back * (levers[axis] / first)
-            backward, forward = levels[axis]
-            changed[axis] = (jnp.maximum(backward + back, 0.0), jnp.maximum(forward + ahead, 0.0))
-        return tuple(changed)
+        rims = robot.rim_speeds(speeds, p)
+        axes = [*zip(axis_names(robot), robot.drive_axes, strict=True)]
+        forward, backward = (
+            [self.at(jnp.abs(rims[axis]), p, self.of(name, way)) for name, axis in axes] for way in WAYS
+        )
+        return rubbing_more(robot, p, levels, backward, forward)
 
 
 LAWS: tuple[Effect, ...] = (

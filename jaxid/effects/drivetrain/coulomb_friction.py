@@ -7,7 +7,8 @@ from typing import ClassVar
 from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
-from ..effect_parameters import positive
+from ..effect_parameters import axis_names, positive
+from .by_axis import at_rims, has_one_axis, on_drive_axes
 
 
 def rubs(robot: Robot) -> bool:
@@ -39,12 +40,8 @@ class CoulombFriction(Effect):
         return (p[self.key("level")],) * len(robot.drive_axes)
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        levers, changed = robot.rim_levers(p), list(levels)
-        first = levers[robot.drive_axes[0]]
-        for axis, level in zip(robot.drive_axes, self.levels(robot, p), strict=True):
-            own = level if levers[axis] is first else level * (levers[axis] / first)
-            changed[axis] = (levels[axis][0] + own, levels[axis][1] + own)
-        return tuple(changed)
+        own = at_rims(robot, p, self.levels(robot, p))
+        return on_drive_axes(robot, levels, own, lambda level, more: (level[0] + more, level[1] + more))
 
 
 @dataclass(frozen=True)
@@ -55,18 +52,16 @@ class CoulombOfEachAxis(CoulombFriction):
     formula: ClassVar[str] = "C_i' = level_i"
 
     def refusal(self, robot: Robot) -> str | None:
-        if len(robot.drive_axes) < 2:
-            return f"{robot.name!r} has one drive axis, of which {self.id} has a law"
-        return super().refusal(robot)
+        return has_one_axis(self, robot) or super().refusal(robot)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
-        for k in range(len(robot.drive_axes)):
-            found |= positive(self, f"level_{k + 1}", robot.friction_unit, 0.02 * robot.scales.friction)
+        for name in axis_names(robot):
+            found |= positive(self, f"level_{name}", robot.friction_unit, 0.02 * robot.scales.friction)
         return found
 
     def levels(self, robot: Robot, p: Numbers) -> Scalars:
-        return tuple(p[self.key(f"level_{k + 1}")] for k in range(len(robot.drive_axes)))
+        return tuple(p[self.key(f"level_{name}")] for name in axis_names(robot))
 
 
 LAWS: tuple[Effect, ...] = (CoulombFriction(), CoulombOfEachAxis())

@@ -13,6 +13,7 @@ from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import axis_names, positive, shape
+from .by_axis import rubbing_more
 
 _SPEEDS = (0.02, 0.05, 0.12)
 """Speeds of falling off that are tried, in shares of the robot's."""
@@ -180,14 +181,9 @@ class StribeckCurve(Curve):
         return self.heights_and_reach(robot, robot.friction_unit, typical, robot.rim_unit, 0.3 * robot.scales.speed)
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(levels)
-        first = levers[robot.drive_axes[0]]
-        for name, axis in zip(axis_names(robot), robot.drive_axes, strict=True):
-            rise = self.at(jnp.abs(rims[axis]), p, self.of(name))
-            rise = rise if levers[axis] is first else rise * (levers[axis] / first)
-            backward, forward = levels[axis]
-            changed[axis] = (jnp.maximum(backward + rise, 0.0), jnp.maximum(forward + rise, 0.0))
-        return tuple(changed)
+        rims, axes = robot.rim_speeds(speeds, p), zip(axis_names(robot), robot.drive_axes, strict=True)
+        rises = [self.at(jnp.abs(rims[axis]), p, self.of(name)) for name, axis in axes]
+        return rubbing_more(robot, p, levels, rises, rises)
 
 
 LAWS: tuple[Effect, ...] = (

@@ -1,6 +1,7 @@
 """Viscous friction that is not proportional to the speed: Armstrong-Hélouvry, Control of Machines with Friction (1991);
 MuJoCo's polynomial damping."""
 
+import operator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,6 +13,7 @@ from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import axis_names, positive, shape, signed
+from .by_axis import at_rims, on_drive_axes
 
 
 @dataclass(frozen=True)
@@ -101,12 +103,12 @@ class ViscousCurve(Curve):
         return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.speed)
 
     def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        rims, levers, changed = robot.rim_speeds(speeds, p), robot.rim_levers(p), list(resistance)
-        first = levers[robot.drive_axes[0]]
-        for name, axis in zip(axis_names(robot), robot.drive_axes, strict=True):
-            bend = self.at(jnp.abs(rims[axis]), p, self.of(name)) * jnp.sign(rims[axis])
-            changed[axis] = resistance[axis] + (bend if levers[axis] is first else bend * (levers[axis] / first))
-        return tuple(changed)
+        rims = robot.rim_speeds(speeds, p)
+        bends = [
+            self.at(jnp.abs(rims[axis]), p, self.of(name)) * jnp.sign(rims[axis])
+            for name, axis in zip(axis_names(robot), robot.drive_axes, strict=True)
+        ]
+        return on_drive_axes(robot, resistance, at_rims(robot, p, bends), operator.add)
 
 
 LAWS: tuple[Effect, ...] = (

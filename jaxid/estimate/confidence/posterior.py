@@ -29,7 +29,7 @@ from ..output_error.bounds import Unconstrained
 from ..output_error.problem import Problem, Structure, Triangle, Unknowns, parameters_at, reduced_residual
 from ..output_error.setup import InitialStates, at_fit
 from ..output_error.solvers import minimise_compiled
-from ..result import Fit
+from ..result import Fit, checked_fit
 from .white_noise import not_white
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ def posterior(
         from blackjax.diagnostics import effective_sample_size, potential_scale_reduction
     except ImportError:
         raise ImportError("posterior() needs blackjax; install it with: pip install jaxid-robots[posterior]") from None
-    logs = given_logs(fit.robot, logs)
+    logs = given_logs(checked_fit(fit).robot, logs)
     structure, problem, unknowns = at_fit(fit, logs, initial=initial_states, integrator=integrator)
     optimum = minimise_compiled(structure, problem, unknowns)
     W = jnp.asarray(_whitener(jax.tree.map(np.asarray, optimum.triangle)))

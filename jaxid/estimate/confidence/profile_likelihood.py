@@ -30,7 +30,7 @@ from ..output_error.fleet import fit_lanes
 from ..output_error.optimum import Optimum
 from ..output_error.problem import Problem, Unknowns, parameters_at
 from ..output_error.setup import InitialStates, at_fit
-from ..result import NORMAL_95, Fit
+from ..result import NORMAL_95, Fit, checked_fit
 from .white_noise import not_white
 
 _FIRST = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
@@ -221,6 +221,7 @@ def profile_likelihood(
     `logs`, `initial_states` and `integrator` are those of the fit. Raises `ParameterError` for a parameter that the fit
     did not estimate.
     """
+    checked_fit(fit)
     names = (parameters,) if isinstance(parameters, str) else tuple(parameters or fit.free_names)
     for name in names:
         if name not in fit.free_names:

@@ -18,7 +18,7 @@ from ..._compile import compiled
 from ..._float64 import in_float64
 from ...logs import LogSet
 from ..output_error.setup import start_values
-from ..result import Fit
+from ..result import Fit, checked_fit
 from .filter import Model, advance, filtered, held_inputs, observe
 from .likelihood import Problem, intensities_at, noise_at, parameters_at, unflat
 from .setup import build
@@ -63,7 +63,7 @@ def predict(fit: Fit, logs: LogSet, ahead: int = 1, noisy: Sequence[str] | None 
     """
     if ahead < 1:
         raise ValueError(f"A prediction {ahead} samples ahead foresees nothing; give 1 or more.")
-    told = fit.disturbance
+    told = checked_fit(fit, "prediction_error").disturbance
     noisy = tuple(told.process) if noisy is None and told is not None else noisy
     task = build(fit.robot, logs, start=start_values(fit.robot, fit), process_noise=noisy)
     intensity = [told.process[name].value if told else 0.0 for name in task.model.noisy]

@@ -1,0 +1,91 @@
+"""jaxid/effects/actuator/motor_lag.py: ramps of several inputs against one that takes a thousand small steps."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxid import DifferentialDrive, Pioneer
+from jaxid.effects import laws_of
+
+STEP, PARTS = 0.02, 1000
+
+
+def _held_and_ramped(inputs, rates):
+    """Mean over each step of a signal [T, n] that follows `inputs` at `rates` [units/s] at most, from zero."""
+    found, x = [], np.zeros(inputs.shape[1])
+    most = np.asarray(rates) * STEP / PARTS
+    for wanted in inputs:
+        total = np.zeros_like(x)
+        for _ in range(PARTS):
+            after = x + np.clip(wanted - x, -most, most)
+            total, x = total + (x + after) / 2, after
+        found.append(total / PARTS)
+    return np.array(found)
+
+
+def _unequal(inputs, away, back):
+    """The same of one that speeds up at `away` and slows down at `back`, both [units/s]."""
+    found, x = [], np.zeros(inputs.shape[1])
+    for wanted in inputs:
+        total = np.zeros_like(x)
+        for _ in range(PARTS):
+            most = np.where(x * (wanted - x) < 0, back, away) * STEP / PARTS
+            after = x + np.clip(wanted - x, -most, most)
+            total, x = total + (x + after) / 2, after
+        found.append(total / PARTS)
+    return np.array(found)
+
+
+def _commands():
+    random = np.random.default_rng(5)
+    return np.repeat(random.uniform(-1.0, 1.0, (12, 2)), 10, axis=0)
+
+
+def _ramped_by(law, robot, numbers, inputs):
+    (effect,) = [one for one in laws_of(robot, "motor_lag") if one.law == law]
+    p = {effect.key(name): value for name, value in numbers.items()}
+    steps = np.full(len(inputs), STEP)
+    return np.asarray(effect.command(jnp.asarray(inputs), STEP * np.arange(len(inputs)), steps, p, robot))
+
+
+def test_a_ramp_of_each_motor():
+    inputs, robot = _commands(), DifferentialDrive()
+    found = _ramped_by("ramp_per_motor", robot, {"time_per_unit_u_right": 0.4, "time_per_unit_u_left": 1.25}, inputs)
+    np.testing.assert_allclose(found, _held_and_ramped(inputs, [2.5, 0.8]), atol=1e-6)
+    assert np.max(np.abs(found - inputs)) > 0.5
+
+
+@pytest.mark.parametrize("robot", [DifferentialDrive(), Pioneer()], ids=lambda robot: robot.name)
+def test_a_body_s_ramps_limit_its_speed_and_yaw_rate_and_not_the_sides(robot):
+    """Speed and yaw rate limited apart; with the sum alone limited, a turn on the spot passes unchanged."""
+    inputs = _commands()
+    body = np.stack([inputs.sum(axis=1), inputs[:, 0] - inputs[:, 1]], axis=1) / 2
+    mean, half = _held_and_ramped(body, [1.0, 2.0]).T
+    found = _ramped_by("ramp_of_body", robot, {"time_per_unit_mean": 1.0, "time_per_unit_difference": 0.5}, inputs)
+    np.testing.assert_allclose(found, np.stack([mean + half, mean - half], axis=1), atol=1e-6)
+    on_the_spot = inputs[:, :1] * [1.0, -1.0]
+    found = _ramped_by("ramp_of_body", robot, {"time_per_unit_mean": 5.0, "time_per_unit_difference": 0.0}, on_the_spot)
+    np.testing.assert_allclose(found, on_the_spot, atol=1e-6)
+
+
+def test_slowing_down_at_another_rate_than_speeding_up():
+    inputs = _commands()
+    found = _ramped_by("unequal_ramps", Pioneer(), {"time_per_unit_away": 1.0, "time_per_unit_back": 0.25}, inputs)
+    np.testing.assert_allclose(found, _unequal(inputs, 1.0, 4.0), atol=3e-3)
+    assert np.max(np.abs(found - _held_and_ramped(inputs, [1.0, 1.0]))) > 0.3
+
+
+def test_a_ramp_of_limited_jerk_is_the_mean_of_a_ramp():
+    """In fine steps: the ramp, its mean over the last 0.12 s, and the mean of that over every step."""
+    inputs = _commands()
+    fine = np.repeat(inputs, PARTS, axis=0)
+    x, ramp, most = np.zeros(2), np.empty_like(fine), 2.0 * STEP / PARTS
+    for k, wanted in enumerate(fine):
+        ramp[k] = x = x + np.clip(wanted - x, -most, most)
+    window = 6 * PARTS
+    summed = np.cumsum(np.concatenate([np.zeros((window + 1, 2)), ramp]), axis=0)
+    smooth = (summed[window + 1 :] - summed[1:-window]) / window
+    expected = smooth.reshape(len(inputs), PARTS, 2).mean(axis=1)
+    found = _ramped_by("smooth_ramp", Pioneer(), {"time_per_unit": 0.5, "smoothing": 0.12}, inputs)
+    np.testing.assert_allclose(found, expected, atol=0.01)
+    assert np.max(np.abs(found - _held_and_ramped(inputs, [2.0, 2.0]))) > 0.08
