@@ -26,3 +26,17 @@ def shape(effect: Effect, name: str, unit: str, value: float, *, free: bool = Tr
     return {
         effect.key(name): Parameter(value, unit, free=free, lower=lower, typical=abs(value) or 1.0, source="catalogue")
     }
+
+
+def still(effect: Effect, unit: str, value: float) -> dict[str, Parameter]:
+    """The fixed speed below which something hardly moves, so that a sign passes smoothly through zero.
+
+    Stages take such sizes from here: what is compiled for a robot is compiled for all sizes, so that `robot.scales` would be
+    those of whoever came first.
+    """
+    return shape(effect, "still", unit, value, free=False)
+
+
+def shortest(effect: Effect, value: float) -> dict[str, Parameter]:
+    """The fixed time below which a time constant counts as this one, since shorter ones take finer steps; see `still`."""
+    return shape(effect, "shortest", "s", value, free=False)
