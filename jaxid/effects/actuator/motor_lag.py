@@ -13,7 +13,7 @@ from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..curve import SHAPE
-from ..effect_parameters import positive, shape, shortest, signed
+from ..effect_parameters import exchanged, positive, shape, shortest, signed
 from .drives import back_emf, drive_names, each_drive, input_unit, on_drives
 from .input_delay import late
 
@@ -63,6 +63,10 @@ class MotorLag(Effect):
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("time_constant"), robot.scales.times_to_try)
+
+    def elsewhere(self, robot: Robot) -> dict[str, float]:
+        name = self.key("time_constant")
+        return exchanged(robot, name) if name in robot.parameters else {}
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         return on_drives(robot, inputs, low_passed(inputs, dt, p[self.key("time_constant")]))
