@@ -12,7 +12,7 @@ from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import shape, signed, still
 
-_STILL = 0.02
+_STILL = 0.004
 """Share of the largest yaw rate within which scrubbing wheels begin to slide."""
 
 
