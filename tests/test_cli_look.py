@@ -89,6 +89,32 @@ def test_sides_are_told_apart_by_the_names_of_topics_and_joints(jaxid, bag, tmp_
     assert found["v_left"] == "/joint_states.velocity[wheel_left_joint]"
 
 
+@pytest.mark.parametrize(
+    ("names", "fields"),
+    [
+        (("v_right", "v_left", "v", "w"), ("v_right", "v_left", "v", "w")),
+        (("cmd_vr", "cmd_vl", "v_meas", "yaw_rate"), ("cmd_vr", "cmd_vl", "v_meas", "yaw_rate")),
+        (("vr_ref", "vl_ref", "odom_v", "odom_w"), ("vr_ref", "vl_ref", "odom_v", "odom_w")),
+        (("ul", "ur", "v", "w"), ("ur", "ul", "v", "w")),
+        # A voltage is no speed, and two wheels' speeds are no commands where the body's are to be made of them.
+        (("duty_r", "duty_l", "battery_v", "w"), ("duty_r", "duty_l", "", "w")),
+        (("vr", "vl", "yaw_rate", "temperature"), ("", "", "", "yaw_rate")),
+    ],
+)
+def test_sides_by_one_letter_and_channels_by_their_own_names(tmp_path, names, fields):
+    """In a table without units: commands that are called speeds, and a voltage that ends like one."""
+    from jaxid.logs import DIFFERENTIAL
+    from jaxid.logs.propose import propose
+
+    values = np.random.default_rng(1).normal(size=(50, 4)).cumsum(axis=0)
+    path = tmp_path / "run.csv"
+    rows = np.column_stack([0.02 * np.arange(50), values])
+    np.savetxt(path, rows, delimiter=",", header="t," + ",".join(names), comments="")
+    words = {"u_right": "right side's command", "u_left": "left side's command", "v": "forward speed", "w": "yaw rate"}
+    found = {one.channel: one.field for one in propose(look(path), DIFFERENTIAL, words)}
+    assert found == dict(zip(("u_right", "u_left", "v", "w"), fields, strict=True))
+
+
 @pytest.fixture
 def stranger(tmp_path):
     """Duties of both sides, a battery, encoders' joints, a gyro in degrees upside down; at rest for a second before."""

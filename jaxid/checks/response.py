@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..logs.finding import Finding
 from ..logs.log import Log
 from ..logs.noise import white_level
+from .early import check_early
 from .exchanged import check_exchanged
 from .motion import is_planar, is_position, response, speed
 from .samples import finding
@@ -161,11 +162,13 @@ def check_response(log: Log) -> Iterator[Finding]:
         yield from exchanged  # whatever else looks odd follows from it
         return
     outputs = speed_windows(log)
-    yield from check_signs(log)
+    yield from (early := list(check_early(log)))
+    # Rows that hold a command and what came of it: over short windows the motion runs ahead of its cause.
+    yield from check_signs(log, over_windows=not early)
     yield from _turning_frame(log)
     for name in log.channels.mixing:
         yield from _acceleration(log, name)
-    for windows in outputs:
+    for windows in () if early else outputs:
         yield from _coarse(log, windows)
     for windows in speed_windows(log, 1.0):
         yield from _disturbed(log, windows)

@@ -26,6 +26,8 @@ _CLAIM = 0.15
 """Share of the variance, summed over the outputs, by which another wiring has to explain more."""
 _DRIVEN, _WELL_DRIVEN = 0.1, 0.3
 """An output's combination of the inputs against the most that they could form: below, wheels that differ drive it too."""
+_CLEARLY = 0.5
+"""Share of the outputs' variance that a wiring, claimed by their changes, may explain less of than the one that was meant."""
 _DELAYS = (1, 2, 4)  # samples; the input held from one sample shows at the next
 
 
@@ -150,6 +152,13 @@ class Change:
         return 0.0 if energy <= 0 else float(np.sign(product)) * product**2 / energy
 
 
+def _contradicted(answers: Sequence[Answer], claimed: dict[str, Array]) -> bool:
+    """Whether the speeds themselves say clearly that the wiring is as it should be, and not as their changes have it."""
+    mixing = [(answer, claimed.get(answer.name, answer.mixing)) for answer in answers]
+    lost = sum(answer.weight * (answer.share(answer.mixing) - answer.share(other)) for answer, other in mixing)
+    return lost > _CLEARLY * sum(answer.weight for answer in answers)
+
+
 def _changes(log: Log) -> list[Change]:
     return [
         Change(windows.name, windows.mixing, *windows.projected())
@@ -158,8 +167,9 @@ def _changes(log: Log) -> list[Change]:
     ]
 
 
-def _wiring(log: Log, answers: Sequence[Answer | Change]) -> Iterator[Finding]:
-    """Swapped and sign-flipped channels: the few changes of the wiring that make the data fit its mixing."""
+def _wiring(log: Log, answers: Sequence[Answer | Change]) -> Iterator[tuple[Finding, dict[str, Array]]]:
+    """Swapped and sign-flipped channels: the few changes of the wiring that make the data fit its mixing, each with the mixing
+    [nu] of every output that it leads to."""
     names, inputs = [answer.name for answer in answers], log.channels.inputs
     driven = [k for k in range(len(inputs)) if np.ptp(log.inputs[:, k]) > 0]
 
@@ -201,8 +211,8 @@ def _wiring(log: Log, answers: Sequence[Answer | Change]) -> Iterator[Finding]:
             "then map the column with scale = -1 or the other column's name"
         )
         check = "sign_flipped" if "sign" in equal[0][1] else "swapped"
-        yield finding(log, equal[0][2], None, "warning", check, text)
         now, mixing = equal[0][0], equal[0][3]
+        yield finding(log, equal[0][2], None, "warning", check, text), dict(zip(names, mixing, strict=True))
 
 
 def _same_motion(log: Log, speeds: dict[str, Array], named: set[str | None]) -> Iterator[Finding]:
@@ -236,17 +246,20 @@ def _same_motion(log: Log, speeds: dict[str, Array], named: set[str | None]) -> 
             yield finding(log, name, None, "warning", "sign_flipped", text)
 
 
-def check_signs(log: Log) -> Iterator[Finding]:
-    """Findings about signs and exchanged columns, against what `Channels.mixing` says."""
+def check_signs(log: Log, over_windows: bool = True) -> Iterator[Finding]:
+    """Findings about signs and exchanged columns, against what `Channels.mixing` says; without `over_windows` by the outputs
+    themselves alone, not by their changes."""
     names = [name for name in log.channels.mixing if name in log.measured]
     if len(log) < 60 or not names:
         return
     rows = even(log)
     speeds = {name: speed(log, name)[rows.rows] for name in names}
     # Changes over short windows tell columns apart best; where noise hides them, the speeds themselves tell signs.
-    changes = _changes(log)
-    found = list(_wiring(log, changes)) if changes else []
-    if not found and (answers := _answers(log, rows, speeds)):
+    changes = _changes(log) if over_windows else []
+    found, answers = list(_wiring(log, changes)) if changes else [], _answers(log, rows, speeds)
+    # Changes that the speeds contradict run ahead of their cause.
+    if answers and (not found or _contradicted(answers, found[-1][1])):
         found = list(_wiring(log, answers))
-    yield from found
-    yield from _same_motion(log, speeds, {entry.column for entry in found})
+    named = [one for one, _ in found]
+    yield from named
+    yield from _same_motion(log, speeds, {entry.column for entry in named})

@@ -53,10 +53,10 @@ def only_needed(
     say: Callable[[str], None],
 ) -> tuple[Search, Fit, HeldOut]:
     """What was found, its fit in full and its state on the held-out logs; without effects that may as well be none where all is
-    explained without them: what one effect's first guess had left, another may have been added for. `baseline` is the fit
-    that lacks them all."""
+    explained without them, or as much: what one effect's first guess had left, another may have been added for. `baseline` is
+    the fit that lacks them all."""
     for identifier in _spare(found, baseline, final):
-        if found.final is None or not after.adequate:
+        if found.final is None:
             break
         say(f"fitting again without {identifier}, which may as well be none")
         effect = next(effect for effect in final.robot.effects if effect.id == identifier)
@@ -64,7 +64,8 @@ def only_needed(
         lean = replace(found.final, robot=bare_of(final.robot, effect), angles=None)
         fit = in_full(lean)
         state = predicted(fit.robot, held_out, after.noise)
-        if state.adequate and not fit.failed:
+        enough = state.adequate if after.adequate else told_apart(after, state) < current_policy().separated
+        if enough and not fit.failed:
             say(f"{identifier} is not needed")
             steps = tuple(step for step in found.steps if step.chosen.id != identifier)
             found = replace(found, final=lean, steps=steps)

@@ -12,7 +12,7 @@ from .channels import Channels
 from .look import Look
 from .series import Series
 from .units import HEADINGS, words_in
-from .wheel_pairs import of_one_side, unit_of, wheel_pair, wheel_positions
+from .wheel_pairs import LETTERS, of_one_side, unit_of, wheel_pair, wheel_positions
 
 
 class Proposal(NamedTuple):
@@ -37,37 +37,12 @@ class Proposal(NamedTuple):
 # What people call things, by the words that a channel's meaning holds.
 _SIDES = {
     "right": (
-        "r",
-        "rr",
-        "fr",
-        "rh",
-        "rw",
-        "rechts",
-        "rechte",
-        "rechter",
-        "rechtes",
-        "droit",
-        "droite",
-        "derecha",
-        "derecho",
-        "destra",
-        "destro",
+        *("r", "rr", "fr", "rh", "rw", "rechts", "rechte", "rechter", "rechtes", "droit", "droite"),
+        *("derecha", "derecho", "destra", "destro", *(f"{one}r" for one in LETTERS)),
     ),
     "left": (
-        "l",
-        "rl",
-        "fl",
-        "lh",
-        "lw",
-        "links",
-        "linke",
-        "linker",
-        "linkes",
-        "gauche",
-        "izquierda",
-        "izquierdo",
-        "sinistra",
-        "sinistro",
+        *("l", "rl", "fl", "lh", "lw", "links", "linke", "linker", "linkes", "gauche"),
+        *("izquierda", "izquierdo", "sinistra", "sinistro", *(f"{one}l" for one in LETTERS)),
     ),
 }
 _MEANINGS: Mapping[str, tuple[str, ...]] = {
@@ -80,6 +55,8 @@ _MEANINGS: Mapping[str, tuple[str, ...]] = {
     "rad": ("yaw", "heading", "position", "angle"),
 }
 _COMMANDS = ("cmd", "command", "volt", "motor", "duty", "pwm", "control", "ref", "input", "output")
+_MEASURED = {"odom", "odometry", "meas", "measured", "actual", "est", "estimated", "body", "base"}
+"""Words beside a channel's own name that leave it what it is (`odom_v` is no voltage)."""
 _WANTED = ("cmd", "command", "setpoint", "desired", "target", "reference")
 """What is wanted was not measured."""
 _FORWARDS = (["speed"], ["velocity"], ["vel"], ["geschwindigkeit"])
@@ -112,6 +89,9 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
     # The w of a quaternion is no yaw rate.
     if series.name == channel or (last == channel and (len(channel) > 1 or not series.name.startswith("/"))):
         return 100.0
+    words = words_in(last)
+    if not command and len(words) > 1 and [word for word in words if word not in _MEASURED] == [channel]:
+        return 50.0
     units = [one for one in unit.split(" or ") if one]
     si, factor, measure = unit_of(series)
     if si and any(one in si.split(" or ") for one in units):
@@ -126,18 +106,18 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
         return 0.0  # of the body, and no side's
     if math.isnan(factor) and command != (measure == "duty"):
         return 0.0  # a duty is no measurement, and a count no command
-    words = [word for one in units for word in _MEANINGS.get(one, ())] or [*_COMMANDS]
-    found = next((k for k, word in enumerate(words) if word in name), None)
+    meant = [word for one in units for word in _MEANINGS.get(one, ())] or [*_COMMANDS]
+    found = next((k for k, word in enumerate(meant) if word in name), None)
     score += 0.0 if found is None else 3.0 - 0.2 * found
     commanded = any(word in name for word in _COMMANDS) or (command and si == "V")
     score += (2.0 if commanded else -1.0) if command else (-3.0 if commanded else 0.0)
     # Called by what the channel is, in one word, it needs no unit (not `speed` for the speed of one side among others).
-    if words_in(last) == words_in(wanted) or (wanted.startswith("forward") and words_in(last) in _FORWARDS):
+    if words == words_in(wanted) or (wanted.startswith("forward") and words in _FORWARDS):
         score += 1.0 if not series.name.startswith("/") else 0.0
     side = _side_score(said, series.name)
     score += side
     # Nor does it where it begins with the channel's own letter, and bears its side (uR of u_right).
-    score += 2.0 if side > 0 and words_in(last)[:1] == words_in(channel)[:1] else 0.0
+    score += 2.0 if side > 0 and words[:1] == words_in(channel)[:1] else 0.0
     index = re.search(r"\[(\d+)\]$", series.name)
     if index and command:
         score += 1.0 if int(index[1]) == place else -0.5
@@ -181,6 +161,15 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
         ]
         ranked = sorted(scored, key=lambda pair: (-pair[0], -len(pair[1]), pair[1].name))
         good = [(score, series) for score, series in ranked if score >= _LEAST and series.name not in taken]
+        if not good and command and not _of_twist(channel, wanted, usable) and {*channels.outputs} <= {*by_name}:
+            # All that is to be measured is there by its name: what is left of this side is what commanded it.
+            left = (one for score, one in ranked if score > 0 and _side_score(wanted, one.name) > 0)
+            spare = next((one for one in left if one.name not in {*taken, *channels}), None)
+            if spare is not None:
+                taken.add(spare.name)
+                said = "by its side alone; make sure that it is the command and no measurement"
+                proposals.append(Proposal(channel, unit, spare.name, wanted, (), *_scale(unit, spare)[:1], said))
+                continue
         if not good and command:
             hint = _of_twist(channel, wanted, usable)
             proposals.append(Proposal(channel, unit, "", wanted, (), 1.0, "", hint, False))

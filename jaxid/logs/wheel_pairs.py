@@ -13,7 +13,10 @@ import numpy as np
 from .series import Series
 from .units import Unit, unit_in_name
 
-_OTHER_SIDE = {"r": "l", "rr": "rl", "fr": "fl", "rh": "lh", "rw": "lw", "wr": "wl", "rm": "lm"} | {
+LETTERS = tuple("deinqsuvw")
+"""Before r and l of a side: a duty, a speed, an encoder, a current, a voltage … (ur and ul, vr and vl)."""
+_OTHER_SIDE = {f"{letter}r": f"{letter}l" for letter in LETTERS} | {
+    "r": "l", "rr": "rl", "fr": "fl", "rh": "lh", "rw": "lw", "rm": "lm",
     "rechts": "links", "rechte": "linke", "rechter": "linker", "rechtes": "linkes", "droite": "gauche", "droit": "gauche",
     "derecha": "izquierda", "derecho": "izquierdo", "destra": "sinistra", "destro": "sinistro",
 }  # fmt: skip

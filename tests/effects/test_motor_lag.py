@@ -70,22 +70,6 @@ def test_a_body_s_ramps_limit_its_speed_and_yaw_rate_and_not_the_sides(robot):
 
 def test_slowing_down_at_another_rate_than_speeding_up():
     inputs = _commands()
-    found = _ramped_by("unequal_ramps", Pioneer(), {"time_per_unit_away": 1.0, "time_per_unit_back": 0.25}, inputs)
+    found = _ramped_by("unequal_ramps", Pioneer(), {"time_per_unit": 1.0, "share_back": 0.25}, inputs)
     np.testing.assert_allclose(found, _unequal(inputs, 1.0, 4.0), atol=3e-3)
     assert np.max(np.abs(found - _held_and_ramped(inputs, [1.0, 1.0]))) > 0.3
-
-
-def test_a_ramp_of_limited_jerk_is_the_mean_of_a_ramp():
-    """In fine steps: the ramp, its mean over the last 0.12 s, and the mean of that over every step."""
-    inputs = _commands()
-    fine = np.repeat(inputs, PARTS, axis=0)
-    x, ramp, most = np.zeros(2), np.empty_like(fine), 2.0 * STEP / PARTS
-    for k, wanted in enumerate(fine):
-        ramp[k] = x = x + np.clip(wanted - x, -most, most)
-    window = 6 * PARTS
-    summed = np.cumsum(np.concatenate([np.zeros((window + 1, 2)), ramp]), axis=0)
-    smooth = (summed[window + 1 :] - summed[1:-window]) / window
-    expected = smooth.reshape(len(inputs), PARTS, 2).mean(axis=1)
-    found = _ramped_by("smooth_ramp", Pioneer(), {"time_per_unit": 0.5, "smoothing": 0.12}, inputs)
-    np.testing.assert_allclose(found, expected, atol=0.01)
-    assert np.max(np.abs(found - _held_and_ramped(inputs, [2.0, 2.0]))) > 0.08

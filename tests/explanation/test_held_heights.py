@@ -3,28 +3,16 @@
 import numpy as np
 import pytest
 
-from jaxid import AXIS, Axis, Log, LogSet
+from jaxid import Axis
 from jaxid.effects import effect_by_id
 from jaxid.explanation.held_heights import with_heights_held
 from jaxid.explanation.refit import refit
 from jaxid.simulation.scaled import scaled_to
+from tests.explanation import closed_form_axis
+from tests.explanation.closed_form_axis import driven
 
-NOISE = {"v": 0.003}
-
-
-def driven(law):
-    """Speeds, exact but for white noise, of 1 kg with 2 N s/m driven by `law` of the input; held inputs, no dry friction."""
-    logs = []
-    for k in range(3):
-        rng = np.random.default_rng([4, k])
-        u = np.repeat(rng.uniform(-4, 4, 40), 10)
-        decay, v, found = np.exp(-0.04), 0.0, []
-        for force in law(u):
-            found.append(v)
-            v = 0.5 * force + (v - 0.5 * force) * decay
-        outputs = {"v": np.array(found) + NOISE["v"] * rng.normal(size=400)}
-        logs.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(400), u[:, None], outputs, AXIS))
-    return LogSet(logs[:-1]), LogSet(logs[-1:])
+SEED = 4
+NOISE = {"v": closed_form_axis.NOISE}
 
 
 def with_curve(logs, held_out, known):
@@ -42,7 +30,7 @@ def limited(u):
 
 
 def test_of_a_scale_that_nobody_sees_one_height_is_held():
-    logs, held_out = driven(limited)
+    logs, held_out = driven(limited, SEED)
     trial = with_curve(logs, held_out, known=())
     held = with_heights_held(trial, logs, held_out, NOISE)
     fixed = [name for name, p in held.robot.parameters.items() if ".at_" in name and not p.free]
@@ -53,13 +41,13 @@ def test_of_a_scale_that_nobody_sees_one_height_is_held():
 
 
 def test_a_height_that_something_needs_stays_free():
-    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.8, 0.0))
+    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.8, 0.0), SEED)
     trial = with_curve(logs, held_out, known=("M", "Fv"))
     assert with_heights_held(trial, logs, held_out, NOISE) is trial
 
 
 def test_a_model_without_curves_is_left_alone():
-    logs, held_out = driven(limited)
+    logs, held_out = driven(limited, SEED)
     robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs)
     start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
     trial = refit(robot, [start], logs, held_out, NOISE, {})

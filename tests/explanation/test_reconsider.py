@@ -4,28 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from jaxid import AXIS, Axis, Log, LogSet, output_error
+from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.reconsider import rather_by_curves, reconsidered
 from jaxid.explanation.refit import refit, refit_from_itself
 from jaxid.explanation.steps import Step
 from jaxid.logs import noise_scale
 from jaxid.simulation.scaled import scaled_to
+from tests.explanation.closed_form_axis import driven
 
-
-def driven(law, count=3):
-    """Speeds, exact but for white noise, of a mass driven by `law` of the input; held inputs, no dry friction."""
-    logs = []
-    for k in range(count):
-        rng = np.random.default_rng([9, k])
-        u = np.repeat(rng.uniform(-4, 4, 40), 10)
-        decay, v, found = np.exp(-0.04), 0.0, []
-        for force in law(u):
-            found.append(v)
-            v = 0.5 * force + (v - 0.5 * force) * decay
-        outputs = {"v": np.array(found) + 0.003 * rng.normal(size=400)}
-        logs.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(400), u[:, None], outputs, AXIS))
-    return LogSet(logs[:-1]), LogSet(logs[-1:])
+SEED = 9
 
 
 def found_of(logs, held_out):
@@ -51,7 +39,7 @@ def smooth_zone(u):
 
 
 def test_the_curve_of_one_mechanism_is_taken_instead_of_two_names():
-    logs, held_out = driven(smooth_zone)
+    logs, held_out = driven(smooth_zone, SEED)
     noise, step, further = found_of(logs, held_out)
     steps, current = rather_by_curves([step], further, logs, held_out, noise, lambda message: None)
     assert [own.chosen.id for own in steps] == ["actuator_dead_zone"] and steps[0].chosen.law == "shape"
@@ -61,7 +49,7 @@ def test_the_curve_of_one_mechanism_is_taken_instead_of_two_names():
 
 def test_a_second_name_that_no_curve_stands_in_for_stays():
     """A dead zone with its edges, and a drag that is none of the command's."""
-    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0))
+    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0), SEED)
     noise, step, further = found_of(logs, held_out)
     worse = Step(further.trials, (), (), further.chosen, further.chosen, further.laws)
     # Whose model before it was not the last step's, there is nothing to stand in for.
@@ -69,7 +57,7 @@ def test_a_second_name_that_no_curve_stands_in_for_stays():
 
 
 def test_a_curve_is_not_looked_for_twice():
-    logs, held_out = driven(smooth_zone)
+    logs, held_out = driven(smooth_zone, SEED)
     noise, step, further = found_of(logs, held_out)
     again, current = rather_by_curves([step], further, logs, held_out, noise, lambda message: None)
     beyond = Step(further.trials, (), (), current, further.chosen, further.laws)
@@ -78,7 +66,7 @@ def test_a_curve_is_not_looked_for_twice():
 
 def test_beside_a_curve_rivals_from_farther_off_are_looked_at_again():
     """A curve follows a part of what was still missing, too; what a formula explains without that says less against it."""
-    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 1.0, 0.0))
+    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 1.0, 0.0), SEED)
     noise, step, further = found_of(logs, held_out)
     base, formula = step.before, step.chosen
     curve = refit_from_itself(

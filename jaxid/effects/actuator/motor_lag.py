@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from ...kernel.recurrence import limited, recurrence
 from ...parameters import Parameter
@@ -19,8 +18,6 @@ from .input_delay import late
 
 _TINY = 1e-9
 """Share of a step below which a time constant is none."""
-_NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(4)[0] + 1.0) / 2.0, np.polynomial.legendre.leggauss(4)[1] / 2.0
-"""Where in a window, as shares of it, a mean over it is taken, and with which weights (Gauss and Legendre)."""
 
 
 def low_passed(inputs, dt, T):
@@ -171,45 +168,24 @@ class SlewRate(MotorLag):
 
 
 @dataclass(frozen=True)
-class UnequalRamps(MotorLag):
-    """A driver's ramp that slows down faster, or more slowly, than it speeds up."""
+class UnequalRamps(SlewRate):
+    """A driver's ramp that slows down faster than it speeds up.
+
+    The other way round a command of two levels would be followed as after a delay.
+    """
 
     law: ClassVar[str] = "unequal_ramps"
-    formula: ClassVar[str] = "d|u'|/dt <= 1 / time_per_unit_away, -d|u'|/dt <= 1 / time_per_unit_back"
+    formula: ClassVar[str] = (
+        "d|u'|/dt <= 1 / time_per_unit, -d|u'|/dt <= 1 / (share_back * time_per_unit), share_back <= 1"
+    )
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        unit, size = f"s/{input_unit(robot)}", 0.15 * robot.scales.time / robot.scales.input
-        return positive(self, "time_per_unit_away", unit, size) | positive(self, "time_per_unit_back", unit, size)
-
-    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = self.key("time_per_unit_away"), self.key("time_per_unit_back")
-        return tuple(Probe(dict.fromkeys(names, time / robot.scales.input)) for time in robot.scales.times_to_try)
+        share = Parameter(0.5, "", free=True, lower=0.0, upper=1.0, typical=0.5, source="catalogue")
+        return super().parameters(robot) | {self.key("share_back"): share}
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        away, back = p[self.key("time_per_unit_away")], p[self.key("time_per_unit_back")]
-        return on_drives(robot, inputs, ramped(inputs, dt, away, back))
-
-
-@dataclass(frozen=True)
-class SmoothRamp(SlewRate):
-    """A ramp with limited jerk: its mean over the last `smoothing` seconds, in which the acceleration rises to its limit."""
-
-    law: ClassVar[str] = "smooth_ramp"
-    formula: ClassVar[str] = "u'(t) = mean over (t - smoothing, t) of u'' with |du''/dt| <= 1 / time_per_unit"
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | positive(self, "smoothing", "s", 0.15 * robot.scales.time)
-
-    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        steepness, smoothing = self.key("time_per_unit"), self.key("smoothing")
-        return tuple(
-            Probe({steepness: time / robot.scales.input, smoothing: time}) for time in robot.scales.times_to_try
-        )
-
-    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        ramp, smoothing = ramped(inputs, dt, p[self.key("time_per_unit")]), p[self.key("smoothing")]
-        parts = jax.vmap(late, (None, None, None, 0))(ramp, time, dt, _NODES * smoothing)
-        return on_drives(robot, inputs, jnp.tensordot(_WEIGHTS, parts, 1))
+        away = p[self.key("time_per_unit")]
+        return on_drives(robot, inputs, ramped(inputs, dt, away, p[self.key("share_back")] * away))
 
 
 @dataclass(frozen=True)
@@ -299,7 +275,6 @@ LAWS: tuple[Effect, ...] = (
     LagOfAll(),
     SlewRate(),
     UnequalRamps(),
-    SmoothRamp(),
     RampOfEach(),
     RampOfBody(),
     StepResponse(),

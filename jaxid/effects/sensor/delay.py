@@ -1,10 +1,12 @@
-"""Measurements stamped late."""
+"""Measurements stamped late, or early."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 import jax
+import jax.numpy as jnp
 
+from ...kernel.places import stamps_before
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
@@ -21,6 +23,18 @@ def stamped_late(outputs, time, delay):
     interval, share = (time[before + 1] - time[before])[:, None], share[:, None]
     straight = outputs[before] + share * (outputs[before + 1] - outputs[before])
     return straight - 0.5 * interval**2 * share * (1.0 - share) * bends(outputs, time)[before]
+
+
+def stamped_early(outputs, time, lead):
+    """`outputs` [T, n] as they will be `lead` later, exact for speeds that are parabolas between samples; past the last sample
+    on a straight line for as long as an interval, then held."""
+    at = time + lead
+    before = jnp.clip(stamps_before(time, at) - 1, 0, len(time) - 2)
+    interval = time[before + 1] - time[before]
+    share = jnp.minimum((at - time[before]) / interval, 2.0)[:, None]
+    straight = outputs[before] + share * (outputs[before + 1] - outputs[before])
+    within = jnp.maximum(share * (1.0 - share), 0.0)
+    return straight - 0.5 * interval[:, None] ** 2 * within * bends(outputs, time)[before]
 
 
 @dataclass(frozen=True)
@@ -102,4 +116,35 @@ class GrowingSensorDelay(SensorDelay):
         return sensed_only(robot, stamped_late(outputs, time, p[self.key("rate")] * (time - time[0])), outputs)
 
 
-LAWS: tuple[Effect, ...] = (SensorDelay(), SensorDelayOfEach(), JitteringSensorDelay(), GrowingSensorDelay())
+@dataclass(frozen=True)
+class StampedEarly(SensorDelay):
+    """Speeds and positions stamped early, or commands stamped late: rows that hold a command and what came of it."""
+
+    law: ClassVar[str] = "early"
+    formula: ClassVar[str] = "y'(t) = y(t + lead)"
+    only_later: ClassVar[bool] = False
+
+    def refusal(self, robot: Robot) -> str | None:
+        # A lead would take back what a lag's law has too much of, which is no finding about stamps.
+        late = next((effect.id for effect in robot.effects if effect.id in _LATE), None)
+        return f"{late!r} makes what {robot.name!r} measures late already, which stamps cannot undo" if late else None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "lead", "s", 0.1 * robot.scales.time)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("lead"), robot.scales.times_to_try)
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        return sensed_only(robot, stamped_early(outputs, time, p[self.key("lead")]), outputs)
+
+
+_LATE = ("sensor_lag", "motor_lag", "input_delay")
+
+LAWS: tuple[Effect, ...] = (
+    SensorDelay(),
+    SensorDelayOfEach(),
+    JitteringSensorDelay(),
+    GrowingSensorDelay(),
+    StampedEarly(),
+)

@@ -1,0 +1,68 @@
+"""jaxid/checks/early.py: rows that hold a command beside what came of it, against rows as they should be.
+
+A base that follows commanded speeds with a first-order lag, discretised exactly.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxid.checks.preflight import preflight
+from jaxid.logs import DIFFERENTIAL, Log, read_logs
+
+DATA = Path(__file__).parents[2] / "jaxid/demo_logs"
+HALF_TRACK = 0.2
+
+
+def _log(kind, interval, lag, *, ahead, seed=0, sign=1.0):
+    random, n = np.random.default_rng(seed), 1000
+    if kind == "steps":
+        body = np.repeat(random.uniform([-0.5, -1.0], [0.8, 1.0], (50, 2)), 20, axis=0)
+    elif kind == "ramps":
+        at, corners = np.arange(0, n + 50, 50), random.uniform([-0.5, -1.0], [0.8, 1.0], (21, 2))
+        body = np.stack([np.interp(np.arange(n), at, column) for column in corners.T], axis=1)
+    else:
+        body = np.sin(np.outer(interval * np.arange(n), [0.7, 0.5])) * [0.5, 1.0]
+    body[:10] = 0.0
+    speeds, x = np.zeros((n + 1, 2)), np.zeros(2)
+    for k, wanted in enumerate(body):
+        speeds[k + 1] = x = wanted + (x - wanted) * np.exp(-interval / lag)
+    measured = (speeds[1:] if ahead else speeds[:-1]) * [1.0, sign] + random.normal(size=(n, 2)) * 0.005
+    sides = body @ np.array([[1.0, 1.0], [HALF_TRACK, -HALF_TRACK]])
+    return Log.from_arrays("base", interval * np.arange(n), sides, measured, DIFFERENTIAL)
+
+
+def _found(log, *checks):
+    return {(f.check, f.column) for f in preflight(log) if f.check in checks}
+
+
+@pytest.mark.parametrize(("interval", "lag"), [(0.02, 0.001), (0.02, 0.1), (0.1, 0.05), (0.1, 0.3)])
+def test_rows_of_a_command_and_its_answer_are_named_and_no_wrong_sign(interval, lag):
+    for kind in ("steps", "ramps", "sines"):
+        log = _log(kind, interval, lag, ahead=True)
+        assert not _found(log, "sign_flipped", "swapped", "coarse_sampling"), kind
+        if kind == "steps":
+            assert _found(log, "ahead_of_input") == {("ahead_of_input", "v"), ("ahead_of_input", "w")}
+    message = next(
+        f.message for f in preflight(_log("steps", interval, lag, ahead=True)) if f.check == "ahead_of_input"
+    )
+    assert "move what was measured one row down" in message
+
+
+@pytest.mark.parametrize(("interval", "lag"), [(0.02, 0.001), (0.02, 0.1), (0.1, 0.05), (0.1, 0.3)])
+def test_rows_in_order_raise_no_alarm_and_a_wrong_sign_is_found(interval, lag):
+    for kind in ("steps", "ramps", "sines"):
+        for seed in range(5):
+            assert not _found(
+                _log(kind, interval, lag, ahead=False, seed=seed), "ahead_of_input", "sign_flipped", "swapped"
+            )
+        for ahead in (False, True):
+            wrong = _found(_log(kind, interval, lag, ahead=ahead, sign=-1.0), "sign_flipped", "swapped")
+            assert wrong, (kind, ahead)
+
+
+@pytest.mark.parametrize("robot", ["pioneer", "omni"])
+def test_the_shipped_logs_are_in_order(robot):
+    for log in read_logs(sorted((DATA / robot).glob("*.csv")), robot):
+        assert not _found(log, "ahead_of_input")
