@@ -222,7 +222,8 @@ def continued(trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, 
         trial = replace(again, id=trial.id) if again.score <= trial.score * (1.0 + 1e-9) else trial
     elsewhere = trial.effect.elsewhere(trial.robot) if trial.effect is not None else {}
     if elsewhere:
-        start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names} | elsewhere
+        here = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
+        start = {**here, **elsewhere}
         again = refit(trial.robot, [start], logs, held_out, noise, trial.initial_states, angles=trial.angles)
         trial = replace(again, id=trial.id) if again.score < trial.score else trial
     return trial
