@@ -221,7 +221,14 @@ def read_model(path: str | Path, robot: Robot, effects: Sequence[Effect] = ()) -
         raise ModelFileError(
             f"{path}: robot = {named!r:.60}, but the robot given is {robot.name!r}; give the model of this robot."
         )
-    robot = _with_effects(document, robot, path, effects)
+    entries = document.get("parameters", {})
+    if not isinstance(entries, Mapping):
+        raise ModelFileError(
+            f"{path}: parameters = {entries!r:.60} is no table; write [parameters] and lines below it."
+        )
+    # Which effects and laws it can have, and their sizes, hang on the robot's numbers: its own come first.
+    mine = {name: entry for name, entry in entries.items() if name in robot.parameters}
+    robot = _with_effects(document, _overridden(robot, mine, path), path, effects)
     if "longest_step" in document:
         step = _number(document["longest_step"], "longest_step", path)
         if step <= 0:
@@ -229,11 +236,11 @@ def read_model(path: str | Path, robot: Robot, effects: Sequence[Effect] = ()) -
                 f"{path}: longest_step = {step:g} is no integration step; give seconds above zero, or take it out."
             )
         robot = replace(robot, longest_step=step)
-    entries = document.get("parameters", {})
-    if not isinstance(entries, Mapping):
-        raise ModelFileError(
-            f"{path}: parameters = {entries!r:.60} is no table; write [parameters] and lines below it."
-        )
+    return _overridden(robot, entries, path)
+
+
+def _overridden(robot: Robot, entries: Mapping[str, Any], path: Path) -> Robot:
+    """The robot with what the file's `entries` say of its parameters."""
     table = dict(robot.parameters)
     for name, entry in entries.items():
         if name not in table:

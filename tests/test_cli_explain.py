@@ -195,5 +195,22 @@ def test_the_uncoupled_baseline_lacks_the_turning_frames_terms(jaxid, tmp_path, 
     assert [robot.parameters["coriolis"].value for robot in started] == [1.0, 0.0]
 
 
+def test_a_search_that_is_stopped_can_go_again_until_somebody_edits_its_model(
+    jaxid, hidden_drag, tmp_path, monkeypatch
+):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxid.cli.explain.explain", stopped)
+    out, held_out = tmp_path / "out", hidden_drag / "check_crawl.csv"
+    argv = ("explain", "axis", "--fit", *sorted(hidden_drag.glob("fit_*.csv")), "--held-out", held_out, "--out", out)
+    for _ in range(2):
+        assert "has changed" not in jaxid(*argv)[2]
+        assert (out / "model.toml").is_file()
+    (out / "model.toml").write_text((out / "model.toml").read_text() + "# weighed\n")
+    status, _, remarks = jaxid(*argv)
+    assert status == 1 and "model.toml has changed" in remarks
+
+
 def test_help_names_the_command(jaxid):
     assert "explain" in jaxid("--help")[1]

@@ -343,3 +343,94 @@ def test_a_column_that_is_called_what_the_channel_is_needs_no_unit(jaxid, tmp_pa
     jaxid("look", tmp_path / "run.csv", "--robot", "axis", "--write", out)
     found = tomllib.loads(out.read_text())
     assert found["v"]["field"] == "speed"
+
+
+def written(folder, header, *columns):
+    """A table of that header, its times first."""
+    path = folder / "run.csv"
+    rows = "".join(",".join(f"{x:.6f}" for x in row) + "\n" for row in zip(TIMES, *columns, strict=True))
+    path.write_text(f"{header}\n{rows}", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("columns", "of_a_metre", "words"),
+    [
+        ("angle_rad", 1 / 0.08, "m per rad, which is the wheel's radius"),
+        ("angle_deg", 180 / np.pi / 0.08, "m per deg, the wheel's radius times 0.0174532925"),
+        ("rpm", 30 / np.pi / 0.08, "radius [m], times 0.104719755, since they are in rpm"),
+        ("speed_mm_s", 1000.0, "times 0.001, since they are in mm/s"),
+    ],
+)
+def test_a_radius_is_asked_for_in_the_unit_that_wheels_were_recorded_in(jaxid, tmp_path, columns, of_a_metre, words):
+    """Put in as asked, R = 0.08 m and b = 0.25 m give back how the rims rolled. Rims' speeds need no radius."""
+    right, left = np.cumsum(np.sin(TIMES)), np.cumsum(np.cos(3 * TIMES))
+    numbers = np.sign(left), np.sign(right), of_a_metre * left, of_a_metre * right
+    path = written(tmp_path, f"t,left_cmd,right_cmd,left_wheel_{columns},right_wheel_{columns}", *numbers)
+    out = tmp_path / "map.toml"
+    assert jaxid("look", path, "--robot", "differential", "--write", out)[0] == 0
+    text = out.read_text()
+    assert words in text
+    times = float((re.findall(r"times ([0-9.]+)", text) or [1.0])[0])
+    if columns.startswith("angle"):
+        mapping = tomllib.loads(text.replace('"?"', repr(0.08 * times)))
+        outputs = {"way_right": right, "way_left": left}
+    else:
+        weights = {"R / 2": 0.04, "R / (2 b)": 0.16, "1 / 2": 0.5, "1 / (2 b)": 2.0}
+        lines = "\n".join(re.findall(r"^# ([vw] = \{ fields.*)$", text, re.MULTILINE))
+        for letters, number in weights.items():
+            lines = lines.replace(letters, repr(number * times))
+        mapping = tomllib.loads(f"{text}\n{lines}")
+        outputs = {"v": (right + left) / 2, "w": (right - left) / 0.5}
+    log = read_logs(path, "differential", mapping=mapping)[0]
+    for name, values in outputs.items():
+        np.testing.assert_allclose(log.output(name), values, atol=1e-5)
+
+
+def test_what_was_wanted_of_two_wheels_was_not_measured(jaxid, tmp_path):
+    path = written(tmp_path, "t,uL,uR,target_rpm_left,target_rpm_right", *np.sin(np.outer([2, 3, 4, 5], TIMES)))
+    _, said, _ = jaxid("look", path, "--robot", "differential")
+    assert "fields" not in said
+
+
+def test_sides_speeds_and_degrees_are_known_by_more_names(jaxid, tmp_path):
+    """An adjective of a side, a side's voltage by its unit alone, a sign for degrees, and a speed of nothing in particular."""
+    numbers = np.sin(np.outer([2, 3, 4, 5], TIMES))
+    for header in (
+        "t,linker_motor_mV,rechter_motor_mV,speed,Gierrate [°/s]",
+        "t,Spannung links [V],Spannung rechts [V],velocity,Yaw [º/s]",
+    ):
+        path, out = written(tmp_path, header, *numbers), tmp_path / "map.toml"
+        assert jaxid("look", path, "--robot", "differential", "--write", out, "--overwrite")[0] == 0
+        found = tomllib.loads(out.read_text())
+        fields = [found[name]["field"] for name in ("u_left", "u_right", "v", "w")]
+        assert fields == header.split(",")[1:]
+        assert found["w"]["scale"] == pytest.approx(np.pi / 180)
+
+
+OF_A_STRANGER = """
+from jaxid import Channels, Custom, Parameter, ParameterTable
+
+inputs, outputs = ("u1", "u2", "u3"), ("vx", "w")
+rover = Custom(
+    dynamics=lambda s, u, p: {"vx": u["u1"] + u["u2"] - p["B"] * s["vx"], "w": u["u3"] - p["B"] * s["w"]},
+    state_names=outputs,
+    own_channels=Channels(inputs=inputs, outputs=outputs, units={"vx": "m/s", "w": "rad/s"}),
+    table=ParameterTable({"B": Parameter(1.0, "1/s", free=True)}),
+    velocities=outputs,
+    turning="w",
+)
+"""
+
+
+def test_a_robot_whose_sides_nobody_told_is_looked_at(jaxid, tmp_path, monkeypatch):
+    """A robot of one's own may say which speed is its turning and not with what signs its inputs act."""
+    (tmp_path / "of_a_stranger.py").write_text(OF_A_STRANGER)
+    table = np.column_stack([TIMES, np.random.default_rng(5).normal(size=(len(TIMES), 5))])
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t,u1,u2,u3,vx,w", comments="")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    out = tmp_path / "run_map.toml"
+    status, said, _ = jaxid("look", "run.csv", "--robot", "of_a_stranger:rover", "--write", out)
+    assert status == 0 and "side's command" not in said
+    assert {"u1", "u2", "u3", "vx", "w"} <= tomllib.loads(out.read_text()).keys()

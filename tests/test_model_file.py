@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import Axis, Custom, Effect, Log, LogSet, Omni, Parameter, Pioneer, simulate
+from jaxid import Axis, Custom, DifferentialDrive, Effect, Log, LogSet, Omni, Parameter, Pioneer, simulate
 from jaxid.effects import catalogue, effect_by_id
 from jaxid.logs import Channels
 from jaxid.model_file import ModelFileError, model_text, read_model, write_model
@@ -183,6 +183,16 @@ def test_every_catalogue_effect_comes_back_from_a_file(tmp_path, robot):
         # Equal robots are one compiled program with the same numbers: they simulate alike.
         assert again == model and again.structure == model.structure, one.id
         assert len(set(model.parameters) - set(robot.parameters)) > 0 or one.frees(robot)
+
+
+def test_laws_that_hang_on_the_robots_numbers_come_back_from_a_file(tmp_path):
+    """A winding's resistance is no gain only where motors have a back-EMF, of which this robot has none by itself."""
+    robot = DifferentialDrive().with_values(back_emf=4.0, gain=5.0)
+    model = robot + effect_by_id(robot, "motor_gain_mismatch", "winding_resistance")
+    model = model.with_values(**{"motor_gain_mismatch.excess_u_left": 0.1})
+    write_model(tmp_path / "model.toml", model)
+    read = read_model(tmp_path / "model.toml", DifferentialDrive())
+    assert read == model and read.parameters == model.parameters
 
 
 def test_a_read_model_with_effects_simulates_as_the_one_written(tmp_path):

@@ -1,6 +1,7 @@
 """What stands on the command line: values of flags that take many, flags that go together, and the robot."""
 
 import importlib
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -59,6 +60,12 @@ def window_option(text: str) -> float | str | None:
 
 def _import(module: str, spec: str, what: str) -> object:
     """A user's module; the current directory is searched first."""
+    if module.endswith(".py") or "/" in module or "\\" in module:
+        name = re.split(r"[/\\]", module)[-1].removesuffix(".py")
+        own = f"{name}:{spec.rpartition(':')[2]}"
+        raise typer.BadParameter(
+            f"{what.capitalize()} {spec!r} names a file; give its module, {own}, and start from the folder of {name}.py."
+        )
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.insert(0, here)

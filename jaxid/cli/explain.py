@@ -89,6 +89,7 @@ def run_explain(
         fits[-1] = without_windows(fits[-1], fit_logs, say, **options)
         record(out, "explain", robot.name)  # before the first file, which alone would look like another command's
         _write_fits(out, fits, fit_logs, held_out_logs)
+        record(out, "explain", robot.name)  # the search takes long: whoever stops it has edited no model.toml
         with step("Explanation") as report:
             found = explain(
                 fits[-1], fit_logs, held_out_logs, effects=effects, false_alarm=false_alarm, report=report, **options

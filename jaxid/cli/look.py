@@ -99,15 +99,16 @@ def _proposals(proposals: Sequence[Proposal], channels: Channels) -> Table:
 
 def _words(robot: Robot) -> Mapping[str, str]:
     """What every channel is, in words; an input that drives one side is told by its side."""
+    # The input of a side pushes forwards, and turns the robot to the left from the right, to the right from the left.
+    inputs = robot.channels.inputs
+    turning = robot.channels.mixing.get(robot.turning)
     sides = {}
-    for place, name in enumerate(robot.channels.inputs):
-        gains = [robot.channels.mixing.get(output, ()) for output in robot.channels.outputs]
-        # The input of a side pushes forwards, and turns the robot to the left from the right, to the right from the left.
-        turning = next(
-            (g[place] for output, g in zip(robot.channels.outputs, gains, strict=True) if output == robot.turning), 0
-        )
-        if len(robot.channels.inputs) == 2 and turning:
-            sides[name] = "right side's command" if turning > 0 else "left side's command"
+    if len(inputs) == 2 and turning:
+        sides = {
+            name: f"{'right' if turn > 0 else 'left'} side's command"
+            for name, turn in zip(inputs, turning, strict=True)
+            if turn
+        }
     return {**sides, **robot.words}
 
 

@@ -1,8 +1,11 @@
 """Short forms for the parameters of effects: zero means absent, `typical` is the order of magnitude to expect."""
 
+import numpy as np
+
 from ..parameters import Parameter
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from ..robots.scales import time_constant
 
 
 def axis_names(robot: Robot) -> tuple[str, ...]:
@@ -26,3 +29,24 @@ def shape(effect: Effect, name: str, unit: str, value: float, *, free: bool = Tr
     return {
         effect.key(name): Parameter(value, unit, free=free, lower=lower, typical=abs(value) or 1.0, source="catalogue")
     }
+
+
+def exchanged(robot: Robot, name: str) -> dict[str, float]:
+    """The robot's own time constant for the one called `name`: of two lags one after the other the motion shows both, and
+    hardly which is whose, so that a search may end with either."""
+    own = float(time_constant(robot))
+    return {name: own} if np.isfinite(own) and own > 0 else {}
+
+
+def still(effect: Effect, unit: str, value: float) -> dict[str, Parameter]:
+    """The fixed speed below which something hardly moves, so that a sign passes smoothly through zero.
+
+    Stages take such sizes from here: what is compiled for a robot is compiled for all sizes, so that `robot.scales` would be
+    those of whoever came first.
+    """
+    return shape(effect, "still", unit, value, free=False)
+
+
+def shortest(effect: Effect, value: float) -> dict[str, Parameter]:
+    """The fixed time below which a time constant counts as this one, since shorter ones take finer steps; see `still`."""
+    return shape(effect, "shortest", "s", value, free=False)

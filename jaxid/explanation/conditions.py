@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..logs import Log, LogSet, noise_level
 from ..robots.robot import Robot
-from ..simulation.reckoning import measured_velocities, reckoned
+from ..simulation.reckoning import measured_states, measured_velocities, reckoned
 from ..simulation.scaled import axis_map, scales_of
 from ..simulation.start import states_at
 
@@ -242,7 +242,7 @@ def dead_reckoned(robot: Robot, log: Log, speeds: dict[str, Signal]) -> tuple[Si
     """Heading [T] rad and world positions [T, 2 or 1] m from speeds; None for a robot of which they are not known."""
     columns = {name: log.extra[name] for name in ("x", "y", "theta") if name in log.extra.columns}
     start = {name: float(values.iloc[0]) for name, values in columns.items()}
-    return reckoned(robot, speeds, np.diff(log.time), start)
+    return reckoned(robot, measured_states(robot, log) | speeds, np.diff(log.time), start)
 
 
 def _fastest(values: list[Signal]) -> Signal:

@@ -93,6 +93,9 @@ def _floor(seen: Sequence[Motion]) -> tuple[Grid, Grid | None]:
         return np.zeros((0, 2)), None
     path = np.concatenate([*paths])
     low, high = path.min(axis=0), path.max(axis=0)
+    wide = 0.05 * float(np.max(high - low)) or 0.5
+    flat = high - low < 1e-3 * wide  # it drove along a line
+    low, high = np.where(flat, low - wide, low), np.where(flat, high + wide, high)
     x, y = (np.linspace(a, b, SIDE) for a, b in zip(low, high, strict=True))
     return np.stack([c.ravel() for c in np.meshgrid(x, y)], axis=1), path
 

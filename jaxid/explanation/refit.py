@@ -210,13 +210,22 @@ def _sharper_and_sharper(effects: tuple[Effect, ...]) -> Iterator[tuple[Effect, 
 
 
 def continued(trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:
-    """The same refit carried on from where it stopped, and with sharp edges where they were blurred to be found."""
+    """The same refit carried on from where it stopped, and with sharp edges where they were blurred to be found.
+
+    From elsewhere, too, where its effect says that the search may have ended in the worse of two optima.
+    """
     for effects in _sharper_and_sharper(trial.robot.effects):
         start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
         model = replace(trial.robot, effects=effects)
         again = refit(model, [start], logs, held_out, noise, trial.initial_states, angles=trial.angles)
         # Where no sample lies within an edge, a sharper one is as likely, and the law.
         trial = replace(again, id=trial.id) if again.score <= trial.score * (1.0 + 1e-9) else trial
+    elsewhere = trial.effect.elsewhere(trial.robot) if trial.effect is not None else {}
+    if elsewhere:
+        here = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
+        start = {**here, **elsewhere}
+        again = refit(trial.robot, [start], logs, held_out, noise, trial.initial_states, angles=trial.angles)
+        trial = replace(again, id=trial.id) if again.score < trial.score else trial
     return trial
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from .channels import Channels
 from .look import Look
 from .series import Series
-from .units import HEADINGS, Unit, unit_in_name, words_in
-from .wheel_pairs import LETTERS, of_one_side, wheel_pair, wheel_positions
+from .units import HEADINGS, words_in
+from .wheel_pairs import LETTERS, of_one_side, unit_of, wheel_pair, wheel_positions
 
 
 class Proposal(NamedTuple):
@@ -36,8 +36,14 @@ class Proposal(NamedTuple):
 
 # What people call things, by the words that a channel's meaning holds.
 _SIDES = {
-    "right": ("r", "rr", "fr", "rh", "rw", "rechts", "droite", "derecha", "destra", *(f"{one}r" for one in LETTERS)),
-    "left": ("l", "rl", "fl", "lh", "lw", "links", "gauche", "izquierda", "sinistra", *(f"{one}l" for one in LETTERS)),
+    "right": (
+        *("r", "rr", "fr", "rh", "rw", "rechts", "rechte", "rechter", "rechtes", "droit", "droite"),
+        *("derecha", "derecho", "destra", "destro", *(f"{one}r" for one in LETTERS)),
+    ),
+    "left": (
+        *("l", "rl", "fl", "lh", "lw", "links", "linke", "linker", "linkes", "gauche"),
+        *("izquierda", "izquierdo", "sinistra", "sinistro", *(f"{one}l" for one in LETTERS)),
+    ),
 }
 _MEANINGS: Mapping[str, tuple[str, ...]] = {
     "m/s": ("twist.linear.x", "linear.x", "velocity", "speed", "vx"),
@@ -53,6 +59,8 @@ _MEASURED = {"odom", "odometry", "meas", "measured", "actual", "est", "estimated
 """Words beside a channel's own name that leave it what it is (`odom_v` is no voltage)."""
 _WANTED = ("cmd", "command", "setpoint", "desired", "target", "reference")
 """What is wanted was not measured."""
+_FORWARDS = (["speed"], ["velocity"], ["vel"], ["geschwindigkeit"])
+"""What the speed of a body is called where nothing says of what it is: the one forwards."""
 _TWIST = re.compile(r"(.*)\.(?:linear\.x|angular\.z)$")
 _SUPPLIES = ("battery", "batt", "vbat", "supply", "vbus")
 """Whose voltage is no command's."""
@@ -73,13 +81,6 @@ def _side_score(said: str, name: str) -> float:
     return 0.0
 
 
-def _unit(series: Series) -> Unit:
-    """What a signal's numbers are in: as its format says, else as its name does, else nothing."""
-    if series.unit or series.said:
-        return Unit(series.unit, series.to_si, series.said)
-    return unit_in_name(series.name) or Unit("", 1.0, "")
-
-
 def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, place: int) -> float:
     """How well a signal fits a channel: by its name, its promised unit, and the words in its path."""
     name, said = series.name.lower(), f"{channel} {wanted}".lower()
@@ -92,7 +93,7 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
     if not command and len(words) > 1 and [word for word in words if word not in _MEASURED] == [channel]:
         return 50.0
     units = [one for one in unit.split(" or ") if one]
-    si, factor, measure = _unit(series)
+    si, factor, measure = unit_of(series)
     if si and any(one in si.split(" or ") for one in units):
         score += 4.0 if series.unit else 3.0
     elif si and any(one in _MEANINGS for one in units):
@@ -108,10 +109,11 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
     meant = [word for one in units for word in _MEANINGS.get(one, ())] or [*_COMMANDS]
     found = next((k for k, word in enumerate(meant) if word in name), None)
     score += 0.0 if found is None else 3.0 - 0.2 * found
-    commanded = any(word in name for word in _COMMANDS)
+    commanded = any(word in name for word in _COMMANDS) or (command and si == "V")
     score += (2.0 if commanded else -1.0) if command else (-3.0 if commanded else 0.0)
     # Called by what the channel is, in one word, it needs no unit (not `speed` for the speed of one side among others).
-    score += 1.0 if words == words_in(wanted) and not series.name.startswith("/") else 0.0
+    if words == words_in(wanted) or (wanted.startswith("forward") and words in _FORWARDS):
+        score += 1.0 if not series.name.startswith("/") else 0.0
     side = _side_score(said, series.name)
     score += side
     # Nor does it where it begins with the channel's own letter, and bears its side (uR of u_right).
@@ -135,7 +137,7 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
     """
     usable = [series for series in seen.recording.series.values() if not series.fault and len(series) > 1]
     taken: set[str] = set()
-    wheels = wheel_pair(usable)
+    wheels = wheel_pair(series for series in usable if not any(word in series.name.lower() for word in _WANTED))
     sides = of_one_side(series.name for series in usable) if len(channels.outputs) > 1 else set()
     proposals = []
     places = wheel_positions(usable, len(channels.positions)) if len(channels.positions) > 1 else ()
@@ -192,13 +194,11 @@ def _of_heading(channel: str, unit: str, usable: Sequence[Series]) -> str:
     """A line that makes a yaw rate of a heading; empty where there is none."""
     if unit != "rad/s":
         return ""
-    angles = (one for one in usable if not HEADINGS.isdisjoint(words_in(one.name)) and _unit(one).si == "rad")
+    angles = (one for one in usable if not HEADINGS.isdisjoint(words_in(one.name)) and unit_of(one).si == "rad")
     found = next((one for one in angles if np.ptp(one.values) > 0), None)
     if found is None:
         return ""
-    return (
-        f'{channel} = {{ field = "{found.name}", scale = {_unit(found).factor!r}, derivative = true }}   # of a heading'
-    )
+    return f'{channel} = {{ field = "{found.name}", scale = {unit_of(found).factor!r}, derivative = true }}   # of a heading'
 
 
 def _of_twist(channel: str, wanted: str, usable: Sequence[Series]) -> str:
@@ -218,13 +218,15 @@ def _of_wheel(channel: str, unit: str, words: Mapping[str, str], series: Series 
     wanted = words.get(channel, "")
     if series is None:
         return Proposal(channel, unit, "", wanted, (), optional=True)
-    said = _unit(series)
+    said = unit_of(series)
     scale, source = said.factor, f"the name says {said.said}" if said.said and said.factor != 1.0 else ""
     if not said.si:
         per = "2 pi / counts per turn" if unit == "rad" else "the way per turn / counts per turn"
         scale, source = math.nan, f"an encoder's counts; give the {unit} that one of them is, {per}"
     elif unit == "m" and "rad" in said.si.split(" or "):
         scale, source = math.nan, "an angle; give the m per rad, which is the wheel's radius"
+        if said.factor != 1.0:
+            source = f"an angle in {said.said}; give the m per {said.said}, the wheel's radius times {said.factor:.9g}"
     return Proposal(channel, unit, series.name, wanted, (), scale, source, "", True)
 
 
@@ -232,7 +234,7 @@ def _scale(unit: str, series: Series) -> tuple[float, str]:
     """The factor from a field to a channel's `unit`, and what says so; empty where nothing does."""
     if unit and not any(one in _MEANINGS for one in unit.split(" or ")):
         return 1.0, ""  # a command in whatever unit the robot's owner likes
-    _, factor, said = _unit(series)
+    _, factor, said = unit_of(series)
     if math.isnan(factor):
         if said == "duty":
             return math.nan, f"a duty; give the {unit or 'command'} that one unit of it stands for"

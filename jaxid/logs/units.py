@@ -105,7 +105,7 @@ def unit_said(text: str) -> Unit | None:
         except ValueError:
             return None
         text = next((str(entry[key]) for key in ("unit", "units") if key in entry), "")
-    words = re.findall(r"[a-z]+|%", text.lower())
+    words = re.findall(r"[a-z]+|%", re.sub("[°º]", " deg ", text.lower()))
     if not words:
         return None
     if len(words) == 1 and _singular(words[0]) in _WITHOUT_SCALE:

@@ -11,18 +11,24 @@ from typing import NamedTuple
 import numpy as np
 
 from .series import Series
-from .units import unit_in_name
+from .units import Unit, unit_in_name
 
 LETTERS = tuple("deinqsuvw")
 """Before r and l of a side: a duty, a speed, an encoder, a current, a voltage … (ur and ul, vr and vl)."""
 _OTHER_SIDE = {f"{letter}r": f"{letter}l" for letter in LETTERS} | {
     "r": "l", "rr": "rl", "fr": "fl", "rh": "lh", "rw": "lw", "rm": "lm",
-    "rechts": "links", "droite": "gauche", "derecha": "izquierda", "destra": "sinistra",
+    "rechts": "links", "rechte": "linke", "rechter": "linker", "rechtes": "linkes", "droite": "gauche", "droit": "gauche",
+    "derecha": "izquierda", "derecho": "izquierdo", "destra": "sinistra", "destro": "sinistro",
 }  # fmt: skip
 _HINTS: Mapping[str, tuple[str, str, str]] = {
     "m/s": ("R / 2", "R / 2", "R the wheels' radius [m]"),
     "rad/s": ("R / (2 b)", "-R / (2 b)", "R the wheels' radius and b half the track [m]"),
 }
+_OF_RIMS: Mapping[str, tuple[str, str, str]] = {
+    "m/s": ("1 / 2", "1 / 2", ""),
+    "rad/s": ("1 / (2 b)", "-1 / (2 b)", "b half the track [m]"),
+}
+"""Where the speeds are those of the wheels' rims already."""
 
 
 _ENCODERS = {"enc", "encoder", "encoders"}
@@ -30,23 +36,35 @@ _POSITIONS = {"pos", "position", "angle", "phi", "rotation"}
 _RATES = {"vel", "velocity", "speed", "rate", "rpm"}
 
 
+def unit_of(series: Series) -> Unit:
+    """What a signal's numbers are in: as its format says, else as its name does, else nothing."""
+    if series.unit or series.said:
+        return Unit(series.unit, series.to_si, series.said)
+    return unit_in_name(series.name) or Unit("", 1.0, "")
+
+
 class WheelPair(NamedTuple):
-    """Fields of a right and a left wheel, and whether they are positions."""
+    """Fields of a right and a left wheel, whether they are positions, and in what unit."""
 
     right: str
     left: str
     positions: bool
     counts: bool
+    unit: Unit = Unit("", 1.0, "")
 
     def hint(self, channel: str, unit: str) -> str:
         """A line of a mapping, with letters where only the robot's owner knows the number; empty for another unit."""
         if unit not in _HINTS:
             return ""
-        right, left, letters = _HINTS[unit]
+        right, left, letters = (_OF_RIMS if self.unit.si == "m/s" else _HINTS)[unit]
         if self.counts:
             letters += ", times 2 pi / counts per turn"
+        elif self.unit.factor != 1.0:
+            letters = f"{letters}, times" if letters else "times"
+            letters += f" {self.unit.factor:.9g}, since they are in {self.unit.said}"
         rate = ", derivative = true" if self.positions else ""
-        return f'{channel} = {{ fields = {{ "{self.right}" = {right}, "{self.left}" = {left} }}{rate} }}   # {letters}'
+        line = f'{channel} = {{ fields = {{ "{self.right}" = {right}, "{self.left}" = {left} }}{rate} }}'
+        return f"{line}   # {letters}" if letters else line
 
 
 def _of_the_left(name: str) -> str:
@@ -88,7 +106,8 @@ def _kind(series: Series) -> int | None:
     """0 for speeds of wheels, 1 for angles, 2 for counts; None for what is none of these."""
     unit = series.unit.split(" or ")
     position, counts = _named_position(series) if not series.unit else ("rad" in unit, False)
-    return 0 if "rad/s" in unit else 2 if counts else 1 if position else None
+    speed = "rad/s" in unit or (not position and unit_of(series).si in ("rad/s", "m/s"))
+    return 0 if speed else 2 if counts else 1 if position else None
 
 
 def _moving(series: Iterable[Series]) -> dict[str, Series]:
@@ -100,7 +119,7 @@ def _pairs(usable: Mapping[str, Series]) -> list[tuple[int, WheelPair]]:
     for name, one in usable.items():
         left, kind = _of_the_left(name), _kind(one)
         if left in usable and kind is not None:
-            found.append((kind, WheelPair(name, left, kind > 0, kind == 2)))
+            found.append((kind, WheelPair(name, left, kind > 0, kind == 2, unit_of(one))))
     return found
 
 

@@ -91,6 +91,10 @@ class Effect:
         """The effect a step nearer to `sharp`: where samples close to the edge alone say where it is, it is followed there."""
         return self.sharp
 
+    def elsewhere(self, robot: "Robot") -> Mapping[str, float]:
+        """Other values of its parameters from which a search that has ended at those of `robot` may end better; often none."""
+        return {}
+
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""
         return f"{self.stands_as or self.id}.{name}"

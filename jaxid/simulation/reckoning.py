@@ -113,12 +113,26 @@ def measured_velocities(robot: Robot, log: Log, smooth=lambda y: y) -> dict[str,
     return velocities_of(robot, {n: y for n, y in columns.items() if np.isfinite(y).any()}, log.time, smooth)
 
 
+def measured_states(robot: Robot, log: Log) -> dict[str, Array]:
+    """Outputs of a log that are the robot's own states, gaps filled from their neighbours.
+
+    These are velocities, and what else says how it moves, such as the yaw rate of a car, which no force accelerates.
+    """
+    found = {}
+    for name in robot.own_states:
+        values = log.output(name) if name in log.measured else np.zeros(0)
+        there = np.flatnonzero(np.isfinite(values))
+        if len(there):
+            found[name] = np.interp(np.arange(len(values)), there, values[there])
+    return found
+
+
 def reckoned(
     robot: Robot, speeds: Mapping[str, Array], dt: Array, start: Mapping[str, float] | None = None
 ) -> tuple[Array | None, Array | None]:
-    """Heading [..., T] rad and positions [..., T, 2] m by trapezoids from velocities [..., T] and the intervals [T - 1]
-    between them, from `start` (x, y, theta). One that moves along a line has no heading and positions [..., T, 1]; both
-    are None for a robot that does not say how it moves.
+    """Heading [..., T] rad and positions [..., T, 2] m by trapezoids from `speeds` [..., T] and the intervals [T - 1] between
+    them, from `start` (x, y, theta): the robot's velocities, and other states that say how it moves. One that moves along a
+    line has no heading and positions [..., T, 1]; both are None for a robot that does not say how it moves.
     """
     begin = start or {}
 

@@ -11,7 +11,7 @@ from ..logs import Log, LogSet
 from ..robots.closed_loop import at_commands
 from ..robots.robot import Robot
 from ..robots.scales import Scales, time_constant
-from .reckoning import measured_velocities, reckoned
+from .reckoning import measured_states, measured_velocities, reckoned
 
 _FASTEST = 0.95
 """Quantile of a speed that counts as its largest."""
@@ -120,7 +120,7 @@ def _length(robot: Robot, logs: Sequence[Log], velocities) -> float:
     """The largest extent of a driven path; 0 for a robot of which it is not known."""
     extents = []
     for log, own in zip(logs, velocities, strict=True):
-        known = {name: np.nan_to_num(values) for name, values in own.items()}
+        known = measured_states(robot, log) | {name: np.nan_to_num(values) for name, values in own.items()}
         path = reckoned(robot, known, np.diff(log.time))[1]
         extents += [float(np.max(np.ptp(path, axis=0)))] if path is not None else []
     return max(extents, default=0.0)

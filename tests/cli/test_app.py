@@ -197,3 +197,14 @@ def test_a_simulation_does_not_take_the_place_of_what_it_is_made_from(jaxid, tmp
     code, _, remarks = jaxid("simulate", "axis", "--log", "log.csv", "--model", "model.toml", "--out", out)
     assert code == 1 and "would be written over" in remarks
     assert Path("log.csv").read_text() == LOG
+
+
+@pytest.mark.parametrize("spec", ["my_robot.py:cart", "./my_robot.py:cart", "folder/my_robot:cart"])
+def test_a_robot_that_is_named_by_its_file_is_told_its_module(jaxid, tmp_path, monkeypatch, spec):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.csv").write_text("t,u,v\n0,0,0\n")
+    code, _, remarks = jaxid("look", "run.csv", "--robot", spec)
+    said = " ".join(remarks.replace("│", " ").split())
+    assert (
+        code == 2 and "names a file; give its module, my_robot:cart, and start from the folder of my_robot.py" in said
+    )

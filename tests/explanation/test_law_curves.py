@@ -10,7 +10,7 @@ import pytest
 from benchmarks.fingerprints.steered import CAR
 from jaxid import Axis, Effect, Omni, Parameter
 from jaxid.effects import catalogue, effect_by_id
-from jaxid.explanation.law_curves import _chosen, law_curves
+from jaxid.explanation.law_curves import _chosen, _floor, law_curves
 from jaxid.explanation.stage_sweeps import POINTS, sweeps
 from jaxid.robots.signal_path import overrides
 
@@ -159,3 +159,13 @@ def test_a_curve_of_what_is_not_identified_has_no_band(explained):
     final = replace(explained.final, covariance=unknown)
     ((curve,),) = law_curves(["quadratic_drag"], explained.baseline, final, explained.held_out).values()
     assert np.isnan(curve.std).all() and np.isfinite(curve.after).all()
+
+
+def test_a_robot_that_drove_along_a_line_alone_has_a_floor_to_draw():
+    """A surface that changes is a map; of logs that only go straight it was one row, which nothing could draw."""
+    path = np.column_stack([np.linspace(0.0, 4.0, 50), np.zeros(50)])
+    for shown in (path, path[:, ::-1], 0.0 * path):
+        floor, driven = _floor([SimpleNamespace(path=shown)])
+        x, y = (np.unique(column) for column in floor.T)
+        assert len(x) * len(y) == len(floor) and min(np.ptp(x), np.ptp(y)) > 0.1
+        assert np.array_equal(driven, shown)

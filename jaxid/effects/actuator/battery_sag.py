@@ -10,7 +10,7 @@ from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import positive, shape
+from ..effect_parameters import positive, shape, shortest
 
 
 def nominal_voltage(p: Numbers, robot: Robot) -> Any:
@@ -100,7 +100,7 @@ class SagWithRecovery(BatterySag):
         winding = robot.parameters[robot.winding]
         at_once = positive(self, "resistance_at_once", winding.unit, 0.15 * winding.value)
         slow = shape(self, "time_constant", "s", 0.1 * robot.scales.duration)
-        return super().parameters(robot) | at_once | slow
+        return super().parameters(robot) | at_once | slow | shortest(self, 2.0 * robot.scales.interval)
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         drop = p[self.key("resistance")] * state[self.own("supply_drop")]
@@ -109,7 +109,7 @@ class SagWithRecovery(BatterySag):
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         # The state is the current, slowly followed, so that its rate does not hang on the strength.
         power = self._drawn(state, currents, p, robot)
-        slow = jnp.maximum(p[self.key("time_constant")], 2.0 * robot.scales.interval)  # shorter ones take finer steps
+        slow = jnp.maximum(p[self.key("time_constant")], p[self.key("shortest")])
         return {self.own("supply_drop"): (power - state[self.own("supply_drop")]) / slow}
 
     def _drawn(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> Scalar:

@@ -9,7 +9,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import positive, shape
+from ..effect_parameters import positive, shape, shortest
 from .drives import back_emf, one_torque_each
 
 
@@ -58,11 +58,12 @@ class HeatingWithCooling(MotorHeating):
     formula: ClassVar[str] = "R = R_cold (1 + coefficient * E), dE/dt = R i^2 - E / time_constant"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | shape(self, "time_constant", "s", 0.3 * robot.scales.duration)
+        slow = shape(self, "time_constant", "s", 0.3 * robot.scales.duration)
+        return super().parameters(robot) | slow | shortest(self, 2.0 * robot.scales.interval)
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         gained = self._watts(state, currents, p, robot)
-        slow = jnp.maximum(p[self.key("time_constant")], 2.0 * robot.scales.interval)  # shorter ones take finer steps
+        slow = jnp.maximum(p[self.key("time_constant")], p[self.key("shortest")])
         return {name: watts - state[name] / slow for name, watts in gained.items()}
 
 

@@ -12,7 +12,7 @@ from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..curve import SHAPE
-from ..effect_parameters import positive, shape, signed
+from ..effect_parameters import exchanged, positive, shape, shortest, signed
 from .drives import back_emf, drive_names, each_drive, input_unit, on_drives
 from .input_delay import late
 
@@ -61,6 +61,10 @@ class MotorLag(Effect):
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("time_constant"), robot.scales.times_to_try)
 
+    def elsewhere(self, robot: Robot) -> dict[str, float]:
+        name = self.key("time_constant")
+        return exchanged(robot, name) if name in robot.parameters else {}
+
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         return on_drives(robot, inputs, low_passed(inputs, dt, p[self.key("time_constant")]))
 
@@ -103,19 +107,19 @@ class Inductance(MotorLag):
     def states_on(self, robot: Robot) -> tuple[str, ...]:
         return tuple(self.own(f"late_emf_{robot.channels.inputs[k]}") for k in robot.drive_inputs)
 
-    def _shortest(self, robot: Robot) -> float:
-        """The time constant below which the late back-EMF fades into the present one, for integration's sake."""
-        return 0.3 * robot.scales.interval
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        # Below it the late back-EMF fades into the present one.
+        return super().parameters(robot) | shortest(self, 0.3 * robot.scales.interval)
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        T, shortest, changed = p[self.key("time_constant")], self._shortest(robot), list(volts)
-        share = T / jnp.maximum(T, shortest)
+        T, changed = p[self.key("time_constant")], list(volts)
+        share = T / jnp.maximum(T, p[self.key("shortest")])
         for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
             changed[k] = volts[k] + share * (back_emf(volts, currents, k, p, robot) - state[name])
         return tuple(changed)
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
-        T = jnp.maximum(p[self.key("time_constant")], self._shortest(robot))
+        T = jnp.maximum(p[self.key("time_constant")], p[self.key("shortest")])
         idle = robot.motor((0.0,) * len(currents), state, p)  # the currents that the back-EMF alone would drive
         named = zip(self.states_on(robot), robot.drive_inputs, strict=True)
         return {name: (-p[robot.winding] * idle[k] - state[name]) / T for name, k in named}

@@ -10,7 +10,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import axis_names, signed
+from ..effect_parameters import axis_names, signed, still
 from .by_axis import (
     WAYS,
     AsymmetryPerAxis,
@@ -97,10 +97,12 @@ class AsymmetryOfTheBody(Effect):
         return None if apart else f"the drive axes of {robot.name!r} are its body's, of which {self.id} has laws"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "difference", robot.force_unit(robot.velocities[0]), 0.02 * robot.scales.force)
+        forwards = robot.velocities[0]
+        difference = signed(self, "difference", robot.force_unit(forwards), 0.02 * robot.scales.force)
+        return difference | still(self, robot.velocity_unit(forwards), 0.02 * robot.scales.speed)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        v = state[robot.velocities[0]] / (0.02 * robot.scales.speed)
+        v = state[robot.velocities[0]] / p[self.key("still")]
         return (forces[0] - p[self.key("difference")] * (1.0 - jnp.exp(-(v**2))), *forces[1:])
 
 

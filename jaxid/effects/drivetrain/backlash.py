@@ -17,7 +17,7 @@ from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..actuator.drives import drive_names, input_unit, on_drives, one_torque_each
-from ..effect_parameters import positive
+from ..effect_parameters import positive, shortest
 
 _SOFT = 0.4
 """Share of half the play within which the teeth take up the torque, so that it differentiates."""
@@ -61,30 +61,30 @@ class GearPlay(Effect):
         found: dict[str, Parameter] = {}
         for name in self.names(robot):
             found |= positive(self, name.removeprefix(self.key("")), f"{robot.torque_unit} s", typical)
-        return found
+        return found | shortest(self, _FASTEST * robot.scales.interval)
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         names, impulse = dict.fromkeys(self.names(robot)), robot.scales.torque * robot.scales.time
         return tuple(Probe(dict.fromkeys(names, share * impulse), out_of=len(_SHARES)) for share in _SHARES)
 
-    def _crossing(self, torque: Scalar, place: Scalar, impulse: Scalar, robot: Robot) -> tuple[Scalar, Scalar, Scalar]:
+    def _crossing(self, torque: Scalar, place: Scalar, impulse: Scalar, p: Numbers) -> tuple[Scalar, Scalar, Scalar]:
         """Whether the teeth touch in the torque's direction, the rate of the place in the play, and how much of a play there
         is: none where it is crossed within a step."""
-        least = 2.0 * jnp.abs(torque) * _FASTEST * robot.scales.interval + _TINY
+        least = 2.0 * jnp.abs(torque) * p[self.key("shortest")] + _TINY
         touch = jnp.clip((place * jnp.sign(torque) - (1.0 - _SOFT)) / _SOFT, 0.0, 1.0)
         return touch, 2.0 * torque / (impulse + least) * (1.0 - touch), impulse / (impulse + least)
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         changed = []
         for t, name, place in zip(torques, self.names(robot), self.states_on(robot), strict=True):
-            touch, _, play = self._crossing(t, state[place], p[name], robot)
+            touch, _, play = self._crossing(t, state[place], p[name], p)
             changed.append(t * (1.0 - play * (1.0 - touch)))
         return tuple(changed)
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot, torques: Scalars = ()) -> State:
         found = {}
         for t, name, place in zip(torques, self.names(robot), self.states_on(robot), strict=True):
-            found[place] = self._crossing(t, state[place], p[name], robot)[1]
+            found[place] = self._crossing(t, state[place], p[name], p)[1]
         return found
 
 

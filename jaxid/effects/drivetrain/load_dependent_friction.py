@@ -9,19 +9,23 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import signed
+from ..effect_parameters import signed, still
 
 _STILL = 0.01
 """Share of the robot's speed within which a gear is about to turn."""
 
 
-def turning(torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-    """Which way every wheel turns, -1 to 1; one that stands, the way in which its torque would turn it.
+def _still(effect: Effect, robot: Robot) -> dict[str, Parameter]:
+    scales = robot.scales
+    return still(effect, f"{robot.angle_unit}/s", _STILL * scales.speed * scales.force / max(scales.torque, 1e-300))
+
+
+def turning(torques: Scalars, state: State, p: Numbers, robot: Robot, still: Scalar) -> Scalars:
+    """Which way every wheel turns, -1 to 1; one that is slower than `still`, the way in which its torque would turn it.
 
     A gear that stands loses as much before it starts as once it turns: else a wheel would break away by torques that cannot
     move it.
     """
-    still = _STILL * robot.scales.speed * robot.scales.force / max(robot.scales.torque, 1e-300)
     if set(robot.angles) <= set(robot.own_states):  # states of the robot's own, whose rates are its axes' speeds
         speeds = robot.rubbing(state, p)
         rates = tuple(speeds[axis] for axis in robot.drive_axes)
@@ -44,13 +48,13 @@ class LoadDependentFriction(Effect):
         return None if robot.angles else f"{robot.name!r} does not say at which speed each drive torque acts (`angle`)"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "share", "", 0.1)
+        return signed(self, "share", "", 0.1) | _still(self, robot)
 
     def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
         return torque - p[self.key("share")] * jnp.abs(torque) * way
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        ways = turning(torques, state, p, robot)
+        ways = turning(torques, state, p, robot, p[self.key("still")])
         return tuple(self._kept(torque, way, p) for torque, way in zip(torques, ways, strict=True))
 
 
@@ -62,7 +66,7 @@ class TwoEfficiencies(LoadDependentFriction):
     formula: ClassVar[str] = "torque' = torque (1 - driving) while it drives, torque (1 + driven) while it brakes"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "driving", "", 0.1) | signed(self, "driven", "", 0.1)
+        return signed(self, "driving", "", 0.1) | signed(self, "driven", "", 0.1) | _still(self, robot)
 
     def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
         power = torque * way
@@ -87,10 +91,10 @@ class LoadCurve(Curve):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, largest = robot.torque_unit, robot.scales.torque
-        return self.heights_and_reach(robot, unit, 0.03 * largest, unit, largest)
+        return self.heights_and_reach(robot, unit, 0.03 * largest, unit, largest) | _still(self, robot)
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        ways = turning(torques, state, p, robot)
+        ways = turning(torques, state, p, robot, p[self.key("still")])
         return tuple(t - self.at(jnp.abs(t), p) * way for t, way in zip(torques, ways, strict=True))
 
 

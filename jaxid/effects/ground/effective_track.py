@@ -9,7 +9,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import signed
+from ..effect_parameters import signed, still
 from ..own_parameter import OwnParameter
 
 _STILL = 0.1
@@ -55,10 +55,11 @@ class TrackByDirection(_ByYawRate):
     formula: ClassVar[str] = "width' = width * (1 + share * sgn(yaw rate))"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "share", "", 0.05)
+        reversing = _STILL * robot.scales.output(robot.turning)
+        return signed(self, "share", "", 0.05) | still(self, robot.velocity_unit(robot.turning), reversing)
 
     def _share(self, rate: Scalar, p: Numbers, robot: Robot) -> Scalar:
-        return p[self.key("share")] * jnp.tanh(rate / (_STILL * robot.scales.output(robot.turning)))
+        return p[self.key("share")] * jnp.tanh(rate / p[self.key("still")])
 
 
 @dataclass(frozen=True)

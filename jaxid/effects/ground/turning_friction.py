@@ -10,9 +10,9 @@ from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import shape, signed
+from ..effect_parameters import shape, signed, still
 
-_STILL = 0.02
+_STILL = 0.004
 """Share of the largest yaw rate within which scrubbing wheels begin to slide."""
 
 
@@ -47,11 +47,12 @@ class TurningFriction(_OnTurning):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         typical, rate = 0.02 * _moment(robot), robot.scales.output(robot.turning)
         unit = robot.force_unit(robot.turning)
-        return signed(self, "coulomb", unit, typical) | signed(self, "viscous", f"{unit} s", typical / rate)
+        found = signed(self, "coulomb", unit, typical) | signed(self, "viscous", f"{unit} s", typical / rate)
+        return found | still(self, robot.velocity_unit(robot.turning), _STILL * rate)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         rate = state[robot.turning]
-        sign = jnp.tanh(rate / (_STILL * robot.scales.output(robot.turning)))
+        sign = jnp.tanh(rate / p[self.key("still")])
         return self._with(forces, -p[self.key("coulomb")] * sign - p[self.key("viscous")] * rate, robot)
 
 
@@ -68,9 +69,10 @@ class Scrubbing(TurningFriction):
         )
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        length = robot.scales.speed / robot.scales.output(robot.turning)
+        rate = robot.scales.output(robot.turning)
         coulomb = signed(self, "coulomb", robot.force_unit(robot.turning), 0.02 * _moment(robot))
-        return coulomb | shape(self, "radius", "m", 0.3 * length)
+        radius = shape(self, "radius", "m", 0.3 * robot.scales.speed / rate)
+        return coulomb | radius | still(self, robot.velocity_unit(robot.turning), _STILL * rate)
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         coulomb, radius = self.key("coulomb"), self.key("radius")
@@ -81,8 +83,7 @@ class Scrubbing(TurningFriction):
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         rate = state[robot.turning]
         squares = sum(state[name] ** 2 for name in robot.velocities if name != robot.turning)
-        still = _STILL * robot.scales.output(robot.turning)
-        sliding = jnp.sqrt(rate**2 + squares / p[self.key("radius")] ** 2 + still**2)
+        sliding = jnp.sqrt(rate**2 + squares / p[self.key("radius")] ** 2 + p[self.key("still")] ** 2)
         return self._with(forces, -p[self.key("coulomb")] * rate / sliding, robot)
 
 

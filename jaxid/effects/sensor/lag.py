@@ -11,7 +11,7 @@ from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
-from ..effect_parameters import positive
+from ..effect_parameters import exchanged, positive
 from .outputs import bends, each_channel, sensed, sensed_only
 
 _TINY = 1e-9
@@ -70,6 +70,10 @@ class SensorLag(Effect):
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("time_constant"), robot.scales.times_to_try)
+
+    def elsewhere(self, robot: Robot) -> dict[str, float]:
+        name = self.key("time_constant")
+        return exchanged(robot, name) if name in robot.parameters else {}
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return sensed_only(robot, low_passed(outputs, time, p[self.key("time_constant")]), outputs)
