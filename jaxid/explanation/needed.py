@@ -9,11 +9,10 @@ from ..robots.effect import Effect
 from .denser import bare_of
 from .heldout import HeldOut
 from .named_effect import differs_from_nothing, effect_parameters
-from .policy import current_policy
 from .prescribed_angles import predicted
 from .refit import Trial
 from .steps import Search, Step
-from .telling_apart import told_apart
+from .telling_apart import clearly_better
 from .worth import likelier
 
 _NO_SLOPE = 1e3
@@ -30,7 +29,7 @@ def _between_samples(effect: Effect, own: Mapping[str, Estimate], step: Step) ->
     """Whether the effect's edge lies where no sample does, such as between two levels of a command or, of a delay, between two
     samples, so that its parameters have no slope and no errors: that it is there, the likelihood says."""
     flat = all(e.std_error > _NO_SLOPE * abs(e.value) for e in own.values() if e.status != "fixed")
-    apart = told_apart(step.after.fitted, step.before.fitted) > current_policy().separated
+    apart = clearly_better(step.after.fitted, step.before.fitted)
     edge = effect.blurred != effect.sharp or effect.only_later
     return flat and edge and apart and likelier(step.before, step.after, 1)
 
@@ -64,7 +63,7 @@ def only_needed(
         lean = replace(found.final, robot=bare_of(final.robot, effect), angles=None)
         fit = in_full(lean)
         state = predicted(fit.robot, held_out, after.noise)
-        enough = state.adequate if after.adequate else told_apart(after, state) < current_policy().separated
+        enough = state.adequate if after.adequate else not clearly_better(after, state)
         if enough and not fit.failed:
             say(f"{identifier} is not needed")
             steps = tuple(step for step in found.steps if step.chosen.id != identifier)

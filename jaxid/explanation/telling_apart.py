@@ -47,19 +47,27 @@ def _chance(state: HeldOut) -> NDArray[np.float64]:
     return np.maximum(squares / np.maximum(samples, 1), 1.0)
 
 
-def _worse(best: Trial, trial: Trial) -> float:
-    """By how much `trial` is less likely (twice the logarithm), parameters paid for, in units of what chance makes of it."""
-    chance = _chance(best.fitted)
-    pairs = zip(best.fitted.residuals, trial.fitted.residuals, strict=True)
-    difference = sum(float(np.sum(np.nansum(b**2 - a**2, axis=0) / chance)) for a, b in pairs)
-    return difference + (trial.free - best.free) * float(np.log(max(best.fitted.samples, 1)))
+def _less_likely(best: HeldOut, other: HeldOut) -> float:
+    """By how much `other` is less likely (twice the logarithm), in units of what chance makes of it."""
+    chance = _chance(best)
+    pairs = zip(best.residuals, other.residuals, strict=True)
+    return sum(float(np.sum(np.nansum(b**2 - a**2, axis=0) / chance)) for a, b in pairs)
+
+
+def clearly_better(one: HeldOut, other: HeldOut) -> bool:
+    """Whether `one` is better than `other` by more standard errors than chance makes, and by more than nothing: two models that
+    are the same but for rounding may differ by many standard errors of a difference that nobody could see."""
+    separated = current_policy().separated
+    return told_apart(one, other) >= separated and _less_likely(one, other) >= separated**2
 
 
 def told_apart_from(best: Trial, trial: Trial) -> bool:
     """Whether `trial` is less likely than `best` by more than chance, on the fitted logs."""
-    # Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of about 2 sqrt(it).
-    separated = current_policy().separated
-    return _worse(best, trial) >= (2 * separated) ** 2 or told_apart(best.fitted, trial.fitted) >= separated
+    # Parameters are paid for. Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of
+    # about 2 sqrt(it).
+    price = (trial.free - best.free) * float(np.log(max(best.fitted.samples, 1)))
+    far = _less_likely(best.fitted, trial.fitted) + price >= (2 * current_policy().separated) ** 2
+    return far or clearly_better(best.fitted, trial.fitted)
 
 
 def _same_but_later(one: Trial, other: Trial, base: Trial | None) -> bool:

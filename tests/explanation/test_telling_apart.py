@@ -9,7 +9,7 @@ from jaxid import Axis
 from jaxid.effects import effect_by_id
 from jaxid.explanation.heldout import HeldOut
 from jaxid.explanation.refit import Trial
-from jaxid.explanation.telling_apart import differ, not_told_apart, simplest_first, supersets
+from jaxid.explanation.telling_apart import differ, not_told_apart, simplest_first, supersets, told_apart
 
 
 def trial(name: str, residual: np.ndarray) -> Trial:
@@ -57,6 +57,18 @@ def test_equally_likely_names_are_one_set(residuals):
     first = trial("motor_lag", right)
     again = right + 0.02 * np.random.default_rng(5).standard_normal(right.size)
     assert not_told_apart([first, replace(trial("sensor_lag", again), squares=first.squares)]) == ("sensor_lag",)
+
+
+def test_one_model_by_two_names_is_not_told_apart_by_rounding(residuals):
+    """Differences of 1e-9 of the noise, all one way: many standard errors of next to nothing."""
+    right, _ = residuals
+    again = right * (1.0 + 1e-9)
+    first, second = trial("sensor_lag", right), trial("sensor_delay", again)
+    assert told_apart(first.fitted, second.fitted) > 50.0
+    assert not_told_apart([first, second]) == ("sensor_delay",)
+    # As sure, and by a likelihood ratio that says something.
+    further = trial("sensor_delay", right * (1.0 + 1e-3))
+    assert not_told_apart([first, further]) == ()
 
 
 def test_a_formula_that_does_as_well_comes_before_a_curve_of_more_parameters_which_is_no_rival(residuals):

@@ -280,7 +280,9 @@ def _simplest_first(trials: list[_Trial]) -> list[_Trial]:
     best = trials[0]
     near = [best]
     for trial in trials[1:]:
-        if trial.total - best.total < _NEAR and vuong(best.compared, trial.compared) < _APART:
+        behind = trial.total - best.total
+        # Of what is the same but for rounding a next to nothing may be many of its own standard errors.
+        if behind < _NEAR and (vuong(best.compared, trial.compared) < _APART or behind < _APART**2):
             near.append(trial)
     near.sort(key=lambda trial: (len(trial.joint.delta), trial.total))
     kept: list[_Trial] = []
