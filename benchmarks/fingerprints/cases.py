@@ -411,6 +411,14 @@ CASES: Mapping[str, Case] = {
     "lateral_com_offset": Case(
         DRIVE, {"yc": 0.05}, acceleration("v"), "acceleration [m/s²]", channel="w", quantity=_MOMENT
     ),
+    "forward_com_offset": Case(
+        DRIVE,
+        {"xc": 0.08},
+        lambda run: speed("v")(run) * speed("w")(run),
+        "speed times yaw rate [m/s²]",
+        channel="w",
+        quantity=_MOMENT,
+    ),
     "coriolis_coupling": Case(
         OMNI,
         {"coriolis": 1.0},

@@ -21,7 +21,7 @@ from .actuator import (
     steering_error,
     steering_lag,
 )
-from .body import coriolis, drag, lateral_com, payload, slope
+from .body import coriolis, drag, forward_com, lateral_com, payload, slope
 from .drivetrain import (
     asymmetric_friction,
     asymmetric_viscous_friction,
@@ -67,6 +67,7 @@ MECHANISMS: tuple[tuple[Effect, ...], ...] = (
     surface_change.LAWS,
     slope.LAWS,
     lateral_com.LAWS,
+    forward_com.LAWS,
     coriolis.LAWS,
     backlash.LAWS,
     payload.LAWS,

@@ -47,6 +47,7 @@ class DifferentialDrive(Robot):
     mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
             "lateral_com_offset": ("yc",),
+            "forward_com_offset": ("xc",),
             "wheel_radius_mismatch": ("radius_mismatch",),
             "payload_change": ("M", "J", "xc", "yc"),
         }

@@ -2,6 +2,7 @@
 
 from .coriolis import CoriolisCoupling
 from .drag import QuadraticDrag, drag_unit
+from .forward_com import ForwardCentreOfMass
 from .lateral_com import LateralCentreOfMass
 from .payload import FromAMoment
 from .slope import GRAVITY, GroundSlope
@@ -9,6 +10,7 @@ from .slope import GRAVITY, GroundSlope
 __all__ = [
     "GRAVITY",
     "CoriolisCoupling",
+    "ForwardCentreOfMass",
     "FromAMoment",
     "GroundSlope",
     "LateralCentreOfMass",

@@ -1,0 +1,19 @@
+"""A centre of mass ahead of the driven axle, or behind it."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ...robots.effect import Effect
+from ..own_parameter import OwnParameter
+
+
+@dataclass(frozen=True)
+class ForwardCentreOfMass(OwnParameter):
+    """Frees the robot's own centre of mass along its forward axis: xc of the differential drive."""
+
+    id: ClassVar[str] = "forward_com_offset"
+    where: ClassVar[str] = "body"
+    formula: ClassVar[str] = "M (dv/dt - xc w^2) = ..., (J + M xc^2) dw/dt + M xc v w = ..."
+
+
+LAWS: tuple[Effect, ...] = (ForwardCentreOfMass(),)
