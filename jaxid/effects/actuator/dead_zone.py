@@ -16,6 +16,8 @@ from .drives import drive_names, each_drive, input_unit, on_drives
 
 _SHARES = (0.01, 0.03, 0.08, 0.2, 0.4)
 """Dead zones that are tried, in shares of the largest input."""
+_TINY, _NOTHING = 1e-6, 1e-30
+"""Threshold, in shares of a command, below which there is none, and what keeps a ratio of zeros a number."""
 _SHARP = 0.01
 """Width of the step at a threshold, in shares of it."""
 
@@ -69,6 +71,19 @@ class Threshold(DeadZone):
         wide = self.edge * threshold + 1e-9 * robot.scales.input
         passed = jnp.clip((jnp.abs(inputs) - threshold) / wide + 0.5, 0.0, 1.0)
         return on_drives(robot, inputs, inputs * passed)
+
+
+@dataclass(frozen=True)
+class GradualDeadZone(DeadZone):
+    """What is lost grows with the command up to the threshold: small ones move a little, and nothing begins at an edge."""
+
+    law: ClassVar[str] = "gradual"
+    formula: ClassVar[str] = "u' = u - threshold (1 - exp(-|u| / threshold)) sgn u"
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        threshold, size = p[self.key("threshold")], jnp.abs(inputs)
+        lost = threshold * -jnp.expm1(-size / jnp.maximum(threshold, _TINY * size + _NOTHING))
+        return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
 
 
 @dataclass(frozen=True)
@@ -140,4 +155,11 @@ class DeadZoneCurve(Curve):
         return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
 
 
-LAWS: tuple[Effect, ...] = (DeadZone(), Threshold(), UnequalDeadZone(), DeadZoneOfEach(), DeadZoneCurve())
+LAWS: tuple[Effect, ...] = (
+    DeadZone(),
+    Threshold(),
+    GradualDeadZone(),
+    UnequalDeadZone(),
+    DeadZoneOfEach(),
+    DeadZoneCurve(),
+)
