@@ -17,6 +17,7 @@ from ..robots.robot import Robot
 from ..simulation.excitation import Drive, single_modes, tuned_shapes
 from ..simulation.reckoning import measured_velocities
 from ..simulation.simulate import integrator_for, simulate
+from .policy import current_policy
 
 _LEVELS = (0.15, 0.4, 1.0)
 """Of the largest input seen in the logs."""
@@ -82,7 +83,8 @@ def propose(
 ) -> NextExperiment | None:
     """The experiment of the family in which the two fitted models differ most, within the speeds seen so far.
 
-    `so_far` is their RMS difference on the held-out logs in units of the noise. None if no drivable input tells more.
+    `so_far` is their RMS difference on the held-out logs in units of the noise. None if no drivable input tells more, or
+    none that lasts as long as the logs tells anything.
     """
     channels = logs.channels
     judged = dict.fromkeys(c for log in logs for c in counted_channels(log) if c in noise)
@@ -100,7 +102,9 @@ def propose(
     first, second = (simulate(robot, runs, integrator=steps) for _, robot in (one, other))
     differences = _differences(first, second, columns, scale, _fastest(one[1], logs))
     best = int(np.argmax(differences))
-    if differences[best] <= so_far:
+    # A difference in which the likelihoods of the two would stay within chance tells nothing, however much more it is.
+    enough = differences[best] ** 2 * len(time) * len(columns) >= (2.0 * current_policy().separated) ** 2
+    if differences[best] <= so_far or not enough:
         return None
     drive = family[best]
     return NextExperiment(
