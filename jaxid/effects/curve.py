@@ -93,6 +93,13 @@ class Curve(Effect):
         """The same with one more height between every two."""
         return replace(self, between=2 * self.between + 1)
 
+    def may_hold(self, robot: Robot) -> list[str]:
+        if len(self.varying) < 2:
+            return []
+        place, table = self.varying[0 if self.begins_later else -1], robot.parameters
+        whole = (name for name in self.each(robot) if all(table[self.height(k, name)].free for k in self.varying))
+        return [self.height(place, name) for name in whole]
+
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         table, reach = robot.parameters, self.key("reach")
         heights = {name: table[name].typical or 1.0 for name in self.parameters(robot) if table[name].free}

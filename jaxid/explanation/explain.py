@@ -25,7 +25,7 @@ from .between_logs import changed_between
 from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation
-from .held_heights import with_heights_held
+from .held_parameters import with_parameters_held
 from .heldout import HeldOut
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
@@ -268,7 +268,7 @@ def explain(
         after = left_by(final)
         found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
         if found.final and not all(effect.identified for effect in _named(found, fit, final)):
-            held = with_heights_held(found.final, logs, held_out, noise, report)
+            held = with_parameters_held(found.final, logs, held_out, noise, report)
             if held is not found.final:
                 found, final = replace(found, final=held), finished(held)
                 after = left_by(final)

@@ -5,7 +5,7 @@ and leaves the others as they are: command -> supply -> torque -> dry and viscou
 parameters are zero when it is absent, and then the model is the robot's own.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -94,6 +94,10 @@ class Effect:
     def elsewhere(self, robot: "Robot") -> Mapping[str, float]:
         """Other values of its parameters from which a search that has ended at those of `robot` may end better; often none."""
         return {}
+
+    def may_hold(self, robot: "Robot") -> Sequence[str]:
+        """Parameters of its own, each of which may be held at zero where the others can do all that it does; mostly none."""
+        return ()
 
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""

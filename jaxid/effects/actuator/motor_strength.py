@@ -28,6 +28,13 @@ class _OfEach(Effect):
             found |= signed(self, f"{self.stem}_{name}", "", 0.05)
         return found
 
+    def may_hold(self, robot: Robot) -> list[str]:
+        """The share in the middle of all: what every motor has may be a constant's of the robot."""
+        names = [self.key(f"{self.stem}_{name}") for name in drive_names(robot)]
+        values = {name: robot.parameters[name].value for name in names if robot.parameters[name].free}
+        middle = sorted(values, key=lambda name: values[name])[(len(values) - 1) // 2 :][:1]
+        return middle if len(values) == len(names) else []
+
     def _shares(self, p: Numbers, robot: Robot) -> list[Scalar]:
         return [p[self.key(f"{self.stem}_{name}")] for name in drive_names(robot)]
 
