@@ -1,8 +1,8 @@
 """A parameter of an effect held at zero where the others can all change together with it without being seen.
 
 What is lost of a force in proportion to it is a smaller gain of all that the force moves: a mass, its friction and its drag;
-and so is what several motors have alike. Where a first look from far off has not seen that an effect holds such a scale, nothing
-of the model is identified though it predicts well. With one number held there is one answer, of the same motion.
+and so is what several motors have alike. Where a first look from far off has not seen that an effect holds such a scale,
+nothing of the model is identified though it predicts well. With one number held there is one answer, of the same motion.
 """
 
 from collections.abc import Mapping
