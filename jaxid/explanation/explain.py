@@ -179,6 +179,12 @@ def without_windows(
     return replace(free, notes=(*free.notes, _FREELY))
 
 
+def _settled(final: Fit) -> bool:
+    """Whether the fit tells what its effects might hold."""
+    may = (name for effect in final.robot.effects for name in effect.may_hold(final.robot))
+    return not any(final[name].status == "not_identifiable" for name in may)
+
+
 @renamed(check="held_out")
 @with_origin
 @bounded_memory()
@@ -267,7 +273,8 @@ def explain(
         final = finished(found.final)
         after = left_by(final)
         found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
-        if found.final and not all(effect.identified for effect in _named(found, fit, final)):
+        sure = all(effect.identified for effect in _named(found, fit, final))
+        if found.final and not (sure and _settled(final)):
             held = with_parameters_held(found.final, logs, held_out, noise, report)
             if held is not found.final:
                 found, final = replace(found, final=held), finished(held)
