@@ -18,7 +18,7 @@ from ..estimate.result import Fit, checked_fit
 from ..logs import LogError, LogSet, noise_scale
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
-from ..robots.effect import Effect
+from ..robots.effect import Effect, in_words
 from ..robots.given import given_logs
 from ..robots.robot import Robot
 from .between_logs import changed_between
@@ -27,6 +27,7 @@ from .even_stamps import on_even_stamps
 from .explanation import Explanation
 from .held_parameters import with_parameters_held
 from .heldout import HeldOut
+from .hinging import hinging
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
 from .lost_inputs import with_inputs_put_back
@@ -288,6 +289,7 @@ def explain(
     doubted = doubtful_logs(*recorded) if not (after.adequate or verdict == "adequate" or all_noise(found)) else ""
     still = still_doubted(final) if verdict in ("named", "ambiguous") and named else ""
     constants: dict[str, list[Shares]] = {}
+    hinges = ""
     if verdict in ("named", "ambiguous"):
         report("looking whether constants of the table explain as much")
         steps = {step.chosen.id: step for step in found.steps}
@@ -295,7 +297,12 @@ def explain(
             step = steps[effect.id]
             # Where another name was found better later on, the step's own models are not this effect's.
             if effect.id != TableConstants.id and step.after.id == effect.id:
-                constants[effect.id] = constants_like(step.before, step.after, logs, held_out)
+                wrong = constants_like(step.before, step.after, logs, held_out)
+                constants[effect.id] = [one.shares for one in wrong]
+                if step is found.steps[-1]:
+                    others = {in_words(t.id): t.robot for t in step.trials if t.id in effect.equivalent_to}
+                    others |= {f"a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
+                    hinges = hinging(final, step.after, others)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(_or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = verdict_of(found, named, most, doubts)
@@ -332,7 +339,7 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (*tables, still, evened, put_back, placeless, noted, doubted, untried) if note),
+        notes=tuple(note for note in (*tables, hinges, still, evened, put_back, placeless, noted, doubted, untried) if note),
         colour=found.colour,
         between_logs=changed,
     )

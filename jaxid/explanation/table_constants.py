@@ -8,7 +8,7 @@ does, it is asked whether constants change the simulation like it (`constants_li
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,14 +147,21 @@ def _secants(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: 
     return outputs[0], outputs[1:] - outputs[0], others - outputs[0]
 
 
-def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Shares]:
+class Wrong(NamedTuple):
+    """Constants of the table by the shares of their values that they would be wrong by, and the robot with them right."""
+
+    shares: Shares
+    robot: Robot
+
+
+def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Wrong]:
     """The constants of the table that explain what the last effect of `after` explains of `before`: each set of as few as do,
     fitted in its place, with the shares of their values by which they then change; those that do worse by more than chance,
     or by changes that no table is wrong by, are left out. An effect that is nothing but a constant of the table is that one."""
     meant = _meant(after.effect, before.robot) if after.effect is not None else ()
     if meant:
         shares = changed_by(meant, before.robot, after.robot.parameters)
-        return [shares] if max(map(abs, shares.values())) < _FARTHEST else []
+        return [Wrong(shares, after.robot)] if max(map(abs, shares.values())) < _FARTHEST else []
     freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
     constants = [name for name in _constants(before.robot) if name not in freed]
     if not constants or before.angles or after.angles:
@@ -163,11 +170,11 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
         return []
     _, secants, changes = _secants(before, [after.robot], constants, logs)
     own = secants[: -len(constants)]
-    found: list[Shares] = []
+    found: list[Wrong] = []
     sets, twins = _likely(own, dict(zip(constants, secants[-len(constants) :], strict=True)), changes[0])
     failed: set[str] = set()
     for chosen in sets:
-        if found and len(chosen) > len(found[0]):
+        if found and len(chosen) > len(found[0].shares):
             break  # fewer do
         if len(chosen) == 1 and chosen[0] in failed:
             continue
@@ -176,7 +183,7 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
         if told_apart_from(after, trial):
             failed |= set(twins[chosen[0]]) if len(chosen) == 1 else set()
         elif max(map(abs, shares.values())) < _FARTHEST:
-            found.append(shares)
+            found.append(Wrong(shares, trial.robot))
     return found
 
 
