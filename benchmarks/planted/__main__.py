@@ -15,7 +15,7 @@ from jaxid.explanation.explanation import Explanation
 
 from .page import RESULTS, rows_of, write
 from .plants import Planted
-from .sets import SETS, Recorded
+from .sets import COUNTS, SETS, Recorded
 
 
 def _explained(case: Recorded, planted: Planted | None) -> Explanation:
@@ -72,7 +72,7 @@ def main() -> None:
                 f"{name}, {row['planted'] or 'nothing planted'}: {row['before']:.1f} to {row['after']:.1f}, {told}",
                 flush=True,
             )
-    write(rows_of())
+    write(rows_of(), COUNTS)
 
 
 if __name__ == "__main__":

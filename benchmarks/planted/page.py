@@ -1,6 +1,7 @@
 """What came of the planted effects: a verdict for each, and the page."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,15 +57,23 @@ def _said(row: Row) -> str:
     return ", ".join(" or ".join([e["id"], *e["equivalent"]]) for e in row["effects"]) or "-"
 
 
-def write(rows: list[Row]) -> None:
-    """The page."""
+def write(rows: list[Row], cases: Mapping[str, int]) -> None:
+    """The page, of so many `cases` a set, with nothing planted and with every effect."""
     plain = {row["set"]: row for row in rows if not row["planted"]}
     planted = [row for row in rows if row["planted"] and row["set"] in plain]
     verdicts = [judged(row, plain[row["set"]]) for row in planted]
     sizes = [one for row in planted for one in covered(row, plain[row["set"]])]
     right = sum(verdict.startswith("right") and " as well" not in verdict for verdict in verdicts)
     wrong = sum(verdict.startswith("wrong") for verdict in verdicts)
+    run = [
+        f"{name} ({sum(row['set'] == name for row in rows)} of {count})"
+        for name, count in cases.items()
+        if name in plain
+    ]
+    left = [name for name in cases if name not in plain]
     lines = [
+        f"Cases run: {', '.join(run)}{'; not run yet: ' + ', '.join(left) if left else ''}.",
+        "",
         f"{right} of {len(verdicts)} answers are right: what was planted is named, alone or in a declared set, and nothing "
         f"else is new; or nothing is new where nothing can be said. {sum(v == 'missed' for v in verdicts)} were missed, "
         f"{wrong} got only another name. The planted size lies in the 95 % interval of {sum(sizes)} of {len(sizes)} estimates.",

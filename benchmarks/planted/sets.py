@@ -177,3 +177,6 @@ SETS: dict[str, Callable[[Path], Recorded]] = {
     "husky_wheels_up": _husky("husky_wheels_up"),
     "robojackets": _robojackets,
 }
+COUNTS = {"tra_A": 10, "rot_A": 10, "rot_B": 10, "tra_C_fan": 10, "emps": 9, "dart": 10, "husky_wetgrass": 4}
+COUNTS |= {"husky_wheels_up": 4, "robojackets": 9}
+"""Cases of every set, the one with nothing planted included; a recording need not be at hand to count them."""
