@@ -84,8 +84,8 @@ ROBOTS = (
     Fault(
         "a delay off by one sample",
         "jaxid/effects/earlier.py",
-        'side="left") - 1, 0,',
-        'side="left"), 0,',
+        "stamps_before(time, then) - 1, 0,",
+        "stamps_before(time, then), 0,",
         "tests/effects/test_irregular_stamps.py",
     ),
 )
