@@ -70,9 +70,16 @@ def told_apart_from(best: Trial, trial: Trial) -> bool:
     return far or clearly_better(best.fitted, trial.fitted)
 
 
+def _delays(trial: Trial) -> bool:
+    """Whether the trial's effect is a delay by any of its mechanism's laws."""
+    return any(vars(base).get("only_later", False) for base in type(trial.effect).__mro__)
+
+
 def _same_but_later(one: Trial, other: Trial, base: Trial | None) -> bool:
     """Whether both are one model by two names, the same motion later; but for what was commanded before a log began. `base` is
     the model that is not late."""
+    if one.angles and other.angles and _delays(one) and _delays(other):
+        return True  # prescribed angles are as late as the sensors show them, which suits one of the two names alone
     if not all(trial.effect is not None and trial.effect.only_later for trial in (one, other)):
         return False
     late = differ(one.fitted, base.fitted, _UNKNOWN_PAST) if base is not None else 0.0

@@ -52,6 +52,20 @@ def test_delays_that_differ_by_little_of_what_a_delay_makes_are_one(residuals):
     assert not_told_apart(trials, trial("motor_lag", right + 20 * missing)) == ()
 
 
+def test_prescribed_angles_tell_no_delays_apart(residuals):
+    """Angles from a late sensor are late, too: the model of a late sensor is held back by them, that of a late input not."""
+    right, other = residuals
+    far = right + 30 * (other - right)
+    first, second = trial("input_delay", right), trial("sensor_delay", far)
+    assert not_told_apart([first, second]) == ()
+    prescribed = {"angles": (np.zeros((20000, 1)),)}
+    assert not_told_apart([replace(own, **prescribed) for own in (first, second)]) == ("sensor_delay",)
+    by_jitter = replace(second, robot=Axis() + effect_by_id(Axis(), "sensor_delay", "jittering"), **prescribed)
+    assert not_told_apart([replace(first, **prescribed), by_jitter]) == ("sensor_delay",)
+    lag = replace(trial("motor_lag", far), **prescribed)
+    assert not_told_apart([replace(first, **prescribed), lag]) == ()
+
+
 def test_equally_likely_names_are_one_set(residuals):
     right, _ = residuals
     first = trial("motor_lag", right)
