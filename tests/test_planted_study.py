@@ -1,10 +1,14 @@
 """The study of effects planted in recordings: that what is planted is exact, and how an answer is judged; no explanation."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from benchmarks.planted import page, plants
+from benchmarks.planted import page, plants, sets
 from jaxid import AXIS, Log
+
+DATA = Path(__file__).parents[1] / "../shared/data"
 
 
 @pytest.fixture
@@ -88,3 +92,12 @@ def test_a_size_counts_where_the_mechanism_is_new():
     assert page.covered(row, _row("", ())) == [True]
     assert page.covered({**row, "sizes": [["sensor_delay", "delay", 0.03]]}, _row("", ())) == [False]
     assert page.covered(row, _row("", (), (("sensor_delay", ()),))) == []
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the measured logs are not beside this checkout")
+@pytest.mark.parametrize("name", sets.SETS)
+def test_the_cases_of_a_set_are_those_that_the_page_counts_and_can_be_planted(name):
+    case = sets.SETS[name](DATA)
+    assert 1 + len(case.planted) == sets.COUNTS[name]
+    for planted in case.planted:
+        assert len(planted.plant(case.fit[0])) > 0.9 * len(case.fit[0])

@@ -16,7 +16,7 @@ from .samples import finding
 
 Array = NDArray[np.float64]
 
-_MOST_BY_ITSELF = 0.5
+_SHARE_OF_NEWS = 0.5
 """Share of an output's news that the input of its own row explains, from which on it is no chance and no noise of a speed
 that was smoothed over a few samples."""
 _LITTLE_NEWS = 1e-3
@@ -53,7 +53,7 @@ def check_early(log: Log) -> Iterator[Finding]:
         if cause @ cause < _LITTLE_NEWS * np.sum((push - push.mean()) ** 2) or together <= 0 or not own @ own > 0:
             continue
         share = together**2 / float((cause @ cause) * (own @ own))
-        if share > _MOST_BY_ITSELF:
+        if share > _SHARE_OF_NEWS:
             text = (
                 f"changes with the input of its own row, which is applied only from then on ({share:.0%} of what is new); "
                 "if rows hold a command and what came of it, move what was measured one row down; an input that was measured, "

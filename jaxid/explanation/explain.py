@@ -302,7 +302,9 @@ def explain(
                 wrong = constants_like(step.before, step.after, logs, held_out)
                 constants[effect.id] = [one.shares for one in wrong]
                 if step is found.steps[-1]:
-                    others = {in_words(t.id): t.robot for t in step.trials if t.id in effect.equivalent_to}
+                    # Prescribed angles suit one of two names alone: what the other's model makes of them says nothing.
+                    alike = (t for t in step.trials if t.id in effect.equivalent_to and not t.angles)
+                    others = {in_words(t.id): t.robot for t in alike}
                     others |= {f"a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
                     hinges = hinging(final, step.after, others)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
