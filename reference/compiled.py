@@ -3,6 +3,10 @@ simulator compiles nothing.
 
 numba compiles a function together with those it calls, also from other files, but looks at its own file alone to see whether
 what it kept is stale; so what is older than any file here is forgotten.
+
+Only functions of one given signature are kept. numba numbers what it keeps of one function by signature, and two processes
+that begin at once take the same number for two signatures: one of them then finds the other's code, and runs or crashes with
+it. So functions that are called with more than one kind of arguments are plain `@njit`, compiled again with their callers.
 """
 
 from collections.abc import Callable
@@ -42,7 +46,7 @@ class Compiled:
     @cached_property
     def callee(self) -> Any:
         """The function as it is called inside another compiled function, compiled together with that one."""
-        return njit(cache=True)(self._function)
+        return njit(self._function)
 
     def __call__(self, *arguments: Any) -> Any:
         return self.ready(*(a.ready if isinstance(a, Compiled) else a for a in arguments))

@@ -64,7 +64,7 @@ def periodic(seed: float) -> np.ndarray:
     return np.concatenate((values, around.derivative()(PLACES)))
 
 
-@njit(cache=True)
+@njit
 def at(z, e, place):
     """The curve stored in e from `place` on, at z >= 0; beyond 1 straight on with its last slope."""
     last = KNOTS - 1

@@ -142,14 +142,14 @@ def measured(speeds: np.ndarray, full: Mapping[str, Mapping[str, float]]) -> np.
     return out
 
 
-@njit(cache=True)
+@njit
 def friction_level(coulomb, amplitude, s, sign, surface, e):
     """Coulomb level [the unit of `coulomb`] for sliding in direction `sign` at speed s."""
     rise = amplitude * np.exp(-((s / e[E.stribeck_speed]) ** 2)) if amplitude != 0.0 else 0.0
     return max(0.0, (coulomb * (1 + sign * e[E.asymmetry]) + rise) * (1 + surface * e[E.surface_coulomb]))
 
 
-@njit(cache=True)
+@njit
 def viscous(coefficient, rate, s, surface, e):
     """Viscous friction at the rate of the axis [rad/s or m/s], whose speed is s [m/s]."""
     force = coefficient * rate * (1 + surface * e[E.surface_viscous])
@@ -162,13 +162,13 @@ def viscous(coefficient, rate, s, surface, e):
     return force
 
 
-@njit(cache=True)
+@njit
 def beyond(x, y, e):
     """1 on the other surface, 0 on the first."""
     return 1.0 if x * e[E.surface_x] + y * e[E.surface_y] > e[E.surface_offset] else 0.0
 
 
-@njit(cache=True)
+@njit
 def attached(v, x, xdot, place, e):
     """Forward force on the body from a sprung mass and from Dahl's hysteresis, whose states are x[place:place + 3]."""
     stretch, speed, bend = x[place], x[place + 1], x[place + 2]
@@ -179,7 +179,7 @@ def attached(v, x, xdot, place, e):
     return e[E.sprung_mass] * acceleration - e[E.dahl_force] * bend
 
 
-@njit(cache=True)
+@njit
 def supply(command, emf, resistance, n, e, voltage):
     """Voltages of n motors on a sagging supply: ideal choppers of duty command / nominal, inner resistance e[E.sag]."""
     for i in range(n):

@@ -16,7 +16,7 @@ CREEPING = 0.05  # m/s: below this speed, slip is by speed and not by ratio
 RAMP_WIDTH = 0.004  # s: how soon a slewing driver is at its full rate
 
 
-@njit(cache=True)
+@njit
 def rise(s, level, k, lever, e):
     """Dry friction above the Coulomb level of axis k near standstill, in the unit of `level`.
 
@@ -33,7 +33,7 @@ def rise(s, level, k, lever, e):
     return size * np.exp(-(z**kind))
 
 
-@njit(cache=True)
+@njit
 def load_loss(drive, s, e):
     """Dry friction by the torque that an axis transmits, in its unit."""
     if e[K.load] == 0.0:
@@ -44,7 +44,7 @@ def load_loss(drive, s, e):
     return size if drive * s >= 0.0 else e[K.load_driven] * size
 
 
-@njit(cache=True)
+@njit
 def dry(coulomb, s, drive, k, lever, e, level):
     """Turn the levels (forwards, backwards) of axis k, which are the plain ones, into the law's."""
     more = rise(s, coulomb, k, lever, e) + load_loss(drive, s, e)
@@ -55,7 +55,7 @@ def dry(coulomb, s, drive, k, lever, e, level):
     level[1, k] = max(0.0, level[1, k] * (1.0 - e[K.coulomb_asymmetry + k]) + more)
 
 
-@njit(cache=True)
+@njit
 def bristles(coulomb, s, k, x, xdot, place, e, level):
     """Force of bristles on axis k (Canudas et al. 1995) in place of dry friction, whose levels it takes away.
 
@@ -70,7 +70,7 @@ def bristles(coulomb, s, k, x, xdot, place, e, level):
     return coulomb * (x[place + k] + BRISTLE_DAMPING * xdot[place + k])
 
 
-@njit(cache=True)
+@njit
 def payload(t, e):
     """Mass [kg] that is there at time t beyond the robot's own."""
     if e[K.payload_kind] == 2.0:
@@ -80,7 +80,7 @@ def payload(t, e):
     return e[K.payload]
 
 
-@njit(cache=True)
+@njit
 def viscous_more(coefficient, rate, s, k, e):
     """Viscous friction of axis k at `rate` beyond coefficient * rate, in the same unit."""
     plain = coefficient * rate
@@ -97,7 +97,7 @@ def viscous_more(coefficient, rate, s, k, e):
     return more
 
 
-@njit(cache=True)
+@njit
 def drag_along(v, k, e):
     """Force against speed v [m/s or rad/s] of the body's axis k."""
     force = -e[K.drag + k] * v * abs(v)
@@ -108,7 +108,7 @@ def drag_along(v, k, e):
     return force
 
 
-@njit(cache=True)
+@njit
 def turning_moment(speed, w, e):
     """Moment against the yaw rate w [rad/s] of a body that drives at `speed` [m/s]; smooth, so that it creeps at rest."""
     moment = 0.0
@@ -120,7 +120,7 @@ def turning_moment(speed, w, e):
     return moment
 
 
-@njit(cache=True)
+@njit
 def track_factor(w, e):
     """Effective over drawn track width at yaw rate w."""
     if e[K.track_kind] == 1.0:
@@ -130,7 +130,7 @@ def track_factor(w, e):
     return 1.0 + e[K.track]
 
 
-@njit(cache=True)
+@njit
 def ground(x, y, e):
     """The vector with the floor's laws at (x, y) put into the effects of a slope and of another surface."""
     if e[K.floor_kind] == 0.0 and e[K.slope_kind] == 0.0:
@@ -166,7 +166,7 @@ def ground(x, y, e):
     return here
 
 
-@njit(cache=True)
+@njit
 def lagged_command(u, w, n, x, xdot, place, e):
     """Command of motor w of n after its lag; its states are x[place + w] and x[place + n + w]."""
     if e[K.lag + w] > 0.0:
@@ -183,7 +183,7 @@ def lagged_command(u, w, n, x, xdot, place, e):
     return u
 
 
-@njit(cache=True)
+@njit
 def drop_of(total, x, place, e):
     """Voltage that the supply loses at a total current [A]; x[place] is the slow part's [V], x[place + 1] the charge [A s]."""
     drop = e[K.sag] * total + x[place] + e[K.charge] * x[place + 1]
@@ -192,7 +192,7 @@ def drop_of(total, x, place, e):
     return drop
 
 
-@njit(cache=True)
+@njit
 def total_current(command, emf, resistance, factor, n):
     """Sum of |i| [A] of n motors whose commands are scaled by the supply's `factor`."""
     total = 0.0
@@ -201,7 +201,7 @@ def total_current(command, emf, resistance, factor, n):
     return total
 
 
-@njit(cache=True)
+@njit
 def supplied(command, emf, resistance, n, x, xdot, place, e):
     """Factor by which a supply under load falls short of its nominal voltage: by fixed-point steps, halved if they grow."""
     if e[K.nominal] == 0.0:
@@ -223,7 +223,7 @@ def supplied(command, emf, resistance, n, x, xdot, place, e):
     return factor
 
 
-@njit(cache=True)
+@njit
 def motor_drives(u, rate, back, ohm, gain, radius, n, x, xdot, place, e, drive):
     """Drive torques of n motors: gain * current, the current of u, of `back` * rate [V] and of `ohm`.
 
@@ -262,7 +262,7 @@ def motor_drives(u, rate, back, ohm, gain, radius, n, x, xdot, place, e, drive):
         drive[w] = gain * strength[w] * current
 
 
-@njit(cache=True)
+@njit
 def gripped(force, w, e):
     """What a wheel w passes to the floor of a force [N]."""
     inverse = e[K.grip + w]
@@ -276,7 +276,7 @@ def gripped(force, w, e):
     return min(max(force, -1.0 / inverse), 1.0 / inverse)
 
 
-@njit(cache=True)
+@njit
 def rippled(drive, angle, e):
     """Drive torque with the ripple of a wheel's angle [rad]."""
     turns = e[K.ripple_periods] * angle
@@ -290,7 +290,7 @@ def rippled(drive, angle, e):
     return drive
 
 
-@njit(cache=True)
+@njit
 def filtered(x, xdot, first, n_v, place, e):
     """Sensor filters of the n_v speeds from x[first] on: states x[place : place + 2 n_v]."""
     for k in range(n_v):

@@ -20,12 +20,12 @@ E = IntEnum("E", "drag power stribeck stribeck_speed slope ripple period", start
 NOTHING = np.array([0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 
-@njit(cache=True)
+@njit
 def drag(s, e):
     return e[E.drag] * s * abs(s) ** (e[E.power] - 1.0) if s != 0.0 else 0.0
 
 
-@njit(cache=True)
+@njit
 def dry_level(coulomb, s, position, e):
     rise = e[E.stribeck] * np.exp(-((s / e[E.stribeck_speed]) ** 2)) if e[E.stribeck] != 0.0 else 0.0
     return coulomb * (1.0 + e[E.ripple] * np.sin(position / e[E.period])) + rise

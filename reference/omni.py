@@ -42,7 +42,7 @@ assert list(PARAMETERS) == [p.name for p in P]
 N_STATES = 28
 
 
-@njit(cache=True)
+@njit
 def wheel_speeds(V, Vn, W, b, out):
     """Rim speeds of the four wheels [m/s]."""
     out[0], out[1], out[2], out[3] = Vn + b * W, -V + b * W, -Vn + b * W, V + b * W

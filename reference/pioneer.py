@@ -74,7 +74,7 @@ STATES = (
 )
 
 
-@njit(cache=True)
+@njit
 def mass_and_bias(beta, eta1, eta2, p, xm, J, g):
     """J (2 x 2) and g (2) of J eta' + g = Q, both from m P^T a summed over the bodies."""
     sin, cos = np.sin(beta), np.cos(beta)

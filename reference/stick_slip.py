@@ -42,7 +42,7 @@ _A = np.array(
 _E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-@njit(cache=True)
+@njit
 def _solve(matrix, rhs, n, solution, null):
     """Gaussian elimination with full pivoting: a particular solution, one null vector if any, and the rank."""
     a = matrix[:n, :n].copy()
@@ -88,7 +88,7 @@ def _solve(matrix, rhs, n, solution, null):
     return rank
 
 
-@njit(cache=True)
+@njit
 def _forces(mode, xdot, G, B, bias, level, first, f, sdot):
     """Friction forces f and rubbing accelerations of a mode.
 
@@ -147,7 +147,7 @@ def _forces(mode, xdot, G, B, bias, level, first, f, sdot):
     return margin, held
 
 
-@njit(cache=True)
+@njit
 def _evaluate(dynamics, t, x, u, p, e, mode, first, xdot, G, B, bias, level, f, s, sdot):
     """x' in a mode, with the rubbing speeds and accelerations; returns the break-away margin."""
     dynamics(t, x, u, p, e, xdot, G, B, bias, level)
@@ -165,7 +165,7 @@ def _evaluate(dynamics, t, x, u, p, e, mode, first, xdot, G, B, bias, level, f, 
     return margin
 
 
-@njit(cache=True)
+@njit
 def _stop(x, mode, first, G, B, s):
     """Remove the rounding that sticking axes have left in the speeds; exactly zero if they hold all speeds."""
     n_axes, n_v = B.shape
@@ -197,7 +197,7 @@ def _stop(x, mode, first, G, B, s):
         x[first + k] += change[k]
 
 
-@njit(cache=True)
+@njit
 def _resolve(dynamics, t, x, u, p, e, mode, first, xdot, G, B, bias, level, f, s, sdot):
     """Choose the consistent mode of all axes at rest; sliding axes keep the sign of their speed."""
     n_axes, n_v = B.shape
@@ -244,7 +244,7 @@ def _resolve(dynamics, t, x, u, p, e, mode, first, xdot, G, B, bias, level, f, s
     mode[:] = best
 
 
-@njit(cache=True)
+@njit
 def _step(dynamics, t, x, h, u, p, e, mode, first, K, end, G, B, bias, level, f, s, sdot):
     """One Runge-Kutta step of length h from x, whose derivative is K[0]; returns the break-away margin at its end."""
     n = x.size
@@ -261,7 +261,7 @@ def _step(dynamics, t, x, h, u, p, e, mode, first, K, end, G, B, bias, level, f,
     return margin
 
 
-@njit(cache=True)
+@njit
 def _event(mode, s, margin):
     """Whether a sliding axis has crossed zero or a sticking one has broken away."""
     if margin < -2.0 * MARGIN:
@@ -272,7 +272,7 @@ def _event(mode, s, margin):
     return False
 
 
-@njit(cache=True)
+@njit
 def _dips(mode, s0, d0, s1, d1, h):
     """Whether the cubic through both ends of a step has a sliding axis touch zero and come back inside it."""
     for i in range(s0.size):
