@@ -124,7 +124,7 @@ def write_handler(
 _lock = threading.Lock()
 _engines: dict[str, llvm.ExecutionEngine] = {}
 _registered: set[str] = set()
-_REVISION = "2"
+_REVISION = "3"
 """To be raised where the same instructions shall be compiled differently."""
 
 
@@ -141,7 +141,7 @@ def _translated(text: str, rewrite: bool) -> bytes:
 
 def _path(name: str) -> Path | None:
     kept = folder()
-    return None if kept is None else kept / f"{name}.o"
+    return None if kept is None else kept / f"{name}.code"
 
 
 def _stored(name: str, text: str, rewrite: bool) -> bytes:
@@ -149,16 +149,30 @@ def _stored(name: str, text: str, rewrite: bool) -> bytes:
     path = _path(name)
     if path is None:
         return _translated(text, rewrite)
-    try:
-        return path.read_bytes()
-    except OSError:
+    code = _read(path)
+    if code is None:
         code = _translated(text, rewrite)
-    # A cache that cannot be written does no harm.
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as temporary:
-            temporary.write_bytes(code)
+        # A cache that cannot be written does no harm.
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(path) as temporary:
+                temporary.write_bytes(_digest(code) + code)
     return code
+
+
+def _digest(code: bytes) -> bytes:
+    return hashlib.sha256(code).digest()
+
+
+def _read(path: Path) -> bytes | None:
+    """Kept object code, behind its digest; None where there is none, or not the whole of it (LLVM crashes on a part)."""
+    try:
+        kept = path.read_bytes()
+    except OSError:
+        return None
+    size = hashlib.sha256().digest_size
+    digest, code = kept[:size], kept[size:]
+    return code if digest == _digest(code) else None
 
 
 @cache
@@ -195,8 +209,9 @@ def loaded_again(name: str) -> bool:
     with _lock:
         path = _path(name)
         if name not in _engines and path is not None:
-            with suppress(OSError):
-                _load(name, path.read_bytes())
+            code = _read(path)
+            if code is not None:
+                _load(name, code)
         return name in _engines
 
 

@@ -10,22 +10,26 @@ from jaxid.simulation.direct import _model
 from jaxid.simulation.machine_rollout import system_of
 
 
+ALIVE = []
+"""Engines: XLA's programs and kept functions go on pointing to code that was loaded again under its name."""
+
+
 @pytest.fixture
 def as_in_a_new_process(monkeypatch, tmp_path):
     """A function that forgets what this process has compiled; what is compiled is kept in a folder of its own."""
     monkeypatch.setattr(remembered, "folder", lambda: tmp_path)
     monkeypatch.setattr(machine, "folder", lambda: tmp_path)
-    alive = dict(machine._engines)  # code to which functions may still point is not given back
+    before = dict(machine._engines)
 
     def forget():
-        alive.update(machine._engines)
+        ALIVE.extend(machine._engines.values())
         machine._engines.clear()
         for known in (call.machine_code, direct._rollout, traced.traced, system_of, _model):
             known.cache_clear()
 
     yield forget
     forget()
-    machine._engines.update(alive)
+    machine._engines.update(before)
 
 
 def _simulated(forget, logs):
@@ -40,7 +44,7 @@ def logs(axis_log):
 
 def test_nothing_is_traced_again(as_in_a_new_process, logs, monkeypatch, tmp_path):
     first = _simulated(as_in_a_new_process, logs)
-    assert list(tmp_path.glob("jaxid_*.json")) and list(tmp_path.glob("jaxid_*.o"))
+    assert list(tmp_path.glob("jaxid_*.json")) and list(tmp_path.glob("jaxid_*.code"))
 
     def refuse(*arguments):
         raise AssertionError("traced again")
@@ -58,6 +62,18 @@ def test_a_spoilt_file_or_one_whose_code_is_gone_is_made_anew(as_in_a_new_proces
     again = _simulated(as_in_a_new_process, logs)
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
     assert all('"numbers"' in path.read_text() and spoil != path.read_text() for path in tmp_path.glob("jaxid_*.json"))
+
+
+@pytest.mark.parametrize("part", [0.0, 0.5, 0.99])
+def test_code_of_which_a_part_is_there_is_compiled_anew(as_in_a_new_process, logs, tmp_path, part):
+    """As after a power failure: LLVM would crash on it."""
+    first = _simulated(as_in_a_new_process, logs)
+    whole = {path: path.read_bytes() for path in tmp_path.glob("jaxid_*.code")}
+    for path, code in whole.items():
+        path.write_bytes(code[: int(part * len(code))])
+    again = _simulated(as_in_a_new_process, logs)
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    assert whole and all(path.read_bytes() == code for path, code in whole.items())
 
 
 def test_a_model_without_identity_is_not_kept(tmp_path, monkeypatch):
@@ -78,9 +94,9 @@ def test_the_oldest_files_make_room(tmp_path, monkeypatch):
 
     monkeypatch.setattr(_kept, "_MOST_FILES", 4)
     for number in range(6):
-        path = tmp_path / f"jaxid_{number}.o"
+        path = tmp_path / f"jaxid_{number}.code"
         path.touch()
         os.utime(path, (number, number))
     (tmp_path / "of_jax").touch()
     _kept.make_room(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["jaxid_3.o", "jaxid_4.o", "jaxid_5.o", "of_jax"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["jaxid_3.code", "jaxid_4.code", "jaxid_5.code", "of_jax"]
