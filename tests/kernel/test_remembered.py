@@ -9,7 +9,6 @@ from jaxid.kernel import call, direct, machine, remembered, traced
 from jaxid.simulation.direct import _model
 from jaxid.simulation.machine_rollout import system_of
 
-
 ALIVE = []
 """Engines: XLA's programs and kept functions go on pointing to code that was loaded again under its name."""
 
