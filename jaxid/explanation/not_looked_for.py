@@ -6,7 +6,7 @@ towards standstill leaves, too.
 
 import re
 
-from ..effects.catalogue import ALL
+from ..effects.catalogue import ALL, laws_of
 from ..effects.drivetrain import CoulombFriction
 from ..robots.declared import Declared
 from ..robots.effect import in_words
@@ -51,7 +51,9 @@ def not_looked_for(robot: Robot) -> str:
         refused = effect.id not in out and lacking and refusal(effect, robot) is not None
         if refused and not set(lacking) & set(_BY_NATURE):
             arguments = [word for trait in lacking for word in _wanted(trait, robot)]
-            found.setdefault(", ".join(dict.fromkeys(arguments)), []).append(in_words(effect.id))
+            other_laws = laws_of(robot, effect.id)
+            name = effect.title if other_laws else in_words(effect.id)
+            found.setdefault(", ".join(dict.fromkeys(arguments)), []).append(name)
     if isinstance(robot, Declared) and not robot.dry and refusal(CoulombFriction(), robot) is not None:
         # Others change it: those of an axis without may then be it, under their names.
         found.setdefault("`axes=` with `coulomb`, or `dry_friction=`", []).append("dry friction")

@@ -11,6 +11,7 @@ from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import positive, shape, shortest
+from .drives import on_drives
 
 
 def nominal_voltage(p: Numbers, robot: Robot) -> Any:
@@ -141,6 +142,29 @@ class Discharge(SagWithRecovery):
 
 
 @dataclass(frozen=True)
+class SagOverTime(Effect):
+    """What a command makes falls evenly with the time since the start of each log: all that a robot without motor constants
+    shows of a battery that runs down, or of a drive that grows weaker."""
+
+    id: ClassVar[str] = "battery_sag"
+    law: ClassVar[str] = "over_time"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u_i' = u_i (1 - slope * t)"
+
+    def refusal(self, robot: Robot) -> str | None:
+        if not (robot.winding and robot.supply_voltage is not None):
+            return None
+        return f"{robot.name!r} has the constants of its motors and its supply, whose voltage falls with what is drawn from it"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "slope", "1/s", 0.1 / robot.scales.duration)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        left = jnp.maximum(1.0 - p[self.key("slope")] * time, 0.0)
+        return on_drives(robot, inputs, inputs * left[:, None])
+
+
+@dataclass(frozen=True)
 class SagCurve(Curve):
     """The supply's drop, a curve of the current drawn from it: by the choppers (`by_duty` one), or the motors' sum (zero)."""
 
@@ -174,4 +198,4 @@ class SagCurve(Curve):
         return lowered(volts, share, robot)
 
 
-LAWS: tuple[Effect, ...] = (BatterySag(), SagBySum(), SagWithRecovery(), Discharge(), SagCurve())
+LAWS: tuple[Effect, ...] = (BatterySag(), SagBySum(), SagWithRecovery(), Discharge(), SagOverTime(), SagCurve())

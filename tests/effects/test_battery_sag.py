@@ -1,0 +1,58 @@
+"""jaxid/effects/actuator/battery_sag.py: a supply that runs down, of robots without the constants of a motor."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Channels, Custom, DifferentialDrive, Omni, Parameter, explain, output_error
+from jaxid.effects import catalogue, effect_by_id, laws_of
+from jaxid.explanation.not_looked_for import not_looked_for
+from tests.explanation.closed_form_axis import driven
+
+SLOPE = 0.025  # 1/s: a fifth in 8 s
+TIME = 0.02 * np.arange(400)
+
+
+def _held(time):
+    """The middle of the ten samples for which a command is held, so that the axis' closed form stays exact."""
+    return time.reshape(-1, 10).mean(axis=1).repeat(10)
+
+
+def test_a_supply_that_runs_down_is_named_with_its_rate():
+    fit, held_out = driven(lambda u: u * (1.0 - SLOPE * _held(TIME)), 5)
+    found = explain(output_error(Axis().change("Fc", free=False).with_values(Fc=0.0), fit), fit, held_out)
+    assert (
+        found.verdict == "named"
+        and [e.id for e in found.effects] == ["battery_sag"]
+        and found.effects[0].law == "over_time"
+    )
+    slope = found.effects[0].parameters["slope"]
+    assert slope.value == pytest.approx(SLOPE, abs=4.0 * slope.std_error) and slope.std_error < 0.1 * SLOPE
+    # What was sagging is not in the mass and the friction any more.
+    assert found.final["M"].value == pytest.approx(1.0, rel=0.01)
+
+
+def test_robots_with_motors_have_the_laws_of_what_is_drawn_and_others_this_one():
+    assert [law.law for law in laws_of(DifferentialDrive(), "battery_sag")] == ["over_time"]
+    assert "over_time" not in [law.law for law in laws_of(Omni(), "battery_sag")]
+
+
+def _car():
+    channels = Channels(("throttle", "steering"), ("v", "r"), units={"throttle": "V", "steering": "rad"})
+    table = {"k": Parameter(1.0, "", free=True), "j": Parameter(1.0, "", free=True)}
+
+    def dynamics(state, u, p):
+        return {"v": p["k"] * u["throttle"] - state["v"], "r": p["j"] * u["steering"] - state["r"]}
+
+    return Custom(dynamics=dynamics, state_names=("v", "r"), own_channels=channels, table=table, title="car")
+
+
+def test_only_drive_inputs_fall():
+    effect = effect_by_id(_car(), "battery_sag")
+    model = (_car() + effect).with_values(**{effect.key("slope"): 0.1})
+    changed = effect.command(np.ones((3, 2)), np.array([0.0, 5.0, 20.0]), 1.0, model.parameters.numbers, model)
+    assert np.allclose(changed, [[1.0, 1.0], [0.5, 1.0], [0.0, 1.0]])
+
+
+def test_what_a_robot_without_motors_cannot_be_tried_for_is_said_with_its_law():
+    assert "battery sag (duty times current) (`motor_currents=`" in not_looked_for(_car())
+    assert "battery_sag" in [effect.id for effect in catalogue(Axis())]
