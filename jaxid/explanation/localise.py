@@ -17,7 +17,7 @@ from .condition_shares import ConditionShare, condition_shares, power
 from .conditions import Mask, conditions_of, motions
 from .heldout import HeldOut
 from .missing_force import ForceHistory, NoVelocities, forced, missing_force
-from .patterns import Pattern, patterns
+from .patterns import Pattern, answering, patterns
 
 _MOSTLY = 0.6
 _MOST = 0.8
@@ -124,11 +124,13 @@ def _when(conditions: Sequence[ConditionShare], best: Sequence[Pattern], concent
     """The part of the sentence that says how the missing force acts."""
     if not conditions:
         return "no missing force rises above its own uncertainty, so the gap cannot be placed"
-    follows = next((p for p in best if p.stands_out), None)
+    follows = answering(best)
     out = next((c for c in conditions if c.stands_out), None)
-    # A condition is easier to grasp than two patterns together.
-    if follows and not (follows.pair and out):
-        return f"{_percent(follows.share)} of the missing force {follows.phrase}"
+    alone = next((p for p in best if p.stands_out and not p.pair), None)
+    # A condition is easier to grasp than two patterns together, neither of which stands out alone.
+    if follows and not (follows.pair and out and not alone):
+        one = f" ({_percent(alone.share)} the {alone.name} alone)" if follows.pair and alone else ""
+        return f"{_percent(follows.share)} of the missing force {follows.phrase}{one}"
     if out:
         return f"{_percent(out.share)} of the missing force acts {out.phrase} ({_percent(out.time_share)} of the time)"
     if concentrated < _BURSTS:

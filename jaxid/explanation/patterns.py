@@ -49,6 +49,13 @@ class Pattern:
         return self.share >= LEAST_SHARE and self.p_value < FALSE_ALARM
 
 
+def answering(found: Sequence[Pattern]) -> Pattern | None:
+    """What the missing force follows: a pair that stands out, since it reproduces far more than either does alone, else the
+    best pattern that does."""
+    out = [pattern for pattern in found if pattern.stands_out]
+    return next((pattern for pattern in out if pattern.pair), out[0] if out else None)
+
+
 def _curves(x: NDArray, odd: bool, even: bool = False) -> NDArray:
     """Any smooth curve of each column of `x` [T, n], of size about 1: columns whose sums are straight between `_KNOTS`."""
     size = np.minimum(np.abs(x), _KNOTS[-1])

@@ -7,6 +7,7 @@ import numpy as np
 from ..explanation.explanation import Explanation
 from ..explanation.localise import Localisation
 from ..explanation.next_experiment import NextExperiment
+from ..explanation.patterns import answering
 from ..logs import LogSet
 from .chart import Chart, Panel, Trace, reach_of, stretches
 from .comparison_page import quantity
@@ -20,7 +21,7 @@ def force_chart(found: Localisation, logs: LogSet) -> Chart:
     """The missing force of the log that has most of it, with its 95 % band, over the measured speeds."""
     e = worst_log(found)
     force, log = found.forces[e], logs[e]
-    follows = next((p for p in found.patterns if p.stands_out), None)
+    follows = answering(found.patterns)
     best = found.standing_out[0] if found.standing_out else None
     marked = stretches(np.asarray(found.marked[e]), log.time) if best is not None and found.marked else ()
     panels, shares = [], []

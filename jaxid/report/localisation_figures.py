@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from ..explanation.condition_shares import ConditionShare, power
 from ..explanation.localise import Localisation
 from ..explanation.missing_force import ForceHistory
-from ..explanation.patterns import Pattern
+from ..explanation.patterns import Pattern, answering
 from ..logs import Log, LogSet
 from .style import COLOURS, tidy
 
@@ -104,7 +104,7 @@ def localisation(found: Localisation, logs: LogSet) -> Figure:
                           color=COLOURS[i % len(COLOURS)])  # fmt: skip
     for j, name in enumerate(speeds):
         _speed(axes[len(force.names) + j], log, name)
-    follows = next((p for p in found.patterns if p.stands_out), None)
+    follows = answering(found.patterns)
     if follows is not None:
         for i, ax in enumerate(axes[: len(force.names)]):
             ax.plot(force.time, follows.fitted[e][:, i], "k--", lw=1.1, label=f"fitted to the {follows.name}")

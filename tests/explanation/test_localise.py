@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from jaxid import Channels, Custom, Fit, Log, LogSet, Omni, Parameter, Pioneer
-from jaxid.explanation.condition_shares import condition_shares
+from jaxid.explanation.condition_shares import ConditionShare, condition_shares
 from jaxid.explanation.conditions import conditions_of, motions
 from jaxid.explanation.heldout import held_out_state
-from jaxid.explanation.localise import concentration, gap_shares, localise
+from jaxid.explanation.localise import _when, concentration, gap_shares, localise
 from jaxid.explanation.missing_force import ForceHistory
-from jaxid.explanation.patterns import patterns
+from jaxid.explanation.patterns import Pattern, answering, patterns
 from reference import excitation
 from reference.logs import simulate_log
 from reference.pioneer import PIONEER
@@ -192,3 +192,16 @@ def test_a_car_of_which_a_camera_sees_only_the_place_is_given_its_speed_by_how_t
     assert all(np.isfinite(pattern.share) for pattern in patterns([force], [motion]))
     still = replace(motion, axes=0.0 * motion.axes, fastest=np.full(1, np.inf))
     assert all(np.isfinite(pattern.share) for pattern in patterns([force], [still]))
+
+
+def test_of_a_force_of_two_things_the_pair_is_said_and_what_one_does_alone():
+    def pattern(name, share, pair=False):
+        return Pattern(name, f"follows the {name}", share, 0.002, pair=pair)
+
+    both = pattern("speed and place", 0.91, pair=True)
+    shares = (ConditionShare("low speed", "at low speed", 0.1, 0.1, 1.0, (0.9, 1.1), 0.6, False, {}),)
+    alone, place = pattern("speed", 0.52), pattern("place", 0.34)
+    assert answering([alone, place]) is alone and answering([place]) is None
+    assert answering([alone, place, both]) is both
+    said = _when(shares, [alone, place, both], 1.0)
+    assert said == "91 % of the missing force follows the speed and place (52 % the speed alone)"
