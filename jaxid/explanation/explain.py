@@ -22,6 +22,7 @@ from ..robots.effect import Effect, in_words
 from ..robots.given import given_logs
 from ..robots.robot import Robot
 from .between_logs import changed_between
+from .by_chance import by_chance
 from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation
@@ -271,7 +272,8 @@ def explain(
 
         def left_by(model: Fit) -> HeldOut:
             rated = noise_scale(held_out, otherwise=whole)
-            return small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
+            left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
+            return by_chance(model, held_out, left)
 
         final = finished(found.final)
         after = left_by(final)
@@ -289,7 +291,8 @@ def explain(
     verdict = verdict_of(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""
     doubted = doubtful_logs(*recorded) if not (after.adequate or verdict == "adequate" or all_noise(found)) else ""
-    still = still_doubted(final) if verdict in ("named", "ambiguous") and named else ""
+    unclear = verdict in ("named", "ambiguous") and named and not after.by_chance
+    still = still_doubted(final) if unclear else ""
     constants: dict[str, list[Shares]] = {}
     hinges = ""
     if verdict in ("named", "ambiguous"):

@@ -128,9 +128,15 @@ class Explanation:
                 f"{e.title} (or {', '.join(map(in_words, e.equivalent_to))})" if e.equivalent_to else e.title
                 for e in self.effects
             )
-            return f"Missing was {sets}: {closed}, but this data does not tell these names apart."
+            return f"Missing was {sets}: {closed}, but this data does not tell these names apart.{self._chance}"
         left = f" What is left is coloured noise of {self.colour.phrase}." if self.colour is not None else ""
-        return f"Missing was {names}: {closed}.{left}"
+        return f"Missing was {names}: {closed}.{left}{self._chance}"
+
+    @property
+    def _chance(self) -> str:
+        if not self.after.by_chance:
+            return ""
+        return " What is left is what delays that scatter so leave, each of them by chance: no model foretells it."
 
     @property
     def _nothing_found(self) -> str:

@@ -32,7 +32,8 @@ class HeldOut:
     `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
     `noise_error`: standard deviation of the unit itself, the estimated noise, as a share of it. `within_errors`: whether what
     is left is what the standard errors of the parameters let expect (`within_errors.py`); `unrelated`: whether it is small and
-    follows nothing that drove the robot (`overrated.py`). `false_alarm`: how often a complete model may be called incomplete
+    follows nothing that drove the robot (`overrated.py`); `by_chance`: whether it is what delays that scatter leave
+    (`by_chance.py`). `false_alarm`: how often a complete model may be called incomplete
     by it (`level.py`), `negligible` the RMS below which a gap matters to nobody (`policy.py`).
     """
 
@@ -46,6 +47,7 @@ class HeldOut:
     noise_error: float = 0.0
     within_errors: bool = False
     unrelated: bool = False
+    by_chance: bool = False
     false_alarm: float = field(default_factory=current_level)
     negligible: float = field(default_factory=lambda: current_policy().negligible)
 
@@ -67,6 +69,7 @@ class HeldOut:
             or self.normalised_rms < self.negligible
             or self.within_errors
             or self.unrelated
+            or self.by_chance
         )
 
     @property
@@ -101,6 +104,12 @@ def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
 
     The residual's mean is not taken off, since simulated and measured have none in common: an offset counts.
     """
+    statistic, freedom = structure(residuals)
+    return float(chi_squared_tail(statistic, freedom)) if freedom else 1.0
+
+
+def structure(residuals: Sequence[NDArray[np.float64]]) -> tuple[float, int]:
+    """The statistic of `whiteness` and its degrees of freedom, none where no channel has samples enough."""
     statistic, freedom = 0.0, 0
     for channel in range(residuals[0].shape[1]):
         parts = [r[:, channel] for r in residuals if np.any(np.isfinite(r[:, channel]))]
@@ -108,7 +117,7 @@ def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:
             continue
         own, degrees = robust_portmanteau(parts, _LAGS)
         statistic, freedom = statistic + own, freedom + degrees
-    return float(chi_squared_tail(statistic, freedom)) if freedom else 1.0
+    return statistic, freedom
 
 
 def held_out_state(

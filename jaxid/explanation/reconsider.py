@@ -24,7 +24,7 @@ _NEAR, _NEAR_A_CURVE = 0.2, 0.5
 what was still missing as well, where a formula could not."""
 
 
-def _with_effects(base: Robot, owners: Mapping[str, Robot]) -> Robot:
+def with_effects(base: Robot, owners: Mapping[str, Robot]) -> Robot:
     """`base` with the effects that `owners` names and it has not got, each as its owner has it: the values of its parameters,
     and which of them vary (a curve's reach and some of its heights do not)."""
     robot = base
@@ -39,7 +39,7 @@ def _with_effects(base: Robot, owners: Mapping[str, Robot]) -> Robot:
     return robot
 
 
-def _refitted(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
+def refitted_like(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
     """`robot` refitted from the numbers that it shares with the trial `like`, and from its own where it shares none."""
     known = like.robot.parameters
     own = {effect.id for effect in robot.effects} - {effect.id for effect in like.robot.effects}
@@ -56,7 +56,7 @@ def pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: d
     for identifier in own[:-1]:
         say(f"refitting without {identifier}")
         kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
-        trial = _refitted(_with_effects(base.robot, kept), current, logs, held_out, noise)
+        trial = refitted_like(with_effects(base.robot, kept), current, logs, held_out, noise)
         if trial.score < current.score + 10.0:
             say(f"{identifier} is not needed any more")
             current = trial
@@ -66,7 +66,7 @@ def pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: d
 def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
     """The model without one of its effects, refitted."""
     owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
-    return _refitted(_with_effects(base.robot, owners), current, logs, held_out, noise)
+    return refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
 
 
 def by_laws_again(
@@ -169,7 +169,7 @@ def reconsidered(
                 rival.id if i == step.chosen.id else i: rival.robot if i == step.chosen.id else r
                 for i, r in owners.items()
             }
-            swapped = _refitted(_with_effects(base.robot, owners), final, logs, held_out, noise)
+            swapped = refitted_like(with_effects(base.robot, owners), final, logs, held_out, noise)
             trials.append(replace(swapped, id=rival.id))
             say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
         bare = without(step.chosen.id, final, base, logs, held_out, noise)

@@ -11,6 +11,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from ..simulation.scaled import scaled_to
+from .by_chance import rather_by_chance
 from .candidate_refits import Report
 from .colour_left import colour_left, explained_somewhere, generalised_trial
 from .fine_steps import ranked_with_fine_steps
@@ -56,7 +57,8 @@ def search(
     steps: list[Step] = []
     colour = None
     for last in (False, True):
-        while not current.held_out.adequate:
+        # Beside delays that scatter, a smaller effect may still show on the fitted logs.
+        while not current.held_out.adequate or current.held_out.by_chance:
             colour = colour_left(current, logs, held_out, noise)
             if not could_matter(current, baseline):
                 colour = None  # too little to be looked at any further
@@ -91,6 +93,8 @@ def search(
                 if not current.held_out.adequate:
                     steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report)
             current = replace(current, held_out=small_after_all(current.held_out, held_out, rated))
+            if not current.held_out.adequate:
+                steps, current = rather_by_chance(steps, current, baseline, logs, held_out, noise, report)
             report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
         names = _names(steps)
         if colour is None:

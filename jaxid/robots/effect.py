@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import NDArray
 
 from ..parameters import Parameter
 from .probe import Probe, Seen, moved
@@ -71,6 +73,10 @@ class Effect:
     finer: ClassVar[float] = 1.0
     """How many times shorter than the robot's the integration steps must be for the effect's own parameters."""
 
+    scatters: ClassVar[tuple[str, ...]] = ()
+    """Where its law is the mean over what chance does: the ways in which chance may do it, of which `drawn_inputs` and
+    `drawn_outputs` make one draw."""
+
     @property
     def repeats(self) -> bool:
         """Whether it repeats with the driving wheels' angles."""
@@ -94,6 +100,30 @@ class Effect:
     def elsewhere(self, robot: "Robot") -> Mapping[str, float]:
         """Other values of its parameters from which a search that has ended at those of `robot` may end better; often none."""
         return {}
+
+    def drawn_inputs(
+        self,
+        way: str,
+        inputs: NDArray[np.float64],
+        time: NDArray[np.float64],
+        p: Numbers,
+        robot: "Robot",
+        random: np.random.Generator,
+    ) -> NDArray[np.float64]:
+        """One draw of what `inputs` [T, nu] become by chance in a `way` of `scatters`; those of `robot` as they are."""
+        return inputs
+
+    def drawn_outputs(
+        self,
+        way: str,
+        outputs: NDArray[np.float64],
+        time: NDArray[np.float64],
+        p: Numbers,
+        robot: "Robot",
+        random: np.random.Generator,
+    ) -> NDArray[np.float64]:
+        """One draw of what `outputs` [T, ny] become by chance in a `way` of `scatters`; those of `robot` as they are."""
+        return outputs
 
     def may_hold(self, robot: "Robot") -> Sequence[str]:
         """Parameters of its own, each of which may be held at zero where the others can do all that it does; mostly none."""

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
@@ -12,6 +13,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
+from ..scattered import changes_late, rows_late
 from .drives import drive_names, each_drive, on_drives
 
 _LEAST = 1e-6
@@ -98,6 +100,14 @@ class JitteringDelay(InputDelay):
     law: ClassVar[str] = "jittering"
     formula: ClassVar[str] = "u'(t) = mean of u over (t - 2 delay, t)"
     only_later: ClassVar[bool] = False
+    scatters: ClassVar[tuple[str, ...]] = ("changes", "rows")
+
+    def drawn_inputs(self, way, inputs, time, p: Numbers, robot: Robot, random):
+        edges = np.append(time, 2.0 * time[-1] - time[-2])
+        late_by_chance, drives = {"changes": changes_late, "rows": rows_late}[way], list(robot.drive_inputs)
+        drawn = np.array(inputs)
+        drawn[:, drives] = late_by_chance(drawn[:, drives], edges, 2.0 * float(p[self.key("delay")]), random)
+        return drawn
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         delays = (2 * jnp.arange(_PARTS) + 1) / _PARTS * p[self.key("delay")]

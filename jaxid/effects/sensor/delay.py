@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from ...kernel.places import stamps_before
 from ...parameters import Parameter
@@ -13,6 +14,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
+from ..scattered import samples_late
 from .lag import averaged
 from .outputs import bends, each_channel, sensed, sensed_only
 
@@ -94,6 +96,13 @@ class JitteringSensorDelay(SensorDelay):
     law: ClassVar[str] = "jittering"
     formula: ClassVar[str] = "y'(t) = mean of y over (t - 2 delay, t)"
     only_later: ClassVar[bool] = False
+    scatters: ClassVar[tuple[str, ...]] = ("samples",)
+
+    def drawn_outputs(self, way, outputs, time, p: Numbers, robot: Robot, random):
+        names, drawn = sensed(robot), np.array(outputs)
+        late = [i for i, name in enumerate(robot.channels.measured) if name in names]
+        drawn[:, late] = samples_late(drawn[:, late], time, 2.0 * float(p[self.key("delay")]), random)
+        return drawn
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return sensed_only(robot, averaged(outputs, time, 2.0 * p[self.key("delay")]), outputs)
