@@ -14,6 +14,7 @@ from .chart import Chart, Panel, Trace, reach_of
 from .comparison import Comparison
 from .document import Block, Charted, Code, Listing, More, Page, Section, Tabled, Text, Tone, texts
 from .intervals import intervals
+from .own_clock import on_own_clock
 from .tables import Cell, Table
 
 _VERDICTS: dict[str, tuple[str, Tone]] = {
@@ -121,7 +122,7 @@ def response_chart(
             traces.append(
                 Trace(log.time, own, f"c{k % 6}", title, "dashed" if k % 2 and len(simulated) > 1 else "line")
             )
-            left.append(Trace(log.time, own - y, f"c{k % 6}", "", "thin"))
+            left.append(Trace(*on_own_clock(log.time, own - y), f"c{k % 6}", "", "thin"))
             error = (own - y)[np.isfinite(own - y)]
             if error.size:
                 told.append(
