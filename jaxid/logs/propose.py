@@ -233,7 +233,11 @@ def _of_wheel(channel: str, unit: str, words: Mapping[str, str], series: Series 
 def _scale(unit: str, series: Series) -> tuple[float, str]:
     """The factor from a field to a channel's `unit`, and what says so; empty where nothing does."""
     if unit and not any(one in _MEANINGS for one in unit.split(" or ")):
-        return 1.0, ""  # a command in whatever unit the robot's owner likes
+        # A command in whatever unit the robot's owner likes; where its name says which, in that without thousandths.
+        si, factor, said = unit_of(series)
+        if si not in ("V", "A", "N") or factor == 1.0:
+            return 1.0, ""
+        return factor, f"{'the file' if series.said else 'the name'} says {said}, which makes it {si}"
     _, factor, said = unit_of(series)
     if math.isnan(factor):
         if said == "duty":
