@@ -9,6 +9,7 @@ from ..estimate.judge import POOR
 from ..estimate.result import Fit
 from ..explanation.localise import channel_name
 from ..logs import Log
+from ..robots.meanings import meanings_of
 from . import tables as tab
 from .chart import Chart, Panel, Trace, reach_of
 from .comparison import Comparison
@@ -55,7 +56,7 @@ def meanings(fits: Sequence[Fit]) -> dict[str, str]:
     """What every parameter and combination stands for, by symbol."""
     found: dict[str, str] = {}
     for fit in fits:
-        found |= {name: p.meaning for name, p in fit.robot.parameters.items() if p.meaning}
+        found |= meanings_of(fit.robot)
         found |= {name: meaning for name, (_, _, meaning) in fit.robot.combinations.items()}
     return found
 

@@ -52,6 +52,7 @@ def test_a_change_has_its_size_and_what_would_have_shown(changed):
     text = rendered(page)
     for name, own in changed.change.differences.items():
         assert name in text and f"{100 * own.share:+.1f} %" in text
+    assert "dry_friction" not in text and "dry_friction" not in str(changed), "names of the code"
     assert "0.5" in text and "noticed from" in text and "one model for both sets" in text
 
 
