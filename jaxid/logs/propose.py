@@ -11,6 +11,7 @@ import numpy as np
 from .channels import Channels
 from .look import Look
 from .series import Series
+from .supply import of_supply
 from .units import HEADINGS, words_in
 from .wheel_pairs import LETTERS, of_one_side, unit_of, wheel_pair, wheel_positions
 
@@ -62,8 +63,6 @@ _WANTED = ("cmd", "command", "setpoint", "desired", "target", "reference")
 _FORWARDS = (["speed"], ["velocity"], ["vel"], ["geschwindigkeit"])
 """What the speed of a body is called where nothing says of what it is: the one forwards."""
 _TWIST = re.compile(r"(.*)\.(?:linear\.x|angular\.z)$")
-_SUPPLIES = ("battery", "batt", "vbat", "supply", "vbus")
-"""Whose voltage is no command's."""
 
 
 def _of_side(side: str, name: str) -> bool:
@@ -98,7 +97,7 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
         score += 4.0 if series.unit else 3.0
     elif si and any(one in _MEANINGS for one in units):
         return 0.0
-    if command and any(word in name for word in _SUPPLIES):
+    if command and of_supply(name):
         return 0.0
     if not command and any(word in name for word in _WANTED):
         return 0.0
