@@ -18,6 +18,7 @@ from jaxid.report.design_page import design_page
 from jaxid.report.document import Charted, Page, Section, Tabled, Text, rendered, said, units
 from jaxid.report.explanation_page import page_of
 from jaxid.report.tables import Cell, Table
+from tests.live import webdriver
 from tests.report import browser
 from tests.report.pages import check, contrast
 
@@ -238,3 +239,27 @@ def test_charts_zoom_and_pan_by_buttons_keys_and_pointer():
     # From 5 to 7 s it lies between -1 and 0.66, and the panel's height follows; that of the residual stays.
     assert seen["fitted"][0] < 0.03 * seen["tall"][0] and seen["fitted"][1] == seen["tall"][1]
     assert seen["again"] == pytest.approx([2.0, 10.0]) and seen["labelled"] == seen["labels"]
+
+
+@pytest.mark.skipif(webdriver.DRIVER is None, reason="there is no Chromium with its driver")
+def test_pages_fit_the_paper_and_are_printed_light(pages, tmp_path):
+    """A4 between margins of 12 mm is 703 px wide."""
+    with webdriver.browser(tmp_path / "profile") as window:
+        window.screen(703, 1000, dark=True)
+        dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+        window.ask(
+            "/goog/cdp/execute",
+            {"cmd": "Emulation.setEmulatedMedia", "params": {"media": "print", "features": dark}},
+        )
+        for kind, page in pages.items():
+            (tmp_path / "page.html").write_text(page, encoding="utf-8")
+            window.open((tmp_path / "page.html").as_uri())
+            window.run(
+                "dispatchEvent(new Event('beforeprint')); document.documentElement.style.scrollbarWidth = 'none'"
+            )
+            seen = window.run(
+                "return { over: document.documentElement.scrollWidth - innerWidth,"
+                "closed: document.querySelectorAll('details:not([open])').length,"
+                "paper: getComputedStyle(document.querySelector('.jaxid-page')).backgroundColor }"
+            )
+            assert seen == {"over": 0, "closed": 0, "paper": "rgb(255, 255, 255)"}, kind
