@@ -52,8 +52,13 @@ def _in_rest(text: str) -> str:
 
 def _docstring(app, what, name, obj, options, lines: list[str]) -> None:
     """Docstrings are Markdown with a few bullets; a code block that is indented stays as it is."""
-    written, before = [], ""
+    written, before, example = [], "", False
     for line in lines:
+        example = line.lstrip().startswith(">>>") or (example and line.strip() != "")
+        if example:  # a doctest, up to the next blank line, is code
+            written.append(line)
+            before = line
+            continue
         bullet = line.lstrip().startswith("- ")
         if bullet and before.strip() and not before.lstrip().startswith("- ") and before[:1] != " ":
             written.append("")

@@ -3,10 +3,11 @@ computed it. With the logs at hand, that is enough to compute it again.
 """
 
 import inspect
+import logging
 import platform
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, is_dataclass, replace
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, ParamSpec, TypeVar
 
@@ -125,11 +126,19 @@ def _kept(name: str, value: Any) -> bool:
 
 
 def with_origin(function: Callable[P, R]) -> Callable[P, R]:
-    """The same function; the result, a dataclass with a field `origin`, remembers how it was computed."""
+    """The same function; the result, a dataclass with a field `origin`, remembers how it was computed.
+
+    What a function that takes a `report` is doing goes to the logger of its name, such as `jaxid.explain`, where the caller
+    has given none.
+    """
     signature = inspect.signature(function)
+    logger = logging.getLogger(f"jaxid.{function.__name__}") if "report" in signature.parameters else None
 
     @wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> R:
+        if logger is not None and logger.isEnabledFor(logging.INFO):
+            if "report" not in signature.bind_partial(*arguments, **named).arguments:
+                named["report"] = partial(logger.info, "%s")
         result: Any = function(*arguments, **named)
         bound = signature.bind(*arguments, **named)
         bound.apply_defaults()

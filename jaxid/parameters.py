@@ -77,7 +77,13 @@ def parameter(
 
 
 class ParameterTable(Mapping[str, Parameter]):
-    """An immutable, ordered mapping symbol -> `Parameter`. Every change returns a new table."""
+    """An immutable, ordered mapping symbol -> `Parameter`. Every change returns a new table.
+
+    >>> import jaxid
+    >>> table = jaxid.Axis().parameters.change("M", value=2.5, free=False)
+    >>> table["M"].value, table["M"].unit, table.free_names
+    (2.5, 'kg', ('Fv', 'Fc', 'offset'))
+    """
 
     def __init__(self, parameters: Mapping[str, Parameter]):
         for name, parameter in parameters.items():

@@ -40,6 +40,11 @@ def save(result: Any, path: str | Path) -> Path:
 
     Raises `ResultFileError` for what is no result, and where the robot holds a function without a name of its own (a
     lambda, or one inside another function); `OSError` where the file cannot be written.
+
+    >>> import jaxid, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     jaxid.load(jaxid.save(jaxid.Axis(), f"{folder}/axis.jaxid")) == jaxid.Axis()
+    True
     """
     path, writer = Path(path), Writer()
     try:

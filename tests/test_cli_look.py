@@ -164,7 +164,7 @@ def test_a_sign_is_found_in_the_look_already(jaxid, stranger):
 
 
 def test_a_robot_at_rest_has_no_frozen_sensor(stranger):
-    assert look(stranger).doubts == {}
+    assert {*look(stranger).doubts} == {"/battery.voltage"}, "which falls indeed"
 
 
 def test_two_wheels_are_no_body_but_can_be_one(jaxid, tmp_path):
@@ -434,3 +434,17 @@ def test_a_robot_whose_sides_nobody_told_is_looked_at(jaxid, tmp_path, monkeypat
     status, said, _ = jaxid("look", "run.csv", "--robot", "of_a_stranger:rover", "--write", out)
     assert status == 0 and "side's command" not in said
     assert {"u1", "u2", "u3", "vx", "w"} <= tomllib.loads(out.read_text()).keys()
+
+
+def test_commands_in_millivolts_become_volts_and_are_said_to_count_as_forces(jaxid, tmp_path):
+    commands = 1000 * np.sign(np.sin(5 * TIMES)), 1000 * np.sign(np.cos(7 * TIMES))
+    speeds = 100 * np.sin(TIMES), np.sin(TIMES)
+    path = written(tmp_path, "t,right_mV,left_mV,speed_mm_s,gyro_dps", *commands, *speeds)
+    out = tmp_path / "map.toml"
+    _, said, _ = jaxid("look", path, "--robot", "differential", "--write", out)
+    found = tomllib.loads(out.read_text())
+    assert {name: found[f"u_{name}"]["field"] for name in ("right", "left")} == {"right": "right_mV", "left": "left_mV"}
+    assert found["u_right"]["scale"] == 0.001 and "says mv, which makes it V" in out.read_text()
+    assert "u_right, u_left: taken for forces in N" in said
+    _, said, _ = jaxid("look", path, "--robot", "pioneer")
+    assert "taken for forces" not in said

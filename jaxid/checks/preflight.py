@@ -8,7 +8,7 @@ Identifiers of the checks, by severity:
   `swapped`, `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`, `turns`, `ahead_of_input`; and from the
   reader `repeated_row`,
   `truncated_row`, `held_input`, `infinite`, `empty_column`, `unused_column`, `differentiated`,
-  `out_of_order`; of recordings `truncated`, `clocks_apart`, `cut_end`, `pose_at_start`.
+  `out_of_order`, `falling_supply`; of recordings `truncated`, `clocks_apart`, `cut_end`, `pose_at_start`.
 - note: `constant_input`, `equal_inputs`, `quantisation`, `skipped_row`; of recordings `several_clocks`, `moved_samples`,
   `mean_commands`,
   `receive_stamps`, `cut_start`, `held_to_the_end`, `not_in_every_message`.

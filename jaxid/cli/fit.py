@@ -194,7 +194,7 @@ def write_results(
         text = repr(comparison)
         write_fit(out, fits, comparison.predicted, comparison.ahead)
         with step("Pictures"):
-            comparison.save(out)
+            comparison.save_pictures(out)
         page = comparison_page(comparison, "fit")
     write_page(out / "report.html", page)
     show(text)

@@ -133,7 +133,7 @@ def _missing(verdict: str, effects: str, failure: str) -> Cell:
     if failure:
         return Cell(f"no explanation: {failure}", "bad")
     named = ", ".join(map(in_words, filter(None, effects.split(","))))
-    return Cell(f"{verdict}{': ' if named else ''}{named}")
+    return Cell("nothing" if verdict == "adequate" else f"{verdict}{': ' if named else ''}{named}")
 
 
 def _own_cell(estimate: Estimate, sound: bool, far: bool) -> Cell:

@@ -10,7 +10,7 @@ import numpy as np
 
 from .._atomic import write_text
 from .._toml import read_toml
-from ..logs import Channels, LogError, LogWarning, read_logs
+from ..logs import LogError, LogWarning, read_logs
 from ..logs.files import named_files
 from ..logs.look import Look, Stream, look
 from ..logs.propose import Proposal, mapping_text, propose, proposed_mapping
@@ -76,7 +76,8 @@ def _fields(seen: Look) -> Table:
     return Table("Fields", ("field", "unit", "range", "odd"), tuple(rows), tuple(notes))
 
 
-def _proposals(proposals: Sequence[Proposal], channels: Channels) -> Table:
+def _proposals(proposals: Sequence[Proposal], robot: Robot) -> Table:
+    channels = robot.channels
     rows = []
     found = {one.channel for one in proposals if one.field}
     stood_in = {name for name in channels.outputs if channels.stood_in(name, found)}
@@ -93,8 +94,21 @@ def _proposals(proposals: Sequence[Proposal], channels: Channels) -> Table:
         of_source.setdefault(one.source, []).append(one.channel)
     notes = [f"{', '.join(channels)}: {source}." for source, channels in of_source.items() if source]
     notes += [one.hint for one in proposals if one.hint and one.channel not in stood_in]
+    notes += _of_commands(robot)
     notes.append("By names and units alone: look every line over, with its unit and its sign.")
     return Table("What could be what", ("channel", "unit", "field", "scale", "meaning"), tuple(rows), tuple(notes))
+
+
+def _of_commands(robot: Robot) -> list[str]:
+    """What a robot whose commands have no unit of their own takes them for."""
+    gain = robot.parameters["gain"] if "gain" in robot.parameters else None
+    if gain is None or gain.unit != "N per unit of u" or gain.free or gain.value != 1.0:
+        return []
+    names = ", ".join(robot.channels.inputs)
+    return [
+        f"{names}: taken for forces in N. If they are volts or duties, mass, inertia and friction come out per unit of "
+        "command, until a --model holds the mass (M) and frees the gain."
+    ]
 
 
 def _words(robot: Robot) -> Mapping[str, str]:
@@ -144,7 +158,7 @@ def run_look(file: str, spec: str | None, mapping: Path | None, write: Path | No
     proposals: Sequence[Proposal] = ()
     if robot is not None:
         robot, proposals = _proposed(robot.for_columns(seen.recording.series), seen)
-        tables.append(_proposals(proposals, robot.channels))
+        tables.append(_proposals(proposals, robot))
         if write is not None:
             stamped = any(series.stamped is not None for series in seen.recording.series.values())
             other = measuring_angles(robot)

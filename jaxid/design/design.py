@@ -22,6 +22,7 @@ from ..estimate.judge import POOR
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_level, noise_scale
 from ..robots.given import check_free
+from ..robots.meanings import meanings_of
 from ..robots.robot import Robot
 from ..robots.scales import time_constant
 from ..simulation.excitation import Drive, binary, combined_modes, plain_shapes, shifted, single_modes, tuned_shapes
@@ -293,5 +294,5 @@ def design_experiment(
         before=by_name(std_errors(before) * magnitude),
         tried=judge.tried,
         doubt=_doubt(robot, already),
-        meanings={name: robot.parameters[name].meaning for name in names},
+        meanings={name: meaning for name, meaning in meanings_of(robot).items() if name in names},
     )

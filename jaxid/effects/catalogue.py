@@ -85,7 +85,14 @@ def _applicable(robot: Robot) -> list[list[Effect]]:
 
 
 def catalogue(robot: Robot) -> list[Effect]:
-    """Every mechanism that applies to `robot` and that it lacks, by its usual law (of those that the robot can have)."""
+    """Every mechanism that applies to `robot` and that it lacks, by its usual law (of those that the robot can have).
+
+    >>> import jaxid
+    >>> friction = next(own for own in jaxid.catalogue(jaxid.Pioneer()) if own.id == "stribeck_friction")
+    >>> robot = jaxid.Pioneer() + friction
+    >>> "stribeck_friction.amplitude" in robot.parameters
+    True
+    """
     return [laws[0] for laws in _applicable(robot) if not laws[0].there_already(robot)]
 
 

@@ -10,6 +10,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+from ..checks.among import among
 from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
 from ..estimate.result import Fit
@@ -45,6 +46,13 @@ class ReadLog:
     def usable(self) -> bool:
         """Whether an estimate from it means anything."""
         return self.log is not None and not any(finding.severity == "error" for finding in self.findings)
+
+
+def together(read: Sequence[ReadLog]) -> list[ReadLog]:
+    """The logs without the dead sensors that the others show to be none, as a set of logs has it."""
+    logs = [own.log for own in read if own.log is not None]
+    left = set(among(logs, [own.findings for own in read if own.log is not None]))
+    return [replace(own, findings=tuple(found for found in own.findings if found in left)) for own in read]
 
 
 @dataclass(frozen=True)
@@ -151,6 +159,7 @@ class Work(threading.Thread):
                 read.append(self._read(name, signature, robot))
         except (LogError, ParameterError, ValueError) as error:
             self._board.tell("logs", "failed", str(error))
+        read = together(read)
         good = [own for own in read if own.usable and own.log is not None]
         fit, held_out = ([own.log for own in good if own.held_out is role and own.log] for role in (False, True))
         if robot is not None:

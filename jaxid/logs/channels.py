@@ -34,6 +34,11 @@ class Channels:
       but not its speed), or to several that do so together (a body's speed, and the angles of its wheels).
 
     Raises `ValueError` where a name is used twice, or `mixing` or `substitutes` do not fit the names.
+
+    >>> import jaxid
+    >>> lift = jaxid.Channels(inputs=("volts",), outputs=("speed",), units={"volts": "V", "speed": "m/s"})
+    >>> lift.units["speed"], "speed" in lift.measured
+    ('m/s', True)
     """
 
     inputs: tuple[str, ...]

@@ -167,6 +167,12 @@ class Log:
         `channels` is a `Channels`, a robot that has one, or a robot's name. Raises `LogError` as `Log` does, and warns
         (`LogWarning`) of times that are hardly seconds: nothing that follows could tell, since every time constant would be
         wrong alike.
+
+        >>> import jaxid
+        >>> t = [0.0, 0.02, 0.04, 0.06]
+        >>> log = jaxid.Log.from_arrays("push", t, {"u": [1, 1, 1, 0]}, {"v": [0.0, 0.01, 0.02, 0.03]}, "axis")
+        >>> len(log), log.duration
+        (4, 0.06)
         """
         channels = channels_of(channels)
         time = np.asarray(time, dtype=float)
@@ -355,6 +361,13 @@ class LogSet(Sequence[Log]):
         """`(fit, held_out)`: the logs to identify from and those (by name or index) to judge the result on.
 
         Raises `LogError` for an unknown name, and if either part would be empty.
+
+        >>> import jaxid
+        >>> from jaxid import demo
+        >>> logs = jaxid.read_logs(demo.folder("unknown") / "*.csv", robot="pioneer")
+        >>> fit, held_out = logs.split(held_out=["check_1.csv", "check_2.csv", "check_3.csv"])
+        >>> len(fit), len(held_out)
+        (6, 3)
         """
         chosen = {self._position(key) for key in ([held_out] if isinstance(held_out, str | int) else held_out)}
         if not chosen or len(chosen) == len(self):

@@ -10,6 +10,7 @@ import numpy as np
 from .formats import read_recording
 from .formats.columns import read_columns
 from .series import Recording, Series, Topic
+from .supply import is_supply, said_fall
 
 _GAP = 2.5
 """Intervals, in usual ones, from which on messages are missing."""
@@ -131,6 +132,8 @@ def _doubt(series: Series, motion: _Motion) -> str:
     changing = np.count_nonzero(np.diff(values) != 0) > 0.5 * len(values)
     if changing and longest > _FROZEN and len(values) > 4 * _FROZEN:
         return f"stays the same for {longest} messages in a row, while it changes nearly always otherwise"
+    if is_supply(series.name, series.unit) and (said := said_fall(values)):
+        return said.split(":")[0]
     return ""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from .channels import Channels
 from .look import Look
 from .series import Series
+from .supply import of_supply
 from .units import HEADINGS, words_in
 from .wheel_pairs import LETTERS, of_one_side, unit_of, wheel_pair, wheel_positions
 
@@ -62,8 +63,6 @@ _WANTED = ("cmd", "command", "setpoint", "desired", "target", "reference")
 _FORWARDS = (["speed"], ["velocity"], ["vel"], ["geschwindigkeit"])
 """What the speed of a body is called where nothing says of what it is: the one forwards."""
 _TWIST = re.compile(r"(.*)\.(?:linear\.x|angular\.z)$")
-_SUPPLIES = ("battery", "batt", "vbat", "supply", "vbus")
-"""Whose voltage is no command's."""
 
 
 def _of_side(side: str, name: str) -> bool:
@@ -98,7 +97,7 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
         score += 4.0 if series.unit else 3.0
     elif si and any(one in _MEANINGS for one in units):
         return 0.0
-    if command and any(word in name for word in _SUPPLIES):
+    if command and of_supply(name):
         return 0.0
     if not command and any(word in name for word in _WANTED):
         return 0.0
@@ -233,7 +232,11 @@ def _of_wheel(channel: str, unit: str, words: Mapping[str, str], series: Series 
 def _scale(unit: str, series: Series) -> tuple[float, str]:
     """The factor from a field to a channel's `unit`, and what says so; empty where nothing does."""
     if unit and not any(one in _MEANINGS for one in unit.split(" or ")):
-        return 1.0, ""  # a command in whatever unit the robot's owner likes
+        # A command in whatever unit the robot's owner likes; where its name says which, in that without thousandths.
+        si, factor, said = unit_of(series)
+        if si not in ("V", "A", "N") or factor == 1.0:
+            return 1.0, ""
+        return factor, f"{'the file' if series.said else 'the name'} says {said}, which makes it {si}"
     _, factor, said = unit_of(series)
     if math.isnan(factor):
         if said == "duty":

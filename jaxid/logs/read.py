@@ -26,6 +26,7 @@ from .mapping import Source, mapped_names, read_mapping
 from .rates import rate, whole_way
 from .recorded import read_recorded
 from .sums import with_summed_columns
+from .supply import FALLING_SUPPLY, is_supply, said_fall
 from .table import Table, read_table
 from .times import SINCE_1970, order_of_late_rows, with_seconds
 
@@ -247,6 +248,11 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source],
     for wanted, column in _overlooked(channels, sources, clear):
         text = f"{name}: column {column!r} is not used, and {wanted!r} is missing; rename or map it if it is the same."
         findings.append(Finding(name, column, None, "warning", "unused_column", text))
+    for column in clear:
+        if pd.api.types.is_numeric_dtype(extra[column]) and is_supply(str(column)):
+            if text := said_fall(extra[column].to_numpy(dtype=float)):
+                said = f"{name}, column {column!r}: {text}."
+                findings.append(Finding(name, column, None, "warning", FALLING_SUPPLY, said))
     absent = np.full(len(table.frame), np.nan)
     inputs = np.stack([columns[channel] for channel in channels.inputs], axis=-1)
     outputs = np.stack([columns.get(channel, absent) for channel in channels.measured], axis=-1)

@@ -5,7 +5,7 @@ any physical size (not measured), messages that repeat the one before, positions
 messages lack.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from .mapping import Source
 from .rates import rate, whole_way
 from .series import Recording, Series
 from .sums import with_summed_fields
+from .supply import FALLING_SUPPLY, is_supply, said_fall
 
 _OTHER_CLOCK = 1.0  # s between a message's stamp and its receipt that no transport takes
 _CLOCKS_APART = 0.05  # s between the usual delays of two topics that no transport explains
@@ -236,6 +237,17 @@ def _absent(recording: Recording, there: dict[str, Series]) -> Iterable[Note]:
             yield ("note", "not_in_every_message", name, text)
 
 
+def _falling(recording: Recording, used: Collection[str]) -> Iterable[Note]:
+    """Supplies whose voltage falls, one of every topic; a field that is a channel's is looked at as such."""
+    topics = set()
+    for series in recording.series.values():
+        if series.fault or series.name in used or series.topic in topics or not is_supply(series.name, series.unit):
+            continue
+        if text := said_fall(series.values):
+            topics.add(series.topic)
+            yield ("warning", FALLING_SUPPLY, None, f"{series.name!r} {text}")
+
+
 def _poses(rows: Rows, signals: dict[str, Signal]) -> tuple[pd.DataFrame, list[Note]]:
     """Poses at their own rows, their nearest sample at the first."""
     columns, notes = {}, []
@@ -290,6 +302,7 @@ def read_recorded(path: Path, name: str, channels: Channels, mapping: dict[str, 
     notes = [*(("warning", check, None, text) for check, text in recording.notes), *notes, *more]
     notes += [("note", check, None, text) for check, text in dict.fromkeys(summed)]
     notes += _absent(recording, there)
+    notes += _falling(recording, {series.name for series in there.values()})
     try:
         inputs = {n: signals[n] for n in channels.inputs}
         outputs = {n: signals[n] for n in channels.measured if n in signals}

@@ -24,6 +24,7 @@ _OTHERS = {
     "mv": ("V", 1e-3), "millivolt": ("V", 1e-3), "volt": ("V", 1.0), "voltage": ("V", 1.0),
     "ma": ("A", 1e-3), "milliamp": ("A", 1e-3), "milliampere": ("A", 1e-3), "amp": ("A", 1.0), "ampere": ("A", 1.0),
     "newton": ("N", 1.0), "dp": ("rad/s", _DEGREE), "rpm": ("rad/s", _TURN / 60.0), "radp": ("rad/s", 1.0),
+    "krpm": ("rad/s", 1e3 * _TURN / 60.0), "rp": ("rad/s", _TURN), "revp": ("rad/s", _TURN), "degp": ("rad/s", _DEGREE),
     "mp": ("m/s", 1.0), "mmp": ("m/s", 1e-3), "cmp": ("m/s", 1e-2), "kmh": ("m/s", 1 / 3.6), "kph": ("m/s", 1 / 3.6),
     "mph": ("m/s", 0.44704),
 }  # fmt: skip
@@ -69,8 +70,8 @@ class Unit(NamedTuple):
 
 
 def words_in(text: str) -> list[str]:
-    """Lower-case words of a text, a new one at every capital after a small letter."""
-    parts = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text)
+    """Lower-case words of a text, a new one at every capital after a small letter; mV, mA and kRPM are one word each."""
+    parts = re.findall(r"(?<![A-Za-z])(?:m[VA]|kRPM)(?![a-z])|[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text)
     return [part.lower() for part in parts]
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from ..explanation.changes.change import POWER, ExplainedChange, NamedChange
+from ..parameters import ParameterTable
 from .comparison_page import parameter_table, verdict_of
 from .document import Bar, Bars, Block, Code, Listing, More, Page, Section, Tabled, Text, Tone, texts
 from .tables import Cell, Table, number, percent, value_cell
@@ -19,19 +20,31 @@ _CANDIDATES, _NOTICEABLE = 12, 12
 """Candidates and smallest noticeable changes that are shown."""
 
 
-def _differences(change: NamedChange) -> Table:
+def _differences(change: NamedChange, table: ParameterTable) -> Table:
     """What one change changes, before and after, and by how much."""
     rows = []
     for name, own in change.differences.items():
         low, high = own.size.ci95
         interval = f"{number(low, 3)} to {number(high, 3)}" if math.isfinite(own.size.std_error) else "none"
         size = value_cell(own.size)
-        cells = (Cell(name), Cell(own.size.unit, "words"), Cell(_number(own.before)), Cell(_number(own.after)))
+        cells = (
+            _name(name, change.words_of(name), table),
+            Cell(own.size.unit, "words"),
+            Cell(_number(own.before)),
+            Cell(_number(own.after)),
+        )
         rows.append(
             (*cells, Cell(size.text, f"{size.mark} value".strip()), Cell(interval, "value"), Cell(_share(own.share)))
         )
     header = ("", "unit", "before", "after", "difference", "95 % interval", "of what there was")
     return Table(f"{change.words[0].upper()}{change.words[1:]}", header, tuple(rows), ("± is one standard error.",))
+
+
+def _name(name: str, words: str, table: ParameterTable) -> Cell:
+    """A parameter with what it means, or what else may change, in words."""
+    if words == name and name in table:
+        return Cell(name, detail=table[name].meaning)
+    return Cell(f"{words[:1].upper()}{words[1:]}")
 
 
 def _number(value: float) -> str:
@@ -45,10 +58,11 @@ def _share(share: float) -> str:
 def _what(found: ExplainedChange) -> Section | None:
     if found.change is None:
         return None
-    blocks: list[Block] = [Tabled(_differences(found.change))]
+    table = found.before.robot.parameters
+    blocks: list[Block] = [Tabled(_differences(found.change, table))]
     if found.equivalent:
         blocks.append(Text("These would explain the two sets as well, and these logs cannot tell them apart:"))
-        blocks += [Tabled(_differences(own)) for own in found.equivalent]
+        blocks += [Tabled(_differences(own, table)) for own in found.equivalent]
     return Section("What?", tuple(blocks))
 
 
@@ -96,7 +110,7 @@ def _sure(found: ExplainedChange) -> Section:
     blocks: list[Block] = list(texts(said))
     if found.doubts:
         blocks += [Text("It is not the answer, since"), Listing(tuple(found.doubts))]
-    looked = found.looked[:_CANDIDATES]
+    looked = found.distinct[:_CANDIDATES]
     top = max([own.gain for own in looked], default=0.0)
     if top > 0:
         chosen = {own.id: "after" for own in (found.change,) if own} | {own.id: "alike" for own in found.equivalent}
@@ -114,11 +128,13 @@ def _sure(found: ExplainedChange) -> Section:
 def _seen(found: ExplainedChange) -> Section:
     """What would have shown, and what would not."""
     blocks: list[Block] = []
+    table = found.before.robot.parameters
     if found.noticeable:
         rows = tuple(
-            (Cell(f"{own.title[:1].upper()}{own.title[1:]}", detail=own.name), Cell(own.unit, "words"),
-             Cell(_number(own.value)), Cell(number(own.size, 2)),
-             Cell(_share(own.size / abs(own.value)).lstrip("+") if own.value else "-"))
+            (_name(own.name, own.words, table), Cell(own.unit, "words"),
+             Cell("-" if own.is_share else _number(own.value)), Cell("-" if own.is_share else number(own.size, 2)),
+             Cell(_share(own.size if own.is_share else own.size / abs(own.value)).lstrip("+")
+                  if own.is_share or own.value else "-"))
             for own in found.noticeable[:_NOTICEABLE]
         )  # fmt: skip
         header = ("", "unit", "is", "noticed from", "of what there is")

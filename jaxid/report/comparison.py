@@ -275,6 +275,16 @@ class Comparison:
         return {name: drawn() for name, drawn in self._drawings.items()}
 
     def save(self, folder: str | Path) -> list[Path]:
+        """Write `report.html` and every figure as a PNG into `folder` (made if missing) and return the paths."""
+        from .comparison_page import comparison_page
+        from .document import write_page
+
+        paths = self.save_pictures(folder)
+        page = Path(folder) / "report.html"
+        write_page(page, comparison_page(self))
+        return [page, *paths]
+
+    def save_pictures(self, folder: str | Path) -> list[Path]:
         """Write every figure as a PNG into `folder` (made if missing) and return the paths."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)

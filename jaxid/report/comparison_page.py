@@ -9,11 +9,13 @@ from ..estimate.judge import POOR
 from ..estimate.result import Fit
 from ..explanation.localise import channel_name
 from ..logs import Log
+from ..robots.meanings import meanings_of
 from . import tables as tab
 from .chart import Chart, Panel, Trace, reach_of
 from .comparison import Comparison
 from .document import Block, Charted, Code, Listing, More, Page, Section, Tabled, Text, Tone, texts
 from .intervals import intervals
+from .own_clock import on_own_clock
 from .tables import Cell, Table
 
 _VERDICTS: dict[str, tuple[str, Tone]] = {
@@ -54,7 +56,7 @@ def meanings(fits: Sequence[Fit]) -> dict[str, str]:
     """What every parameter and combination stands for, by symbol."""
     found: dict[str, str] = {}
     for fit in fits:
-        found |= {name: p.meaning for name, p in fit.robot.parameters.items() if p.meaning}
+        found |= meanings_of(fit.robot)
         found |= {name: meaning for name, (_, _, meaning) in fit.robot.combinations.items()}
     return found
 
@@ -121,7 +123,7 @@ def response_chart(
             traces.append(
                 Trace(log.time, own, f"c{k % 6}", title, "dashed" if k % 2 and len(simulated) > 1 else "line")
             )
-            left.append(Trace(log.time, own - y, f"c{k % 6}", "", "thin"))
+            left.append(Trace(*on_own_clock(log.time, own - y), f"c{k % 6}", "", "thin"))
             error = (own - y)[np.isfinite(own - y)]
             if error.size:
                 told.append(

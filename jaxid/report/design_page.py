@@ -1,5 +1,7 @@
 """The page of a designed experiment: what it is worth, what to drive, what to expect, and what to do with the file."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..design import Design, PlannedRun
@@ -98,7 +100,8 @@ def design_page(design: Design, files: tuple[str, ...] = ()) -> Page:
     sections = [Section("What it is worth", (Tabled(_worth(design)),))]
     for run in design.runs:
         name = run.name.replace("_", " ").capitalize() if len(design.runs) > 1 else "What to drive, and what to expect"
-        sections.append(Section(name, (Text(repr(run)), Charted(planned_chart(run)), *_floor(run))))
+        told = repr(run if len(design.runs) > 1 or not files else replace(run, name=files[0]))
+        sections.append(Section(name, (Text(told), Charted(planned_chart(run)), *_floor(run))))
     drive = f"Drive {' and '.join(files)} from rest" if files else "Drive the inputs from rest"
     items = (
         f"{drive}, and record every output: the file has the time and the inputs, ready for the columns that the sensors fill.",

@@ -11,8 +11,9 @@ from ..explanation.patterns import answering
 from ..logs import LogSet
 from .chart import Chart, Panel, Trace, reach_of, stretches
 from .comparison_page import quantity
-from .explanation_figures import correlation, states
+from .explanation_figures import correlation, residuals_of, states
 from .localisation_figures import worst_log
+from .own_clock import on_own_clock
 
 _COLOUR = {"before": "before", "after": "after"}
 
@@ -61,8 +62,9 @@ def before_after_chart(found: Explanation, e: int) -> Chart:
             error = state.residuals[e][:, i]
             colour = _COLOUR.get(label, "after" if found.verdict == "adequate" else "before")
             shown = f"simulated {label}" if found.effects else "simulated"
-            traces.append(Trace(log.time, log.outputs[:, column] + state.noise[name] * error, colour, shown))
-            left.append(Trace(log.time, error, colour, "", "thin"))
+            own = on_own_clock(log.time, log.outputs[:, column] + state.noise[name] * error)
+            traces.append(Trace(*own, colour, shown))
+            left.append(Trace(*on_own_clock(log.time, error), colour, "", "thin"))
             size = float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else np.nan
             told.append(f"{label} it is {size:.2f} times the noise in {name}")
         there = y[np.isfinite(y)]
@@ -82,7 +84,7 @@ def whiteness_alt(found: Explanation) -> str:
     said = []
     for i, name in enumerate(found.before.by_channel):
         for state, _, label in states(found):
-            parts = [r[:, i] for r in state.residuals if np.isfinite(r[:, i]).any()]
+            parts, _ = residuals_of(found, state, i)
             if parts and (own := correlation(parts)).size > 1:
                 said.append(f"{name} {label}: correlation of neighbours {own[1]:.2f}")
     return f"The residual's correlation with itself and its spectrum. {'; '.join(said)}."

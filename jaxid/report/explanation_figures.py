@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..explanation.explanation import Explanation
 from ..explanation.heldout import HeldOut
 from ..explanation.next_experiment import NextExperiment
+from .own_clock import on_own_clock, own_interval, own_rows
 from .style import COLOURS, tidy
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ def before_after(found: Explanation) -> Figure:
         ax.axhspan(-1.96, 1.96, color=_NOISE, lw=0, zorder=0)
         for state, colour, _ in shown:
             error = state.residuals[e][:, i]
-            ax.plot(time[e], error, color=colour, lw=0.5, alpha=0.4)
+            ax.plot(*on_own_clock(time[e], error), color=colour, lw=0.5, alpha=0.4)
             ax.plot(time[e], _mean_over(error, time[e], _SMOOTHED * longest), color=colour, lw=1.6, zorder=3)
         largest = [np.nanquantile(np.abs(state.residuals[e][:, i]), 0.999) for state, *_ in shown]
         reach = 1.1 * max(*largest, 4.0)
@@ -118,6 +119,14 @@ def _enlarged(
         ax.set_ylabel(f"{name} [{unit}]" if unit else name)
 
 
+def residuals_of(found: Explanation, state: HeldOut, i: int) -> tuple[list[Array], float]:
+    """Held-out residuals [samples] of channel `i` in rows of its own clock, and the interval between two of them."""
+    measured = [(log.time, r[:, i]) for log, r in zip(found.held_out, state.residuals, strict=True)]
+    measured = [(time, part) for time, part in measured if np.isfinite(part).any()]
+    interval = own_interval([time for time, _ in measured], [part for _, part in measured])
+    return [own_rows(time, part, interval) for time, part in measured], interval
+
+
 def correlation(parts: Sequence[Array], lags: int = _LAGS) -> Array:
     """Autocorrelation [lags + 1] of residuals in several logs, never across two; an offset counts as correlation."""
     clean = [np.nan_to_num(part) for part in parts]
@@ -142,14 +151,13 @@ def spectrum(parts: Sequence[Array], interval: float) -> tuple[Array, Array]:
 
 def whiteness(found: Explanation) -> Figure:
     """Autocorrelation and spectrum of the held-out residuals before and after, one row a channel."""
-    interval = float(np.median(np.diff(found.held_out[0].time)))
     channels, shown = list(found.before.by_channel), states(found)
     figure = Figure(figsize=(11.5, 0.9 + 1.9 * len(channels)), layout="constrained")
     grid = figure.subplots(len(channels), 2, squeeze=False, sharex="col")
     for i, name in enumerate(channels):
         auto, power = grid[i]
         for state, colour, _ in shown:
-            parts = [r[:, i] for r in state.residuals if np.isfinite(r[:, i]).any()]
+            parts, interval = residuals_of(found, state, i)
             if not parts:
                 continue
             rho = correlation(parts)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .._distributions import normal_density
 from ..estimate.residual_tests import ChannelTests
 from ..logs import Log
+from .own_clock import on_own_clock
 from .style import COLOURS, MEASURED, NOISE, tidy
 from .tables import number, title_of
 
@@ -93,7 +94,7 @@ def response(
             upper.plot(log.time, own, color=colour[label], label=words[label], **style)
             # The smaller residual lies on top of the larger one.
             above = 2 + sum(sizes[other] > sizes[label] for other in sizes)
-            lower.plot(log.time, own - y, lw=0.7, color=colour[label], alpha=0.85, zorder=above)
+            lower.plot(*on_own_clock(log.time, own - y), lw=0.7, color=colour[label], alpha=0.85, zorder=above)
         margin = 0.15 * max(high - low, 6 * noise[name])
         upper.set_ylim(low - margin, high + margin)
         limit = 1.15 * min(max(reach, 1.5 * half), max(high - low, 3 * half))
@@ -145,7 +146,7 @@ def residuals(
         over, spread, auto = grid[row]
         own = np.concatenate([e[np.isfinite(e)] for e in parts[label].values()])
         for name, e in parts[label].items():
-            over.plot(times[name] + begins[name], e, lw=0.5, color=colour[label])
+            over.plot(*on_own_clock(times[name] + begins[name], e), lw=0.5, color=colour[label])
         for name in times.keys() - parts[label].keys():
             middle = float(times[name][0] + times[name][-1]) / 2 + begins[name]
             over.text(middle, 0.0, "diverges", ha="center", va="center", fontsize="small", color=colour[label])
@@ -161,8 +162,9 @@ def residuals(
         spread.set_yticks([])
         rho, band = tests[label].autocorrelation, tests[label].band95
         auto.axhspan(-band, band, color=NOISE, lw=0, label="95 % of white noise")
-        auto.vlines(np.arange(len(rho)), 0.0, rho, color=colour[label], lw=1.5)
-        auto.plot(np.arange(len(rho)), rho, "o", ms=3, color=colour[label])
+        lags = np.flatnonzero(rho)  # at the others there are no two samples, where another sensor has rows of its own
+        auto.vlines(lags, 0.0, rho[lags], color=colour[label], lw=1.5)
+        auto.plot(lags, rho[lags], "o", ms=3, color=colour[label])
         auto.axhline(0.0, color="0.3", lw=0.6)
         auto.set_ylim(min(-0.2, float(rho.min()) - 0.1), 1.08)
         test = tests[label].whiteness

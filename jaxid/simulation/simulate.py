@@ -62,6 +62,14 @@ def simulate(
     `start` gives initial states per log ([E] by state name); by default they follow from the logs (`initial_states`).
     States in `prescribed` are set to these values at every sample (padded as in `logs.batch()`). Without an `integrator` the
     steps suit the robot, and are shortened, to a 64th at most, until that changes no log by a tenth of its noise.
+
+    >>> import jaxid
+    >>> t = [0.1 * k for k in range(101)]
+    >>> log = jaxid.Log.from_arrays("push", t, {"u": [1.0] * 101}, {"v": [0.0] * 101}, "axis")
+    >>> without_friction = jaxid.Axis().parameters.with_values({"M": 2.0, "Fv": 0.0, "Fc": 0.0})
+    >>> (y,) = jaxid.simulate(jaxid.Axis(without_friction), jaxid.LogSet([log]))
+    >>> print(f"1 N on 2 kg for 10 s: {y[-1, 0]:.3f} m/s")
+    1 N on 2 kg for 10 s: 5.000 m/s
     """
     return [y[0] for y in simulate_models([robot], logs, start=start, integrator=integrator, prescribed=prescribed)]
 

@@ -14,9 +14,9 @@ from jaxid.live.server import Server
 
 
 @contextmanager
-def serving(folder, largest=1000):
+def serving(folder, largest=1000, title="jaxid serve: axis"):
     board = Board()
-    server = Server(LogFolder(folder, largest), board, "jaxid serve: axis")
+    server = Server(LogFolder(folder, largest), board, title)
     thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
     thread.start()
     try:

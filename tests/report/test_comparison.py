@@ -186,7 +186,8 @@ def test_figures_and_files(comparison, tmp_path):
     lines = {line.get_label(): line.get_color() for line in response.axes[1].lines}
     other = {line.get_label(): line.get_color() for line in found["parameters"].axes[0].lines}
     assert next(c for n, c in lines.items() if n.startswith("output error")) == other["output error"]
-    paths = comparison.save(tmp_path / "new")
+    page, *paths = comparison.save(tmp_path / "new")
+    assert page.name == "report.html" and page.read_text(encoding="utf-8").startswith("<!doctype html>")
     assert [path.stem for path in paths] == list(found)
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
 

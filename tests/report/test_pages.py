@@ -7,14 +7,18 @@ import numpy as np
 import pytest
 
 import jaxid
+from jaxid.cli.fleet import run_fleet
+from jaxid.logs import noise_scale
 from jaxid.report import document
 from jaxid.report.change_page import change_page
 from jaxid.report.chart import Chart, Panel, Trace
+from jaxid.report.comparing import on_fitted
 from jaxid.report.comparison_page import comparison_page, fits_page
 from jaxid.report.design_page import design_page
 from jaxid.report.document import Charted, Page, Section, Tabled, Text, rendered, said, units
 from jaxid.report.explanation_page import page_of
 from jaxid.report.tables import Cell, Table
+from tests.live import webdriver
 from tests.report import browser
 from tests.report.pages import check, contrast
 
@@ -52,24 +56,40 @@ def test_a_change_has_its_size_and_what_would_have_shown(changed):
     text = rendered(page)
     for name, own in changed.change.differences.items():
         assert name in text and f"{100 * own.share:+.1f} %" in text
+    assert "dry_friction" not in text and "dry_friction" not in str(changed), "names of the code"
     assert "0.5" in text and "noticed from" in text and "one model for both sets" in text
 
 
 @pytest.fixture(scope="module")
-def pages(explained, compared, designed, changed):
+def of_fleet(axis_log, tmp_path_factory):
+    """The page that a fleet of three axes, one of them much heavier, leaves."""
+    folder = tmp_path_factory.mktemp("fleet")
+    inputs = np.repeat([3.0, -2.0, 4.0, 0.5, -4.0], 40)
+    for k, mass in enumerate((1.0, 1.1, 3.0)):
+        (folder / "robots" / f"cart_{k}").mkdir(parents=True)
+        axis_log(f"{k}", inputs, 0.01, k, position=False, M=mass).to_csv(folder / "robots" / f"cart_{k}" / "run.csv")
+    run_fleet("axis", folder / "robots", None, None, folder / "out", {})
+    return (folder / "out" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def pages(explained, compared, designed, changed, of_fleet):
     """Every kind of page, by name."""
+    logs = explained.held_out
+    noise = noise_scale(logs)
+    seen = on_fitted({"output_error": explained.baseline}, logs, noise)
     found = {
         "fit": comparison_page(compared, "fit"),
-        "fit without held-out logs": fits_page([explained.baseline]),
+        "fit without held-out logs": fits_page([explained.baseline], logs, seen, noise),
         "compare": comparison_page(compared),
         "explain": page_of(explained),
         "design": design_page(designed, ("experiment.csv",)),
         "change": change_page(changed),
     }
-    return {name: rendered(page) for name, page in found.items()}
+    return {name: rendered(page) for name, page in found.items()} | {"fleet": of_fleet}
 
 
-KINDS = ["fit", "fit without held-out logs", "compare", "explain", "design", "change"]
+KINDS = ["fit", "fit without held-out logs", "compare", "explain", "design", "change", "fleet"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -137,28 +157,35 @@ def test_what_users_name_is_escaped():
 in_a_browser = pytest.mark.skipif(browser.CHROMIUM is None, reason="there is no Chromium; apt-get install chromium")
 LOOK = """async (window_, page, wait) => {
   page.querySelectorAll("details").forEach(d => { d.open = true; });
-  await wait(300);
-  const paper = window_.getComputedStyle(page.querySelector(".jaxid-page")).backgroundColor;
-  const root = page.documentElement, box = e => e.getBoundingClientRect();
-  const outside = [...page.querySelectorAll("h1, h2, h3, p, li, figure, table.stack, .bars > div > *, .tick")]
-    .filter(e => box(e).width && box(e).right > root.clientWidth + 1 && !e.closest(".scroll"))
-    .map(e => e.className || e.tagName);
-  const small = [...page.querySelectorAll("button")].filter(b => box(b).width && (box(b).width < 24 || box(b).height < 24));
-  return { complaints: window_.complaints, paper, outside, small: small.length,
-    overflow: root.scrollWidth - root.clientWidth, resources: window_.performance.getEntriesByType("resource").map(r => r.name),
-    charts: page.querySelectorAll(".chart").length, ready: page.querySelectorAll(".chart[data-ready]").length };
+  const root = page.documentElement, box = e => e.getBoundingClientRect(), seen = {};
+  for (const width of [390, 1280]) {
+    window_.frameElement.style.width = `${width}px`;
+    await wait(300);
+    const outside = [...page.querySelectorAll("h1, h2, h3, p, li, figure, table.stack, .bars > div > *, .tick")]
+      .filter(e => box(e).width && box(e).right > root.clientWidth + 1 && !e.closest(".scroll"))
+      .map(e => e.className || e.tagName);
+    const small = [...page.querySelectorAll("button")].filter(b => box(b).width && (box(b).width < 24 || box(b).height < 24));
+    seen[width] = { complaints: window_.complaints, outside, small: small.length, width: window_.innerWidth,
+      paper: window_.getComputedStyle(page.querySelector(".jaxid-page")).backgroundColor,
+      overflow: root.scrollWidth - root.clientWidth,
+      resources: window_.performance.getEntriesByType("resource").map(r => r.name),
+      charts: page.querySelectorAll(".chart").length, ready: page.querySelectorAll(".chart[data-ready]").length };
+  }
+  return seen;
 }"""
 
 
 @in_a_browser
-@pytest.mark.parametrize("kind", ["fit", "explain", "design"])
-@pytest.mark.parametrize(("width", "dark"), [(390, False), (1280, True)])
-def test_pages_fit_telephones_and_wide_screens_light_and_dark(pages, kind, width, dark):
-    seen = browser.asked(pages[kind], width, dark, LOOK)
-    assert seen["complaints"] == [] and seen["resources"] == []
-    assert seen["overflow"] <= 0 and seen["outside"] == [] and seen["small"] == 0
-    assert seen["charts"] == seen["ready"] > 0
-    assert seen["paper"] == ("rgb(13, 17, 23)" if dark else "rgb(255, 255, 255)")
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("dark", [False, True])
+def test_pages_fit_telephones_and_wide_screens_light_and_dark(pages, kind, dark):
+    widths = browser.asked(pages[kind], 390, dark, LOOK)
+    assert list(widths) == ["390", "1280"]
+    for width, seen in widths.items():
+        assert seen["complaints"] == [] and seen["resources"] == [], width
+        assert seen["width"] == int(width) and seen["overflow"] <= 0 and seen["outside"] == [] and seen["small"] == 0
+        assert seen["charts"] == seen["ready"] and (seen["charts"] > 0 or kind in ("change", "fleet"))
+        assert seen["paper"] == ("rgb(13, 17, 23)" if dark else "rgb(255, 255, 255)")
 
 
 ZOOM = """async (window_, page, wait) => {
@@ -212,3 +239,27 @@ def test_charts_zoom_and_pan_by_buttons_keys_and_pointer():
     # From 5 to 7 s it lies between -1 and 0.66, and the panel's height follows; that of the residual stays.
     assert seen["fitted"][0] < 0.03 * seen["tall"][0] and seen["fitted"][1] == seen["tall"][1]
     assert seen["again"] == pytest.approx([2.0, 10.0]) and seen["labelled"] == seen["labels"]
+
+
+@pytest.mark.skipif(webdriver.DRIVER is None, reason="there is no Chromium with its driver")
+def test_pages_fit_the_paper_and_are_printed_light(pages, tmp_path):
+    """A4 between margins of 12 mm is 703 px wide."""
+    with webdriver.browser(tmp_path / "profile") as window:
+        window.screen(703, 1000, dark=True)
+        dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+        window.ask(
+            "/goog/cdp/execute",
+            {"cmd": "Emulation.setEmulatedMedia", "params": {"media": "print", "features": dark}},
+        )
+        for kind, page in pages.items():
+            (tmp_path / "page.html").write_text(page, encoding="utf-8")
+            window.open((tmp_path / "page.html").as_uri())
+            window.run(
+                "dispatchEvent(new Event('beforeprint')); document.documentElement.style.scrollbarWidth = 'none'"
+            )
+            seen = window.run(
+                "return { over: document.documentElement.scrollWidth - innerWidth,"
+                "closed: document.querySelectorAll('details:not([open])').length,"
+                "paper: getComputedStyle(document.querySelector('.jaxid-page')).backgroundColor }"
+            )
+            assert seen == {"over": 0, "closed": 0, "paper": "rgb(255, 255, 255)"}, kind

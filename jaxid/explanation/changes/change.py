@@ -9,11 +9,28 @@ from ..._json import plain, write_json
 from ..._origin import Origin
 from ..._table import html_table, text_table
 from ...estimate.result import Estimate, Fit
+from ...robots.effect import in_words
 
 Verdict = Literal["unchanged", "named", "ambiguous", "unexplained"]
 POWER = 0.9
 """Probability with which a change of the size that is called noticeable would have been noticed."""
 _SHOWN = 12
+_FRICTIONS = {"dry_friction.coulomb": "Coulomb", "viscous_friction.viscous": "viscous"}
+
+
+def number_in_words(name: str, identifier: str, title: str) -> str:
+    """A number by which a candidate of this title moves, as people say it; a parameter of the robot keeps its symbol."""
+    if "." not in name:
+        return title if name == identifier and f"({name})" not in title else name
+    effect, own = name.rsplit(".", 1)
+    kind = _FRICTIONS.get(".".join(name.split(".")[-2:]))
+    if kind is not None:
+        # Of each axis by itself: the name says which, from 1 on.
+        axis = effect.split(".")[0].removeprefix(identifier).removeprefix("_")
+        return f"{kind} {title.replace('each drive axis', f'drive axis {axis}') if axis else title}"
+    if effect == identifier and own == "gain":
+        return title
+    return own.replace("_", " ") if effect == identifier else f"{own.replace('_', ' ')} of {in_words(effect)}"
 
 
 @dataclass(frozen=True)
@@ -56,7 +73,11 @@ class NamedChange:
     @property
     def sizes(self) -> str:
         """Every difference with its 95 % interval, in words."""
-        return ", ".join(_sized(name, d) for name, d in self.differences.items())
+        return ", ".join(_sized(self.words_of(name), d) for name, d in self.differences.items())
+
+    def words_of(self, name: str) -> str:
+        """A key of `differences` in words."""
+        return number_in_words(name, self.id, self.title)
 
     def to_dict(self) -> dict[str, Any]:
         """As result files have it."""
@@ -97,9 +118,21 @@ class Noticeable:
     @property
     def text(self) -> str:
         """Name and size in words."""
+        if self.is_share:
+            return f"{self.words} by {100 * self.size:.2g} %"
         unit = f" {self.unit}" if self.unit else ""
         share = f" ({100 * self.size / abs(self.value):.2g} %)" if self.value else ""
-        return f"{self.name} by {self.size:.2g}{unit}{share}"
+        return f"{self.words} by {self.size:.2g}{unit}{share}"
+
+    @property
+    def words(self) -> str:
+        """The number's name in words."""
+        return number_in_words(self.name, self.id, self.title)
+
+    @property
+    def is_share(self) -> bool:
+        """Whether the size is a share of what there is."""
+        return not self.unit and not self.value
 
 
 @dataclass(frozen=True)
@@ -173,6 +206,14 @@ class ExplainedChange:
             )
         return f"Changed: {self.change.words}: {self.change.sizes}{fall}.{others}"
 
+    @property
+    def distinct(self) -> tuple[Looked, ...]:
+        """Of `looked` the likeliest of each name: an effect is tried by several of its laws."""
+        found: dict[str, Looked] = {}
+        for own in self.looked:
+            found.setdefault(own.title, own)
+        return tuple(found.values())
+
     def _paragraphs(self) -> tuple[list[str], list[str]]:
         after = []
         if self.noticeable:
@@ -187,7 +228,10 @@ class ExplainedChange:
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "promises (chi-squared)", "p value alone")]
-        rows += [(own.title, f"{own.gain:.1f}", f"{own.p_value:.2g}") for own in self.looked[:_SHOWN]]
+        rows += [
+            (own.title, f"{own.gain:.1f}", f"{own.p_value:.2g}" if own.p_value > 0 else "< 1e-300")
+            for own in self.distinct[:_SHOWN]
+        ]
         return rows
 
     def __repr__(self) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from ..finding import LogError
 from ..log import did_you_mean
 from ..series import Recording, Series, Topic
+from ..supply import of_supply
 from .cut_mcap import CutMcap, whole_records
 from .messages import LONGEST_ARRAY, Part, parts, unit_of
 
@@ -178,10 +179,12 @@ def _recording(reader: Any, path: Path, fields: Collection[str] | None) -> Recor
             )
     if not sum(counts.values()):
         raise LogError(f"{path} holds no messages; give a recording of an experiment.")
-    wanted = set(kinds) if fields is None else {_of_topic(field) for field in fields}
-    for topic in sorted(wanted - set(kinds)):
+    asked = set(kinds) if fields is None else {_of_topic(field) for field in fields}
+    for topic in sorted(asked - set(kinds)):
         listed = ", ".join(sorted(kinds))
         raise LogError(f"{path} has no topic {topic!r}{did_you_mean(topic, kinds)}; it has {listed:.400}: correct it.")
+    # Beside what is asked for, whatever tells of the battery: it matters to every command.
+    wanted = asked | {topic for topic, kind in kinds.items() if kind.endswith("/BatteryState") or of_supply(topic)}
     known = set(reader.typestore.fielddefs)
     unknown = {topic for topic, kind in kinds.items() if kind not in known}
     chosen = [c for c in reader.connections if c.topic in wanted and c.topic not in unknown]
@@ -190,6 +193,8 @@ def _recording(reader: Any, path: Path, fields: Collection[str] | None) -> Recor
     # Of no connections at all rosbags would hand out the messages of every one.
     for connection, received, data in reader.messages(connections=chosen) if chosen else ():
         topic = connection.topic
+        if topic not in columns:
+            continue
         if len(data) > _LARGE or topic in large:
             large[topic] = max(large.get(topic, 0), len(data))
             continue
@@ -197,6 +202,9 @@ def _recording(reader: Any, path: Path, fields: Collection[str] | None) -> Recor
             message = reader.deserialize(data, connection.msgtype)
             columns[topic].add(received, parts(topic, connection.msgtype, message))
         except Exception as error:  # as in `read_ros`
+            if topic not in asked:
+                del columns[topic]
+                continue
             raise LogError(
                 f"{path}: message {columns[topic].read} of topic {topic!r} ({connection.msgtype}) cannot be read "
                 f"({_cause(error)}); the file is damaged, so copy it again."
@@ -212,7 +220,7 @@ def _recording(reader: Any, path: Path, fields: Collection[str] | None) -> Recor
             remark = "a type of which the bag holds no definition, as those of ROS 2 Humble and older do not"
         elif topic in large:
             remark = f"messages of {large[topic]:,} bytes, not looked into"
-        elif topic in wanted and topic not in with_numbers:
+        elif topic in columns and topic not in with_numbers:
             remark = f"no numbers (text, or arrays of more than {LONGEST_ARRAY})"
         topics[topic] = Topic(topic, kinds[topic], counts[topic], remark)
     return Recording(series, topics)

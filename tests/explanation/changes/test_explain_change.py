@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("numba")
 from benchmarks.hidden.cases import MODEL, NOISE, REFERENCE  # noqa: E402
 from jaxid import Channels, Custom, Log, LogError, LogSet, Parameter, ParameterError, explain_change, output_error
+from jaxid.explanation.changes.change import Noticeable, number_in_words  # noqa: E402
 from reference import excitation  # noqa: E402
 from reference.logs import simulate_log  # noqa: E402
 
@@ -228,3 +229,41 @@ def test_candidates_call_wheels_and_axes_as_everything_else_does():
         ids = {candidate.id for candidate in candidates_of(robot)}
         assert {title.replace(" the ", " ").replace(" ", "_") for title in wanted} <= ids
         assert wanted <= titles and not any("wheel 1" in title for title in titles)
+
+
+@pytest.mark.parametrize(
+    ("name", "identifier", "title", "words"),
+    [
+        ("Fc", "Fc", "Coulomb friction of a side (Fc)", "Fc"),
+        ("J", "payload", "payload", "J"),
+        ("radius_of_right_wheel", "radius_of_right_wheel", "radius of the right wheel", "radius of the right wheel"),
+        ("command_gain.gain", "command_gain", "supply or command gain", "supply or command gain"),
+        (
+            "friction_of_right_wheel.dry_friction.coulomb",
+            "friction_of_right_wheel",
+            "friction of the right wheel",
+            "Coulomb friction of the right wheel",
+        ),
+        (
+            "friction_of_each_2.viscous_friction.viscous",
+            "friction_of_each",
+            "friction of each drive axis",
+            "viscous friction of drive axis 2",
+        ),
+        ("stribeck_friction.amplitude", "stribeck_friction", "Stribeck friction that appeared", "amplitude"),
+        (
+            "stribeck_friction.amplitude",
+            "stribeck_friction.amplitude",
+            "stribeck_friction.amplitude",
+            "amplitude of Stribeck friction",
+        ),
+    ],
+)
+def test_numbers_are_printed_in_words(name, identifier, title, words):
+    assert number_in_words(name, identifier, title) == words
+
+
+def test_shares_are_per_cent():
+    own = Noticeable("command_gain", "supply or command gain", "command_gain.gain", 0.0113, "", 0.0)
+    assert own.text == "supply or command gain by 1.1 %"
+    assert Noticeable("M", "mass (M)", "M", 0.43, "kg", 14.0).text == "M by 0.43 kg (3.1 %)"
