@@ -7,8 +7,13 @@ errors off on either side along every principal direction of the covariance; the
 chi-squared). Where it has not, each parameter that takes part is held three of its standard errors off and the others are
 fitted anew: what the cost has risen by then is the profile, and a profile that hardly rises there, or ten standard
 errors off, is proof. Where the cost falls, the optimum was none.
+
+All of this is in units of what chance makes of the cost. Of a residual whose neighbours go together that is more, by their
+long-run variance: of what a wrong model leaves of ten thousands of samples the standard errors for white noise are so small
+that the cost's roughness hides every rise, and each parameter would be asked for its profile in vain.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..result import Estimate, Fit
-from .evaluation import cost_at
+from .evaluation import cost_at, simulated
 from .from_optimum import AtBounds, known_spread
 from .optimum import Optimum
-from .problem import Problem, Structure, Unknowns, holding, parameters_at
+from .problem import Problem, Structure, Unknowns, holding, parameters_at, residual_weights
 from .solvers import minimise_compiled
 
 _OFF = 3.0
@@ -36,6 +41,8 @@ _TWICE = 2.0
 """How often a promised drop may come before the search for a profile ends: a kink may give more than is promised."""
 _TELLING = 1.0
 """Promised rise below which there is nothing to be asked: a bound is in the way."""
+_BATCHES, _COLOURED = 20, 2.0
+"""Stretches of a log whose sums tell the long-run variance of what is left, and the variance from which it is no chance."""
 _LOWER = 0.5
 """Fall of the cost (half chi-squared) from which a point near the optimum is a better start than the optimum."""
 
@@ -59,6 +66,27 @@ def _following(inner: Optimum, step: NDArray[np.float64]) -> NDArray[np.float64]
     """Change [E, s] of the initial states that follows a step [n] of the parameters."""
     local, crossed = np.asarray(inner.triangle.local), np.asarray(inner.triangle.crossed)
     return np.stack([-np.linalg.pinv(own) @ (across @ step) for own, across in zip(local, crossed, strict=True)])
+
+
+def long_run(residuals: Iterable[NDArray[np.float64]]) -> float:
+    """Long-run variance of weighted residuals [T, channels] of logs, zero where nothing was measured (batch means); 1 for white
+    noise and for what is near it."""
+    squares, samples = 0.0, 0
+    for own in residuals:
+        seen = own != 0.0
+        end = int(np.flatnonzero(seen.any(axis=1)).max(initial=-1)) + 1
+        each = max(end // _BATCHES, 1)
+        whole = own[: end - end % each]
+        squares += float(np.sum(whole.reshape(-1, each, own.shape[1]).sum(axis=1) ** 2))
+        samples += int(np.count_nonzero(whole))
+    found = squares / max(samples, 1)
+    return found if np.isfinite(found) and found > _COLOURED else 1.0
+
+
+def _left(structure: Structure, problem: Problem, at: Unknowns) -> NDArray[np.float64]:
+    """Weighted residuals [E, T, channels], zero where nothing was measured."""
+    y, weights = np.asarray(simulated(structure, problem, at)), residual_weights(problem)
+    return np.where(weights > 0.0, y - np.asarray(problem.outputs), 0.0) * weights
 
 
 def _profile(
@@ -88,9 +116,11 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
     covariance = found.covariance / np.outer(slope, slope)
     errors = np.sqrt(np.diag(covariance))
     asked = found.determined & ~bounded.at_bound & (errors > 0)
-    base = cost_at(structure, problem, Unknowns(np.asarray(begin), np.asarray(states)))
+    here = Unknowns(np.asarray(begin), np.asarray(states))
+    base, chance = cost_at(structure, problem, here), long_run(_left(structure, problem, here))
+    far = float(np.sqrt(chance))
     flat: dict[str, list[Flat]] = {}
-    lowest, lower = base - _LOWER, None
+    lowest, lower = base - _LOWER * chance, None
 
     def off(step: NDArray[np.float64]) -> tuple[Unknowns, float]:
         """Where a step leads that does not leave the bounds, and by how much the cost should rise."""
@@ -102,8 +132,8 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
     doubtful: set[tuple[int, int]] = set()
     for direction in _principal(covariance, errors).T:
         for side in (-1, 1):
-            at, promised = off(side * _OFF * direction)
-            if not promised > _TELLING:
+            at, promised = off(side * far * _OFF * direction)
+            if not promised > _TELLING * chance:
                 continue
             cost = cost_at(structure, problem, at)
             if cost - base < _DOUBTFUL * promised:
@@ -113,9 +143,9 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
                 lowest, lower = cost, at
     for k, side in sorted(doubtful):
         for distance, little in _LITTLE.items():
-            at, _ = off(side * distance * covariance[:, k] / errors[k])
+            at, _ = off(side * far * distance * covariance[:, k] / errors[k])
             promised = 0.5 * float((at.z[k] - begin[k]) / errors[k]) ** 2
-            if not promised > _TELLING:
+            if not promised > _TELLING * chance:
                 break
             cost, at = _profile(structure, problem, at, k, _WITHIN * promised, base + _DOUBTFUL * promised)
             if cost < lowest:
