@@ -13,7 +13,6 @@ long-run variance: of what a wrong model leaves of ten thousands of samples the 
 that the cost's roughness hides every rise, and each parameter would be asked for its profile in vain.
 """
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..result import Estimate, Fit
-from .evaluation import cost_at, simulated
+from .evaluation import cost_at
 from .from_optimum import AtBounds, known_spread
+from .long_run import long_run_at
 from .optimum import Optimum
-from .problem import Problem, Structure, Unknowns, holding, parameters_at, residual_weights
+from .problem import Problem, Structure, Unknowns, holding, parameters_at
 from .solvers import minimise_compiled
 
 _OFF = 3.0
@@ -41,8 +41,6 @@ _TWICE = 2.0
 """How often a promised drop may come before the search for a profile ends: a kink may give more than is promised."""
 _TELLING = 1.0
 """Promised rise below which there is nothing to be asked: a bound is in the way."""
-_BATCHES, _COLOURED = 20, 2.0
-"""Stretches of a log whose sums tell the long-run variance of what is left, and the variance from which it is no chance."""
 _LOWER = 0.5
 """Fall of the cost (half chi-squared) from which a point near the optimum is a better start than the optimum."""
 
@@ -66,27 +64,6 @@ def _following(inner: Optimum, step: NDArray[np.float64]) -> NDArray[np.float64]
     """Change [E, s] of the initial states that follows a step [n] of the parameters."""
     local, crossed = np.asarray(inner.triangle.local), np.asarray(inner.triangle.crossed)
     return np.stack([-np.linalg.pinv(own) @ (across @ step) for own, across in zip(local, crossed, strict=True)])
-
-
-def long_run(residuals: Iterable[NDArray[np.float64]]) -> float:
-    """Long-run variance of weighted residuals [T, channels] of logs, zero where nothing was measured (batch means); 1 for white
-    noise and for what is near it."""
-    squares, samples = 0.0, 0
-    for own in residuals:
-        seen = own != 0.0
-        end = int(np.flatnonzero(seen.any(axis=1)).max(initial=-1)) + 1
-        each = max(end // _BATCHES, 1)
-        whole = own[: end - end % each]
-        squares += float(np.sum(whole.reshape(-1, each, own.shape[1]).sum(axis=1) ** 2))
-        samples += int(np.count_nonzero(whole))
-    found = squares / max(samples, 1)
-    return found if np.isfinite(found) and found > _COLOURED else 1.0
-
-
-def _left(structure: Structure, problem: Problem, at: Unknowns) -> NDArray[np.float64]:
-    """Weighted residuals [E, T, channels], zero where nothing was measured."""
-    y, weights = np.asarray(simulated(structure, problem, at)), residual_weights(problem)
-    return np.where(weights > 0.0, y - np.asarray(problem.outputs), 0.0) * weights
 
 
 def _profile(
@@ -117,7 +94,7 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
     errors = np.sqrt(np.diag(covariance))
     asked = found.determined & ~bounded.at_bound & (errors > 0)
     here = Unknowns(np.asarray(begin), np.asarray(states))
-    base, chance = cost_at(structure, problem, here), long_run(_left(structure, problem, here))
+    base, chance = cost_at(structure, problem, here), long_run_at(structure, problem, here)
     far = float(np.sqrt(chance))
     flat: dict[str, list[Flat]] = {}
     lowest, lower = base - _LOWER * chance, None

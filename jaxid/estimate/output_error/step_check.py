@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from ...simulation.rollout import Integrator
 from .evaluation import simulated
+from .long_run import long_run_at
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .solvers import DEFAULT, Solver, minimise_compiled
@@ -25,7 +26,7 @@ _FINER = 4
 _VISIBLE = 0.1
 """Difference between the simulations, RMS in units of the noise, that is too large whatever the estimates do."""
 _MOVED = 0.3
-"""How far the estimates may move, in standard errors, all together."""
+"""How far the estimates may move, all together, in standard errors that allow for a coloured residual."""
 _LITTLE = 0.2
 """A way that is promised to be no longer need not be gone to see that it is short enough."""
 _NEAR = 5e-4
@@ -125,16 +126,18 @@ def _would_move(
 ) -> tuple[float, Optimum]:
     """How far the estimates move, in standard errors, if measurements are corrected by the `change`, and where to.
 
-    One linearisation promises half the square of that, and where that is little, nothing more is asked.
+    One linearisation promises half the square of that, and where that is little, nothing more is asked. Of a coloured residual
+    the errors are those of its long-run variance.
     """
+    one_error = np.sqrt(long_run_at(structure, problem, optimum.unknowns))
     corrected, at = _corrected(problem, change), optimum.unknowns
     moved = minimise_compiled(structure, corrected, at, max_steps=0, solver=solver, until=np.inf)
-    promised = float(np.sqrt(2.0 * np.maximum(moved.promise, 0.0)))
+    promised = float(np.sqrt(2.0 * np.maximum(moved.promise, 0.0)) / one_error)
     if promised <= _LITTLE:
         return promised, moved
     moved = _moved(structure, problem, at, change, solver)
     step = np.asarray(moved.unknowns.z) - np.asarray(at.z)
-    return float(np.linalg.norm(np.asarray(optimum.triangle.shared) @ step)), moved
+    return float(np.linalg.norm(np.asarray(optimum.triangle.shared) @ step) / one_error), moved
 
 
 def with_steps_checked(

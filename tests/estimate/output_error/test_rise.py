@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Log, LogSet, output_error
-from jaxid.estimate.output_error import rise
 
 SAMPLES, INTERVAL, NOISE = 400, 0.02, 0.01
 M, FV, FC, OFFSET = 1.0, 2.0, 0.5, 0.0
@@ -58,15 +57,3 @@ def test_motion_both_ways_identifies_both():
     assert not any("one side" in note or "one by one" in note for note in fit.notes)
     for name, true in (("M", M), ("Fv", FV), ("Fc", FC), ("offset", OFFSET)):
         assert fit[name].status == "identified" and abs(fit[name].value - true) < 4 * fit[name].std_error
-
-
-def test_the_long_run_variance_is_one_for_white_noise_and_that_of_coloured_noise():
-    random = np.random.default_rng(5)
-    white = random.normal(size=(6, 2000, 2))
-    white[:, ::7] = white[:, 1900:] = 0.0  # not measured
-    assert rise.long_run(white) == 1.0
-    coloured = np.zeros((6, 2000, 1))
-    for k in range(1, 2000):
-        coloured[:, k] = 0.9 * coloured[:, k - 1] + np.sqrt(1.0 - 0.81) * random.normal(size=(6, 1))
-    assert rise.long_run(coloured) == pytest.approx(1.9 / 0.1, rel=0.4)  # of an AR(1): (1 + a) / (1 - a)
-    assert rise.long_run([np.zeros((5, 1))]) == 1.0 and rise.long_run([np.ones((3, 1))]) == 1.0
