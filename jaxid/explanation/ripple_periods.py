@@ -121,9 +121,11 @@ def _peaks(
     looked_at = int(np.count_nonzero(kept)) // _OVERSAMPLED
     if not looked_at:
         return [], 0
-    weight = std**-2.0
+    # Everything is a ratio, so that forces that a runaway fit leaves (1e200 N) need not overflow.
+    weight = (np.min(std) / std) ** 2
+    mean = mean / max(float(np.max(np.abs(mean))), np.finfo(float).tiny)
     products = weight * (mean - np.sum(weight * mean) / np.sum(weight))
-    # Everything below is a ratio. Single precision is enough for what chance makes of it.
+    # Single precision is enough for what chance makes of it.
     products = products / max(float(np.max(np.abs(products))), np.finfo(float).tiny)
     parts = np.split(products.astype(np.float32), np.cumsum([len(own) for own in ways])[:-1])
     rng = np.random.default_rng(_SEED)

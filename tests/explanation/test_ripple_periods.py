@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from jaxid import Axis, Log, LogSet
 from jaxid.effects import effect_by_id
-from jaxid.explanation.ripple_periods import Grid, Periodogram, ripple_periods
+from jaxid.explanation.ripple_periods import Grid, Periodogram, Smoothed, _peaks, ripple_periods
 from jaxid.logs import AXIS, noise_scale
 
 M, FV, N, DT, NOISE = 1.3, 1.6, 500, 0.02, 0.004
@@ -67,3 +67,13 @@ def test_the_periodogram_is_that_of_scipy():
     assert grid.periods[-1] == pytest.approx(40.0, rel=0.02)
     power = Periodogram(grid, np.ones(way.size))(force - force.mean())
     np.testing.assert_allclose(power, 2 * other, atol=0.05 * np.max(2 * other))
+
+
+def test_forces_too_large_to_be_squared_are_looked_at_without_a_warning():
+    """Of a fit that ran away; every warning is an error here."""
+    time = DT * np.arange(N)
+    way, force = [0.5 * time], np.sin(2 * np.pi * 0.5 * time / 0.5)
+    usual = _peaks(way, [Smoothed(force, np.full(N, 0.1))], 0.05)
+    large = _peaks(way, [Smoothed(1e250 * force, np.full(N, 1e249))], 0.05)
+    assert usual[1] == large[1] > 0
+    np.testing.assert_allclose(large[0], usual[0], rtol=1e-6)
