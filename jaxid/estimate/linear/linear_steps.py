@@ -10,6 +10,7 @@ from ...logs import Log, LogError
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ..result import Estimate, Status
+from .log_rows import measured_speeds
 from .weighted_least_squares import Solution, solve
 from .window_equations import WindowEquations, window_equations
 
@@ -22,14 +23,28 @@ def with_estimate(robot: Robot, names: tuple[str, ...], theta: Array) -> Robot:
     return robot.with_values(**dict(zip(names, theta.tolist(), strict=True)))
 
 
+def _together(robot: Robot, log: Log) -> bool:
+    """Whether any row of a log holds all measured speeds, or what stands in for them."""
+    speeds = [log.output(name) for name in measured_speeds(robot)]
+    shown = [np.isfinite(values) for values in speeds if np.isfinite(values).any()]
+    return bool(np.all(shown, axis=0).any()) if shown else True
+
+
 def identify(robot: Robot, logs: list[Log], window: int | None) -> tuple[Solution, WindowEquations, int, bool]:
     """Momentum balances first, then equation 33 about the estimate until it stands."""
     names = robot.parameters.free_names
     nothing = np.zeros(len(names), bool)
     equations = window_equations(robot, logs, "momentum", window)
     if not len(equations):
+        listed = ", ".join(log.name for log in logs)
+        if not any(_together(robot, log) for log in logs):
+            raise LogError(
+                f"no row of the logs {listed} holds all of {', '.join(measured_speeds(robot))}, which were measured at "
+                "times of their own; balances need them at the same times. Use output error, which takes every sensor as it "
+                "comes."
+            )
         raise LogError(
-            f"the logs {', '.join(log.name for log in logs)} hold no two samples in a row in which the robot moves, or its "
+            f"the logs {listed} hold no two samples in a row in which the robot moves, or its "
             "speeds never come above three times what their sensors' noise or coarse steps are; give logs in which it moves "
             "faster, or speeds averaged over more of an encoder's counts, or use output error."
         )

@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import butter, filtfilt
 from scipy.stats import chi2
 
+import jaxid
 from jaxid import (
     Axis,
     Channels,
@@ -348,3 +349,13 @@ def test_what_nobody_measured_cannot_hold_free_parameters():
     for estimator in (integral_least_squares, instrumental_variables):
         with pytest.raises(ParameterError, match="do not measure rate of 'pendulum', .* or use output error"):
             estimator(robot, [log])
+
+
+def test_speeds_that_were_never_measured_at_one_time_are_said_to_be_so():
+    time = 0.01 * np.arange(400)
+    u = np.repeat(np.random.default_rng(0).uniform(-6.0, 6.0, (20, 2)), 20, axis=0)
+    outputs = np.stack([np.sin(time), np.cos(time)], axis=1)
+    outputs[np.arange(400) % 20 != 0, 0] = outputs[np.arange(400) % 20 != 10, 1] = np.nan
+    log = Log.from_arrays("own clocks", time, u, outputs, "differential")
+    with pytest.raises(LogError, match="no row of the logs own clocks holds all of v, w, .* Use output error"):
+        integral_least_squares(jaxid.DifferentialDrive(), [log])
