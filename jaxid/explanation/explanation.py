@@ -68,9 +68,10 @@ class Explanation:
 
     @property
     def noise_floor(self) -> float:
-        """The error that noise alone leaves, in units of its white part: one, more where it is coloured."""
+        """The error that chance alone leaves, in units of the noise's white part: one, more where the noise is coloured or
+        delays scatter."""
         coloured = self.colour is not None and self.colour.simple
-        return max(self.after.normalised_rms, 1.0) if coloured else 1.0
+        return max(self.after.normalised_rms, 1.0) if coloured or self.after.by_chance else 1.0
 
     @property
     def sentence(self) -> str:

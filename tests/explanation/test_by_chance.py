@@ -76,5 +76,6 @@ def test_late_commands_are_named_though_no_model_foretells_them():
     found = explain(output_error(AXIS_MODEL, fit_logs), fit_logs, held_out)
     assert found.verdict == "named" and [(e.id, e.law) for e in found.effects] == [("input_delay", "jittering")]
     assert found.effects[0].equivalent_to == () and "each of them by chance" in found.sentence
+    assert found.noise_floor == found.after.normalised_rms and found.gap_closed == pytest.approx(1.0)
     delay = found.effects[0].parameters["delay"]
     assert delay.value == pytest.approx(LONGEST / 2, abs=4.0 * delay.std_error)
