@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.typing import NDArray
 
 from ..parameters import Parameter
 from .probe import Probe, Seen, moved
@@ -104,24 +103,24 @@ class Effect:
     def drawn_inputs(
         self,
         way: str,
-        inputs: NDArray[np.float64],
-        time: NDArray[np.float64],
+        inputs: Float[np.ndarray, "T nu"],
+        time: Float[np.ndarray, " T"],
         p: Numbers,
         robot: "Robot",
         random: np.random.Generator,
-    ) -> NDArray[np.float64]:
+    ) -> Float[np.ndarray, "T nu"]:
         """One draw of what `inputs` [T, nu] become by chance in a `way` of `scatters`; those of `robot` as they are."""
         return inputs
 
     def drawn_outputs(
         self,
         way: str,
-        outputs: NDArray[np.float64],
-        time: NDArray[np.float64],
+        outputs: Float[np.ndarray, "T ny"],
+        time: Float[np.ndarray, " T"],
         p: Numbers,
         robot: "Robot",
         random: np.random.Generator,
-    ) -> NDArray[np.float64]:
+    ) -> Float[np.ndarray, "T ny"]:
         """One draw of what `outputs` [T, ny] become by chance in a `way` of `scatters`; those of `robot` as they are."""
         return outputs
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxid.effects import effect_by_id
 from jaxid.explanation.heldout import HeldOut
-from jaxid.explanation.reconsider import _with_effects, with_trials
+from jaxid.explanation.reconsider import with_effects, with_trials
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.steps import Step
 from jaxid.robots import Axis
@@ -22,7 +22,7 @@ def test_an_effect_moved_to_another_model_keeps_its_values_and_what_was_held():
     reach = 0.5 * owner.parameters[fixed[0]].value
     owner = owner.with_values(**{fixed[0]: reach, heights[0]: 0.0123}).change(heights[1], free=False) + other
 
-    moved = _with_effects(base, {"stribeck_friction": owner})
+    moved = with_effects(base, {"stribeck_friction": owner})
 
     assert [effect.id for effect in moved.effects] == ["stribeck_friction"]
     assert moved.parameters[fixed[0]].value == reach
@@ -34,7 +34,7 @@ def test_effects_that_the_model_has_are_left_as_they_are():
     base = Axis() + effect_by_id(Axis(), "quadratic_drag")
     name = next(name for name in base.parameters if name.startswith("quadratic_drag."))
     owner = base.with_values(**{name: 0.5})
-    assert _with_effects(base, {"quadratic_drag": owner}).parameters[name].value == base.parameters[name].value
+    assert with_effects(base, {"quadratic_drag": owner}).parameters[name].value == base.parameters[name].value
 
 
 def trial(effect, residual):
