@@ -5,7 +5,7 @@ logged commands: tracing one takes some ten milliseconds, where XLA takes a seco
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, SupportsIndex
 
 import jax
 import numpy as np
@@ -74,7 +74,7 @@ _SHAPED: dict[str, Callable[..., Callable[..., Any]]] = {
 _CALLS = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat", "checkpoint"}
 
 
-def _spread(shape: Sequence[int], axes: int, places: Sequence[int]) -> list[int]:
+def _spread(shape: Sequence[int], axes: int, places: Sequence[SupportsIndex]) -> list[int]:
     wide = [1] * axes
     for size, place in zip(shape, places, strict=True):
         wide[place] = size
