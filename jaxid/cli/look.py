@@ -94,21 +94,9 @@ def _proposals(proposals: Sequence[Proposal], robot: Robot) -> Table:
         of_source.setdefault(one.source, []).append(one.channel)
     notes = [f"{', '.join(channels)}: {source}." for source, channels in of_source.items() if source]
     notes += [one.hint for one in proposals if one.hint and one.channel not in stood_in]
-    notes += _of_commands(robot)
+    notes += [robot.said_of_commands] if robot.said_of_commands else []
     notes.append("By names and units alone: look every line over, with its unit and its sign.")
     return Table("What could be what", ("channel", "unit", "field", "scale", "meaning"), tuple(rows), tuple(notes))
-
-
-def _of_commands(robot: Robot) -> list[str]:
-    """What a robot whose commands have no unit of their own takes them for."""
-    gain = robot.parameters["gain"] if "gain" in robot.parameters else None
-    if gain is None or gain.unit != "N per unit of u" or gain.free or gain.value != 1.0:
-        return []
-    names = ", ".join(robot.channels.inputs)
-    return [
-        f"{names}: taken for forces in N. If they are volts or duties, mass, inertia and friction come out per unit of "
-        "command, until a --model holds the mass (M) and frees the gain."
-    ]
 
 
 def _words(robot: Robot) -> Mapping[str, str]:

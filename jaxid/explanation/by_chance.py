@@ -1,7 +1,7 @@
 """Is a held-out error what delays that scatter leave?
 
 Of commands or samples that each come late by a time of their own a model can foretell the mean alone; what is left is larger
-than the noise, though nothing is missing. A law of this kind (`Effect.scatters`) says how large, and how much neighbours have
+than the noise, though nothing is missing. A law of this kind (`Effect.draws`) says how large, and how much neighbours have
 in common: as much as draws of it leave.
 """
 
@@ -17,9 +17,11 @@ from ..effects import laws_of
 from ..estimate.confidence.agreement import rms
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
-from ..logs import LogSet
+from ..logs import Log, LogSet
+from ..robots.draw import Draw
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from ..robots.signal_path import overrides
 from ..simulation.simulate import integrator_for, simulate
 from .candidate_refits import Report
 from .denser import bare_of
@@ -39,18 +41,24 @@ Residuals = list[NDArray[np.float64]]
 def by_chance(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     """`state`, which `fit` leaves on the `held_out` logs, marked as left by chance where one of its effects scatters and draws
     of it leave as much: by size and by autocorrelations, at the level at which complete models are called incomplete."""
-    scattering = next((effect for effect in fit.robot.effects if effect.scatters), None)
+    scattering = next((effect for effect in fit.robot.effects if _scatters(effect)), None)
     if scattering is None or state.adequate or state.diverged or state.simulated_freely is not None:
         return state
-    return replace(
-        state, by_chance=any(_as_drawn(fit, scattering, way, held_out, state) for way in scattering.scatters)
-    )
+    ways = range(len(scattering.draws(fit.robot.parameters.numbers, fit.robot)))
+    return replace(state, by_chance=any(_as_drawn(fit, scattering, way, held_out, state) for way in ways))
 
 
-def _as_drawn(fit: Fit, effect: Effect, way: str, held_out: LogSet, state: HeldOut) -> bool:
-    """Whether the `state` is like the draws of `effect` in this `way`: two tests, each of them from both sides."""
-    seen = np.log(_measures(state.residuals))
-    drawn = np.log([_measures(own) for own in _draws(fit, effect, way, held_out, state)])
+def _scatters(effect: Effect) -> bool:
+    return overrides(type(effect), "draws")
+
+
+def _as_drawn(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut) -> bool:
+    """Whether the `state` is like draws of `effect` in one `way` of several: two tests, each of them from both sides."""
+    seen = np.array(_measures(state.residuals))
+    drawn = np.array([_measures(own) for own in _draws(fit, effect, way, held_out, state)])
+    if not (np.all(seen > 0) and np.all(drawn > 0)):  # too few samples for autocorrelations
+        return False
+    seen, drawn = np.log(seen), np.log(drawn)
     spread = np.std(drawn, axis=0, ddof=1)
     spread[0] = np.hypot(spread[0], state.noise_error)
     far = np.abs(seen - np.mean(drawn, axis=0)) / spread
@@ -62,7 +70,7 @@ def _measures(residuals: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
     return rms(np.concatenate(list(residuals))), structure(residuals)[0]
 
 
-def _draws(fit: Fit, effect: Effect, way: str, held_out: LogSet, state: HeldOut) -> Iterator[Residuals]:
+def _draws(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut) -> Iterator[Residuals]:
     """Residuals of `fit` on logs in which its delays have come out otherwise, and the noise, too.
 
     The delay itself is drawn by its standard error.
@@ -71,15 +79,20 @@ def _draws(fit: Fit, effect: Effect, way: str, held_out: LogSet, state: HeldOut)
     robot, bare = fit.robot, bare_of(fit.robot, effect)
     start = estimated_start(robot, held_out, state.noise)
     usual = scaled_residuals(held_out, _simulated(robot, held_out, start, 1), state.noise)
-    drawn = [_own_numbers(fit, effect, random) for _ in range(_DRAWS)]
+    numbers = [_own_numbers(fit, effect, random) for _ in range(_DRAWS)]
+    draws = [effect.draws(p, robot)[way] for p in numbers]
+
+    def drawn(draw: Draw, of: str, signal: NDArray[np.float64], log: Log) -> NDArray[np.float64]:
+        return draw.once(signal, log.time, random) if draw.of == of else signal
+
     logs = LogSet(
-        replace(log, name=f"{log.name} {k}", inputs=effect.drawn_inputs(way, log.inputs, log.time, p, robot, random))
-        for k, p in enumerate(drawn)
+        replace(log, name=f"{log.name} {k}", inputs=drawn(draw, "inputs", log.inputs, log))
+        for k, draw in enumerate(draws)
         for log in held_out
     )
     every = iter(_simulated(bare, logs, start, _DRAWS))
-    for p in drawn:
-        outputs = [effect.drawn_outputs(way, np.asarray(next(every)), log.time, p, robot, random) for log in held_out]
+    for draw in draws:
+        outputs = [drawn(draw, "outputs", np.asarray(next(every)), log) for log in held_out]
         once = scaled_residuals(held_out, outputs, state.noise)
         yield [a - b + random.normal(size=a.shape) for a, b in zip(once, usual, strict=True)]
 
@@ -141,4 +154,4 @@ def rather_by_chance(
 def _scattering(step: Step, robot: Robot, present: set[str]) -> list[Effect]:
     """The laws that scatter of the mechanisms that were tried at a step."""
     tried = [trial.id for trial in step.trials if trial.id not in present]
-    return [law for identifier in tried for law in laws_of(robot, identifier) if law.scatters]
+    return [law for identifier in tried for law in laws_of(robot, identifier) if _scatters(law)]

@@ -96,6 +96,16 @@ class DifferentialDrive(Robot):
         )
 
     @property
+    def said_of_commands(self) -> str:
+        gain = self.parameters["gain"]
+        if gain.free or gain.value != 1.0:
+            return ""
+        return (
+            f"{', '.join(self.channels.inputs)}: taken for forces in N. If they are volts or duties, mass, inertia and "
+            "friction come out per unit of command, until a --model holds the mass (M) and frees the gain."
+        )
+
+    @property
     def _wheels(self) -> bool:
         return self.measures == "wheels"
 

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-import numpy as np
 from jaxtyping import Array, Float
 
 from ..parameters import Parameter
+from .draw import Draw
 from .probe import Probe, Seen, moved
 
 if TYPE_CHECKING:
@@ -72,10 +72,6 @@ class Effect:
     finer: ClassVar[float] = 1.0
     """How many times shorter than the robot's the integration steps must be for the effect's own parameters."""
 
-    scatters: ClassVar[tuple[str, ...]] = ()
-    """Where its law is the mean over what chance does: the ways in which chance may do it, of which `drawn_inputs` and
-    `drawn_outputs` make one draw."""
-
     @property
     def repeats(self) -> bool:
         """Whether it repeats with the driving wheels' angles."""
@@ -100,29 +96,9 @@ class Effect:
         """Other values of its parameters from which a search that has ended at those of `robot` may end better; often none."""
         return {}
 
-    def drawn_inputs(
-        self,
-        way: str,
-        inputs: Float[np.ndarray, "T nu"],
-        time: Float[np.ndarray, " T"],
-        p: Numbers,
-        robot: "Robot",
-        random: np.random.Generator,
-    ) -> Float[np.ndarray, "T nu"]:
-        """One draw of what `inputs` [T, nu] become by chance in a `way` of `scatters`; those of `robot` as they are."""
-        return inputs
-
-    def drawn_outputs(
-        self,
-        way: str,
-        outputs: Float[np.ndarray, "T ny"],
-        time: Float[np.ndarray, " T"],
-        p: Numbers,
-        robot: "Robot",
-        random: np.random.Generator,
-    ) -> Float[np.ndarray, "T ny"]:
-        """One draw of what `outputs` [T, ny] become by chance in a `way` of `scatters`; those of `robot` as they are."""
-        return outputs
+    def draws(self, p: Numbers, robot: "Robot") -> Sequence[Draw]:
+        """Where its law is the mean over what chance does: the ways in which chance may do it to `robot`; mostly none."""
+        return ()
 
     def may_hold(self, robot: "Robot") -> Sequence[str]:
         """Parameters of its own, each of which may be held at zero where the others can do all that it does; mostly none."""

@@ -186,6 +186,11 @@ class Robot:
         return tuple(i for i, unit in enumerate(units) if unit == units[0])
 
     @property
+    def said_of_commands(self) -> str:
+        """A sentence on what the robot takes its commands for, where their columns may hold something else; mostly empty."""
+        return ""
+
+    @property
     def weighs(self) -> bool:
         """Whether `field_force` says how weight pulls at it in the plane."""
         return type(self).field_force is not Robot.field_force

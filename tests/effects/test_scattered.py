@@ -55,6 +55,8 @@ def test_only_what_drives_is_drawn():
     car = Custom(dynamics=dynamics, state_names=("v", "r"), own_channels=channels, table=table, title="car")
     effect = effect_by_id(car, "input_delay", "jittering")
     numbers = {effect.key("delay"): LONGEST / 2}
-    for way in effect.scatters:
-        drawn = effect.drawn_inputs(way, STEPS, EDGES[:-1], numbers, car, np.random.default_rng(0))
+    draws = effect.draws(numbers, car)
+    assert [draw.of for draw in draws] == ["inputs", "inputs"]
+    for draw in draws:
+        drawn = draw.once(STEPS, EDGES[:-1], np.random.default_rng(0))
         assert np.array_equal(drawn[:, 1], STEPS[:, 1]) and not np.allclose(drawn[:, 0], STEPS[:, 0])

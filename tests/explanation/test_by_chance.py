@@ -41,6 +41,10 @@ def _logs(**how):
     return LogSet(_run(seed, **how) for seed in range(3)), LogSet([_run(7, **how), _run(8, **how)])
 
 
+def _first(log, samples):
+    return Log.from_arrays(log.name, log.time[:samples], log.inputs[:samples], {"v": log.outputs[:samples, 0]}, AXIS)
+
+
 def _judged(law, fit_logs, held_out):
     fit = output_error(AXIS_MODEL + effect_by_id(AXIS_MODEL, law, "jittering"), fit_logs)
     return by_chance(fit, held_out, held_out_state(fit.robot, held_out, {"v": NOISE}))
@@ -69,6 +73,14 @@ def test_a_model_without_such_a_law_is_judged_as_before():
     fit = output_error(AXIS_MODEL, fit_logs)
     state = replace(held_out_state(fit.robot, held_out), normalised_rms=3.0)
     assert by_chance(fit, held_out, state) is state
+
+
+def test_too_few_samples_for_autocorrelations_are_not_said_to_be_chance():
+    fit_logs, held_out = _logs(commands=True)
+    fit = output_error(AXIS_MODEL + effect_by_id(AXIS_MODEL, "input_delay", "jittering"), fit_logs)
+    short = LogSet([_first(held_out[0], 60)])
+    state = held_out_state(fit.robot, short, {"v": NOISE / 10.0})
+    assert not state.adequate and not by_chance(fit, short, state).by_chance
 
 
 def test_late_commands_are_named_though_no_model_foretells_them():

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...parameters import Parameter
+from ...robots.draw import Draw
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
@@ -100,14 +101,19 @@ class JitteringDelay(InputDelay):
     law: ClassVar[str] = "jittering"
     formula: ClassVar[str] = "u'(t) = mean of u over (t - 2 delay, t)"
     only_later: ClassVar[bool] = False
-    scatters: ClassVar[tuple[str, ...]] = ("changes", "rows")
 
-    def drawn_inputs(self, way, inputs, time, p: Numbers, robot: Robot, random):
-        edges = np.append(time, 2.0 * time[-1] - time[-2])
-        late_by_chance, drives = {"changes": changes_late, "rows": rows_late}[way], list(robot.drive_inputs)
-        drawn = np.array(inputs)
-        drawn[:, drives] = late_by_chance(drawn[:, drives], edges, 2.0 * float(p[self.key("delay")]), random)
-        return drawn
+    def draws(self, p: Numbers, robot: Robot) -> tuple[Draw, ...]:
+        longest, drives = 2.0 * float(p[self.key("delay")]), list(robot.drive_inputs)
+
+        def of(late_by_chance):
+            def once(inputs, time, random):
+                drawn, edges = np.array(inputs), np.append(time, 2.0 * time[-1] - time[-2])
+                drawn[:, drives] = late_by_chance(drawn[:, drives], edges, longest, random)
+                return drawn
+
+            return Draw("inputs", once)
+
+        return of(changes_late), of(rows_late)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         delays = (2 * jnp.arange(_PARTS) + 1) / _PARTS * p[self.key("delay")]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...kernel.places import stamps_before
 from ...parameters import Parameter
+from ...robots.draw import Draw
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
@@ -96,13 +97,17 @@ class JitteringSensorDelay(SensorDelay):
     law: ClassVar[str] = "jittering"
     formula: ClassVar[str] = "y'(t) = mean of y over (t - 2 delay, t)"
     only_later: ClassVar[bool] = False
-    scatters: ClassVar[tuple[str, ...]] = ("samples",)
 
-    def drawn_outputs(self, way, outputs, time, p: Numbers, robot: Robot, random):
-        names, drawn = sensed(robot), np.array(outputs)
+    def draws(self, p: Numbers, robot: Robot) -> tuple[Draw, ...]:
+        longest, names = 2.0 * float(p[self.key("delay")]), sensed(robot)
         late = [i for i, name in enumerate(robot.channels.measured) if name in names]
-        drawn[:, late] = samples_late(drawn[:, late], time, 2.0 * float(p[self.key("delay")]), random)
-        return drawn
+
+        def once(outputs, time, random):
+            drawn = np.array(outputs)
+            drawn[:, late] = samples_late(drawn[:, late], time, longest, random)
+            return drawn
+
+        return (Draw("outputs", once),)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return sensed_only(robot, averaged(outputs, time, 2.0 * p[self.key("delay")]), outputs)
