@@ -48,6 +48,7 @@ from .steps import Search, Step
 from .table_constants import Shares, built_in, changed_by, constants_like, effects_that_are, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
+from .within_errors import within_errors
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _WEAK = 100.0
@@ -273,7 +274,8 @@ def explain(
         def left_by(model: Fit) -> HeldOut:
             rated = noise_scale(held_out, otherwise=whole)
             left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
-            return by_chance(model, held_out, left)
+            left = by_chance(model, held_out, left)
+            return left if left.adequate else within_errors(model, held_out, left)
 
         final = finished(found.final)
         after = left_by(final)
@@ -346,7 +348,9 @@ def explain(
         localisation=localisation,
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
-        notes=tuple(note for note in (*tables, hinges, still, evened, put_back, placeless, noted, doubted, untried) if note),
+        notes=tuple(
+            note for note in (*tables, hinges, still, evened, put_back, placeless, noted, doubted, untried) if note
+        ),
         colour=found.colour,
         between_logs=changed,
     )

@@ -24,6 +24,10 @@ from .steps import Search
 Verdict = Literal["named", "adequate", "ambiguous", "unexplained"]
 
 
+_TOLD = 3
+"""Logs that are named one by one."""
+
+
 @dataclass(frozen=True, repr=False)
 class Explanation:
     """The whole explanation. `model` is an ordinary robot: fit it, simulate it, save it, extend it.
@@ -71,7 +75,7 @@ class Explanation:
         """The error that chance alone leaves, in units of the noise's white part: one, more where the noise is coloured or
         delays scatter."""
         coloured = self.colour is not None and self.colour.simple
-        return max(self.after.normalised_rms, 1.0) if coloured or self.after.by_chance else 1.0
+        return max(self.after.normalised_rms, 1.0) if coloured or self.after.by_chance or self.after.hung_on_it else 1.0
 
     @property
     def sentence(self) -> str:
@@ -135,9 +139,23 @@ class Explanation:
 
     @property
     def _chance(self) -> str:
+        if self.after.within_errors:
+            return f" {self._let_expect(self.after)}"
         if not self.after.by_chance:
             return ""
         return " What is left is what delays that scatter so leave, each of them by chance: no model foretells it."
+
+    def _let_expect(self, held: HeldOut) -> str:
+        """What of the held-out error the standard errors of the parameters let expect."""
+        hung = held.hung_on_it
+        if not hung:
+            return "What is left is what the standard errors of the parameters let expect."
+        more = f" and {len(hung) - _TOLD} more logs" if len(hung) > _TOLD else ""
+        return (
+            f"What is left is what the standard errors of the parameters let expect: on {', '.join(hung[:_TOLD])}{more} "
+            "another motion follows from a change of the parameters that is within them, such as an axis that just breaks "
+            "away or just does not."
+        )
 
     @property
     def _nothing_found(self) -> str:
@@ -160,8 +178,8 @@ class Explanation:
             return f"Nothing is missing{' that held-out logs show' if doubted else ''}: {error}{white}.{though}"
         if held.within_errors:
             return (
-                f"Nothing is missing that these logs show: {error}, and its structure (p = {held.p_white:.2g}) is what the "
-                f"standard errors of the parameters let expect.{though}"
+                f"Nothing is missing that these logs show: {error}, with a structure left (p = {held.p_white:.2g}). "
+                f"{self._let_expect(held)}{though}"
             )
         return (
             f"Nothing is missing that stands out from the noise: {error}. That error is not white (p = {held.p_white:.2g}): "

@@ -31,8 +31,9 @@ class HeldOut:
     Where the wheels' angles were prescribed (see `smoothed_angles.py`), `simulated_freely` is the state without.
     `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
     `noise_error`: standard deviation of the unit itself, the estimated noise, as a share of it. `within_errors`: whether what
-    is left is what the standard errors of the parameters let expect (`within_errors.py`); `unrelated`: whether it is small and
-    follows nothing that drove the robot (`overrated.py`); `by_chance`: whether it is what delays that scatter leave
+    is left is what the standard errors of the parameters let expect (`within_errors.py`), `hung_on_it` the logs whose whole
+    motion hangs on less than these; `unrelated`: whether it is small and follows nothing that drove the robot
+    (`overrated.py`); `by_chance`: whether it is what delays that scatter leave
     (`by_chance.py`). `false_alarm`: how often a complete model may be called incomplete
     by it (`level.py`), `negligible` the RMS below which a gap matters to nobody (`policy.py`).
     """
@@ -46,6 +47,7 @@ class HeldOut:
     diverged: tuple[str, ...] = ()
     noise_error: float = 0.0
     within_errors: bool = False
+    hung_on_it: tuple[str, ...] = ()
     unrelated: bool = False
     by_chance: bool = False
     false_alarm: float = field(default_factory=current_level)
