@@ -5,16 +5,18 @@ then off along the motion, as it would be if something were missing. What is ask
 parameters explain, the same ones on all logs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..estimate.noise_colour import Colour
 from ..estimate.output_error.estimated_start import estimated_start
 from ..logs import LogSet
 from ..robots.robot import Robot
 from ..simulation.simulate import integrator_for, simulate_models
+from .coloured import colours_of, whitened
 from .heldout import HeldOut, scaled_residuals
 
 Array = NDArray[np.float64]
@@ -43,13 +45,16 @@ def _columns(robot: Robot, state: HeldOut, logs: LogSet) -> list[Array]:
 
 def less_absorbed(robot: Robot, states: Sequence[tuple[HeldOut, LogSet]]) -> list[tuple[HeldOut, LogSet]]:
     """The `states` that `robot` leaves on their logs, less what the same other values of its free parameters would take up of
-    all of them together (least squares)."""
+    all of them together (generalised least squares, the noise coloured as they are)."""
     count = len(robot.parameters.free_names)
     if not count or any(state.diverged for state, _ in states):
         return list(states)
     every = [_columns(robot, state, logs) for state, logs in states]
-    columns = np.concatenate([np.nan_to_num(own).reshape(-1, count) for of_state in every for own in of_state])
-    residual = np.concatenate([np.nan_to_num(r).ravel() for state, _ in states for r in state.residuals])
+    # Coloured samples are fewer independent ones: weighed like white ones, they would move what the white ones say.
+    colours = colours_of([state for state, _ in states])
+    white = [whitened(state, colours).residuals for state, _ in states]
+    residual = np.concatenate([np.nan_to_num(r).ravel() for own in white for r in own])
+    columns = np.stack([_whitened_column(states, every, colours, i) for i in range(count)], axis=1)
     size = np.linalg.norm(columns, axis=0)
     if not np.isfinite(size).all():
         return list(states)
@@ -60,3 +65,20 @@ def less_absorbed(robot: Robot, states: Sequence[tuple[HeldOut, LogSet]]) -> lis
         left = tuple(r + change @ moved for r, change in zip(state.residuals, own, strict=True))
         found.append((replace(state, residuals=left), logs))
     return found
+
+
+def _whitened_column(
+    states: Sequence[tuple[HeldOut, LogSet]],
+    every: Sequence[Sequence[Array]],
+    colours: Mapping[str, Colour],
+    parameter: int,
+) -> Array:
+    found = []
+    for (state, _), own in zip(states, every, strict=True):
+        # Where nothing was measured, as the residuals have it.
+        changes = tuple(
+            np.where(np.isfinite(r), np.nan_to_num(change[:, :, parameter]), np.nan)
+            for r, change in zip(state.residuals, own, strict=True)
+        )
+        found += [np.nan_to_num(r).ravel() for r in whitened(replace(state, residuals=changes), colours).residuals]
+    return np.concatenate(found)
