@@ -20,6 +20,9 @@ from .screen import Candidate, screen
 from .telling_apart import not_told_apart
 from .worth import matters, worth_in_colour
 
+_MOST_LEADING = 4
+"""Trials of which it is asked whether all that they leave is coloured noise."""
+
 
 def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> list[tuple[HeldOut, LogSet]]:
     """What a model leaves, on the held-out and on the fitted logs."""
@@ -50,11 +53,15 @@ def ranked_in_colour(
     noise: dict[str, float],
 ) -> tuple[list[Trial], tuple[str, ...], bool] | None:
     """The trials ranked anew, those that cannot be told from the best, and whether that one is worth its price, where all that
-    the best leaves is coloured noise: samples of it are related, so that chi-squared promises too much. Else None."""
-    best = trials[0]
-    if best.held_out.adequate or colour_left(best, logs, held_out, noise) is None:
+    the best leaves is coloured noise, or one of the next: samples of it are related, so that chi-squared promises too much, and
+    more of it to one that follows the noise than to one that is right. Else None."""
+    if trials[0].held_out.adequate:
         return None
-    colours = colours_of([state for state, _ in _states(best, logs, held_out, noise)])
+    leading = trials[:_MOST_LEADING]
+    only = next((trial for trial in leading if colour_left(trial, logs, held_out, noise) is not None), None)
+    if only is None:
+        return None
+    colours = colours_of([state for state, _ in _states(only, logs, held_out, noise)])
     white = {trial.id: in_colour(trial, colours, logs, held_out, noise) for trial in trials}
     ranked = sorted(trials, key=lambda trial: white[trial.id].score)
     ranked = [replace(trial, in_colour=white[trial.id].score) for trial in ranked]

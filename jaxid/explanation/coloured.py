@@ -108,8 +108,9 @@ class _Tested(NamedTuple):
     def of(cls, colour: Colour, parts: Sequence[Array], memory: float, rounding: float) -> Self:
         """The tests of `parts` [T], one of each log."""
         white = [colour.whiten(own, np.ones(len(own), bool)) for own in parts]
+        steady = 1.0 if shape_of.of_counts(colour, memory) else shape_of.steady(parts)
         return cls(
-            min(shape_of.even(colour, parts), shape_of.steady(parts)),
+            min(shape_of.even(colour, parts), steady),
             shape_of.briefly(colour, parts, memory, rounding),
             shape_of.filtered_simply(colour, white, rounding),
             shape_of.fast(colour, memory) and not shape_of.beside_white(colour, rounding),

@@ -71,6 +71,14 @@ def fast(colour: Colour, memory: float) -> bool:
     return colour.memory < _FASTER * memory
 
 
+def of_counts(colour: Colour, memory: float) -> bool:
+    """Whether it is like a speed's from counts: what one sample has too much the next has too little, and none at rest.
+
+    No force makes such noise, so that where it comes says nothing.
+    """
+    return colour.correlation < 0.0 and fast(colour, memory)
+
+
 def _brief(parts: Sequence[Array], samples: int) -> float:
     """p value of noise having nothing left that lasts for `samples`: means over as many, every other one, are white."""
     means = []
