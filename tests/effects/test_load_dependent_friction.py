@@ -5,6 +5,7 @@ import pytest
 
 from jaxid import Axis, Integrator, Log, LogSet
 from jaxid.effects import effect_by_id
+from jaxid.effects.drivetrain.load_dependent_friction import LoadDependentFriction, TwoEfficiencies
 from jaxid.simulation.simulate import simulate
 
 MASS, COULOMB, SHARE = 2.0, 1.0, 0.2
@@ -39,3 +40,9 @@ def test_braking_takes_more_than_the_torque_and_then_it_stands(law):
     stops = fastest * MASS / (1.2 * (1.0 + SHARE) + COULOMB)
     np.testing.assert_allclose(found[50:100], fastest * (1.0 - np.arange(50) * 0.02 / stops), atol=0.005 * fastest)
     assert stops < 1.9 and abs(found[-1]) < 1e-9  # 1.2 N less a fifth is not enough to go back
+
+
+def test_a_gear_takes_from_the_torque_and_never_adds_to_it():
+    """Else a dead zone, which brakes less than it drives, has the name of a negative loss."""
+    for law in (LoadDependentFriction(), TwoEfficiencies()):
+        assert all(p.lower == 0.0 for p in law.parameters(Axis()).values() if p.free)

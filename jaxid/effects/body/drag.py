@@ -9,7 +9,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import shape, signed
+from ..effect_parameters import positive, shape, signed
 
 
 def whole_speed(state: State, robot: Robot) -> Scalar:
@@ -40,7 +40,7 @@ class QuadraticDrag(Effect):
     needs: ClassVar[tuple[str, ...]] = ("translation",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "coefficient", drag_unit(robot), 0.025 * robot.scales.force / robot.scales.speed**2)
+        return positive(self, "coefficient", drag_unit(robot), 0.025 * robot.scales.force / robot.scales.speed**2)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         per_speed = p[self.key("coefficient")] * whole_speed(state, robot)
@@ -62,7 +62,7 @@ class DragOfEach(QuadraticDrag):
         found: dict[str, Parameter] = {}
         for name in robot.velocities:
             typical = 0.025 * largest_force(robot, name) / robot.scales.output(name) ** 2
-            found |= signed(self, f"coefficient_{name}", drag_unit(robot, name), typical)
+            found |= positive(self, f"coefficient_{name}", drag_unit(robot, name), typical)
         return found
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:

@@ -9,7 +9,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import signed, still
+from ..effect_parameters import positive, still
 
 _STILL = 0.01
 """Share of the robot's speed within which a gear is about to turn."""
@@ -48,7 +48,7 @@ class LoadDependentFriction(Effect):
         return None if robot.angles else f"{robot.name!r} does not say at which speed each drive torque acts (`angle`)"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "share", "", 0.1) | _still(self, robot)
+        return positive(self, "share", "", 0.1) | _still(self, robot)
 
     def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
         return torque - p[self.key("share")] * jnp.abs(torque) * way
@@ -66,7 +66,7 @@ class TwoEfficiencies(LoadDependentFriction):
     formula: ClassVar[str] = "torque' = torque (1 - driving) while it drives, torque (1 + driven) while it brakes"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "driving", "", 0.1) | signed(self, "driven", "", 0.1) | _still(self, robot)
+        return positive(self, "driving", "", 0.1) | positive(self, "driven", "", 0.1) | _still(self, robot)
 
     def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
         power = torque * way
