@@ -136,4 +136,46 @@ class Profile(TwoPlanes):
         return tuple(f + extra for f, extra in zip(before, added, strict=True))
 
 
-LAWS: tuple[Effect, ...] = (GroundSlope(), CurvedFloor(), TwoPlanes(), Profile())
+@dataclass(frozen=True)
+class AlongALine(Effect):
+    """What goes along a line alone is pulled along it by the same force everywhere."""
+
+    id: ClassVar[str] = "ground_slope"
+    law: ClassVar[str] = "along_a_line"
+    where: ClassVar[str] = "body"
+    formula: ClassVar[str] = (
+        "F = force: the line is not level, a current carries it, or the force command has an offset"
+    )
+    needs: ClassVar[tuple[str, ...]] = ("translation",)
+
+    def refusal(self, robot: Robot) -> str | None:
+        if len(robot.velocities) != 1 or robot.in_plane:
+            return f"{robot.name!r} does not go along a line alone"
+        if _pulled_already(robot):
+            return f"a parameter of {robot.name!r} itself that is free is such a force"
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        (name,) = robot.velocities
+        return signed(self, "force", robot.force_unit(name), 0.03 * robot.scales.force)
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        return (forces[0] + p[self.key("force")],)
+
+
+def _pulled_already(robot: Robot) -> bool:
+    """Whether a free parameter of the robot's own moves it from rest without a command."""
+    table, rest = robot.parameters, dict.fromkeys(robot.states, 0.0) | robot.initial_state()
+    none, still = (0.0,) * len(robot.channels.inputs), (0.0,) * len(robot.rubbing(rest, table.numbers))
+
+    def pull(numbers: Numbers) -> float:
+        return float(robot.rates(rest, none, still, numbers)[robot.velocities[0]])
+
+    others = (
+        {**table.numbers, name: table[name].value + (abs(table[name].value) or table[name].typical or 1.0)}
+        for name in table.free_names
+    )
+    return any(pull(numbers) != pull(table.numbers) for numbers in others)
+
+
+LAWS: tuple[Effect, ...] = (GroundSlope(), CurvedFloor(), TwoPlanes(), Profile(), AlongALine())
