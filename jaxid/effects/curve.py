@@ -122,6 +122,10 @@ class Curve(Effect):
         """Name of the parameter that is the height at the knot `place` of the curve of `name`."""
         return self.key(f"at_{self.varying.index(place) + 1}" + (f"_{name}" if name else ""))
 
+    def is_height(self, name: str) -> bool:
+        """Whether a parameter is one of its heights."""
+        return name.startswith(self.key("at_"))
+
     def heights_and_reach(self, robot: Robot, unit: str, typical: float, of: str, reach: float) -> dict[str, Parameter]:
         """The parameters: heights in `unit` of about `typical`, and the reach in the unit `of`."""
         found: dict[str, Parameter] = {}

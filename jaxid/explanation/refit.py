@@ -7,11 +7,13 @@ import numpy as np
 
 from .._arrays import array
 from .._float64 import in_float64
+from ..effects.curve import Curve
 from ..estimate.confidence.agreement import rms
 from ..estimate.output_error.conclude import Covariance, simulated_at
 from ..estimate.output_error.from_optimum import initial_states_at
 from ..estimate.output_error.in_turns import compile_ahead
 from ..estimate.output_error.losses import Loss
+from ..estimate.output_error.magnitudes import effects as changes_by
 from ..estimate.output_error.optimum import Optimum
 from ..estimate.output_error.output_error import output_error
 from ..estimate.output_error.problem import Problem, Structure, Unknowns
@@ -43,6 +45,8 @@ from .smoothed_angles import Angles
 _STEPS = 25
 _WEAKER = (1.0, 0.1, 0.01)
 """Shares of an effect's first guess that are tried one after another while the simulation diverges."""
+_UNSEEN = 0.01
+"""Change of a whole simulation, in units of the noise, by a curve's height of typical size, that nobody can see."""
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
@@ -158,17 +162,32 @@ def refit(
     values, squares = by_name(structure, problem, optimum.unknowns), chi_squared(problem, optimum, free)
     if not _can_be_simulated(robot, values, held_out):  # it ran away
         values, squares = {name: {**known, **starts[0]}[name] for name in structure.names}, np.inf
-    found = robot.with_values(**values)
+    unseen = _unseen(robot, problem, optimum, structure.names)
+    found = robot.with_values(**values | {name: known[name] for name in unseen})
+    for name in unseen:
+        found = found.change(name, free=False)
     return Trial(
         id=robot.effects[-1].id if robot.effects else "",
         robot=found,
         squares=squares,
-        free=len(structure.names),
+        free=len(structure.names) - len(unseen),
         fitted=_fitted(structure, problem, optimum, logs, free),
         held_out=predicted(found, held_out, noise),
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         angles=problem.prescribed or None,
     )
+
+
+def _unseen(robot: Robot, problem: Problem, optimum: Optimum, names: Sequence[str]) -> list[str]:
+    """The heights of curves where these logs have nothing: the search would leave them anywhere, and with them all that is
+    predicted of logs that do get there."""
+    heights = {n for effect in robot.effects if isinstance(effect, Curve) for n in robot.parameters if effect.is_height(n)}
+    changes = changes_by(problem, optimum.triangle)
+    return [
+        name
+        for name, change in zip(names, changes, strict=True)
+        if name in heights and change * (robot.parameters[name].typical or 1.0) < _UNSEEN
+    ]
 
 
 def _can_be_simulated(robot: Robot, values: Mapping[str, float], logs: LogSet) -> bool:
