@@ -27,7 +27,7 @@ def test_effects_that_a_declaration_would_admit_are_named_with_it():
 
 def test_what_was_declared_is_not_asked_for_again():
     found = not_looked_for(cart(forces={"v": "m"}))
-    assert "ground slope (`plane=`, `mass=`)" in found
+    assert "ground slope (plane) (`plane=`, `mass=`)" in found  # along a line it is looked for
     driven = cart(axes={"wheel": DriveAxis("v", torque=lambda s, u, p: u["u"])}, forces={"v": "m"})
     assert "cogging torque (`axes=` with `angle`)" in not_looked_for(driven)
 
