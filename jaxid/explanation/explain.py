@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from .._compile import seldom_collected
+from .._float64 import in_float64
 from .._memory import bounded_memory
 from .._origin import with_origin
 from .._renamed import renamed
@@ -194,6 +195,7 @@ def _settled(final: Fit) -> bool:
 @with_origin
 @bounded_memory()
 @seldom_collected()
+@in_float64
 @keeps_level
 @keeps_policy
 def explain(
