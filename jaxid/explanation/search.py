@@ -11,6 +11,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from ..simulation.scaled import scaled_to
+from .between_rows import ranked_between_rows
 from .by_chance import rather_by_chance
 from .candidate_refits import Report
 from .colour_left import colour_left, explained_somewhere, generalised_trial
@@ -81,6 +82,7 @@ def search(
             if found is None:
                 break
             found = ranked_with_fine_steps(found, logs, held_out, noise, report)
+            found = ranked_between_rows(found, logs, held_out, noise, report)
             instead = rather_by_curves(steps, found, logs, held_out, noise, report) if steps else None
             if instead is not None:
                 steps, current = instead

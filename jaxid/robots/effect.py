@@ -65,6 +65,8 @@ class Effect:
     """Whether it is tried by itself; else only where another law of the mechanism, whose `denser` it is, leaves something."""
     only_later: ClassVar[bool] = False
     """Whether all it does is that the same motion is seen later."""
+    late: ClassVar[bool] = False
+    """Whether it is a delay or a lag, so that the motion between samples tells it from others."""
     otherwise: ClassVar[str] = ""
     """What of the robot itself does the same, in words, so that no log tells it apart where the table does not hold it."""
     upon: ClassVar[str] = ""

@@ -46,6 +46,7 @@ class InputDelay(Effect):
     law: ClassVar[str] = "constant"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u'(t) = u(t - delay)"
+    late: ClassVar[bool] = True
     only_later: ClassVar[bool] = True
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -53,6 +53,7 @@ class MotorLag(Effect):
     law: ClassVar[str] = "first_order"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "time_constant * du'/dt = u - u'"
+    late: ClassVar[bool] = True
     finer: ClassVar[float] = 2.0
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

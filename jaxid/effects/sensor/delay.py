@@ -48,6 +48,7 @@ class SensorDelay(Effect):
     law: ClassVar[str] = "constant"
     where: ClassVar[str] = "sensor"
     formula: ClassVar[str] = "y'(t) = y(t - delay)"
+    late: ClassVar[bool] = True
     only_later: ClassVar[bool] = True
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -64,6 +64,7 @@ class SensorLag(Effect):
     law: ClassVar[str] = "first_order"
     where: ClassVar[str] = "sensor"
     formula: ClassVar[str] = "time_constant * dy'/dt = y - y'"
+    late: ClassVar[bool] = True
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "time_constant", "s", 0.15 * robot.scales.time)
