@@ -60,6 +60,13 @@ def _as_near(trials: Sequence[Trial], base: Trial) -> list[str]:
     return [trial.id for trial in trials[1:] if trial.fitted.normalised_rms < far]
 
 
+def _untried(trials: Sequence[Trial], likely: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates that explain like the first of the trials and were not refitted, since another one led until last."""
+    tried = {trial.id for trial in trials}
+    first = next((c for c in likely if c.effect.id == trials[0].id), None)
+    return [c for c in likely if first is not None and c.like(first) and c.effect.id not in tried][:_MOST_ALIKE]
+
+
 def name_next(
     base: Trial,
     first: Trial,
@@ -123,6 +130,10 @@ def name_next(
         worth = any(held)
         leading = held.index(True) if worth else 0
         refused, trials = trials[:leading], trials[leading:]
+        more = added(_untried([*trials, *refused], likely)) if worth else []
+        more = [trial for trial in more if worth_it(base, trial, first, _looked_at(screened, trial))]
+        mechanisms = [*mechanisms, *([trial] for trial in more)]
+        trials = simplest_first(sorted([*trials, *more], key=lambda trial: trial.score)) if more else trials
         equivalent = tuple(name for name in not_told_apart(trials, base) if name not in supersets(trials))
     else:
         trials, equivalent, worth = in_colour
