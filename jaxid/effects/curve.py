@@ -72,6 +72,8 @@ class Curve(Effect):
     begins_later: ClassVar[bool] = False
     """Whether it is the first height that is held at zero, and not the last, where a share of the variable itself is another
     parameter's: what is limited loses nothing while it is small."""
+    rather: ClassVar[str] = ""
+    """The mechanism whose curve it is where it does not agree, if that has another formula."""
     reaches: ClassVar[tuple[float, ...]] = (1.0,)
     """Reaches that a first look tries, in units of the usual one: where a curve bends within little of its variable."""
 

@@ -86,6 +86,7 @@ def with_the_same_curves(
     curves = [(law, law.effect) for law in laws if isinstance(law.effect, Curve)]
     same = {own.id: law for law, own in curves if own.formula == best.formula}
     same |= {own.id: law for law, own in curves if own.id in single and len(own.kinds) < len(best.kinds)}
+    same |= {own.id: law for law, own in curves if own.id == best.rather and not best.agrees(leading.robot)}
     further = [law for name, law in same.items() if (name, law.effect.law) not in tried]
     for trial in refits(further) if further else []:
         own = next((own for own in found if own[0].id == trial.id), None)
@@ -125,7 +126,8 @@ def by_where_they_bend(mechanisms: Sequence[list[Trial]], base: Trial) -> list[l
     nearly = best.fitted.gap + coarseness(True, base.fitted)
     for own in mechanisms[1:]:
         effect = own[0].effect
-        same = isinstance(effect, Curve) and effect.formula == best.effect.formula and effect.agrees(own[0].robot)
+        curve = isinstance(effect, Curve) and effect.agrees(own[0].robot)
+        same = curve and (effect.formula == best.effect.formula or effect.id == best.effect.rather)
         gap = own[0].fitted.gap
         if (same and gap < closed) or (kinds_alike(best, own[0]) and gap < max(closed, nearly)):
             return [own, *(other for other in mechanisms if other is not own)]

@@ -186,3 +186,12 @@ def test_a_curve_for_either_way_that_is_one_both_ways_is_no_asymmetry(identifier
         assert (ways.id in supersets([one, two])) == (first == one.id)
     unexplained = replace(one, fitted=replace(one.fitted, normalised_rms=1.9))
     assert by_where_they_bend([[followed(ways, 100.0, **alike)], [unexplained]], base)[0][0].id == ways.id
+
+
+def test_a_curve_that_falls_towards_standstill_is_rather_a_bend_of_the_viscous_friction():
+    axis = Axis()
+    law = effect_by_id(axis, "stribeck_friction", "shape")
+    assert law.rather == effect_by_id(axis, law.rather, "shape").id == "sublinear_viscous_friction"
+    for height, rises in ((2.0, True), (-2.0, False)):
+        robot = (axis + law).with_values(**{law.height(0): height})
+        assert law.agrees(robot) is rises

@@ -171,7 +171,13 @@ class StribeckCurve(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.25, 0.5, 1.0)
     free: ClassVar[tuple[int, ...]] = (0, 1, 2, 3)
     variable: ClassVar[str] = "|speed|"
+    rather: ClassVar[str] = "sublinear_viscous_friction"
     reaches: ClassVar[tuple[float, ...]] = (0.3, 1.0)
+
+    def agrees(self, robot: Robot) -> bool:
+        """Whether it rises towards standstill: what falls there is friction that sets in with the speed."""
+        parts = self.parts(robot) if self.apart else ("",)
+        return sum(robot.parameters[self.height(0, self.of(part))].value for part in parts) >= 0.0
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return axis_names(robot)
