@@ -21,7 +21,7 @@ from .telling_apart import differ, not_told_apart, supersets
 
 _PARTS = 4
 """Rows in the place of one."""
-_NEAR = 0.1
+_NEAR = 0.3
 """Difference of two late models, as a share of what being late changes, up to which rows may hide which one is right."""
 _FIRST = 10
 """First samples of a log, which show what was commanded before it began."""
@@ -75,9 +75,7 @@ def ranked_between_rows(step: Step, logs: LogSet, held_out: LogSet, noise: dict[
     ranked: list[Trial] = []
     for trial in near:
         laws = _plainer(trial)
-        again = [
-            replace(refit_from_itself(own.robot, own, fine, fine_held_out, noise), id=trial.id) for own in laws
-        ]
+        again = [replace(refit_from_itself(own.robot, own, fine, fine_held_out, noise), id=trial.id) for own in laws]
         best = min(again, key=lambda own: own.score)
         coarse[id(best)] = laws[again.index(best)]
         ranked.append(best)
@@ -85,12 +83,15 @@ def ranked_between_rows(step: Step, logs: LogSet, held_out: LogSet, noise: dict[
     first = coarse[id(ranked[0])]
     if first not in step.trials:  # by another law than on the rows alone
         first = replace(refit_from_itself(first.robot, first, logs, held_out, noise), id=first.id)
-    trials = (first, *(trial for trial in step.trials if trial.id != first.id))
-    late = {trial.id for trial in near}
-    alike = _alike(step, late, ranked, trials)
+    by_id = {trial.id: trial for trial in step.trials}
+    order = [own.id for own in ranked[1:]]
+    rest = (trial for trial in step.trials if trial.id != first.id and trial.id not in order)
+    trials = (first, *(by_id[name] for name in order), *rest)
+    alike = _alike(step, {trial.id for trial in near}, ranked, trials)
+    found = replace(step, trials=trials, equivalent=alike, finer={own.id: own.score for own in ranked})
     if first.id == step.chosen.id and first.law == step.chosen.law:
-        return replace(step, equivalent=alike)
-    return replace(step, trials=trials, equivalent=alike, after=first, laws=(first,), laws_alike=())
+        return found
+    return replace(found, after=first, laws=(first,), laws_alike=())
 
 
 def _alike(step: Step, late: set[str], ranked: Sequence[Trial], trials: Sequence[Trial]) -> tuple[str, ...]:

@@ -57,7 +57,7 @@ _WEAK = 100.0
 
 
 def _evidence(step: Step) -> Evidence:
-    best, before, after = step.chosen, step.before, step.after
+    before, after = step.before, step.after
     rivals = [trial for trial in step.trials[1:] if trial.id not in step.equivalent]
     return Evidence(
         before=before.held_out.normalised_rms,
@@ -67,7 +67,7 @@ def _evidence(step: Step) -> Evidence:
         looked_at=len(step.screened),
         refitted=len(step.trials),
         runner_up=rivals[0].id if rivals else None,
-        margin=rivals[0].score - best.score if rivals else None,
+        margin=step.lead_over(rivals[0]) if rivals else None,
     )
 
 
@@ -127,7 +127,7 @@ def _next(found: Search, logs: LogSet) -> NextExperiment | None:
     for step in found.steps:
         best = step.chosen
         rivals = [t for t in step.trials[1:] if t.id not in supersets(step.trials)]
-        open_ = [t for t in rivals if t.id in step.equivalent or t.score - best.score < _WEAK]
+        open_ = [t for t in rivals if t.id in step.equivalent or step.lead_over(t) < _WEAK]
         if not open_:
             continue
         other = open_[0]

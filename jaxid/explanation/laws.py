@@ -126,8 +126,11 @@ def by_where_they_bend(mechanisms: Sequence[list[Trial]], base: Trial) -> list[l
     nearly = best.fitted.gap + coarseness(True, base.fitted)
     for own in mechanisms[1:]:
         effect = own[0].effect
-        curve = isinstance(effect, Curve) and effect.agrees(own[0].robot)
-        same = curve and (effect.formula == best.effect.formula or effect.id == best.effect.rather)
+        same = (
+            isinstance(effect, Curve)
+            and (effect.formula == best.effect.formula or effect.id == best.effect.rather)
+            and effect.agrees(own[0].robot)
+        )
         gap = own[0].fitted.gap
         if (same and gap < closed) or (kinds_alike(best, own[0]) and gap < max(closed, nearly)):
             return [own, *(other for other in mechanisms if other is not own)]

@@ -181,7 +181,9 @@ def refit(
 def _unseen(robot: Robot, problem: Problem, optimum: Optimum, names: Sequence[str]) -> list[str]:
     """The heights of curves where these logs have nothing: the search would leave them anywhere, and with them all that is
     predicted of logs that do get there."""
-    heights = {n for effect in robot.effects if isinstance(effect, Curve) for n in robot.parameters if effect.is_height(n)}
+    heights = {
+        n for effect in robot.effects if isinstance(effect, Curve) for n in robot.parameters if effect.is_height(n)
+    }
     changes = changes_by(problem, optimum.triangle)
     return [
         name

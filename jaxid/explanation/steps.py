@@ -1,5 +1,6 @@
 """What a search found: the effects one by one, each with the trials it was chosen from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from .coloured import OnlyColour
@@ -15,7 +16,8 @@ class Step:
     `laws` are the trials of that one's laws, best first, of which the data cannot tell the first from
     `laws_alike`.
 
-    `before` and `after` are the model without it and with it at the time it was added.
+    `before` and `after` are the model without it and with it at the time it was added. `finer` are scores by the ids of those
+    that were compared on logs with rows between (`between_rows.py`).
     """
 
     trials: tuple[Trial, ...]
@@ -26,11 +28,18 @@ class Step:
     laws: tuple[Trial, ...] = ()
     laws_alike: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
+    finer: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def chosen(self) -> Trial:
         """The trial that was added."""
         return self.trials[0]
+
+    def lead_over(self, trial: Trial) -> float:
+        """By how much another trial is less likely than the chosen one (chi-squared, parameters counted)."""
+        best = self.chosen
+        finer = best.id in self.finer and trial.id in self.finer
+        return self.finer[trial.id] - self.finer[best.id] if finer else trial.score - best.score
 
 
 @dataclass(frozen=True)

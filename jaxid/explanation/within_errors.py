@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import array
 from .._distributions import chi_squared_beyond
 from ..estimate.confidence.agreement import rms
 from ..estimate.output_error.estimated_start import estimated_start
@@ -77,9 +78,8 @@ class _Near:
     def residuals(self, aways: Sequence[Values], which: Sequence[int]) -> list[list[Values]]:
         """Of each model so far `away`, on each of the logs [T, channels]."""
         logs = LogSet([self._logs[e] for e in which])
-        start, angles = (
-            {name: np.asarray(own)[list(which)] for name, own in of.items()} for of in (self._start, self._angles)
-        )
+        start = {name: np.asarray(own)[list(which)] for name, own in self._start.items()}
+        angles = {name: array(np.asarray(own)[list(which)]) for name, own in self._angles.items()}
         by_log = simulate_models(
             [self._robot(away) for away in aways],
             logs,
