@@ -46,7 +46,7 @@ def _follows_an_input(state: HeldOut, logs: LogSet, names: Sequence[str]) -> boo
 def in_its_own_noise(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     """`state`, which `fit` leaves on the `held_out` logs, in units of what is new in every sample of the residual itself (the
     innovations of its autoregression), in channels where that is smaller than the noise that neighbouring samples show and the
-    residual follows the inputs; elsewhere as it is. Only of a fit whose residual on its own logs says that something
+    residual is slow or follows the inputs; elsewhere as it is. Only of a fit whose residual on its own logs says that something
     is missing."""
     if fit.judgement is None or fit.judgement.trustworthy:
         return state
@@ -55,7 +55,9 @@ def in_its_own_noise(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     errors, colours = noise_error(held_out), colours_of([state])
     own = {name: colour.level for name, colour in colours.items() if colour.order}
     own = {name: level for name, level in own.items() if level < 1.0 - _BELOW * max(errors[name], _LEAST_ERROR)}
-    if not (own and _follows_an_input(state, held_out, list(own))):
+    # Noise that pulls apart is rated too high; what is slow beside it is none of that, whatever it follows.
+    slow = any(colours[name].correlation > 0.0 for name in own)
+    if not (own and (slow or _follows_an_input(state, held_out, list(own)))):
         return state
     noise = dict(state.noise) | {name: state.noise[name] * level for name, level in own.items()}
     return replace(held_out_state(fit.robot, held_out, noise), false_alarm=state.false_alarm)
