@@ -70,3 +70,32 @@ def test_what_is_below_the_rated_noise_and_follows_nothing_is_small():
     late = recorded(True, 1)
     wrong = held_out_state(output_error(ROBOT, late[0]).robot, late[1], {"v": 0.6 * rated.noise["v"]})
     assert not small_after_all(wrong, late[1], rated.noise).adequate
+
+
+def controlled(width, seed, count=4, gain=24.0):
+    """Speeds with white noise that a hard controller follows sample by sample, so that neighbouring samples differ by the motion,
+    too; behind a soft dead zone of `width`."""
+    logs = []
+    for k in range(count):
+        rng = np.random.default_rng([seed, k])
+        wanted = np.repeat(rng.uniform(-1.0, 1.0, SAMPLES // 50), 50)
+        decay, v, commands, speeds = np.exp(-VISCOUS / MASS * DT), 0.0, [], []
+        for aim in wanted:
+            speeds.append(v + 0.02 * rng.normal())
+            commands.append(VISCOUS * aim + gain * (aim - speeds[-1]))
+            force = commands[-1] - (width * np.tanh(commands[-1] / width) if width else 0.0)
+            v = force / VISCOUS + (v - force / VISCOUS) * decay
+        u = np.array(commands)[:, None]
+        logs.append(Log.from_arrays(f"run {k}", DT * np.arange(SAMPLES), u, {"v": np.array(speeds)}, AXIS))
+    return LogSet(logs[:-1]), LogSet(logs[-1:])
+
+
+@pytest.mark.parametrize("width", [0.0, 0.16])
+def test_noise_that_a_hard_controller_makes_quick_hides_nothing(width):
+    logs, held_out = controlled(width, 3)
+    fit = output_error(ROBOT, logs)
+    state = held_out_state(fit.robot, held_out)
+    assert state.normalised_rms < 1.0  # the noise is rated too high
+    found = explain(fit, logs, held_out)
+    assert found.verdict == ("adequate" if width == 0.0 else "named")
+    assert [effect.id for effect in found.effects] == (["actuator_dead_zone"] if width else [])
