@@ -81,7 +81,12 @@ def ranked_between_rows(step: Step, logs: LogSet, held_out: LogSet, noise: dict[
         ranked.append(best)
     ranked.sort(key=lambda own: own.score)
     first = coarse[id(ranked[0])]
-    if first not in step.trials:  # by another law than on the rows alone
+    # Of what is told apart by nothing, the one that came first on the rows alone stays there.
+    led = next(own for own in ranked if own.id == step.chosen.id)
+    if led.id in not_told_apart(ranked):
+        ranked = [led, *(own for own in ranked if own is not led)]
+        first = step.chosen
+    elif first not in step.trials:  # by another law than on the rows alone
         first = replace(refit_from_itself(first.robot, first, logs, held_out, noise), id=first.id)
     by_id = {trial.id: trial for trial in step.trials}
     order = [own.id for own in ranked[1:]]
