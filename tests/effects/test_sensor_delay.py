@@ -26,6 +26,23 @@ def test_what_is_stamped_early_is_what_will_be():
         )  # held where the line has gone on for an interval
 
 
+@pytest.mark.parametrize("mechanism", ["sensor_delay", "sensor_lag"])
+def test_no_reading_hangs_on_what_comes_after_it(mechanism):
+    """In a closed loop the next sample answers this reading's noise; a law that looked there would follow it."""
+    time = 0.02 * np.arange(80)
+    outputs = (time**2)[:, None] * [1.0, 0.0]
+    other = outputs - 1e-4 * (time > time[50])[:, None] * [1.0, 0.0]  # bends half as much there
+    laws = [law for law in laws_of(Axis(), mechanism) if law.law not in ("early", "centred_average", "shape")]
+    assert len(laws) > 2
+    for law in laws:
+        (name,) = (n for n in law.parameters(Axis()) if n.split(".")[1] in ("delay", "rate", "window", "time_constant"))
+        read = [
+            np.asarray(law.measure(jnp.asarray(y), jnp.asarray(time), {name: 0.011}, Axis()))[:51]
+            for y in (outputs, other)
+        ]
+        np.testing.assert_array_equal(*read, err_msg=law.law)
+
+
 def test_beside_a_lag_nothing_is_stamped_early():
     late = Axis() + effect_by_id(Axis(), "motor_lag")
     assert "early" in [law.law for law in laws_of(Axis(), "sensor_delay")]

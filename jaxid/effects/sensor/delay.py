@@ -37,7 +37,7 @@ def stamped_early(outputs, time, lead):
     share = jnp.minimum((at - time[before]) / interval, 2.0)[:, None]
     straight = outputs[before] + share * (outputs[before + 1] - outputs[before])
     within = jnp.maximum(share * (1.0 - share), 0.0)
-    return straight - 0.5 * interval[:, None] ** 2 * within * bends(outputs, time)[before]
+    return straight - 0.5 * interval[:, None] ** 2 * within * bends(outputs, time, ahead=True)[before]
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def averaged(outputs, time, asked, ahead=0.0):
     come; what is before the first stamp and after the last is as it is there."""
     dt = jnp.diff(time)[:, None]
     window = jnp.maximum(asked, 0.1 * jnp.max(dt))  # of a shorter one, a share of what this changes
-    bent = bends(outputs, time)
+    bent = bends(outputs, time, ahead > 0.0)
     whole = jnp.cumsum(0.5 * dt * (outputs[1:] + outputs[:-1]) - dt**3 / 12.0 * bent, axis=0)
     whole = jnp.concatenate([jnp.zeros_like(outputs[:1]), whole])
 

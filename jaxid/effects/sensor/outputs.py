@@ -29,14 +29,16 @@ def sensed_only(robot: Robot, changed, outputs):
     return jnp.where(jnp.array([name in names for name in robot.channels.measured]), changed, outputs)
 
 
-def bends(y, time):
-    """Second derivative of y [T, ny] within each interval [T - 1, ny]: the smaller of those at its two ends.
+def bends(y, time, ahead=False):
+    """Second derivative of y [T, ny] within each interval [T - 1, ny]: the smaller of those at its start and one sample before.
 
-    Inputs change at samples and put kinks there; those belong to no interval.
+    Inputs change at samples and put kinks there; those belong to no interval. A reading knows nothing of the sample after it:
+    in a closed loop that one answers this reading's noise, and a law that looked there would follow it. With `ahead`, for laws
+    that look ahead by what they are, the smaller of those at the two ends of an interval.
     """
     slope = jnp.diff(y, axis=0) / jnp.diff(time)[:, None]
     inner = jnp.diff(slope, axis=0) / (0.5 * (time[2:] - time[:-2]))[:, None]
     left = jnp.concatenate([jnp.zeros_like(slope[:1]), inner])
-    right = jnp.concatenate([inner, jnp.zeros_like(slope[:1])])
-    smaller = jnp.where(jnp.abs(left) < jnp.abs(right), left, right)
-    return jnp.where(left * right > 0.0, smaller, 0.0)
+    other = jnp.concatenate([inner, jnp.zeros_like(slope[:1])] if ahead else [left[:2], left[1:-1]])
+    smaller = jnp.where(jnp.abs(left) < jnp.abs(other), left, other)
+    return jnp.where(left * other > 0.0, smaller, 0.0)
