@@ -92,7 +92,8 @@ def gap_shares(held: HeldOut) -> dict[str, float]:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
+    rounded = f"{100 * share:.0f} %"
+    return "less than 1 %" if share > 0 and rounded == "0 %" else rounded
 
 
 def channel_name(channel: str, words: Mapping[str, str]) -> str:

@@ -79,6 +79,13 @@ def test_pushes_come_in_bursts_and_under_no_condition():
     assert "bursts" in found.sentence and "no condition stands out" in found.sentence
 
 
+def test_a_share_below_half_a_per_cent_is_not_said_to_be_none():
+    """A force as short as single samples of a long log: "80 % of it in 0 % of the time" says nothing."""
+    plain = ConditionShare("rest", "at standstill", 0.1, 0.1, 1.0, (0.5, 2.0), 0.5, False, {"v": 0.0})
+    assert "80 % of it in less than 1 % of the time" in _when([plain], [], 0.003)
+    assert "80 % of it in 1 % of the time" in _when([plain], [], 0.012)
+
+
 def test_a_complete_model_leaves_nothing_to_place():
     found = located({})
     assert found.sentence.startswith("Nothing stands out")
