@@ -1,6 +1,6 @@
 """What later effects make of earlier ones: not needed any more, by another law, or another's name."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from ..effects import laws_of
@@ -139,6 +139,18 @@ def with_trials(step: Step, trials: list[Trial]) -> Step:
     return replace(step, trials=(*trials, *others), equivalent=equivalent, laws=laws, laws_alike=alike_laws)
 
 
+def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
+    """The rivals of a step's effect that came near it and are not `present` themselves: those first that could not be told
+    from it, whatever else did better while later effects were missing."""
+    # What was chosen may since have got another law, beside later effects, which the rivals were refitted without.
+    chosen = step.after.score
+    least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (
+        max(t.score for t in (*step.trials[1:], step.after)) - chosen
+    )
+    rivals = [t for t in step.trials[1:] if t.score < least and t.id not in present]
+    return sorted(rivals, key=lambda t: t.id not in step.equivalent)[:_RIVALS]
+
+
 def reconsidered(
     steps: list[Step], final: Trial, base: Trial, logs, held_out, noise, say: Report
 ) -> tuple[list[Step], Trial]:
@@ -154,13 +166,7 @@ def reconsidered(
         if step.chosen.id not in present:
             revised.append(step)
             continue
-        # What was chosen may since have got another law, beside later effects, which the rivals were refitted without.
-        chosen = step.after.score
-        least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (
-            max(t.score for t in (*step.trials[1:], step.after)) - chosen
-        )
-        rivals = [t for t in step.trials[1:] if t.score < least and t.id not in present]
-        rivals = rivals[:_RIVALS]
+        rivals = rivals_of(step, present)
         trials = [replace(final, id=step.chosen.id)]
         for number, rival in enumerate(rivals, start=1):
             say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")

@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id
-from jaxid.explanation.reconsider import rather_by_curves, reconsidered
+from jaxid.explanation.reconsider import rather_by_curves, reconsidered, rivals_of
 from jaxid.explanation.refit import refit, refit_from_itself
 from jaxid.explanation.steps import Step
 from jaxid.logs import noise_scale
@@ -88,3 +88,14 @@ def test_beside_a_curve_rivals_from_farther_off_are_looked_at_again():
         looked[chosen.law] = any("with motor_lag (first_order) instead" in sentence for sentence in said)
         assert steps[0].chosen.id == "actuator_dead_zone" and found.score <= final.score + 10.0
     assert looked == {formula.law: False, "shape": True}
+
+
+def test_rivals_that_could_not_be_told_apart_are_looked_at_first():
+    """Others that did better while a later effect was missing would leave no room for them."""
+    logs, held_out = driven(smooth_zone, SEED)
+    _, step, _ = found_of(logs, held_out)
+    chosen = step.chosen
+    far = replace(chosen, id="none", squares=chosen.squares + 1e4)
+    near = [replace(chosen, id=name, squares=chosen.squares + 10.0) for name in ("a", "b", "c", "d", "e")]
+    found = replace(step, trials=(chosen, *near, far), equivalent=("e",))
+    assert [trial.id for trial in rivals_of(found, {"a"})] == ["e", "b", "c"]
