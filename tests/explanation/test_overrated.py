@@ -73,8 +73,8 @@ def test_what_is_below_the_rated_noise_and_follows_nothing_is_small():
 
 
 def controlled(width, seed, count=4, gain=24.0):
-    """Speeds with white noise that a hard controller follows sample by sample, so that neighbouring samples differ by the motion,
-    too; behind a soft dead zone of `width`."""
+    """Speeds with white noise that a hard controller follows sample by sample, so that neighbouring samples differ by the
+    motion, too; behind a soft dead zone of `width`."""
     logs = []
     for k in range(count):
         rng = np.random.default_rng([seed, k])
