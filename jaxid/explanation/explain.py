@@ -248,7 +248,9 @@ def explain(
         report(placeless)
     fit, logs, held_out, evened = on_even_stamps(fit, logs, held_out, report, loss=loss, covariance=covariance)
     with_gaps = logs, held_out
-    fit, logs, held_out, put_back = with_inputs_put_back(fit, logs, held_out, report, loss=loss, covariance=covariance)
+    fit, logs, held_out, put_back, estimated = with_inputs_put_back(
+        fit, logs, held_out, report, loss=loss, covariance=covariance
+    )
     recorded = logs, held_out
     if fit.window is not None:
         logs, held_out = in_windows(logs, fit.window), in_windows(held_out, fit.window)
@@ -265,7 +267,7 @@ def explain(
     if (found.steps or mended) and found.final:
         report("fitting the model with what was added, and its standard errors")
         noise, lost = after.noise, None
-        if put_back:  # as the model says that has what was found
+        if estimated:  # as the model says that has what was found
             lost = with_lost_inputs(found.final.robot, with_gaps[0], noise)
             whole, held_out = lost.logs, with_lost_inputs(found.final.robot, with_gaps[1], noise).logs
 

@@ -58,11 +58,36 @@ def test_of_long_gaps_nothing_is_said():
     """Twenty rows in one place may hold any number of commands."""
     logs, held_out = recorded(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0), 4, long=True)
     fit = output_error(ROBOT, logs)
-    found, same, held, sentence = with_inputs_put_back(fit, logs, held_out, lambda message: None)
-    assert (found, same, held, sentence) == (fit, logs, held_out, "")
+    assert with_inputs_put_back(fit, logs, held_out, lambda message: None) == (fit, logs, held_out, "", False)
 
 
 def test_inputs_that_were_held_are_left_alone():
     logs, held_out = recorded(lambda u: u, 3, held=True)
     found = explain(output_error(ROBOT, logs), logs, held_out)
     assert found.verdict == "adequate" and not said(found) and found.held_out is held_out
+
+
+def test_a_command_that_changes_all_the_time_was_halfway_in_between():
+    """A driver's stick moves smoothly: in the missing rows the command was about the mean of the two beside them."""
+
+    def driven(seed):
+        rng = np.random.default_rng(seed)
+        time = DT * np.arange(SAMPLES)
+        u = sum(
+            a * np.sin(w * time + p)
+            for a, w, p in zip(*rng.uniform([[1.0], [2.0], [0.0]], [[2.0], [9.0], [6.0]], (3, 4)), strict=True)
+        )
+        decay, v, found = np.exp(-2.0 * DT), 0.0, []
+        for force in u:
+            found.append(v)
+            v = force / 2.0 + (v - force / 2.0) * decay
+        kept = np.append(True, rng.uniform(size=SAMPLES - 1) > 0.05)
+        outputs = np.array(found) + 0.003 * rng.normal(size=SAMPLES)
+        return Log.from_arrays(f"run {seed}", time[kept], u[kept, None], outputs[kept, None], AXIS)
+
+    logs, held_out = LogSet([driven(k) for k in range(3)]), LogSet([driven(7)])
+    fit = output_error(ROBOT, logs)
+    found = explain(fit, logs, held_out)
+    assert found.verdict == "adequate" and "halfway" in said(found)[0]
+    for name, value in (("M", 1.0), ("Fv", 2.0)):
+        assert found.final[name].value == pytest.approx(value, abs=4 * found.final[name].std_error)
