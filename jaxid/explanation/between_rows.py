@@ -15,6 +15,7 @@ from ..logs.windows import Windows
 from ..robots.effect import Effect
 from .candidate_refits import Report
 from .denser import bare_of
+from .policy import current_policy
 from .refit import Trial, refit_from_itself
 from .steps import Step
 from .telling_apart import differ, not_told_apart, supersets
@@ -44,8 +45,11 @@ def with_rows_between(logs: LogSet) -> LogSet:
 
 
 def _near(step: Step) -> list[Trial]:
-    """The trials of what is late that do nearly what the best one does, that one first; none where that one is not late."""
+    """The trials of what is late that do nearly what the best one does, that one first; none where that one is not late, or leaves
+    so much that the motion between rows decides nothing."""
     best, base = step.chosen, step.before
+    if not best.fitted.normalised_rms < current_policy().many:
+        return []
     if best.effect is None or not best.effect.late or any(t.angles or t.in_colour is not None for t in (best, base)):
         return []
     whole = differ(best.fitted, base.fitted, _FIRST)
