@@ -45,8 +45,8 @@ def with_rows_between(logs: LogSet) -> LogSet:
 
 
 def _near(step: Step) -> list[Trial]:
-    """The trials of what is late that do nearly what the best one does, that one first; none where that one is not late, or leaves
-    so much that the motion between rows decides nothing."""
+    """The trials of what is late that do nearly what the best one does, that one first; none where that one is not late, or
+    leaves so much that the motion between rows decides nothing."""
     best, base = step.chosen, step.before
     if not best.fitted.normalised_rms < current_policy().many:
         return []
