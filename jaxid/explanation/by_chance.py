@@ -124,9 +124,11 @@ def rather_by_chance(
         found = []
         for law in _scattering(step, base.robot, present - {step.chosen.id}):
             owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != step.chosen.id}
-            say(f"refitting with {law.title} instead of {step.chosen.title}")
-            trial = refitted_like(with_effects(base.robot, owners) + law, current, logs, held_out, noise)
-            trial = continued(replace(trial, id=law.id), logs, held_out, noise)
+            trial = replace(current, id=law.id)
+            if (trial.id, trial.law) != (step.chosen.id, law.law):
+                say(f"refitting with {law.title} instead of {step.chosen.title}")
+                trial = refitted_like(with_effects(base.robot, owners) + law, current, logs, held_out, noise)
+                trial = continued(replace(trial, id=law.id), logs, held_out, noise)
             # How sure a difference is, its own scatter says: what chance leaves comes with the changes of command.
             if clearly_better(current.fitted, trial.fitted):
                 continue
