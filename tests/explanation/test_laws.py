@@ -1,5 +1,6 @@
 """Mechanism first, law second: laws that another author wrote, on data of the independent simulator."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from jaxid.explanation.laws import by_law, by_where_they_bend, other_laws, with_
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.screen import Candidate
 from jaxid.explanation.telling_apart import supersets
+from jaxid.logs import LogWarning
 from jaxid.model_file import read_model, write_model
 from jaxid.robots import Axis, DifferentialDrive, Pioneer
 
@@ -195,3 +197,14 @@ def test_a_curve_that_falls_towards_standstill_is_rather_a_bend_of_the_viscous_f
     for height, rises in ((2.0, True), (-2.0, False)):
         robot = (axis + law).with_values(**{law.height(0): height})
         assert law.agrees(robot) is rises
+
+
+@pytest.mark.parametrize("seed", [31095, 31145])
+def test_rounded_speeds_of_a_complete_model_hide_nothing(tmp_path, seed):
+    """What rounding makes of slow signals is slow, and below the noise that neighbouring samples show."""
+    fitted, held_out, model = make("axis", {}, seed, noise_kind="quantised").write(tmp_path)
+    robot = read_model(model, Axis())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)
+        logs, check = (read_logs([str(path) for path in paths], robot="axis") for paths in (fitted, held_out))
+    assert explain(output_error(robot, logs), logs, check).verdict == "adequate"
