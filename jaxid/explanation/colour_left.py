@@ -15,6 +15,7 @@ from .coloured import GATES, OnlyColour, colours_of, only_colour
 from .heldout import HeldOut, held_out_state
 from .in_colour import generalised, in_colour
 from .level import current_level
+from .policy import current_policy
 from .refit import Trial
 from .screen import Candidate, screen
 from .telling_apart import not_told_apart
@@ -53,11 +54,12 @@ def ranked_in_colour(
     noise: dict[str, float],
 ) -> tuple[list[Trial], tuple[str, ...], bool] | None:
     """The trials ranked anew, those that cannot be told from the best, and whether that one is worth its price, where all that
-    the best leaves is coloured noise, or one of the next: samples of it are related, so that chi-squared promises too much, and
-    more of it to one that follows the noise than to one that is right. Else None."""
+    the best leaves is coloured noise: samples of it are related, so that chi-squared promises too much. Else None. Where the
+    best explains next to nothing, it may follow that noise, and one of the next be right that leaves it."""
     if trials[0].held_out.adequate:
         return None
-    leading = trials[:_MOST_LEADING]
+    follows = trials[0].fitted.gap > (1.0 - current_policy().least_gain) * base.fitted.gap
+    leading = trials[: _MOST_LEADING if follows else 1]
     only = next((trial for trial in leading if colour_left(trial, logs, held_out, noise) is not None), None)
     if only is None:
         return None
