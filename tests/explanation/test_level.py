@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 
-from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
+from jaxid import AXIS, OMNI, Axis, Log, LogSet, Omni, explain, output_error
 from jaxid.explanation.absorbed import less_absorbed
-from jaxid.explanation.heldout import HeldOut, held_out_state
+from jaxid.explanation.heldout import HeldOut, held_out_state, whiteness
 from jaxid.explanation.level import FALSE_ALARM, at_level, current_level
 
 SAMPLES = 300
@@ -65,3 +66,18 @@ def test_what_other_parameters_take_up_is_taken_off_and_nothing_else(logs):
     shifted = [(replace(state, residuals=tuple(r + 5.0 for r in state.residuals)), own) for state, own in left]
     again = less_absorbed(robot, shifted)
     assert np.mean(np.concatenate([own.residuals[0] for own, _ in again])) > 2.5  # friction of one direction takes some
+
+
+def test_slow_noise_of_one_sensor_does_not_stir_the_white_ones_of_others():
+    """What parameters take up is told by the samples that are independent: few of a coloured channel, however large."""
+    robot, rng, states = Omni(), np.random.default_rng(6), []
+    for name in ("fit", "check"):
+        volts = np.repeat(rng.uniform(-10, 10, (SAMPLES // 20, 4)), 20, axis=0)
+        own = LogSet([Log.from_arrays(name, 0.02 * np.arange(SAMPLES), volts, np.zeros((SAMPLES, 3)), OMNI)])
+        state = held_out_state(robot, own, {"V": 0.01, "Vn": 0.01, "W": 0.01})
+        white = rng.normal(size=(SAMPLES, 2))
+        slow = 10.0 * signal.lfilter([1.0], [1.0, -0.95], rng.normal(size=SAMPLES))
+        states.append((replace(state, residuals=(np.column_stack([white, slow]),)), own))
+    left = less_absorbed(robot, states)
+    speeds = [residual[:, :2] for own, _ in left for residual in own.residuals]
+    assert whiteness(speeds) > 0.01

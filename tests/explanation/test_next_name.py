@@ -16,7 +16,7 @@ def trial(name: str, law: str) -> Trial:
 
 
 def candidate(name: str, *direction: float) -> Candidate:
-    along = np.array(direction, np.float32) / np.linalg.norm(direction)
+    along = (np.array(direction) / np.linalg.norm(direction)).astype(np.float32)
     return Candidate(effect_by_id(Axis(), name), 100.0, 0.5, (), along)
 
 
