@@ -18,14 +18,12 @@ from .denser import bare_of
 from .policy import current_policy
 from .refit import Trial, refit_from_itself
 from .steps import Step
-from .telling_apart import differ, not_told_apart, supersets
+from .telling_apart import UNKNOWN_PAST, differ, not_told_apart, supersets
 
 _PARTS = 4
 """Rows in the place of one."""
 _NEAR = 0.3
 """Difference of two late models, as a share of what being late changes, up to which rows may hide which one is right."""
-_FIRST = 10
-"""First samples of a log, which show what was commanded before it began."""
 
 
 def _between(log: Log) -> Log:
@@ -52,9 +50,9 @@ def _near(step: Step) -> list[Trial]:
         return []
     if best.effect is None or not best.effect.late or any(t.angles or t.in_colour is not None for t in (best, base)):
         return []
-    whole = differ(best.fitted, base.fitted, _FIRST)
+    whole = differ(best.fitted, base.fitted, UNKNOWN_PAST)
     late = (t for t in step.trials if t.id not in step.refused and t.effect is not None and t.effect.late)
-    return [t for t in late if not t.angles and differ(best.fitted, t.fitted, _FIRST) < _NEAR * whole]
+    return [t for t in late if not t.angles and differ(best.fitted, t.fitted, UNKNOWN_PAST) < _NEAR * whole]
 
 
 def _plainer(trial: Trial) -> list[Trial]:

@@ -10,7 +10,7 @@ from .heldout import HeldOut
 from .policy import current_policy
 from .refit import Trial
 
-_UNKNOWN_PAST = 10
+UNKNOWN_PAST = 10
 """First samples of a log, which show what was commanded before it began."""
 _INTERPOLATED = 0.01
 """Share of what a delay makes of a motion that interpolation between samples may get wrong of it."""
@@ -82,9 +82,9 @@ def _same_but_later(one: Trial, other: Trial, base: Trial | None) -> bool:
         return True  # prescribed angles are as late as the sensors show them, which suits one of the two names alone
     if not all(trial.effect is not None and trial.effect.only_later for trial in (one, other)):
         return False
-    late = differ(one.fitted, base.fitted, _UNKNOWN_PAST) if base is not None else 0.0
+    late = differ(one.fitted, base.fitted, UNKNOWN_PAST) if base is not None else 0.0
     same = max(current_policy().same_motion, _INTERPOLATED * (late if np.isfinite(late) else 0.0))
-    return differ(one.fitted, other.fitted, _UNKNOWN_PAST) < same
+    return differ(one.fitted, other.fitted, UNKNOWN_PAST) < same
 
 
 def differ(one: HeldOut, other: HeldOut, skip: int = 0) -> float:

@@ -19,12 +19,13 @@ def differs_by_way(curve: Curve, robot: Robot) -> bool:
     """Whether a curve for either way (`WAYS`) of each of the robot's axes differs between the ways more than it bends alike
     both ways, which is a law of friction that no direction changes. What is constant or proportional to the speed both ways
     is the robot's own Coulomb and viscous friction. It does not where one of the ways was never gone (all heights held)."""
-    names = {way: [n for n in robot.parameters if curve.is_height(n) and way in n.split("_")] for way in WAYS}
-    if not all(any(robot.parameters[name].free for name in own) for own in names.values()):
-        return False
+    parts, table = curve.parts(robot) if curve.apart else ("",), robot.parameters
+    for way in WAYS:
+        if not any(table[curve.height(k, curve.of(part, way))].free for part in parts for k in curve.varying):
+            return False
     p, share, one_way, both = robot.parameters.numbers, np.linspace(0.0, 1.0, 51), 0.0, 0.0
     own = np.stack([np.ones_like(share), share], axis=1)
-    for part in curve.parts(robot) if curve.apart else ("",):
+    for part in parts:
         forward, backward = (
             np.asarray(curve.at(share * p[curve.key("reach")], p, curve.of(part, way))) for way in WAYS
         )
