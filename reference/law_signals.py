@@ -75,7 +75,18 @@ def commanded(inputs: np.ndarray, full: Full) -> np.ndarray:
         elif law == "motor_gain_mismatch/drawn":
             gain = 1.0 + v["mismatch"] * 2.0 * curves.evaluate(curves.growing(v["seed"]), np.abs(u) / v["full"])
             u = _only(u, u * gain, v, "motor")
+        elif mechanism == "motor_cross_talk":
+            u = _leaking(u, word, v)
     return u
+
+
+def _leaking(u: np.ndarray, word: str, v: Mapping[str, float]) -> np.ndarray:
+    if word == "one_way":
+        return _only(u, u + v["share"] * u[:, [int(v["other"]) - 1]], v, "motor")
+    passing = u
+    if word == "drawn":
+        passing = u * 2.0 * curves.evaluate(curves.growing(v["seed"]), np.abs(u) / v["full"])
+    return u + v["share"] * (passing.sum(1, keepdims=True) - passing) / (u.shape[1] - 1)
 
 
 def _staircase(mean: float, seed: float) -> tuple[np.ndarray, np.ndarray]:

@@ -119,6 +119,9 @@ LAWS: dict[str, dict[str, float]] = {
     "payload_change/drawn": {"mass": 0.0, "time": 20.0, "seed": 0.0},
     "backlash/command": {"width": 0.0},  # V: the play operator, half a width to either side
     "wheel_radius_mismatch/one_wheel": {"mismatch": 0.0, "wheel": 1.0},
+    "motor_cross_talk/one_way": {"share": 0.0, "motor": 1.0, "other": 2.0},  # u + share other
+    "motor_cross_talk/mutual": {"share": 0.0},  # of the mean of all others
+    "motor_cross_talk/drawn": {"share": 0.0, "full": 10.0, "seed": 0.0},  # mutual, growing with the others' voltage
 }
 NOT_ON = {
     "pioneer": {"quadratic_drag/one_axis"},
@@ -126,14 +129,14 @@ NOT_ON = {
     "axis": set(),
 }
 _AXIS_HAS_NO = (
-    "motor_gain_mismatch battery_sag motor_heating asymmetric_friction surface_change ground_slope sensor_scale "
-    "sensor_cross_talk turning_friction effective_track freewheeling_driver wheel_radius_mismatch"
+    "motor_gain_mismatch motor_cross_talk battery_sag motor_heating asymmetric_friction surface_change ground_slope "
+    "sensor_scale sensor_cross_talk turning_friction effective_track freewheeling_driver wheel_radius_mismatch"
 ).split()
 _WORDS_OF_MANY = ("one_wheel", "mirrored", "one_motor", "one_channel", "inductance", "one_axis", "creep")
 
 SIGNALS = ("actuator_dead_zone", "voltage_saturation", "input_delay", "sensor_delay", "sensor_bias", "sensor_scale",
-           "sensor_cross_talk", "backlash", "motor_gain_mismatch/drawn", "motor_lag/drawn", "sensor_lag/moving_average",
-           "sensor_lag/drawn")  # fmt: skip
+           "sensor_cross_talk", "motor_cross_talk", "backlash", "motor_gain_mismatch/drawn", "motor_lag/drawn",
+           "sensor_lag/moving_average", "sensor_lag/drawn")  # fmt: skip
 """Laws, or mechanisms all of whose laws act on the signals."""
 
 

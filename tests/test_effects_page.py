@@ -25,6 +25,8 @@ def who(law: Effect) -> str:
     can = [robot.name for robot in ROBOTS if refusal(law, robot) is None and law.id not in robot.expressed]
     if law.id == "coulomb_friction":
         return "none; yours without dry friction"
+    if law.id == "sideways_friction":
+        return "none; yours that moves sideways on wheels that rub alike"
     if "steered" in law.needs:
         return "none; yours with an input that does not drive"
     return "all" if len(can) == len(ROBOTS) else ", ".join(can) or "none"

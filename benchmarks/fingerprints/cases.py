@@ -8,6 +8,7 @@ import numpy as np
 from jaxid import Axis, DifferentialDrive, Omni, Robot
 from jaxid.effects import effect_by_id
 
+from .mecanum import MECANUM
 from .missing import INTERVAL, Array, Run, driven, levels
 from .steered import CAR, STEER, WHEELBASE
 
@@ -343,6 +344,13 @@ CASES: Mapping[str, Case] = {
         channel="w",
         quantity=_MOMENT,
     ),
+    "sideways_friction": Case(
+        MECANUM,
+        {"sideways_friction.coulomb_vy": 1.5, "sideways_friction.viscous_vy": 4.0},
+        speed("vy"),
+        "sideways speed [m/s]",
+        channel="vy",
+    ),
     "quadratic_drag": Case(AXIS, {"quadratic_drag.coefficient": 8.0}, speed("v"), _SPEED),
     "battery_sag": Case(
         OMNI,
@@ -359,6 +367,14 @@ CASES: Mapping[str, Case] = {
         {"motor_gain_mismatch.gain_u_right": 0.15},
         command(0),
         "command of the right side [V]",
+        channel="w",
+        quantity=_MOMENT,
+    ),
+    "motor_cross_talk": Case(
+        DRIVE,
+        {"motor_cross_talk.share_u_right_of_u_left": 0.2},
+        command(1),
+        "command of the left side [V]",
         channel="w",
         quantity=_MOMENT,
     ),

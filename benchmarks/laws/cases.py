@@ -39,6 +39,7 @@ TOLD = {
 """Known constants that may be off; those in one bracket are one constant of nature."""
 _FULL = {
     "motor_gain_mismatch": LARGEST_INPUT,
+    "motor_cross_talk": LARGEST_INPUT,
     "battery_sag": {"pioneer": 12.0, "omni": 40.0},
     "motor_heating": {"pioneer": 60.0, "omni": 300.0},
     "freewheeling_driver": {"pioneer": 4.0, "omni": 4.0},
@@ -83,7 +84,9 @@ def parameters(robot: str, law: str, size: float, rng: np.random.Generator) -> d
     }
     sign = float(rng.choice([-1.0, 1.0]))
     strength = next(iter(LAWS[law]))
-    either = strength in ("mismatch", "asymmetry", "error", "bias") or mechanism == "sensor_cross_talk"
+    either = strength in ("mismatch", "asymmetry", "error", "bias") or "cross_talk" in mechanism
+    if mechanism == "motor_cross_talk":
+        drawn["motor"], drawn["other"] = rng.permutation(motors)[:2] + 1
     if mechanism == "payload_change" and word != "in_some_logs":
         drawn["time"] = SAMPLING * SAMPLES
     if mechanism == "effective_track" or (mechanism, word) == ("ground_slope", "bowl"):

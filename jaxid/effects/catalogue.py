@@ -13,6 +13,7 @@ from .actuator import (
     dead_zone,
     freewheeling,
     input_delay,
+    motor_cross_talk,
     motor_heating,
     motor_lag,
     motor_strength,
@@ -32,7 +33,14 @@ from .drivetrain import (
     stribeck_friction,
     viscous_shape,
 )
-from .ground import effective_track, surface_change, traction_limit, turning_friction, wheel_radius_mismatch
+from .ground import (
+    effective_track,
+    sideways_friction,
+    surface_change,
+    traction_limit,
+    turning_friction,
+    wheel_radius_mismatch,
+)
 from .sensor import bias, cross_talk, delay, lag, scale
 
 MECHANISMS: tuple[tuple[Effect, ...], ...] = (
@@ -55,9 +63,11 @@ MECHANISMS: tuple[tuple[Effect, ...], ...] = (
     cogging_torque.LAWS,
     traction_limit.LAWS,
     turning_friction.LAWS,
+    sideways_friction.LAWS,
     drag.LAWS,
     battery_sag.LAWS,
     motor_strength.LAWS,
+    motor_cross_talk.LAWS,
     steering_delay.LAWS,
     steering_error.LAWS,
     steering_lag.LAWS,

@@ -4,6 +4,7 @@ from .battery_sag import BatterySag
 from .dead_zone import DeadZone
 from .freewheeling import FreewheelingDriver
 from .input_delay import InputDelay
+from .motor_cross_talk import MotorCrossTalk
 from .motor_heating import MotorHeating
 from .motor_lag import MotorLag
 from .motor_strength import MotorGainMismatch
@@ -14,6 +15,7 @@ __all__ = [
     "DeadZone",
     "FreewheelingDriver",
     "InputDelay",
+    "MotorCrossTalk",
     "MotorGainMismatch",
     "MotorHeating",
     "MotorLag",
