@@ -20,6 +20,8 @@ PAIRS = 8
 EARLIER = 77
 """Laws that there were when seeds were first given out; quick cases of later ones have seeds from `_LATER` on."""
 _LATER, _REST = 200, 1000
+_BEFORE = 90
+"""Laws that there were when all other cases were drawn; those of later ones follow, so that no case changes."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +62,20 @@ def plans(name: str) -> list[Plan]:
     quick = [*(chosen[i] for i in rng.permutation(EARLIER)), *chosen[EARLIER:]]
     seeds = [FIRST_SEED[name] + k + (_LATER if k >= EARLIER else 0) for k in range(len(quick))]
     rest: list[tuple[str, str, tuple[str, ...], str, str, bool]] = []
+    later: list[tuple[str, str, tuple[str, ...], str, str, bool]] = []
     for strength, shift in (("weak", 1), ("strong", 2)):
         for number, law in enumerate(LAWS):
-            rest.append((turn(number, law, _SHIFT[name] + shift), "strength", (law,), strength, "white", False))
+            own = rest if number < _BEFORE else later
+            own.append((turn(number, law, _SHIFT[name] + shift), "strength", (law,), strength, "white", False))
     for robot in ROBOTS:
-        own = [law for law in LAWS if applies(law, robot)]
+        own = [law for law in list(LAWS)[:_BEFORE] if applies(law, robot)]
         rest += [(robot, "complete", (), "-", kind, False) for kind in KINDS for _ in range(COMPLETE)]
         rest += [(robot, "constants", (), "-", "white", True) for _ in range(CONSTANTS)]
         rest += [(robot, "constants", (str(rng.choice(own)),), "medium", "white", True) for _ in range(CONSTANTS)]
         for _ in range(PAIRS):
             one, other = rng.choice(len(own), 2, replace=False)
             rest.append((robot, "pair", (own[one], own[other]), "medium", "white", False))
-    rest = [rest[i] for i in rng.permutation(len(rest))]
+    rest = [*(rest[i] for i in rng.permutation(len(rest))), *later]
     seeds += [FIRST_SEED[name] + _REST + k for k in range(len(rest))]
     return [
         Plan(robot, kind, laws, strength, seed, noise, off)
