@@ -70,7 +70,6 @@ UNLISTED = {
     "sensor_cross_talk/rotated",
     "motor_cross_talk/one_way",
     "motor_cross_talk/mutual",
-    "payload_change/in_some_logs",
     "payload_change/leaking",
     "effective_track/wider",
     "backlash/command",

@@ -8,6 +8,7 @@ from .._float64 import in_float64
 from .._memory import bounded_memory
 from .._origin import with_origin
 from .._renamed import renamed
+from ..effects.body.payload import InSomeLogs
 from ..effects.curve import SHAPE, Curve
 from ..effects.table_constants import TableConstants
 from ..estimate.output_error.conclude import Covariance
@@ -39,6 +40,7 @@ from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .overrated import small_after_all
 from .passing_jumps import without_passing_jumps
+from .payload_by_log import sorted_by_payload
 from .policy import Policy, current_policy, keeps_policy
 from .prescribed_angles import predicted
 from .refit import Trial, in_full
@@ -247,6 +249,7 @@ def explain(
     if placeless:
         report(placeless)
     fit, logs, held_out, evened = on_even_stamps(fit, logs, held_out, report, loss=loss, covariance=covariance)
+    logs, held_out, loaded = sorted_by_payload(fit, logs, held_out, report)
     with_gaps = logs, held_out
     fit, logs, held_out, put_back, estimated = with_inputs_put_back(
         fit, logs, held_out, report, loss=loss, covariance=covariance
@@ -336,6 +339,8 @@ def explain(
         )
     if found.steps:
         report("looking for the experiment that would tell more")
+    if not any(effect.law == InSomeLogs.law for effect in named):
+        loaded = ""
     changed = ""
     if verdict == "unexplained":
         final = doubted_on(final, after)
@@ -353,7 +358,9 @@ def explain(
         next_experiment=_next(found, logs),
         doubts=doubts if verdict == "unexplained" else (),
         notes=tuple(
-            note for note in (*tables, hinges, still, evened, put_back, placeless, noted, doubted, untried) if note
+            note
+            for note in (*tables, hinges, still, evened, loaded, put_back, placeless, noted, doubted, untried)
+            if note
         ),
         colour=found.colour,
         between_logs=changed,

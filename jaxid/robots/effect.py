@@ -61,6 +61,8 @@ class Effect:
     formula: ClassVar[str] = ""
     states: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
+    from_columns: ClassVar[tuple[str, ...]] = ()
+    """Those of `states` that begin at the first value of the column of that name, in logs that have it."""
     first_look: ClassVar[bool] = True
     """Whether it is tried by itself; else only where another law of the mechanism, whose `denser` it is, leaves something."""
     only_later: ClassVar[bool] = False

@@ -1,12 +1,12 @@
 """Where a run starts: at rest at the origin, unless the log says otherwise.
 
-Pose columns (x, y, theta, beta) in a log give those states. A log whose first sample already moves (by more than a tenth
-of its largest speed), or shows another position than the origin, starts from what it measured, and that, with the states
-nobody measures, is then uncertain. So is, within its step, a position that a counter tells: whoever reads 0 may stand
-anywhere in a step, above it if the counter rounds down, on either side if it rounds to the nearest. What is measured need
-be no state: from outputs that the robot at rest would not show follow the nearest states that show them. What other values
-of the free parameters would make a robot at rest show says nothing of motion (`rest`). Where the model knows of a sensor's
-bias or scale, it is taken off before.
+Pose columns (x, y, theta, beta) in a log give those states, and the columns that an effect reads (a payload) its own. A log
+whose first sample already moves (by more than a tenth of its largest speed), or shows another position than the origin, starts
+from what it measured, and that, with the states nobody measures, is then uncertain. So is, within its step, a position that a
+counter tells: whoever reads 0 may stand anywhere in a step, above it if the counter rounds down, on either side if it rounds to
+the nearest. What is measured need be no state: from outputs that the robot at rest would not show follow the nearest states
+that show them. What other values of the free parameters would make a robot at rest show says nothing of motion (`rest`). Where
+the model knows of a sensor's bias or scale, it is taken off before.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,6 +23,7 @@ from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
 from ..logs import Log, LogSet
+from ..logs.channels import POSE
 from ..logs.noise import counting_step, noise_level
 from ..logs.windows import Windows, window_rows
 from ..robots.effect import Numbers, State
@@ -139,6 +140,16 @@ def initial_states(robot: Robot, logs: LogSet) -> InitialConditions:
     return replace(found, states={name: np.where(cut, there[name], own) for name, own in found.states.items()})
 
 
+def _first(log: Log, column: str) -> float:
+    """The first value in one of the further columns of a log; not a number where there is none."""
+    if column not in log.extra.columns:
+        return np.nan
+    try:
+        return float(log.extra[column].iloc[0])
+    except (TypeError, ValueError):
+        return np.nan
+
+
 def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None = None) -> InitialConditions:
     """The initial states by every log's first sample, or by that of the logs `asked` [E]; of the others only whether they are
     uncertain."""
@@ -148,11 +159,13 @@ def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None =
     uncertain = np.array([log.cut for log in logs], dtype=bool)
     measured, outputs = logs[0].channels.measured, robot.channels.outputs
     offset, gain = _sensed(robot, len(measured))
+    told = {name: name for name in POSE if name in robot.states}
+    told |= {effect.own(name): name for effect in robot.effects for name in effect.from_columns}
     for e, log in enumerate(logs):
-        for column in set(log.extra.columns) & set(robot.states) & {"x", "y", "theta", "beta"}:
-            value = float(log.extra[column].iloc[0])
+        for state, column in told.items():
+            value = _first(log, column)
             if np.isfinite(value):
-                states[column][e] = value
+                states[state][e] = value
     values = np.stack([(log.outputs[0] - offset) / gain for log in logs])
     # Started elsewhere than at rest at the origin: by the first sample, which is as wrong as its noise.
     level = np.array([noise[name] if np.isfinite(noise[name]) else 0.0 for name in measured])

@@ -1,4 +1,4 @@
-"""Logs that the model explains one by one and not together, on an axis in closed form with another load in some of them."""
+"""Logs that the model explains one by one and not together, on an axis in closed form that rubs more in some of them."""
 
 import numpy as np
 
@@ -8,16 +8,16 @@ from jaxid.explanation.between_logs import changed_between
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
 
 
-def recorded(masses, law=lambda u: u):
-    """Speeds of an axis without dry friction, of another mass in every log."""
+def recorded(frictions, law=lambda u: u):
+    """Speeds of an axis without dry friction, of another viscous friction in every log."""
     logs = []
-    for k, mass in enumerate(masses):
+    for k, friction in enumerate(frictions):
         rng = np.random.default_rng([8, k])
         u = np.repeat(rng.uniform(-4, 4, 60), 10)
-        decay, v, found = np.exp(-2.0 / mass * 0.02), 0.0, []
+        decay, v, found = np.exp(-friction * 0.02), 0.0, []
         for force in law(u):
             found.append(v)
-            v = force / 2.0 + (v - force / 2.0) * decay
+            v = force / friction + (v - force / friction) * decay
         outputs = {"v": np.array(found) + 0.003 * rng.normal(size=len(u))}
         logs.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(len(u)), u[:, None], outputs, AXIS))
     return LogSet(logs[:-2]), LogSet(logs[-2:])
@@ -27,23 +27,23 @@ def quiet(message):
     """Nobody listens."""
 
 
-def test_the_logs_with_another_load_are_told_and_no_effect_is_said_to_be_missing():
-    logs, held_out = recorded([1.0, 1.3, 1.0, 1.3, 1.0, 1.0, 1.0])
+def test_the_logs_on_another_floor_are_told_and_no_effect_is_said_to_be_missing():
+    logs, held_out = recorded([2.0, 2.6, 2.0, 2.6, 2.0, 2.0, 2.0])
     found = explain(output_error(ROBOT, logs), logs, held_out)
     assert found.verdict == "unexplained"
     said = found.sentence
     assert said.startswith(found.between_logs) and found.between_logs.startswith("Every log alone")
-    assert "M is 1.3" in said and "run 1" in said and "run 3" in said and "`explain_change`" in said
+    assert "Fv is 2.6" in said and "run 1" in said and "run 3" in said and "`explain_change`" in said
     assert not any(f"run {k}" in said for k in (0, 2, 4, 5, 6))
 
 
 def test_logs_that_no_values_explain_are_not_said_to_differ():
-    logs, held_out = recorded([1.0] * 5, lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.8, 0.0))
+    logs, held_out = recorded([2.0] * 5, lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.8, 0.0))
     assert changed_between(output_error(ROBOT, logs), logs, held_out, quiet) == ""
 
 
 def test_logs_of_one_robot_are_alike():
-    logs, held_out = recorded([1.0] * 5)
+    logs, held_out = recorded([2.0] * 5)
     assert changed_between(output_error(ROBOT, logs), logs, held_out, quiet) == ""
     few = LogSet(list(logs)[:1])
     assert changed_between(output_error(ROBOT, few), few, LogSet(list(held_out)[:1]), quiet) == ""
