@@ -44,6 +44,7 @@ from .payload_by_log import sorted_by_payload
 from .policy import Policy, current_policy, keeps_policy
 from .prescribed_angles import predicted
 from .refit import Trial, in_full
+from .rounding import within_rounding
 from .same_curves import curves_that_are
 from .search import MOST_EFFECTS, search
 from .shape import shapes_of
@@ -282,7 +283,8 @@ def explain(
             rated = noise_scale(held_out, otherwise=whole)
             left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
             left = by_chance(model, held_out, left)
-            return left if left.adequate else within_errors(model, held_out, left)
+            left = left if left.adequate else within_errors(model, held_out, left)
+            return within_rounding(held_out, left)
 
         final = finished(found.final)
         after = left_by(final)

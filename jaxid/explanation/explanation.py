@@ -181,6 +181,11 @@ class Explanation:
                 f"Nothing is missing that these logs show: {error}, with a structure left (p = {held.p_white:.2g}). "
                 f"{self._let_expect(held)}{though}"
             )
+        if held.rounded:
+            return (
+                f"Nothing is missing that these logs show: {error}, with the structure that rounding to the sensors' steps "
+                f"makes of slow signals.{though}"
+            )
         return (
             f"Nothing is missing that stands out from the noise: {error}. That error is not white (p = {held.p_white:.2g}): "
             f"the sensors' noise is coloured, or something smaller than the noise is missing.{though}"

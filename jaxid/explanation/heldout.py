@@ -34,8 +34,9 @@ class HeldOut:
     is left is what the standard errors of the parameters let expect (`within_errors.py`), `hung_on_it` the logs whose whole
     motion hangs on less than these; `unrelated`: whether it is small and follows nothing that drove the robot
     (`overrated.py`); `by_chance`: whether it is what delays that scatter leave
-    (`by_chance.py`). `false_alarm`: how often a complete model may be called incomplete
-    by it (`level.py`), `negligible` the RMS below which a gap matters to nobody (`policy.py`).
+    (`by_chance.py`); `rounded`: whether it is what rounding to the sensors' steps makes (`rounding.py`).
+    `false_alarm`: how often a complete model may be called incomplete by it (`level.py`), `negligible` the RMS below which a
+    gap matters to nobody (`policy.py`).
     """
 
     normalised_rms: float
@@ -50,6 +51,7 @@ class HeldOut:
     hung_on_it: tuple[str, ...] = ()
     unrelated: bool = False
     by_chance: bool = False
+    rounded: bool = False
     false_alarm: float = field(default_factory=current_level)
     negligible: float = field(default_factory=lambda: current_policy().negligible)
 
@@ -72,6 +74,7 @@ class HeldOut:
             or self.within_errors
             or self.unrelated
             or self.by_chance
+            or self.rounded
         )
 
     @property

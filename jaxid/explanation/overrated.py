@@ -10,19 +10,18 @@ from dataclasses import replace
 import numpy as np
 
 from ..estimate.confidence.agreement import rms
-from ..estimate.judge import NOTHING, step_of
+from ..estimate.judge import NOTHING
 from ..estimate.residual_tests import LAGS, cross_correlation
 from ..estimate.result import Fit
 from ..logs import LogSet
 from ..logs.noise import noise_error
 from .coloured import colours_of
 from .heldout import HeldOut, held_out_state
+from .rounding import rounded
 
 _BELOW = 4.0
 """Standard errors of the noise's size by which what is new in a residual must be smaller."""
 _LEAST_ERROR = 0.01
-_ROUNDED = 0.02
-"""Share of a residual's variance from which rounding is to be seen in it."""
 _SHARE = 0.05
 """Share of what is new in a residual that an input must explain, about: a model's error of a fifth of that. Coarse rounding
 alone follows what is rounded by up to 4 % (complete omni with rounded speeds, case 31087)."""
@@ -45,12 +44,6 @@ def _follows_an_input(state: HeldOut, logs: LogSet, names: Sequence[str]) -> boo
     return False
 
 
-def _rounded(logs: LogSet, name: str, state: HeldOut) -> bool:
-    """Whether rounding to the sensor's step is to be seen in a channel's residual."""
-    left = state.noise[name] * state.by_channel[name]
-    return step_of(logs, name) ** 2 / 12.0 > _ROUNDED * left**2
-
-
 def in_its_own_noise(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     """`state`, which `fit` leaves on the `held_out` logs, in units of what is new in every sample of the residual itself (the
     innovations of its autoregression), in channels where that is smaller than the noise that neighbouring samples show and the
@@ -65,7 +58,7 @@ def in_its_own_noise(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     own = {name: level for name, level in own.items() if level < 1.0 - _BELOW * max(errors[name], _LEAST_ERROR)}
     # Noise that pulls apart is rated too high; what is slow beside it is none of that, whatever it follows. What rounding makes
     # of slow signals is slow, too.
-    slow = any(colours[name].correlation > 0.0 and not _rounded(held_out, name, state) for name in own)
+    slow = any(colours[name].correlation > 0.0 and not rounded(held_out, name, state) for name in own)
     if not (own and (slow or _follows_an_input(state, held_out, list(own)))):
         return state
     noise = dict(state.noise) | {name: state.noise[name] * level for name, level in own.items()}

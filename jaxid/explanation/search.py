@@ -23,6 +23,7 @@ from .next_name import name_next, or_constants
 from .overrated import in_its_own_noise, small_after_all
 from .reconsider import by_laws_again, pruned, rather_by_curves, reconsidered
 from .refit import Trial, refit
+from .rounding import within_rounding
 from .screen import Candidate
 from .steps import Search, Step
 from .within_errors import within_errors
@@ -46,7 +47,7 @@ def search(
     state = in_its_own_noise(fit, held_out, held_out_state(fit.robot, held_out, noise))
     noise = rated | state.noise
     if not state.adequate:
-        state = within_errors(fit, held_out, state)
+        state = within_rounding(held_out, within_errors(fit, held_out, state))
     if state.adequate:
         return Search(state, state, None, (), ())
     report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
@@ -94,7 +95,8 @@ def search(
                 current = pruned(current, baseline, logs, held_out, noise, report)
                 if not current.held_out.adequate:
                     steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report)
-            current = replace(current, held_out=small_after_all(current.held_out, held_out, rated))
+            left = small_after_all(current.held_out, held_out, rated)
+            current = replace(current, held_out=within_rounding(held_out, left))
             if not current.held_out.adequate:
                 steps, current = rather_by_chance(steps, current, baseline, logs, held_out, noise, report)
             report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
