@@ -52,7 +52,7 @@ from .steps import Search, Step
 from .table_constants import Shares, built_in, changed_by, constants_like, effects_that_are, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
-from .within_errors import within_errors
+from .within_errors import hanging, within_errors
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _WEAK = 100.0
@@ -284,7 +284,7 @@ def explain(
             left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
             left = by_chance(model, held_out, left)
             left = left if left.adequate else within_errors(model, held_out, left)
-            return within_rounding(held_out, left)
+            return hanging(model, held_out, within_rounding(held_out, left))
 
         final = finished(found.final)
         after = left_by(final)

@@ -139,7 +139,7 @@ class Explanation:
 
     @property
     def _chance(self) -> str:
-        if self.after.within_errors:
+        if self.after.within_errors or self.after.hung_on_it:
             return f" {self._let_expect(self.after)}"
         if not self.after.by_chance:
             return ""
@@ -151,8 +151,15 @@ class Explanation:
         if not hung:
             return "What is left is what the standard errors of the parameters let expect."
         more = f" and {len(hung) - _TOLD} more logs" if len(hung) > _TOLD else ""
+        where = f"on {', '.join(hung[:_TOLD])}{more}"
+        if not held.within_errors:
+            return (
+                f"Part of what is left hangs on very little: {where} another motion follows from a change of the parameters by "
+                "a few standard errors, such as an axis that just breaks away or just does not; with that motion "
+                f"{held.foretold:.2f} times the noise is left."
+            )
         return (
-            f"What is left is what the standard errors of the parameters let expect: on {', '.join(hung[:_TOLD])}{more} "
+            f"What is left is what the standard errors of the parameters let expect: {where} "
             "another motion follows from a change of the parameters that is within them, such as an axis that just breaks "
             "away or just does not."
         )

@@ -32,8 +32,8 @@ class HeldOut:
     `diverged` names the logs on which the simulation is no prediction any more; they count here, as very wrong.
     `noise_error`: standard deviation of the unit itself, the estimated noise, as a share of it. `within_errors`: whether what
     is left is what the standard errors of the parameters let expect (`within_errors.py`), `hung_on_it` the logs whose whole
-    motion hangs on less than these; `unrelated`: whether it is small and follows nothing that drove the robot
-    (`overrated.py`); `by_chance`: whether it is what delays that scatter leave
+    motion hangs on less than these, and `steady_rms` what is left where these move as they may; `unrelated`: whether it is
+    small and follows nothing that drove the robot (`overrated.py`); `by_chance`: whether it is what delays that scatter leave
     (`by_chance.py`); `rounded`: whether it is what rounding to the sensors' steps makes (`rounding.py`).
     `false_alarm`: how often a complete model may be called incomplete by it (`level.py`), `negligible` the RMS below which a
     gap matters to nobody (`policy.py`).
@@ -49,6 +49,7 @@ class HeldOut:
     noise_error: float = 0.0
     within_errors: bool = False
     hung_on_it: tuple[str, ...] = ()
+    steady_rms: float = np.nan
     unrelated: bool = False
     by_chance: bool = False
     rounded: bool = False
@@ -102,6 +103,11 @@ class HeldOut:
     def gap(self) -> float:
         """Normalised RMS above the noise floor."""
         return max(self.normalised_rms - 1.0, 0.0)
+
+    @property
+    def foretold(self) -> float:
+        """The normalised RMS, without what no model can foretell of logs whose motion hangs on less than its errors."""
+        return min(self.normalised_rms, self.steady_rms) if self.hung_on_it else self.normalised_rms
 
 
 def whiteness(residuals: Sequence[NDArray[np.float64]]) -> float:

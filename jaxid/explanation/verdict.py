@@ -18,9 +18,7 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
     doubts = []
     if after.diverged:
         doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
-    elif after.normalised_rms > current_policy().many and not (
-        after.by_chance or after.within_errors or all_noise(found)
-    ):
+    elif after.foretold > current_policy().many and not (after.by_chance or after.within_errors or all_noise(found)):
         doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
     elif len(named) > 1 and _more_than_imprecise(named, after) and not all_noise(found):
         doubts.append(
@@ -41,7 +39,7 @@ def _more_than_imprecise(named: Sequence[NamedEffect], after: HeldOut) -> bool:
     """Whether more is left than what laws near the right ones leave of their own."""
     policy = current_policy()
     curve = any(effect.law == SHAPE for effect in named)
-    return not after.adequate and after.normalised_rms > (policy.coarse_curve if curve else policy.coarse_law)
+    return not after.adequate and after.foretold > (policy.coarse_curve if curve else policy.coarse_law)
 
 
 def all_noise(found: Search) -> bool:
@@ -57,7 +55,7 @@ def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: S
     if doubts:
         return "unexplained"
     policy = current_policy()
-    left = after.gap > policy.unexplained * before.gap and after.normalised_rms > policy.small
+    left = after.foretold - 1.0 > policy.unexplained * before.gap and after.foretold > policy.small
     # As many effects as may be added and still not noise: they stand in for something else.
     used_up = len(named) >= most > 1
     if not named or (not enough and (left or used_up)):

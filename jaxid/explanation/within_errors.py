@@ -20,9 +20,12 @@ from ..logs import LogSet
 from ..robots.robot import Robot
 from ..simulation.simulate import integrator_for, simulate_models
 from .heldout import HeldOut, scaled_residuals, whiteness
+from .policy import current_policy
 from .smoothed_angles import smoothed_angles
 
 _DRAWS = 60
+_IMPRECISE = 3.0
+"""Standard errors that count as one where the model's law is only near the right one."""
 _SEED = 43
 _TURNS = 3
 """Most times that the likeliest change is looked for to first order, each time from where the last one led."""
@@ -52,8 +55,32 @@ def within_errors(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
         there = _one_by_one(near, here)
     if there is None or not _left(state, there).adequate:
         return state
+    return replace(state, within_errors=True, **_hung(held_out, here, there))
+
+
+def hanging(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
+    """`state`, which a model that something was added to leaves, with the logs whose whole motion hangs on less than its
+    errors.
+
+    Of a law near the right one the standard errors say too little: they count `_IMPRECISE` times here. What is left of the
+    other logs is no matter; nothing is adequate for it.
+    """
+    covariance = np.asarray(fit.covariance)
+    told = covariance.size and np.isfinite(covariance).all() and state.simulated_freely is None
+    if state.adequate or state.diverged or not told or not state.normalised_rms > current_policy().coarse_law:
+        return state
+    near = _Near(replace(fit, covariance=covariance * _IMPRECISE**2), held_out, state)
+    here = near.residuals([near.nowhere], range(len(held_out)))[0]
+    found = _other_motions(near, here)
+    return (
+        replace(state, **_hung(held_out, here, [found.get(e, own) for e, own in enumerate(here)])) if found else state
+    )
+
+
+def _hung(held_out: LogSet, here: Sequence[Values], there: Sequence[Values]) -> dict:
+    """The logs on which `there` is of another motion than `here`, and what is left where they are as there."""
     hung = [log.name for log, own, other in zip(held_out, here, there, strict=True) if _another(own, other)]
-    return replace(state, within_errors=True, hung_on_it=tuple(hung))
+    return {"hung_on_it": tuple(hung), "steady_rms": rms(np.concatenate(list(there)))}
 
 
 class _Near:
@@ -139,6 +166,16 @@ def _left(state: HeldOut, residuals: Sequence[Values]) -> HeldOut:
 def _one_by_one(near: _Near, here: Sequence[Values]) -> list[Values] | None:
     """The residuals with a change of its own for each log of which some draw foretells a likelier and another motion, and one
     for all others; None where there is no such log or that change is beyond the errors."""
+    found = _other_motions(near, here)
+    others = [e for e in range(len(here)) if e not in found]
+    if not found:
+        return None
+    rest = near.nearest(near.nowhere, [here[e] for e in others], others) if others else []
+    return None if rest is None else [found[e] if e in found else rest[others.index(e)] for e in range(len(here))]
+
+
+def _other_motions(near: _Near, here: Sequence[Values]) -> dict[int, Values]:
+    """The residuals, by log, with a change of its own for each of which some draw foretells a likelier and another motion."""
     draws = near.draws()
     drawn = near.residuals(draws, range(len(here)))
     found: dict[int, Values] = {}
@@ -147,8 +184,4 @@ def _one_by_one(near: _Near, here: Sequence[Values]) -> list[Values] | None:
         if _another(own, drawn[best][e]) and _squares(drawn[best][e]) < _squares(own):
             closer = near.nearest(draws[best], [drawn[best][e]], [e])
             found[e] = min([drawn[best][e], *(closer or [])], key=_squares)
-    others = [e for e in range(len(here)) if e not in found]
-    if not found:
-        return None
-    rest = near.nearest(near.nowhere, [here[e] for e in others], others) if others else []
-    return None if rest is None else [found[e] if e in found else rest[others.index(e)] for e in range(len(here))]
+    return found

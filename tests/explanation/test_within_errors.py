@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, output_error
-from jaxid.effects.drivetrain.stribeck_friction import Exponential
+from jaxid.effects.drivetrain.stribeck_friction import Exponential, Lorentzian
 from jaxid.explanation.explain import explain
 from jaxid.explanation.heldout import held_out_state
-from jaxid.explanation.within_errors import within_errors
+from jaxid.explanation.within_errors import hanging, within_errors
 
 MASS, VISCOUS, COULOMB, RISE, SPEED, NOISE = 2.0, 8.0, 3.0, 2.0, 0.05, 0.004
 DT, FINE = 0.02, 100
@@ -67,3 +67,34 @@ def test_an_axis_that_breaks_away_far_below_what_the_fit_says_is_not():
     stiffer = fit.robot.with_values(**{"stribeck_friction.amplitude": RISE + 20.0 * error})
     state = held_out_state(stiffer, held_out)
     assert not within_errors(replace(fit, robot=stiffer), held_out, state).adequate
+
+
+def _near_the_right_law(seconds_pushed):
+    """A fit by a law whose form is another, and held-out logs of which one is pushed by a little more or less than its peak."""
+    logs = LogSet([_log(f"run {k}", _steps(k), k) for k in range(3)])
+    robot = (Axis() + Lorentzian()).change("offset", free=False).with_values(offset=0.0)
+    start = {"M": 1.5, "Fv": 6.0, "Fc": 2.0, "stribeck_friction.amplitude": 1.0, "stribeck_friction.speed": 0.08}
+    fit = output_error(robot, logs, start=start)
+    estimated = fit["Fc"].value + fit["stribeck_friction.amplitude"].value
+    between = 0.5 * (estimated + COULOMB + RISE)
+    pushed = np.concatenate([np.zeros(20), np.full(seconds_pushed, between), np.zeros(20)])
+    return fit, LogSet([_log("pushed", pushed, 11), _log("driven", _steps(12), 12)])
+
+
+def test_of_a_law_near_the_right_one_it_is_said_which_log_hangs_on_little_and_what_the_others_leave():
+    fit, held_out = _near_the_right_law(60)
+    state = held_out_state(fit.robot, held_out)
+    found = hanging(fit, held_out, state)
+    assert found.hung_on_it == ("pushed",) and not found.adequate
+    assert found.normalised_rms == state.normalised_rms > 3.0
+    others = held_out_state(fit.robot, LogSet([held_out[1]]))
+    assert found.foretold < 1.2 * others.normalised_rms + 0.2
+
+
+def test_what_a_model_leaves_everywhere_hangs_on_nothing():
+    logs, fit = _fit()
+    wrong = fit.robot.with_values(Fv=1.2 * fit["Fv"].value)
+    held_out = LogSet([_log("driven", _steps(12), 12), _log("again", _steps(13), 13)])
+    state = held_out_state(wrong, held_out)
+    found = hanging(replace(fit, robot=wrong), held_out, state)
+    assert found.foretold == state.normalised_rms > 1.5 and not found.hung_on_it
