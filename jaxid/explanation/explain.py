@@ -8,8 +8,8 @@ from .._float64 import in_float64
 from .._memory import bounded_memory
 from .._origin import with_origin
 from .._renamed import renamed
-from ..effects.body.payload import InSomeLogs
 from ..effects.curve import SHAPE, Curve
+from ..effects.in_some_logs import InSomeLogs
 from ..effects.table_constants import TableConstants
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
@@ -31,6 +31,7 @@ from .explanation import Explanation
 from .held_parameters import with_parameters_held
 from .heldout import HeldOut
 from .hinging import hinging
+from .in_some_logs import in_some_of, sorted_logs
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
 from .lost_inputs import with_inputs_put_back
@@ -40,7 +41,6 @@ from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .overrated import small_after_all
 from .passing_jumps import without_passing_jumps
-from .payload_by_log import sorted_by_payload
 from .policy import Policy, current_policy, keeps_policy
 from .prescribed_angles import predicted
 from .refit import Trial, in_full
@@ -250,7 +250,7 @@ def explain(
     if placeless:
         report(placeless)
     fit, logs, held_out, evened = on_even_stamps(fit, logs, held_out, report, loss=loss, covariance=covariance)
-    logs, held_out, loaded = sorted_by_payload(fit, logs, held_out, report)
+    logs, held_out, was_sorted = sorted_logs(fit, logs, held_out, report)
     with_gaps = logs, held_out
     fit, logs, held_out, put_back, estimated = with_inputs_put_back(
         fit, logs, held_out, report, loss=loss, covariance=covariance
@@ -341,8 +341,10 @@ def explain(
         )
     if found.steps:
         report("looking for the experiment that would tell more")
-    if not any(effect.law == InSomeLogs.law for effect in named):
-        loaded = ""
+    unlike = ""
+    if was_sorted and verdict in ("named", "ambiguous"):
+        others = (effect for effect in final.robot.effects if isinstance(effect, InSomeLogs))
+        unlike = " ".join(in_some_of(effect, logs, held_out) for effect in others)
     changed = ""
     if verdict == "unexplained":
         final = doubted_on(final, after)
@@ -361,7 +363,7 @@ def explain(
         doubts=doubts if verdict == "unexplained" else (),
         notes=tuple(
             note
-            for note in (*tables, hinges, still, evened, loaded, put_back, placeless, noted, doubted, untried)
+            for note in (*tables, hinges, still, evened, unlike, put_back, placeless, noted, doubted, untried)
             if note
         ),
         colour=found.colour,

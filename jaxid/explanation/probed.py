@@ -126,7 +126,8 @@ def probed(
 
     `report` is called after each program."""
     integrator = integrator_for(robot, logs)
-    pairs = [pair for pair in pairs if pair[0].first_look]
+    columns = {str(name) for log in logs for name in log.extra.columns}
+    pairs = [pair for pair in pairs if pair[0].first_look and columns >= set(pair[0].from_columns)]
     own = dict(angles or integrated_angles(robot, logs))
     first = _simulate(robot, integrator, logs, [{}, *secants], _begun(robot, logs, known_states), own)
     found: list[Group] = []

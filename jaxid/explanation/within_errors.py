@@ -62,12 +62,13 @@ def hanging(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
     """`state`, which a model that something was added to leaves, with the logs whose whole motion hangs on less than its
     errors.
 
-    Of a law near the right one the standard errors say too little: they count `_IMPRECISE` times here. What is left of the
-    other logs is no matter; nothing is adequate for it.
+    Of a law near the right one the standard errors say too little: they count `_IMPRECISE` times here. Near it is one that
+    follows the logs to which it was fitted. What is left of the other logs is no matter; nothing is adequate for it.
     """
-    covariance = np.asarray(fit.covariance)
+    policy, covariance = current_policy(), np.asarray(fit.covariance)
     told = covariance.size and np.isfinite(covariance).all() and state.simulated_freely is None
-    if state.adequate or state.diverged or not told or not state.normalised_rms > current_policy().coarse_law:
+    near_it = fit.judgement is not None and fit.judgement.normalised_rms < policy.coarse_curve
+    if state.adequate or state.diverged or not (told and near_it) or not state.normalised_rms > policy.coarse_law:
         return state
     near = _Near(replace(fit, covariance=covariance * _IMPRECISE**2), held_out, state)
     here = near.residuals([near.nowhere], range(len(held_out)))[0]

@@ -49,6 +49,8 @@ def test_every_law_of_the_supply_asks_the_robot_for_its_voltage(name):
     """Twice the voltage: another motion under the same sag."""
     inputs = excitation.experiment(name, "multilevel", 120, 11)
     for law in laws_of(MODEL[name](), "battery_sag"):
+        if law.from_columns:  # a share of whatever the voltage is
+            continue
         found = []
         for supply in (24.0, 48.0):
             model = MODEL[name]().with_values(supply=supply) + law

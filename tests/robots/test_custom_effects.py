@@ -195,7 +195,7 @@ def test_what_cannot_act_is_refused_in_a_sentence():
         bare + MotorGainMismatch()
     names = {effect.id for effect in catalogue(bare)}
     assert {"stribeck_friction", "asymmetric_viscous_friction", "sensor_lag"} <= names
-    assert not names & {"quadratic_drag", "cogging_torque", "traction_limit", "motor_heating", "surface_change"}
+    assert not names & {"quadratic_drag", "cogging_torque", "traction_limit", "motor_heating"}
     with pytest.raises(ParameterError, match="has no way into the dynamics; let them take a fourth argument"):
         robot(dynamics=smooth_pendulum)
 

@@ -10,7 +10,8 @@ from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import positive, shape, shortest
+from ..effect_parameters import positive, shape, shortest, signed
+from ..in_some_logs import InSomeLogs
 from .drives import on_drives
 
 
@@ -165,6 +166,22 @@ class SagOverTime(Effect):
 
 
 @dataclass(frozen=True)
+class OtherBattery(InSomeLogs):
+    """A supply that is lower (or higher) by a share throughout the logs whose column `other_battery` is 1."""
+
+    id: ClassVar[str] = "battery_sag"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u_i' = u_i (1 - share) where the log's other_battery is 1"
+    from_columns: ClassVar[tuple[str, ...]] = ("other_battery",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "share", "", 0.05)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        return lowered(volts, 1.0 - p[self.key("share")] * self.here(state), robot)
+
+
+@dataclass(frozen=True)
 class SagCurve(Curve):
     """The supply's drop, a curve of the current drawn from it: by the choppers (`by_duty` one), or the motors' sum (zero)."""
 
@@ -198,4 +215,12 @@ class SagCurve(Curve):
         return lowered(volts, share, robot)
 
 
-LAWS: tuple[Effect, ...] = (BatterySag(), SagBySum(), SagWithRecovery(), Discharge(), SagOverTime(), SagCurve())
+LAWS: tuple[Effect, ...] = (
+    BatterySag(),
+    SagBySum(),
+    SagWithRecovery(),
+    Discharge(),
+    SagOverTime(),
+    OtherBattery(),
+    SagCurve(),
+)

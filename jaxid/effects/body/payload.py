@@ -12,9 +12,8 @@ from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import shape, signed
+from ..in_some_logs import InSomeLogs
 
-PAYLOAD = "payload"
-"""The column of a log, and the state that begins at its first value: which share of the load is there."""
 _MOMENTS = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 """Moments that are tried, in shares of a log."""
 _TIMES = (0.5, 1.0, 2.0)
@@ -29,15 +28,14 @@ def loaded(effect: Effect, robot: Robot) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Load(Effect):
-    """Mass, and inertia where the robot turns, that depend on a state: the time since the start of each log."""
+    """Mass, and inertia where the robot turns, that depend on the time since the start of each log."""
 
     id: ClassVar[str] = "payload_change"
     where: ClassVar[str] = "body"
     needs: ClassVar[tuple[str, ...]] = ("mechanism",)
-    by: ClassVar[str] = "time_under_way"
 
     def states_on(self, robot: Robot) -> tuple[str, ...]:
-        return (self.own(self.by),)
+        return (self.own("time_under_way"),)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         mass, inertia = loaded(self, robot)
@@ -51,35 +49,34 @@ class _Load(Effect):
         """Typical sizes of what is added."""
         return {name: p.typical or 1.0 for name, p in _Load.parameters(self, robot).items()}
 
-    def there(self, state: Scalar, p: Numbers) -> Scalar:
-        """The share of the load that there is in a state: mostly at a time [s]."""
+    def there(self, time: Scalar, p: Numbers) -> Scalar:
+        """The share of the load that there is at a time [s]."""
         raise NotImplementedError
 
+    def share(self, state: State, p: Numbers) -> Scalar:
+        """The share of the load that there is in a state."""
+        return self.there(state[self.own("time_under_way")], p)
+
     def numbers(self, p: Numbers, state: State, robot: Robot) -> Numbers:
-        share, changed = self.there(state[self.own(self.by)], p), dict(p)
+        share, changed = self.share(state, p), dict(p)
         for name, of in zip(("mass", "inertia"), loaded(self, robot), strict=True):
             if of:
                 changed[of] = p[of] + share * p[self.key(name)]
         return changed
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
-        return {self.own(self.by): 1.0}
+        return {self.own("time_under_way"): 1.0}
 
 
 @dataclass(frozen=True)
-class InSomeLogs(_Load):
-    """A load that is there throughout the logs whose column `payload` is 1, and not in those where it is 0 or missing."""
+class LoadInSomeLogs(InSomeLogs, _Load):
+    """A load that is there throughout the logs whose column `payload` is 1."""
 
-    law: ClassVar[str] = "in_some_logs"
     formula: ClassVar[str] = "M' = M + mass, J' = J + inertia where the log's payload is 1"
-    by: ClassVar[str] = PAYLOAD
-    from_columns: ClassVar[tuple[str, ...]] = (PAYLOAD,)
+    from_columns: ClassVar[tuple[str, ...]] = ("payload",)
 
-    def there(self, state: Scalar, p: Numbers) -> Scalar:
-        return state
-
-    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
-        return {self.own(self.by): 0.0}
+    def share(self, state: State, p: Numbers) -> Scalar:
+        return self.here(state)
 
 
 @dataclass(frozen=True)
@@ -110,8 +107,8 @@ class FromAMoment(_Load):
         moments = [share * robot.scales.duration for share in _MOMENTS]
         return tuple(Probe(self.strengths(robot), {self.key("moment"): t}, out_of=len(moments)) for t in moments)
 
-    def there(self, state: Scalar, p: Numbers) -> Scalar:
-        return 0.5 * (1.0 + jnp.tanh((state - p[self.key("moment")]) / (self.edge * p[self.key("width")])))
+    def there(self, time: Scalar, p: Numbers) -> Scalar:
+        return 0.5 * (1.0 + jnp.tanh((time - p[self.key("moment")]) / (self.edge * p[self.key("width")])))
 
 
 @dataclass(frozen=True)
@@ -128,8 +125,8 @@ class Leaking(_Load):
         times = [share * robot.scales.duration for share in _TIMES]
         return tuple(Probe(self.strengths(robot), {self.key("time"): t}, out_of=len(times)) for t in times)
 
-    def there(self, state: Scalar, p: Numbers) -> Scalar:
-        return jnp.maximum(0.0, 1.0 - state / p[self.key("time")])
+    def there(self, time: Scalar, p: Numbers) -> Scalar:
+        return jnp.maximum(0.0, 1.0 - time / p[self.key("time")])
 
 
 @dataclass(frozen=True)
@@ -159,4 +156,4 @@ class LoadCurve(Curve):
         return {self.own("time_under_way"): 1.0}
 
 
-LAWS: tuple[Effect, ...] = (FromAMoment(), InSomeLogs(), Leaking(), LoadCurve())
+LAWS: tuple[Effect, ...] = (FromAMoment(), LoadInSomeLogs(), Leaking(), LoadCurve())

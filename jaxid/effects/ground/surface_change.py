@@ -11,6 +11,7 @@ from ...robots.effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..effect_parameters import shape, signed
+from ..in_some_logs import InSomeLogs
 from ..line import beyond_line, line_parameters, lines_across
 
 _SIZE = 0.3
@@ -129,4 +130,30 @@ class Disc(SurfaceChange):
         return 0.5 * (1.0 + jnp.tanh(inside / (self.edge * p[self.key("width")])))
 
 
-LAWS: tuple[Effect, ...] = (SurfaceChange(), GradualChange(), Disc())
+@dataclass(frozen=True)
+class OtherFloor(InSomeLogs):
+    """Another friction of the drivetrain throughout the logs whose column `other_floor` is 1."""
+
+    id: ClassVar[str] = "surface_change"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "C' = C (1 + coulomb), B' = B (1 + viscous) where the log's other_floor is 1"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+    from_columns: ClassVar[tuple[str, ...]] = ("other_floor",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return signed(self, "coulomb", "", _SIZE) | signed(self, "viscous", "", _SIZE)
+
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
+        factor, changed = jnp.maximum(1.0 + p[self.key("coulomb")] * self.here(state), 0.0), list(levels)
+        for axis in robot.drive_axes:
+            changed[axis] = (levels[axis][0] * factor, levels[axis][1] * factor)
+        return tuple(changed)
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        factor, changed = 1.0 + p[self.key("viscous")] * self.here(state), list(resistance)
+        for axis in robot.drive_axes:
+            changed[axis] = resistance[axis] * factor
+        return tuple(changed)
+
+
+LAWS: tuple[Effect, ...] = (SurfaceChange(), GradualChange(), Disc(), OtherFloor())
