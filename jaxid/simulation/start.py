@@ -2,11 +2,12 @@
 
 Pose columns (x, y, theta, beta) in a log give those states. A log whose first sample already moves (by more than a tenth
 of its largest speed), or shows another position than the origin, starts from what it measured, and that, with the states
-nobody measures, is then uncertain. So is, within its step, a position that a counter tells: whoever reads 0 may stand
-anywhere in a step, above it if the counter rounds down, on either side if it rounds to the nearest. What is measured need
-be no state: from outputs that the robot at rest would not show follow the nearest states that show them. What other values
-of the free parameters would make a robot at rest show says nothing of motion (`rest`). Where the model knows of a sensor's
-bias or scale, it is taken off before.
+nobody measures, is then uncertain. So is the speed that nobody measures where a measured position changes from the first
+sample on. So is, within its step, a position that a counter tells: whoever reads 0 may stand anywhere in a step, above it
+if the counter rounds down, on either side if it rounds to the nearest. What is measured need be no state: from outputs that
+the robot at rest would not show follow the nearest states that show them. What other values of the free parameters would
+make a robot at rest show says nothing of motion (`rest`). Where the model knows of a sensor's bias or scale, it is taken
+off before.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
+from ..checks.motion import is_position, moving_start
 from ..logs import Log, LogSet
 from ..logs.noise import counting_step, noise_level
 from ..logs.windows import Windows, window_rows
@@ -191,7 +193,21 @@ def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None =
             begin = {name: float(own[e]) for name, own in states.items()}
             for name, value in _showing(robot, begin, logs[e].inputs[0], first).items():
                 states[name][e] = value
+        elif _positions_move(robot, logs[e]):
+            uncertain[e] = True
+            begin = {name: float(own[e]) for name, own in states.items()}
+            for name, value in states_at_samples(robot, logs[e], np.zeros(1, np.int64), begin).items():
+                if name in robot.velocities and name not in logs[e].measured:
+                    states[name][e] = float(value[0])
     return InitialConditions(states, uncertain)
+
+
+def _positions_move(robot: Robot, log: Log) -> bool:
+    """Whether measured positions change from the first sample on, where the robot has speeds that nobody measures."""
+    shown = log.measured
+    if all(name in shown for name in robot.velocities):
+        return False
+    return any(moving_start(log, name) is not None for name in shown if is_position(log, name))
 
 
 def _at_rest(
