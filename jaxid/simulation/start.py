@@ -31,9 +31,12 @@ from ..robots.effect import Numbers, State
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides, passed
 from .rest import explaining_rest
-from .states_at_samples import states_at_samples
+from .states_at_samples import first_slope, states_at_samples
 
 _AT_REST = 5.0  # standard deviations of the first measurement
+_MOVES = 3.0
+"""Standard errors of a position's first slope from which it moves: a speed that is estimated where there is none costs little,
+and one that is left out grows in the position."""
 _STILL = 0.1
 """Share of a speed's largest value below which a first sample may as well be a sensor's offset on a robot at rest."""
 
@@ -193,21 +196,31 @@ def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None =
             begin = {name: float(own[e]) for name, own in states.items()}
             for name, value in _showing(robot, begin, logs[e].inputs[0], first).items():
                 states[name][e] = value
-        elif _positions_move(robot, logs[e]):
-            uncertain[e] = True
-            begin = {name: float(own[e]) for name, own in states.items()}
-            for name, value in states_at_samples(robot, logs[e], np.zeros(1, np.int64), begin).items():
-                if name in robot.velocities and name not in logs[e].measured:
-                    states[name][e] = float(value[0])
+        elif _unseen(robot, logs[e]):
+            uncertain[e] = uncertain[e] or _positions_move(logs[e], noise)
+            if uncertain[e]:
+                begin = {name: float(own[e]) for name, own in states.items()}
+                there = states_at_samples(robot, logs[e], np.zeros(1, np.int64), begin)
+                for name in _unseen(robot, logs[e]):
+                    states[name][e] = float(there[name][0])
     return InitialConditions(states, uncertain)
 
 
-def _positions_move(robot: Robot, log: Log) -> bool:
-    """Whether measured positions change from the first sample on, where the robot has speeds that nobody measures."""
+def _unseen(robot: Robot, log: Log) -> tuple[str, ...]:
+    """The velocities that show in nothing that a log measures but positions."""
     shown = log.measured
-    if all(name in shown for name in robot.velocities):
-        return False
-    return any(moving_start(log, name) is not None for name in shown if is_position(log, name))
+    seen = any(name not in robot.states and not is_position(log, name) for name in shown)
+    return () if seen else tuple(name for name in robot.velocities if name in robot.states and name not in shown)
+
+
+def _positions_move(log: Log, noise: Mapping[str, float]) -> bool:
+    """Whether any measured position changes from the first sample on."""
+    for name in log.measured:
+        if is_position(log, name):
+            slope, error = first_slope(log.time, log.output(name), noise[name])
+            if abs(slope) > _MOVES * error or moving_start(log, name) is not None:
+                return True
+    return False
 
 
 def _at_rest(

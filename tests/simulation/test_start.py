@@ -177,3 +177,23 @@ def test_wheels_that_turn_from_the_first_sample_on_tell_speeds_that_nobody_measu
     start = initial_states(robot, logs)
     assert start.uncertain.tolist() == [True]
     assert start.states["v"][0] == pytest.approx(0.18, abs=0.02)
+
+
+def test_a_start_far_from_the_origin_has_the_speed_with_which_its_position_begins(axis_law):
+    """A camera at a third of the rows: from rest, where it sticks, the search in a held-out log leads nowhere."""
+    inputs = np.repeat([1.5, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+    q = axis_law(inputs, 0.02, M=1.3, v=-0.3, q=0.7)[1] + 1e-3 * np.random.default_rng(0).normal(size=360)
+    q[np.arange(360) % 3 != 0] = np.nan
+    start = initial_states(
+        Axis(), LogSet([Log.from_arrays("cut", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
+    )
+    assert start.uncertain.tolist() == [True]
+    assert start.states["v"][0] == pytest.approx(-0.3, abs=0.1)
+
+
+def test_a_position_that_stands_at_first_is_at_rest_however_noisy(axis_law):
+    inputs = np.repeat([0.0, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+    for seed in range(5):
+        q = axis_law(inputs, 0.02, M=1.3)[1] + 0.02 * np.random.default_rng(seed).normal(size=360)
+        logs = LogSet([Log.from_arrays("rest", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
+        assert initial_states(Axis(), logs).states["v"].tolist() == [0.0]
