@@ -54,19 +54,6 @@ def speed(log: Log, name: str) -> Array:
     return _slope(log, values, width)
 
 
-def moving_start(log: Log, name: str) -> tuple[int, float, float] | None:
-    """The first sample of an output that already moves when its log begins, the speed there and the largest one; None where it
-    begins at rest."""
-    values = speed(log, name)
-    there = np.flatnonzero(np.isfinite(values))[:3]
-    if not len(there):
-        return None
-    peak = float(np.nanmax(np.abs(values)))
-    if np.min(np.abs(values[there])) > max(0.1 * peak, 6 * white_level(values)):
-        return int(there[0]), float(values[there[0]]), peak
-    return None
-
-
 def _halfway(values: Array) -> float:
     """Samples after which a signal has forgotten half of where it was (its structure function, noise taken off)."""
     values = values[np.isfinite(values)]

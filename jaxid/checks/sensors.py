@@ -13,7 +13,7 @@ from ..logs.finding import Finding
 from ..logs.log import Log
 from ..logs.noise import white_level
 from ..logs.rates import unwrapped
-from .motion import is_position, moving_start, response
+from .motion import is_position, response, speed
 from .samples import finding
 from .windows import Windows, excited, speed_windows
 
@@ -197,14 +197,15 @@ def _start(log: Log, names: list[str]) -> Iterator[Finding]:
         # Without a unit it may be a position, which rests anywhere.
         if not log.channels.units.get(name):
             continue
-        found = moving_start(log, name)
-        if found is not None:
-            sample, first, peak = found
+        values = speed(log, name)
+        there = np.flatnonzero(np.isfinite(values))[:3]
+        peak = np.nanmax(np.abs(values))
+        if np.min(np.abs(values[there])) > max(0.1 * peak, 6 * white_level(values)):
             text = (
-                f"the log starts in motion ({first:.3g} of at most {peak:.3g}): its initial state is estimated as "
+                f"the log starts in motion ({values[there[0]]:.3g} of at most {peak:.3g}): its initial state is estimated as "
                 "well; cut it to a standstill if it has one, or look for a sensor's offset if the robot stood still"
             )
-            yield finding(log, name, sample, "warning", "moving_start", text)
+            yield finding(log, name, int(there[0]), "warning", "moving_start", text)
 
 
 def check_sensors(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:

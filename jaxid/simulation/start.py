@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
-from ..checks.motion import is_position, moving_start
+from ..checks.motion import is_position
 from ..logs import Log, LogSet
 from ..logs.noise import counting_step, noise_level
 from ..logs.windows import Windows, window_rows
@@ -34,9 +34,9 @@ from .rest import explaining_rest
 from .states_at_samples import first_slope, states_at_samples
 
 _AT_REST = 5.0  # standard deviations of the first measurement
-_MOVES = 3.0
-"""Standard errors of a position's first slope from which it moves: a speed that is estimated where there is none costs little,
-and one that is left out grows in the position."""
+_MOVES, _BEGUN = 3.0, 0.7
+"""Standard errors of a position's first slope, and share of its mean slope over the same samples, from which it moves: of a
+robot that is driven from rest at once the first slope is a fifth of that."""
 _STILL = 0.1
 """Share of a speed's largest value below which a first sample may as well be a sensor's offset on a robot at rest."""
 
@@ -214,11 +214,11 @@ def _unseen(robot: Robot, log: Log) -> tuple[str, ...]:
 
 
 def _positions_move(log: Log, noise: Mapping[str, float]) -> bool:
-    """Whether any measured position changes from the first sample on."""
+    """Whether any measured position moves at its first sample already, and does not just begin to."""
     for name in log.measured:
         if is_position(log, name):
-            slope, error = first_slope(log.time, log.output(name), noise[name])
-            if abs(slope) > _MOVES * error or moving_start(log, name) is not None:
+            slope, error, mean = first_slope(log.time, log.output(name), noise[name])
+            if abs(slope) > _MOVES * error and abs(slope) > _BEGUN * abs(mean):
                 return True
     return False
 

@@ -51,14 +51,15 @@ def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[A
     return found[:, 0], found[:, 1] / span if weights.shape[1] > 1 else np.zeros(len(at))
 
 
-def first_slope(time: Array, values: Array, noise: float) -> tuple[float, float]:
-    """Slope of `values` [T] at their first sample, as `local_parabola` has it, and its standard error for white `noise`; NaN
-    where they are too few."""
+def first_slope(time: Array, values: Array, noise: float) -> tuple[float, float, float]:
+    """Slope of `values` [T] at their first sample, as `local_parabola` has it, its standard error for white `noise`, and the
+    mean slope of the same samples; NaN where they are too few."""
     if np.count_nonzero(np.isfinite(values)) <= 3:
-        return float("nan"), float("nan")
+        return float("nan"), float("nan"), float("nan")
     near, span, weights = _parabolas(time, values, np.zeros(1, np.int64))
-    slope, error = weights[0, 1] @ values[near[0]], noise * np.linalg.norm(weights[0, 1])
-    return float(slope / span[0]), float(error / span[0])
+    own = values[near[0]]
+    slope, error, mean = weights[0, 1] @ own, noise * np.linalg.norm(weights[0, 1]), own[-1] - own[0]
+    return float(slope / span[0]), float(error / span[0]), float(mean / span[0])
 
 
 @in_float64
