@@ -197,3 +197,11 @@ def test_a_position_that_stands_at_first_is_at_rest_however_noisy(axis_law):
         q = axis_law(inputs, 0.02, M=1.3)[1] + 0.02 * np.random.default_rng(seed).normal(size=360)
         logs = LogSet([Log.from_arrays("rest", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
         assert initial_states(Axis(), logs).states["v"].tolist() == [0.0]
+
+
+def test_what_is_driven_from_rest_at_once_is_at_rest(axis_law):
+    """The first slope of a parabola is not zero then; however fine the position, it is a small share of what follows."""
+    inputs = np.repeat([4.0, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+    q = axis_law(inputs, 0.02, M=0.2)[1] + 1e-6 * np.random.default_rng(0).normal(size=360)
+    logs = LogSet([Log.from_arrays("driven", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
+    assert not initial_states(Axis(), logs).uncertain.any()
