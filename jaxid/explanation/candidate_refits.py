@@ -11,6 +11,9 @@ from .screen import Candidate
 
 Report = Callable[[str], None]
 
+_NEAR = 0.01
+"""Share of an effect's first guess with which it is hardly there."""
+
 
 def with_candidate(robot: Robot, candidate: Candidate) -> Robot:
     """The robot with the candidate's effect, what that does not let vary at what the first look found."""
@@ -35,5 +38,12 @@ def all_added(
         say(f"refitting with {candidate.effect.title}, {number} of {len(robots)}")
         rival = min((trial.squares for trial in trials), default=np.inf)
         states = base.initial_states
-        trials.append(refit(robot, candidate.starts, logs, held_out, noise, states, FEW_STEPS, rival, base.angles))
+        trial = refit(robot, candidate.starts, logs, held_out, noise, states, FEW_STEPS, rival, base.angles)
+        if not (trial.squares < base.squares or candidate.effect.repeats):
+            # Worse than without the effect: where the logs do not tell its parameters one by one, a first guess may be far off.
+            own = f"{candidate.effect.id}."
+            near = {name: _NEAR * value for name, value in candidate.starts[0].items() if name.startswith(own)}
+            again = refit(robot, [near], logs, held_out, noise, states, FEW_STEPS, rival, base.angles)
+            trial = again if again.score < trial.score else trial
+        trials.append(trial)
     return trials

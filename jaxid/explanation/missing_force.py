@@ -52,6 +52,8 @@ _LEAST_NOISE = 1e-4
 """The least noise of a channel, in units of its largest value."""
 _STATES = 100
 """Samples of a log from which the sizes of its states are taken."""
+_TAIL, _FAR = 0.1, 2.0
+"""Share of these samples on either side of the middle ones, and in ranges of those how far off a state may be."""
 
 
 class NoVelocities(ValueError):
@@ -153,9 +155,18 @@ def _sizes(robot: Robot, logs: LogSet, scales: Scales) -> dict[str, float]:
         for name, values in states_at(robot, log, at).items():
             parts.setdefault(name, []).append(values)
     for name in robot.estimated_states:
-        spread = float(np.std(np.concatenate(parts[name])))
+        spread = _spread(np.concatenate(parts[name]))
         found[name] = spread if spread > 0 else found[name]
     return found
+
+
+def _spread(values: NDArray[np.float64]) -> float:
+    """Standard deviation of a state, no value being taken for farther off than `_FAR` times the range of the middle ones: what
+    outputs hardly show at some samples (a steering angle at standstill) can be anything there."""
+    low, high = np.quantile(values, (_TAIL, 1.0 - _TAIL))
+    if not low < high:
+        return float(np.std(values))
+    return float(np.std(np.clip(values, low - _FAR * (high - low), high + _FAR * (high - low))))
 
 
 @partial(compiled, static_argnames=("robot", "integrator"))

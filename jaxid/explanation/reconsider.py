@@ -7,6 +7,7 @@ from ..effects import laws_of
 from ..effects.curve import SHAPE, Curve
 from ..effects.table_constants import TableConstants
 from ..logs import LogSet
+from ..robots.effect import Effect
 from ..robots.robot import Robot
 from .candidate_refits import Report, all_added
 from .denser import densest
@@ -69,6 +70,18 @@ def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise)
     return refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
 
 
+def _by_other_laws(effect: Effect, bare: Trial, base: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
+    """The model `bare` with the mechanism of `effect`, by each of its laws but that one."""
+    laws = [law.blurred for law in laws_of(base.robot, effect.id)]
+    screened = screen(bare.robot, logs, laws, noise, bare.initial_states)
+    candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
+    others = [law for law in candidates if law.effect.law != effect.law and law.gain > 0]
+    trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, others, logs, held_out, noise, say)]
+    return [
+        densest(trial, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise)) for trial in trials
+    ]
+
+
 def by_laws_again(
     steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report, last: bool = False
 ) -> tuple[list[Step], Trial]:
@@ -77,20 +90,16 @@ def by_laws_again(
     revised = list(steps)
     for place, step in enumerate(steps if last else steps[:-1]):
         effect = next((e for e in current.robot.effects if e.id == step.chosen.id), None)
-        laws = [law.blurred for law in laws_of(base.robot, step.chosen.id)]
-        if effect is None or len(laws) < 2 or current.held_out.adequate or current.angles:
+        if (
+            effect is None
+            or len(laws_of(base.robot, step.chosen.id)) < 2
+            or current.held_out.adequate
+            or current.angles
+        ):
             continue
         say(f"the laws of {step.chosen.id} once more")
         bare = without(effect.id, current, base, logs, held_out, noise)
-        screened = screen(bare.robot, logs, laws, noise, bare.initial_states)
-        candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
-        others = [law for law in candidates if law.effect.law != effect.law and law.gain > 0]
-        trials = all_added(bare, others, logs, held_out, noise, say)
-        trials = [continued(trial, logs, held_out, noise) for trial in trials]
-        trials = [
-            densest(trial, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise))
-            for trial in trials
-        ]
+        trials = _by_other_laws(effect, bare, base, logs, held_out, noise, say)
         own = best_first([replace(current, id=effect.id), *trials])
         if own[0].law == effect.law or not told_apart_from(own[0], current):
             continue
@@ -168,6 +177,9 @@ def reconsidered(
             continue
         rivals = rivals_of(step, present)
         trials = [replace(final, id=step.chosen.id)]
+        bare = without(step.chosen.id, final, base, logs, held_out, noise)
+        # What got another law beside later effects is compared with rivals by theirs, which the same effects may have changed.
+        anew = step.chosen.law != step.after.law and not final.angles
         for number, rival in enumerate(rivals, start=1):
             say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
             owners = {effect.id: final.robot for effect in final.robot.effects}
@@ -176,9 +188,12 @@ def reconsidered(
                 for i, r in owners.items()
             }
             swapped = refitted_like(with_effects(base.robot, owners), final, logs, held_out, noise)
-            trials.append(replace(swapped, id=rival.id))
+            swapped = replace(swapped, id=rival.id)
+            if anew and rival.effect is not None:
+                others = _by_other_laws(rival.effect, bare, base, logs, held_out, noise, say)
+                swapped = best_first([swapped, *others])[0]
+            trials.append(swapped)
             say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
-        bare = without(step.chosen.id, final, base, logs, held_out, noise)
         if TableConstants.id not in present:
             right = constants_instead(bare, min(trials, key=lambda t: t.score), logs, held_out)
             if right is not None:

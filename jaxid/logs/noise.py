@@ -150,9 +150,11 @@ def _shown(log: Log) -> tuple[_Shown, ...]:
     """What every channel shows, worked out once for a log, which does not change: every stage of a fit asks for it."""
     if log not in _known:
         found = []
-        for y in log.outputs.T:
+        for name, y in zip(log.channels.measured, log.outputs.T, strict=True):
             third = _differences(y, log.inputs, log.time)
-            level = max(usual_size(third), sensor_step(y) / np.sqrt(12.0)) if third.size >= _FEWEST else 0.0
+            # A counter's readings seldom repeat while it runs, and its neighbouring rounding errors are alike while it creeps.
+            step = max(sensor_step(y), counting_step(y) if name in log.channels.positions else 0.0)
+            level = max(usual_size(third), step / np.sqrt(12.0)) if third.size >= _FEWEST else 0.0
             found.append(_Shown(int(np.isfinite(y).sum()), third.size, level))
         _known[log] = tuple(found)
     return _known[log]

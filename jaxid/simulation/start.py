@@ -2,11 +2,12 @@
 
 Pose columns (x, y, theta, beta) in a log give those states, and the columns that an effect reads (a payload) its own. A log
 whose first sample already moves (by more than a tenth of its largest speed), or shows another position than the origin, starts
-from what it measured, and that, with the states nobody measures, is then uncertain. So is, within its step, a position that a
-counter tells: whoever reads 0 may stand anywhere in a step, above it if the counter rounds down, on either side if it rounds to
-the nearest. What is measured need be no state: from outputs that the robot at rest would not show follow the nearest states
-that show them. What other values of the free parameters would make a robot at rest show says nothing of motion (`rest`). Where
-the model knows of a sensor's bias or scale, it is taken off before.
+from what it measured, and that, with the states nobody measures, is then uncertain. So is the speed that nobody measures where
+a measured position changes from the first sample on. So is, within its step, a position that a counter tells: whoever reads 0
+may stand anywhere in a step, above it if the counter rounds down, on either side if it rounds to the nearest. What is measured
+need be no state: from outputs that the robot at rest would not show follow the nearest states that show them. What other values
+of the free parameters would make a robot at rest show says nothing of motion (`rest`). Where the model knows of a sensor's bias
+or scale, it is taken off before.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from .._arrays import array
 from .._compile import compiled
 from .._float64 import in_float64
+from ..checks.motion import is_position
 from ..logs import Log, LogSet
 from ..logs.channels import POSE
 from ..logs.noise import counting_step, noise_level
@@ -30,9 +32,12 @@ from ..robots.effect import Numbers, State
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides, passed
 from .rest import explaining_rest
-from .states_at_samples import states_at_samples
+from .states_at_samples import first_slope, states_at_samples
 
 _AT_REST = 5.0  # standard deviations of the first measurement
+_MOVES, _BEGUN = 3.0, 0.7
+"""Standard errors of a position's first slope, and share of its mean slope over the same samples, from which it moves: of a
+robot that is driven from rest at once the first slope is a fifth of that."""
 _STILL = 0.1
 """Share of a speed's largest value below which a first sample may as well be a sensor's offset on a robot at rest."""
 
@@ -204,7 +209,31 @@ def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None =
             begin = {name: float(own[e]) for name, own in states.items()}
             for name, value in _showing(robot, begin, logs[e].inputs[0], first).items():
                 states[name][e] = value
+        elif _unseen(robot, logs[e]):
+            uncertain[e] = uncertain[e] or _positions_move(logs[e], noise)
+            if uncertain[e]:
+                begin = {name: float(own[e]) for name, own in states.items()}
+                there = states_at_samples(robot, logs[e], np.zeros(1, np.int64), begin)
+                for name in _unseen(robot, logs[e]):
+                    states[name][e] = float(there[name][0])
     return InitialConditions(states, uncertain)
+
+
+def _unseen(robot: Robot, log: Log) -> tuple[str, ...]:
+    """The velocities that show in nothing that a log measures but positions."""
+    shown = log.measured
+    seen = any(name not in robot.states and not is_position(log, name) for name in shown)
+    return () if seen else tuple(name for name in robot.velocities if name in robot.states and name not in shown)
+
+
+def _positions_move(log: Log, noise: Mapping[str, float]) -> bool:
+    """Whether any measured position moves at its first sample already, and does not just begin to."""
+    for name in log.measured:
+        if is_position(log, name):
+            slope, error, mean = first_slope(log.time, log.output(name), noise[name])
+            if abs(slope) > _MOVES * error and abs(slope) > _BEGUN * abs(mean):
+                return True
+    return False
 
 
 def _at_rest(

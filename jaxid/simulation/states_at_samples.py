@@ -28,20 +28,38 @@ _RESOLVED = 0.9
 """Share of a state that outputs and slopes resolve from which they tell it."""
 
 
-def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Value and slope [W] of `values` [T] at the samples `at`, by a parabola through the measured neighbours (a line, or
-    a constant, where there are few); NaN where there is none."""
+def _parabolas(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array, Array]:
+    """The measured neighbours [W, n] of the samples `at`, how long they last [W], and the weights [W, powers, n] that their
+    values have in value and slope (times that duration) of a parabola, a line or a constant through them; there is one."""
     there = np.flatnonzero(np.isfinite(values))
     count = min(_NEIGHBOURS, len(there))
-    if not count:
-        return np.full(len(at), np.nan), np.full(len(at), np.nan)
     first = np.clip(np.searchsorted(there, at) - _NEIGHBOURS // 2, 0, len(there) - count)
-    near = there[first[:, None] + np.arange(count)]  # [W, samples]
+    near = there[first[:, None] + np.arange(count)]
     span = time[near[:, -1]] - time[near[:, 0]] if count > 1 else np.ones(len(at))
     since = (time[near] - time[at][:, None]) / span[:, None]
     powers = since[..., None] ** np.arange(min(3, count))
-    found = np.einsum("wpn,wn->wp", np.linalg.pinv(powers, rcond=count * np.finfo(float).eps), values[near])
-    return found[:, 0], found[:, 1] / span if count > 1 else np.zeros(len(at))
+    return near, span, np.linalg.pinv(powers, rcond=count * np.finfo(float).eps)
+
+
+def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Value and slope [W] of `values` [T] at the samples `at`, by a parabola through the measured neighbours (a line, or
+    a constant, where there are few); NaN where there is none."""
+    if not np.isfinite(values).any():
+        return np.full(len(at), np.nan), np.full(len(at), np.nan)
+    near, span, weights = _parabolas(time, values, at)
+    found = np.einsum("wpn,wn->wp", weights, values[near])
+    return found[:, 0], found[:, 1] / span if weights.shape[1] > 1 else np.zeros(len(at))
+
+
+def first_slope(time: Array, values: Array, noise: float) -> tuple[float, float, float]:
+    """Slope of `values` [T] at their first sample, as `local_parabola` has it, its standard error for white `noise`, and the
+    mean slope of the same samples; NaN where they are too few."""
+    if np.count_nonzero(np.isfinite(values)) <= 3:
+        return float("nan"), float("nan"), float("nan")
+    near, span, weights = _parabolas(time, values, np.zeros(1, np.int64))
+    own = values[near[0]]
+    slope, error, mean = weights[0, 1] @ own, noise * np.linalg.norm(weights[0, 1]), own[-1] - own[0]
+    return float(slope / span[0]), float(error / span[0]), float(mean / span[0])
 
 
 @in_float64

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -9,7 +10,7 @@ from jaxid import Axis, Channels, Custom, Log, LogSet, Parameter, Pioneer
 from jaxid.effects.actuator import MotorHeating, MotorLag
 from jaxid.effects.body import GroundSlope
 from jaxid.effects.sensor import SensorBias
-from jaxid.explanation.missing_force import NoVelocities, missing_force
+from jaxid.explanation.missing_force import NoVelocities, _spread, missing_force
 from reference import excitation
 from reference.logs import simulate_log
 from reference.pioneer import PIONEER
@@ -174,3 +175,33 @@ def test_a_users_own_robot_misses_an_acceleration():
     other = Log.from_arrays("balloon", log.time, drive[:, None], {"height": measured}, hidden)
     with pytest.raises(NoVelocities, match="balloon.*velocities"):
         missing_force(blind, LogSet([other]))
+
+
+def test_a_state_that_shows_at_some_speed_only_leaves_the_force_a_number():
+    """At standstill a tricycle's yaw rate is noise, whatever the steering angle: outputs alone would have it anywhere."""
+    robot = Custom(
+        dynamics=lambda s, u, p: {"v": (u["drive"] - 2.0 * s["v"]) / p["mass"], "angle": (u["steer"] - s["angle"]) / 0.1},
+        output=lambda s, u, p: {"front": s["v"], "yaw": s["v"] * jnp.sin(s["angle"])},
+        state_names=("v", "angle"), velocities=("v",), forces={"v": "mass"}, title="tricycle",
+        own_channels=Channels(inputs=("drive", "steer"), outputs=("front", "yaw"), units={"drive": "N", "steer": "rad"}),
+        table={"mass": Parameter(1.0, "kg", free=True)},
+    )  # fmt: skip
+    time = 0.02 * np.arange(300)
+    going = np.maximum(time - 2.0, 0.0)
+    v, angle = 1.0 - np.exp(-2.0 * going), 0.3 * (1.0 - np.exp(-going / 0.1))
+    inputs = np.where(time[:, None] < 1.99, 0.0, [2.0, 0.3])
+    logs = []
+    for seed in range(3):
+        noise = 0.01 * np.random.default_rng(seed).normal(size=(300, 2))
+        outputs = np.stack([v, v * np.sin(angle)], axis=1) + noise
+        logs.append(Log.from_arrays(f"run {seed}", time, inputs, outputs, robot.channels))
+    for force in missing_force(robot, LogSet(logs)):
+        assert np.isfinite(force.force).all() and np.isfinite(force.std).all()
+        assert np.all(np.abs(force.force) < 4 * force.std + 0.05)
+
+
+def test_the_spread_of_a_state_is_not_that_of_values_far_off():
+    values = np.random.default_rng(0).normal(size=600)
+    assert _spread(values) == np.std(values)
+    assert _spread(np.where(np.arange(600) % 20 == 0, 1e12 * values, values)) < 3.0
+    assert _spread(np.where(np.arange(600) < 5, 1.0, 0.0)) > 0.0

@@ -99,3 +99,33 @@ def test_rivals_that_could_not_be_told_apart_are_looked_at_first():
     near = [replace(chosen, id=name, squares=chosen.squares + 10.0) for name in ("a", "b", "c", "d", "e")]
     found = replace(step, trials=(chosen, *near, far), equivalent=("e",))
     assert [trial.id for trial in rivals_of(found, {"a"})] == ["e", "b", "c"]
+
+
+def test_a_rival_has_the_law_that_suits_beside_the_later_effects_too():
+    """A late command with a dead zone: while the dead zone was missing, both delays were taken to grow; when it was there, only
+    the one that had come first was looked at by its other laws."""
+    logs, held_out = driven(lambda u: np.where(np.abs(late(u)) > 0.5, late(u) - 0.5 * np.sign(late(u)), 0.0), SEED)
+    noise, step, further = found_of(logs, held_out)
+    base = step.before
+
+    def delayed(identifier, law, before, size):
+        robot = before.robot + effect_by_id(before.robot, identifier, law)
+        known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        own = dict.fromkeys((n for n in known if n.startswith(identifier)), size)
+        return refit(robot, [known | own], logs, held_out, noise, before.initial_states)
+
+    grown, rival = (delayed(name, "growing", base, 0.01) for name in ("sensor_delay", "input_delay"))
+    zone = step.chosen
+    final = replace(delayed("sensor_delay", "constant", zone, 0.04), id="actuator_dead_zone")
+    chosen = delayed("sensor_delay", "constant", base, 0.04)
+    first = Step((chosen, rival, replace(base, id="backlash")), (), (), base, grown, (chosen,))
+    second = replace(step, trials=(zone,), before=grown)
+    steps, found = reconsidered([first, second], final, base, logs, held_out, noise, lambda message: None)
+    trials = {trial.id: trial for trial in steps[0].trials}
+    assert found.held_out.normalised_rms < 1.1 and trials["input_delay"].law == "constant"
+    assert {steps[0].chosen.id, *steps[0].equivalent} == {"sensor_delay", "input_delay"}
+
+
+def late(u):
+    """The command two rows before."""
+    return np.concatenate([np.zeros(2), u[:-2]])

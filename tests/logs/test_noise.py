@@ -96,6 +96,14 @@ def test_an_encoder_is_no_finer_than_its_step(step, noise):
     assert 0.8 * truth < noise_level(measured(inputs, read))["v"] < 1.5 * truth
 
 
+def test_a_counter_that_runs_and_creeps_is_no_finer_than_its_step():
+    """Most values are read once or never; where it creeps, third differences see less than the step's rounding error."""
+    time, step = 0.002 * np.arange(5000), 2e-4
+    way = np.cumsum(np.where(time < 7.0, 0.11, 0.6 * np.sin(time)) * 0.002)
+    log = Log.from_arrays("counts", time, np.zeros((5000, 1)), {"q": np.floor(way / step) * step}, AXIS)
+    assert noise_level(log)["q"] == pytest.approx(step / np.sqrt(12), rel=0.02)
+
+
 def test_a_robot_at_rest_does_not_lower_the_noise():
     inputs, speed = motion(4000)
     read = speed + 0.01 * np.random.default_rng(3).normal(size=4000)

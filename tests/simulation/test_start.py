@@ -144,3 +144,64 @@ def test_a_position_whose_steps_are_lost_in_noise_starts_at_the_origin(axis_law)
     fine, coarse = (LogSet([counted(axis_law, step, np.round, noise=0.01)]) for step in (1e-4, 0.01))
     assert not free_states(Axis(), fine, initial_states(Axis(), fine)).any()
     assert free_states(Axis(), coarse, initial_states(Axis(), coarse)).any()
+
+
+@pytest.mark.parametrize("step", [0.0, 0.002])
+@pytest.mark.parametrize("v", [1.2, 0.0])
+def test_a_speed_that_nobody_measures_shows_in_a_position_that_moves_from_the_first_sample_on(axis_law, v, step):
+    """The count was set to zero where the log was cut out of a longer one."""
+    inputs = np.repeat([1.5, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+    q = axis_law(inputs, 0.02, M=1.3, v=v)[1] + 1e-3 * np.random.default_rng(0).normal(size=360) * (step == 0)
+    q = np.floor(q / step) * step if step else q
+    logs = LogSet([Log.from_arrays("cut", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
+    start = initial_states(Axis(), logs)
+    assert start.uncertain.tolist() == [v != 0]
+    assert start.states["v"][0] == pytest.approx(v, abs=0.1)
+    fit = output_error(Axis(), logs)
+    assert fit.judgement.trustworthy
+    assert abs(fit["M"].value - 1.3) < 4 * fit["M"].std_error
+
+
+def test_wheels_that_turn_from_the_first_sample_on_tell_speeds_that_nobody_measures():
+    from jaxid import DifferentialDrive
+
+    robot = DifferentialDrive(wheel_angles=True).for_columns(("u_right", "u_left", "way_right", "way_left", "w"))
+    time = 0.01 * np.arange(300)
+    ways = {"way_right": 0.18 * time + 2.0, "way_left": 0.18 * time - 1.0}
+    noise = np.random.default_rng(0).normal(size=(3, 300))
+    outputs = {
+        "w": 0.01 * noise[0],
+        **{name: y + 1e-4 * e for (name, y), e in zip(ways.items(), noise[1:], strict=True)},
+    }
+    logs = LogSet([Log.from_arrays("straight", time, np.zeros((300, 2)), outputs, robot.channels)])
+    start = initial_states(robot, logs)
+    assert start.uncertain.tolist() == [True]
+    assert start.states["v"][0] == pytest.approx(0.18, abs=0.02)
+
+
+def test_a_start_far_from_the_origin_has_the_speed_with_which_its_position_begins(axis_law):
+    """A camera at a third of the rows: from rest, where it sticks, the search in a held-out log leads nowhere."""
+    inputs = np.repeat([1.5, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+    q = axis_law(inputs, 0.02, M=1.3, v=-0.3, q=0.7)[1] + 1e-3 * np.random.default_rng(0).normal(size=360)
+    q[np.arange(360) % 3 != 0] = np.nan
+    start = initial_states(
+        Axis(), LogSet([Log.from_arrays("cut", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
+    )
+    assert start.uncertain.tolist() == [True]
+    assert start.states["v"][0] == pytest.approx(-0.3, abs=0.1)
+
+
+def test_a_position_that_stands_at_first_is_at_rest_however_noisy(axis_law):
+    inputs = np.repeat([0.0, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+    for seed in range(5):
+        q = axis_law(inputs, 0.02, M=1.3)[1] + 0.02 * np.random.default_rng(seed).normal(size=360)
+        logs = LogSet([Log.from_arrays("rest", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
+        assert initial_states(Axis(), logs).states["v"].tolist() == [0.0]
+
+
+def test_what_is_driven_from_rest_at_once_is_at_rest(axis_law):
+    """The first slope of a parabola is not zero then; however fine the position, it is a small share of what follows."""
+    inputs = np.repeat([4.0, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+    q = axis_law(inputs, 0.02, M=0.2)[1] + 1e-6 * np.random.default_rng(0).normal(size=360)
+    logs = LogSet([Log.from_arrays("driven", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
+    assert not initial_states(Axis(), logs).uncertain.any()

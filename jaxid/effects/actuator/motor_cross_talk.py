@@ -40,6 +40,13 @@ class MotorCrossTalk(Effect):
             found |= signed(self, f"share_{name}", "", 0.05)
         return found
 
+    def may_hold(self, robot: Robot) -> list[str]:
+        """The smallest of many shares: of more motors than the robot has ways to move, some shares together are a change of the
+        robot's own constants."""
+        names = [self.key(f"share_{name}") for _, _, name in pairs(robot)]
+        sizes = {name: abs(robot.parameters[name].value) for name in names if robot.parameters[name].free}
+        return sorted(sizes, key=lambda name: sizes[name])[:1] if 2 < len(sizes) == len(names) else []
+
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         columns = [inputs[:, i] for i in range(inputs.shape[1])]
         for i, j, name in pairs(robot):
