@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
+from ..parameters import ParameterError
 from ..robots.effect import Effect
 from .denser import bare_of
 from .heldout import HeldOut
@@ -61,7 +62,10 @@ def only_needed(
         effect = next(effect for effect in final.robot.effects if effect.id == identifier)
         # From the final values, at which the simulation finds its way without prescribed angles.
         lean = replace(found.final, robot=bare_of(final.robot, effect), angles=None)
-        fit = in_full(lean)
+        try:
+            fit = in_full(lean)
+        except ParameterError:  # without it, these values lead nowhere: it is needed
+            continue
         state = predicted(fit.robot, held_out, after.noise)
         enough = state.adequate if after.adequate else not clearly_better(after, state)
         if enough and not fit.failed:

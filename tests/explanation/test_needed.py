@@ -11,14 +11,16 @@ from jaxid.explanation.prescribed_angles import predicted
 from jaxid.explanation.refit import in_full, refit
 from jaxid.explanation.steps import Search, Step
 from jaxid.logs import noise_scale
+from jaxid.parameters import ParameterError
 from jaxid.simulation.scaled import scaled_to
 from tests.explanation.closed_form_axis import driven
 
 ZONE = ("actuator_dead_zone", "subtractive")
 
 
-def needed(force, *effects):
-    """What of the effects, added one after another, is left, whether all of them explain all, and what was said."""
+def needed(force, *effects, again=in_full):
+    """What of the effects, added one after another, is left, whether all of them explain all, and what was said; models with
+    less are fitted by `again`."""
     logs, held_out = driven(force, 9)
     noise = noise_scale(held_out, otherwise=logs)
     robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
@@ -38,7 +40,7 @@ def needed(force, *effects):
     before = held_out_state(baseline.robot, held_out, noise)
     search = Search(before, after, trials[-1], tuple(steps), ())
     found, fit, state = only_needed(
-        search, final, after, baseline, held_out, lambda trial: in_full(trial, logs, noise), said.append
+        search, final, after, baseline, held_out, lambda trial: again(trial, logs, noise), said.append
     )
     assert [step.chosen.id for step in found.steps] == [effect.id for effect in fit.robot.effects]
     assert state.normalised_rms < 1.05 * after.normalised_rms
@@ -55,6 +57,16 @@ def test_what_may_as_well_be_none_is_left_out_whether_or_not_all_is_explained(sh
     left, adequate, said = needed(zone, ZONE, ("sensor_bias", "constant"))
     assert adequate == all_explained
     assert left == ["actuator_dead_zone"] and said[-1] == "sensor_bias is not needed"
+
+
+def test_what_leads_nowhere_when_it_is_left_out_stays():
+    def nowhere(trial, logs, noise):
+        raise ParameterError("Derivatives are not finite")
+
+    left, _, said = needed(
+        lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.8, 0.0), ZONE, ("sensor_bias", "constant"), again=nowhere
+    )
+    assert left == ["actuator_dead_zone", "sensor_bias"] and said[-1].startswith("fitting again without sensor_bias")
 
 
 def test_what_the_fit_is_sure_of_stays():

@@ -41,11 +41,11 @@ class MotorCrossTalk(Effect):
         return found
 
     def may_hold(self, robot: Robot) -> list[str]:
-        """The smallest of many shares: of more motors than the robot has ways to move, some shares together are a change of the
-        robot's own constants."""
+        """Of many shares all but the largest, the smallest first: several together are a change of the robot's own constants,
+        and most motors leak nothing."""
         names = [self.key(f"share_{name}") for _, _, name in pairs(robot)]
         sizes = {name: abs(robot.parameters[name].value) for name in names if robot.parameters[name].free}
-        return sorted(sizes, key=lambda name: sizes[name])[:1] if 2 < len(sizes) == len(names) else []
+        return sorted(sizes, key=lambda name: sizes[name])[:-1] if len(sizes) > 2 else []
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         columns = [inputs[:, i] for i in range(inputs.shape[1])]
