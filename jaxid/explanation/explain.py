@@ -31,7 +31,7 @@ from .explanation import Explanation
 from .held_parameters import with_parameters_held
 from .heldout import HeldOut
 from .hinging import hinging
-from .in_some_logs import in_some_of, sorted_logs
+from .in_some_logs import in_some_of, sorted_logs, unsorted
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
 from .lost_inputs import with_inputs_put_back
@@ -341,10 +341,12 @@ def explain(
         )
     if found.steps:
         report("looking for the experiment that would tell more")
+    in_some = [effect for effect in final.robot.effects if was_sorted and isinstance(effect, InSomeLogs)]
     unlike = ""
-    if was_sorted and verdict in ("named", "ambiguous"):
-        others = (effect for effect in final.robot.effects if isinstance(effect, InSomeLogs))
-        unlike = " ".join(in_some_of(effect, logs, held_out) for effect in others)
+    if verdict in ("named", "ambiguous"):
+        unlike = " ".join(in_some_of(effect, logs, held_out) for effect in in_some)
+    if was_sorted and not in_some:
+        held_out = unsorted(held_out)
     changed = ""
     if verdict == "unexplained":
         final = doubted_on(final, after)

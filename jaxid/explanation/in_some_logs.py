@@ -86,6 +86,12 @@ def _thing(law: InSomeLogs) -> str:
     return law.column.removeprefix("other_")
 
 
+def unsorted(logs: LogSet) -> LogSet:
+    """The logs without the columns that `sorted_logs` gave them."""
+    names = [law.column for law in LAWS]
+    return LogSet([replace(log, extra=log.extra.drop(columns=names, errors="ignore")) for log in logs])
+
+
 def in_some_of(law: InSomeLogs, logs: LogSet, held_out: LogSet) -> str:
     """In which logs it was that the law is about, which nobody had written down."""
     others = [log.name for log in (*logs, *held_out) if log.extra[law.column].iloc[0] > 0]

@@ -32,7 +32,7 @@ def test_a_supply_that_runs_down_is_named_with_its_rate():
 
 
 def test_robots_with_motors_have_the_laws_of_what_is_drawn_and_others_this_one():
-    assert [law.law for law in laws_of(DifferentialDrive(), "battery_sag")] == ["over_time"]
+    assert [law.law for law in laws_of(DifferentialDrive(), "battery_sag")] == ["over_time", "in_some_logs"]
     assert "over_time" not in [law.law for law in laws_of(Omni(), "battery_sag")]
 
 
