@@ -38,7 +38,8 @@ def _parabolas(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[NDArr
     span = time[near[:, -1]] - time[near[:, 0]] if count > 1 else np.ones(len(at))
     since = (time[near] - time[at][:, None]) / span[:, None]
     powers = since[..., None] ** np.arange(min(3, count))
-    return near, span, np.linalg.pinv(powers, rcond=count * np.finfo(float).eps)
+    weights: Array = np.asarray(np.linalg.pinv(powers, rcond=count * np.finfo(float).eps), float)
+    return near, span, weights
 
 
 def local_parabola(time: Array, values: Array, at: NDArray[np.int64]) -> tuple[Array, Array]:
