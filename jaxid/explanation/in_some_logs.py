@@ -42,6 +42,8 @@ _SHARE = 0.5
 _STEP, _SINGULAR = 1e-3, 1e-6
 _ABSORBED = 0.01
 """Share of a change of all logs that is left of it where the free parameters do the same."""
+_ALIKE = 0.1
+"""Share by which one of two groups is farther from the model as it is than the other."""
 _ROUNDS = 3
 
 
@@ -159,11 +161,16 @@ def _first_order(fit: Fit, laws: Sequence[InSomeLogs], logs: LogSet, noise: dict
         at += len(strengths[law])
         steps_, left, covariance = _each_its_own(shared, own, rows)
         if left < least and np.isfinite(steps_).all():
-            upper = _two_groups(steps_, covariance)
+            other = _two_groups(steps_, covariance)
+            means = [_middle(steps_[side], covariance[side]) for side in (other, ~other)]
+            # The model as it is has none: where it is near none of the two, they are a matter of words, and more is the other.
+            if np.linalg.norm(means[1]) > (1.0 + _ALIKE) * np.linalg.norm(means[0]):
+                other, means = ~other, means[::-1]
+            elif np.linalg.norm(means[0]) < (1.0 + _ALIKE) * np.linalg.norm(means[1]) and means[0][0] < means[1][0]:
+                other, means = ~other, means[::-1]
             begin = {name: table[name].value for name in free}
-            means = [_middle(steps_[side], covariance[side]) for side in (upper, ~upper)]
             begin |= {n: float(m) * sizes[n] for n, m in zip(strengths[law], means[0] - means[1], strict=True)}
-            least, found = left, _Sides(law, [float(side) for side in upper], begin, left)
+            least, found = left, _Sides(law, [float(side) for side in other], begin, left)
     return found
 
 

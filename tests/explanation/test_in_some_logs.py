@@ -68,7 +68,7 @@ def test_another_floor_or_battery_in_some_logs_is_told_apart_from_a_load(changed
 def test_a_single_log_with_less_is_found():
     logs, held_out = recorded([1.0, 1.0, 1.0, 0.8, 1.0, 1.0, 1.0])
     found, others, _ = sorted_logs(output_error(ROBOT, logs), logs, held_out, quiet)
-    assert payloads(found, others) == [1, 1, 1, 0, 1, 1, 1]
+    assert payloads(found, others) == [0, 0, 0, 1, 0, 0, 0]
 
 
 def test_what_the_files_say_is_believed():
