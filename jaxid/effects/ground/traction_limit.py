@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..actuator.drives import back_emf, input_unit
-from ..curve import Curve
+from ..curve import Curve, rises_early
 from ..effect_parameters import positive
 
 _SHARES = (0.09, 0.14, 0.21, 0.3, 0.43, 0.6, 0.86, 1.2)
@@ -97,11 +98,17 @@ class TractionCurve(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.2, 0.4, 0.7, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     begins_later: ClassVar[bool] = True
+    rather: ClassVar[str] = "actuator_dead_zone"
     variable: ClassVar[str] = "|drive force|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, largest = robot.ground_force_unit, robot.scales.force
         return self.heights_and_reach(robot, unit, 0.05 * largest, unit, largest)
+
+    def agrees(self, robot: Robot) -> bool:
+        """Whether it is large forces that lose: what is lost of small ones is lost of the command that makes them."""
+        largest = np.linspace(0.0, robot.scales.force, 101)
+        return not rises_early(largest, np.asarray(self.at(largest, robot.parameters.numbers)))
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         forces = robot.drive_forces(torques, p)
