@@ -75,7 +75,8 @@ class Explanation:
         """The error that chance alone leaves, in units of the noise's white part: one, more where the noise is coloured or
         delays scatter."""
         coloured = self.colour is not None and self.colour.simple
-        return max(self.after.normalised_rms, 1.0) if coloured or self.after.by_chance or self.after.hung_on_it else 1.0
+        chance = self.after.by_chance or (self.after.within_errors and bool(self.after.hung_on_it))
+        return max(self.after.normalised_rms, 1.0) if coloured or chance else 1.0
 
     @property
     def sentence(self) -> str:

@@ -49,12 +49,11 @@ _ROUNDS = 3
 
 @dataclass(frozen=True)
 class _Sides:
-    """By which law, to first order, which of the logs are others, and the parameters to begin from; the squares left."""
+    """By which law, to first order, which of the logs are others, and the parameters to begin from."""
 
     law: InSomeLogs
     bits: list[float]
     start: dict[str, float]
-    left: float
 
 
 def sorted_logs(fit: Fit, logs: LogSet, held_out: LogSet, report: Callable[[str], None]) -> tuple[LogSet, LogSet, bool]:
@@ -64,6 +63,8 @@ def sorted_logs(fit: Fit, logs: LogSet, held_out: LogSet, report: Callable[[str]
     laws = [law for law in LAWS if law.id not in present and refusal(law, fit.robot) is None]
     told = any(law.column in log.extra for law in LAWS for log in every)
     if not laws or told or isinstance(logs, Windows) or not _FEWEST <= len(logs) <= _MOST:
+        return logs, held_out, False
+    if fit.judgement is not None and fit.judgement.normalised_rms < _GAP:
         return logs, held_out, False
     noise = noise_scale(held_out, otherwise=logs)
     found = _first_order(fit, laws, logs, noise)
@@ -149,9 +150,8 @@ def _first_order(fit: Fit, laws: Sequence[InSomeLogs], logs: LogSet, noise: dict
     rows, count = np.nan_to_num(pooled).ravel(), int(np.isfinite(pooled).sum())
     if not _GAP**2 * count < rows @ rows < np.inf:
         return None
-    columns = [
-        np.stack([np.nan_to_num((own[e] - r) / _STEP).ravel() for own in changed], axis=1) for e, r in enumerate(here)
-    ]
+    triangles = [_triangle([(own[e] - r) / _STEP for own in changed] + [r]) for e, r in enumerate(here)]
+    columns, rows = [own[:, :-1] for own in triangles], np.concatenate([own[:, -1] for own in triangles])
     shared = np.concatenate(columns)[:, : len(free)]
     common = _solved(shared, rows)[1]
     least, found = common - _SHARE * max(common - count, 0.0), None
@@ -163,15 +163,20 @@ def _first_order(fit: Fit, laws: Sequence[InSomeLogs], logs: LogSet, noise: dict
         if left < least and np.isfinite(steps_).all():
             other = _two_groups(steps_, covariance)
             means = [_middle(steps_[side], covariance[side]) for side in (other, ~other)]
-            # The model as it is has none: where it is near none of the two, they are a matter of words, and more is the other.
-            if np.linalg.norm(means[1]) > (1.0 + _ALIKE) * np.linalg.norm(means[0]):
-                other, means = ~other, means[::-1]
-            elif np.linalg.norm(means[0]) < (1.0 + _ALIKE) * np.linalg.norm(means[1]) and means[0][0] < means[1][0]:
+            # The model as it is has none. Where it is as far from both, they are a matter of words, and more is the other.
+            near, far = sorted(float(np.linalg.norm(mean)) for mean in means)
+            rather = means[1][0] > means[0][0] if far < (1.0 + _ALIKE) * near else np.linalg.norm(means[1]) == far
+            if rather:
                 other, means = ~other, means[::-1]
             begin = {name: table[name].value for name in free}
             begin |= {n: float(m) * sizes[n] for n, m in zip(strengths[law], means[0] - means[1], strict=True)}
-            least, found = left, _Sides(law, [float(side) for side in other], begin, left)
+            least, found = left, _Sides(law, [float(side) for side in other], begin)
     return found
+
+
+def _triangle(columns: Sequence[Float[np.ndarray, "T ny"]]) -> Float[np.ndarray, "n n"]:
+    """The triangle of a log's columns, which says as much as they do, whatever the log's length."""
+    return np.asarray(np.linalg.qr(np.stack([np.nan_to_num(own).ravel() for own in columns], axis=1), mode="r"))
 
 
 def _each_its_own(

@@ -56,6 +56,9 @@ def test_an_axis_that_just_breaks_away_or_just_does_not_is_within_the_errors_of_
     assert found.adequate and found.hung_on_it == ("pushed",)
     explained = explain(fit, logs, held_out)
     assert explained.verdict == "adequate" and "on pushed another motion follows" in explained.sentence
+    assert replace(explained, after=found).noise_floor == found.normalised_rms
+    # Of a law only near the right one that is no excuse: the gap is not closed for it.
+    assert replace(explained, after=replace(found, within_errors=False)).noise_floor == 1.0
 
 
 def test_an_axis_that_breaks_away_far_below_what_the_fit_says_is_not():

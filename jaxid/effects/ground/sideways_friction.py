@@ -11,6 +11,7 @@ from jaxtyping import Bool
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.robot import Robot
+from ..body.drag import against
 from ..curve import Curve
 from ..effect_parameters import shape, signed
 
@@ -47,10 +48,6 @@ class _Across(Effect):
         return None
 
 
-def _with(forces: Scalars, resisting: State, robot: Robot) -> Scalars:
-    return tuple(f - resisting.get(name, 0.0) for name, f in zip(robot.velocities, forces, strict=True))
-
-
 @dataclass(frozen=True)
 class SidewaysFriction(_Across):
     """Coulomb and viscous force against motion across the robot; less than none where its axes' own is too much there."""
@@ -74,7 +71,7 @@ class SidewaysFriction(_Across):
         for name in sideways(robot):
             dry = p[self.key(f"coulomb_{name}")] * jnp.tanh(state[name] / p[self.key(f"still_{name}")])
             resisting[name] = dry + p[self.key(f"viscous_{name}")] * state[name]
-        return _with(forces, resisting, robot)
+        return against(forces, resisting, robot)
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ class SidewaysCurve(Curve, _Across):
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         resisting = {name: self.at(jnp.abs(state[name]), p) * jnp.sign(state[name]) for name in sideways(robot)}
-        return _with(forces, resisting, robot)
+        return against(forces, resisting, robot)
 
 
 LAWS: tuple[Effect, ...] = (SidewaysFriction(), SidewaysCurve())
