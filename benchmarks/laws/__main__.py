@@ -24,7 +24,7 @@ from .judge import outcome
 from .plans import FIRST_SEED, Plan, plans
 
 RESULTS = Path(__file__).parents[1] / "results"
-KINDS = ("quick", "strength", "complete", "constants", "pair")
+KINDS = ("quick", "strength", "complete", "constants", "pair", "triple")
 SHOWS = 1.15
 """RMS of the fitted baseline below which the largest size that is allowed does not show, and nothing is explained."""
 _FORGET = 10

@@ -50,6 +50,7 @@ def figures(entries: list[Entry]) -> list[tuple[str, str, str]]:
     )
     rate("drawn curve told as a shape, where the mechanism is right", "", curves, law_right)
     rate("two laws, both named", "≥ 90 %", [e for e in entries if e["kind"] == "pair"], right)
+    rate("three laws, all named", "≥ 75 %", [e for e in entries if e["kind"] == "triple"], right)
     for kind in KINDS:
         own = [e for e in entries if e["kind"] == "complete" and e["noise"] == kind]
         rate(f"false alarms on complete models, noise {kind.replace('_', '-')}", "≤ 2 %", own, lambda e: not right(e))

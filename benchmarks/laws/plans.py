@@ -17,16 +17,18 @@ CONSTANTS = 6
 """Complete models for each robot with known constants off, and as many with a hidden law besides."""
 PAIRS = 8
 """Pairs of laws for each robot."""
+TRIPLES = 4
+"""Three laws of three mechanisms at once, for each robot."""
 EARLIER = 77
 """Laws that there were when seeds were first given out; quick cases of later ones have seeds from `_LATER` on."""
-_LATER, _REST = 200, 1000
+_LATER, _REST, _THREE = 200, 1000, 2000
 _BEFORE = 90
 """Laws that there were when all other cases were drawn; those of later ones follow, so that no case changes."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """One case: `kind` is "quick", "strength", "complete", "constants" or "pair"; `laws` the hidden ones."""
+    """One case: `kind` is "quick", "strength", "complete", "constants", "pair" or "triple"; `laws` the hidden ones."""
 
     robot: str
     kind: str
@@ -77,7 +79,23 @@ def plans(name: str) -> list[Plan]:
             rest.append((robot, "pair", (own[one], own[other]), "medium", "white", False))
     rest = [*(rest[i] for i in rng.permutation(len(rest))), *later]
     seeds += [FIRST_SEED[name] + _REST + k for k in range(len(rest))]
+    three = triples(name)
+    seeds += [FIRST_SEED[name] + _THREE + k for k in range(len(three))]
     return [
         Plan(robot, kind, laws, strength, seed, noise, off)
-        for seed, (robot, kind, laws, strength, noise, off) in zip(seeds, quick + rest, strict=True)
+        for seed, (robot, kind, laws, strength, noise, off) in zip(seeds, quick + rest + three, strict=True)
     ]
+
+
+def triples(name: str) -> list[tuple[str, str, tuple[str, ...], str, str, bool]]:
+    """Three laws at once, drawn from a seed of their own: no other case changes with them."""
+    rng = np.random.default_rng(FIRST_SEED[name] + _THREE)
+    chosen = []
+    for robot in ROBOTS:
+        own = [law for law in list(LAWS)[:_BEFORE] if applies(law, robot)]
+        mechanisms = sorted({law.split("/")[0] for law in own})
+        for _ in range(TRIPLES):
+            three = rng.choice(mechanisms, 3, replace=False)
+            laws = tuple(str(rng.choice([law for law in own if law.split("/")[0] == mechanism])) for mechanism in three)
+            chosen.append((robot, "triple", laws, "medium", "white", False))
+    return chosen
