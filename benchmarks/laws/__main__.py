@@ -85,6 +85,7 @@ def run(plan: Plan) -> dict:
             for step in found.search.steps
         ],
         "doubts": list(found.doubts),
+        "final": found.final.judgement.verdict if found.final.judgement is not None else "",
         "seconds": round(seconds, 1),
     }
 
