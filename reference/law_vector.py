@@ -157,7 +157,8 @@ def _turning(e, word, v, n_axes, n_motors) -> None:
 
 def _track(e, word, v, n_axes, n_motors) -> None:
     e[K.track], e[K.track_kind] = v["share"], {"wider": 0.0, "by_direction": 1.0, "drawn": 2.0}[word]
-    e[K.own_motors] = float(word != "wider")
+    if word != "wider":
+        e[K.own_motors] = 1.0
 
 
 def _floor(e, word, v, n_axes, n_motors) -> None:

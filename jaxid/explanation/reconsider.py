@@ -73,7 +73,7 @@ def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise)
 def _by_other_laws(effect: Effect, bare: Trial, base: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
     """The model `bare` with the mechanism of `effect`, by each of its laws but that one."""
     laws = [law.blurred for law in laws_of(base.robot, effect.id)]
-    screened = screen(bare.robot, logs, laws, noise, bare.initial_states)
+    screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles)
     candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
     others = [law for law in candidates if law.effect.law != effect.law and law.gain > 0]
     trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, others, logs, held_out, noise, say)]
@@ -94,7 +94,6 @@ def by_laws_again(
             effect is None
             or len(laws_of(base.robot, step.chosen.id)) < 2
             or current.held_out.adequate
-            or current.angles
         ):
             continue
         say(f"the laws of {step.chosen.id} once more")

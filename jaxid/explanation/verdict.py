@@ -56,8 +56,8 @@ def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: S
         return "unexplained"
     policy = current_policy()
     left = after.foretold - 1.0 > policy.unexplained * before.gap and after.foretold > policy.small
-    # As many effects as may be added and still not noise: they stand in for something else.
-    used_up = len(named) >= most > 1
+    # As many effects as may be added and still more left than imprecise ones leave: they stand in for something else.
+    used_up = len(named) >= most > 1 and after.foretold > policy.small
     if not named or (not enough and (left or used_up)):
         return "unexplained"
     return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"
