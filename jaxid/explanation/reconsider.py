@@ -3,6 +3,8 @@
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from ..effects import laws_of
 from ..effects.curve import SHAPE, Curve
 from ..effects.table_constants import TableConstants
@@ -152,9 +154,8 @@ def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
     from it, whatever else did better while later effects were missing."""
     # What was chosen may since have got another law, beside later effects, which the rivals were refitted without.
     chosen = step.after.score
-    least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (
-        max(t.score for t in (*step.trials[1:], step.after)) - chosen
-    )
+    without = max(t.score for t in (*step.trials[1:], step.after, step.before) if np.isfinite(t.score))
+    least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (without - chosen)
     rivals = [t for t in step.trials[1:] if t.score < least and t.id not in present]
     return sorted(rivals, key=lambda t: t.id not in step.equivalent)[:_RIVALS]
 
