@@ -86,9 +86,12 @@ def by_laws_again(
     steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report, last: bool = False
 ) -> tuple[list[Step], Trial]:
     """The laws of all effects but the last (or of that, too) chosen anew, now that the others are there: a law that was best
-    while another effect was missing may have been so by that effect's doing."""
+    while another effect was missing may have been so by that effect's doing. The last one's was chosen beside the laws of the
+    others, and is chosen anew where one of these has changed."""
     revised = list(steps)
-    for place, step in enumerate(steps if last else steps[:-1]):
+    for place, step in enumerate(steps):
+        if place == len(steps) - 1 and not last and revised == steps:
+            continue
         effect = next((e for e in current.robot.effects if e.id == step.chosen.id), None)
         if (
             effect is None
