@@ -109,7 +109,10 @@ def by_laws_again(
         say(f"{own[0].title} instead of {effect.title}: held-out {own[0].held_out.normalised_rms:.3f} x noise")
         current = own[0]
         same = tuple(trial.law for trial in alike(own))
-        revised[place] = replace(step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same)
+        then = next((trial for trial in step.laws if trial.law == own[0].law), None)
+        revised[place] = replace(
+            step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same, as_it_was=then
+        )
     return revised, current
 
 
@@ -154,8 +157,9 @@ def with_trials(step: Step, trials: list[Trial]) -> Step:
 def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
     """The rivals of a step's effect that came near it and are not `present` themselves: those first that could not be told
     from it, whatever else did better while later effects were missing."""
-    # What was chosen may since have got another law, beside later effects, which the rivals were refitted without.
-    chosen = step.after.score
+    # What was chosen may since have got another law, beside later effects, which the rivals were refitted without; the law that
+    # was best then may have had a part of those effects, which rivals with no such law could not have.
+    chosen = step.after.score if step.as_it_was is None else max(step.after.score, step.as_it_was.score)
     least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (
         max(t.score for t in (*step.trials[1:], step.after)) - chosen
     )

@@ -150,3 +150,15 @@ def test_the_last_law_is_chosen_anew_where_an_earlier_one_has_changed():
     steps, found = by_laws_again([first, second], zone, base, logs, held_out, noise, lambda message: None)
     assert [own.chosen.law for own in steps] == ["constant", "subtractive"]
     assert found.held_out.normalised_rms < 1.1 < zone.held_out.normalised_rms
+
+
+def test_rivals_are_near_to_the_law_that_an_effect_has_now():
+    """One that was by far the best while a later effect was missing says nothing against rivals that have no such law."""
+    logs, held_out = driven(smooth_zone, SEED)
+    _, step, _ = found_of(logs, held_out)
+    chosen = step.chosen
+    behind = [replace(chosen, id=name, squares=chosen.squares + more) for name, more in (("a", 5e3), ("far", 1e4))]
+    plain = replace(chosen, squares=chosen.squares + 5e3)
+    found = replace(step, trials=(chosen, *behind))
+    assert [trial.id for trial in rivals_of(found, set())] == []
+    assert [trial.id for trial in rivals_of(replace(found, as_it_was=plain), set())] == ["a"]
