@@ -88,9 +88,12 @@ def by_laws_again(
     steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report, last: bool = False
 ) -> tuple[list[Step], Trial]:
     """The laws of all effects but the last (or of that, too) chosen anew, now that the others are there: a law that was best
-    while another effect was missing may have been so by that effect's doing."""
+    while another effect was missing may have been so by that effect's doing. The last one's was chosen beside the laws of the
+    others, and is chosen anew where one of these has changed."""
     revised = list(steps)
-    for place, step in enumerate(steps if last else steps[:-1]):
+    for place, step in enumerate(steps):
+        if place == len(steps) - 1 and not last and revised == steps:
+            continue
         effect = next((e for e in current.robot.effects if e.id == step.chosen.id), None)
         if (
             effect is None
@@ -107,7 +110,10 @@ def by_laws_again(
         say(f"{own[0].title} instead of {effect.title}: held-out {own[0].held_out.normalised_rms:.3f} x noise")
         current = own[0]
         same = tuple(trial.law for trial in alike(own))
-        revised[place] = replace(step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same)
+        then = next((trial for trial in step.laws if trial.law == own[0].law), None)
+        revised[place] = replace(
+            step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same, as_it_was=then
+        )
     return revised, current
 
 
@@ -152,8 +158,9 @@ def with_trials(step: Step, trials: list[Trial]) -> Step:
 def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
     """The rivals of a step's effect that came near it and are not `present` themselves: those first that could not be told
     from it, whatever else did better while later effects were missing."""
-    # What was chosen may since have got another law, beside later effects, which the rivals were refitted without.
-    chosen = step.after.score
+    # What was chosen may since have got another law, beside later effects, which the rivals were refitted without; the law that
+    # was best then may have had a part of those effects, which rivals with no such law could not have.
+    chosen = step.after.score if step.as_it_was is None else max(step.after.score, step.as_it_was.score)
     without = max(t.score for t in (*step.trials[1:], step.after, step.before) if np.isfinite(t.score))
     least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (without - chosen)
     rivals = [t for t in step.trials[1:] if t.score < least and t.id not in present]

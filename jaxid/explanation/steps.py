@@ -16,7 +16,8 @@ class Step:
     `laws` are the trials of that one's laws, best first, of which the data cannot tell the first from
     `laws_alike`.
 
-    `before` and `after` are the model without it and with it at the time it was added. `finer` are scores by the ids of those
+    `before` and `after` are the model without it and with it at the time it was added; where it has got another law since that
+    had been tried then, `as_it_was` is that trial. `finer` are scores by the ids of those
     that were compared on logs with rows between (`between_rows.py`).
     """
 
@@ -29,6 +30,7 @@ class Step:
     laws_alike: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     finer: Mapping[str, float] = field(default_factory=dict)
+    as_it_was: Trial | None = field(default=None, repr=False)
 
     @property
     def chosen(self) -> Trial:

@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id
-from jaxid.explanation.reconsider import rather_by_curves, reconsidered, rivals_of
+from jaxid.explanation.reconsider import by_laws_again, rather_by_curves, reconsidered, rivals_of
 from jaxid.explanation.refit import refit, refit_from_itself
 from jaxid.explanation.steps import Step
 from jaxid.logs import noise_scale
@@ -129,3 +129,36 @@ def test_a_rival_has_the_law_that_suits_beside_the_later_effects_too():
 def late(u):
     """The command two rows before."""
     return np.concatenate([np.zeros(2), u[:-2]])
+
+
+def test_the_last_law_is_chosen_anew_where_an_earlier_one_has_changed():
+    """A late command with a dead zone: beside a delay that grows, a dead zone by a wrong law was as good as any."""
+    logs, held_out = driven(lambda u: np.where(np.abs(late(u)) > 1.0, late(u) - np.sign(late(u)), 0.0), SEED)
+    noise, step, _ = found_of(logs, held_out)
+    base = step.before
+
+    def with_more(before, identifier, law, **sizes):
+        robot = before.robot + effect_by_id(before.robot, identifier, law)
+        start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        start |= {f"{identifier}.{name}": size for name, size in sizes.items()}
+        return refit(robot, [start], logs, held_out, noise, before.initial_states)
+
+    grown = with_more(base, "sensor_delay", "growing", rate=0.01)
+    zone = with_more(grown, "actuator_dead_zone", "threshold", threshold=0.8)
+    first = Step((grown,), (), (), base, grown, (grown,))
+    second = Step((zone,), (), (), grown, zone, (zone,))
+    steps, found = by_laws_again([first, second], zone, base, logs, held_out, noise, lambda message: None)
+    assert [own.chosen.law for own in steps] == ["constant", "subtractive"]
+    assert found.held_out.normalised_rms < 1.1 < zone.held_out.normalised_rms
+
+
+def test_rivals_are_near_to_the_law_that_an_effect_has_now():
+    """One that was by far the best while a later effect was missing says nothing against rivals that have no such law."""
+    logs, held_out = driven(smooth_zone, SEED)
+    _, step, _ = found_of(logs, held_out)
+    chosen = step.chosen
+    behind = [replace(chosen, id=name, squares=chosen.squares + more) for name, more in (("a", 5e3), ("far", 1e4))]
+    plain = replace(chosen, squares=chosen.squares + 5e3)
+    found = replace(step, trials=(chosen, *behind))
+    assert [trial.id for trial in rivals_of(found, set())] == []
+    assert [trial.id for trial in rivals_of(replace(found, as_it_was=plain), set())] == ["a"]
