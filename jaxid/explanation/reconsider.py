@@ -72,13 +72,13 @@ def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise)
     return refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
 
 
-def _by_other_laws(effect: Effect, bare: Trial, base: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
-    """The model `bare` with the mechanism of `effect`, by each of its laws but that one."""
+def _by_laws(effect: Effect, bare: Trial, base: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
+    """The model `bare` with the mechanism of `effect`, by each of its laws."""
     laws = [law.blurred for law in laws_of(base.robot, effect.id)]
     screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles)
     candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
-    others = [law for law in candidates if law.effect.law != effect.law and law.gain > 0]
-    trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, others, logs, held_out, noise, say)]
+    laws = [law for law in candidates if law.gain > 0]
+    trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, laws, logs, held_out, noise, say)]
     return [
         densest(trial, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise)) for trial in trials
     ]
@@ -103,7 +103,12 @@ def by_laws_again(
             continue
         say(f"the laws of {step.chosen.id} once more")
         bare = without(effect.id, current, base, logs, held_out, noise)
-        trials = _by_other_laws(effect, bare, base, logs, held_out, noise, say)
+        trials = _by_laws(effect, bare, base, logs, held_out, noise, say)
+        # Its own law from where the others begin, too: they compare where all were fitted equally well.
+        again = next((trial for trial in trials if trial.law == effect.law), None)
+        if again is not None and again.score < current.score:
+            current = replace(again, id=current.id)
+        trials = [trial for trial in trials if trial.law != effect.law]
         own = best_first([replace(current, id=effect.id), *trials])
         if own[0].law == effect.law or not told_apart_from(own[0], current):
             continue
@@ -197,8 +202,8 @@ def reconsidered(
             swapped = refitted_like(with_effects(base.robot, owners), final, logs, held_out, noise)
             swapped = replace(swapped, id=rival.id)
             if anew and rival.effect is not None:
-                others = _by_other_laws(rival.effect, bare, base, logs, held_out, noise, say)
-                swapped = best_first([swapped, *others])[0]
+                others = _by_laws(rival.effect, bare, base, logs, held_out, noise, say)
+                swapped = best_first([swapped, *(other for other in others if other.law != swapped.law)])[0]
             trials.append(swapped)
             say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
         if TableConstants.id not in present:
