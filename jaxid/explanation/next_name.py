@@ -11,7 +11,14 @@ from ..robots.robot import Robot
 from .candidate_refits import Report, all_added
 from .colour_left import explaining, ranked_in_colour
 from .denser import densest
-from .laws import best_first, by_law, by_where_they_bend, with_its_other_laws, with_the_same_curves
+from .laws import (
+    best_first,
+    by_law,
+    by_where_they_bend,
+    with_its_other_laws,
+    with_the_same_curves,
+    with_the_same_law,
+)
 from .policy import current_policy
 from .refit import Trial, continued, refit_from_itself
 from .screen import Candidate
@@ -119,6 +126,7 @@ def name_next(
         leading = [[densest(trial, again) for trial in own] for own in leading]
         mechanisms = sorted((best_first(own) for own in [*leading, *others]), key=lambda own: own[0].score)
     mechanisms = with_its_other_laws(by_where_they_bend(mechanisms, base), screened, added)
+    mechanisms = with_the_same_law(mechanisms, screened, added)
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])
     in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)

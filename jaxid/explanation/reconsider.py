@@ -95,11 +95,7 @@ def by_laws_again(
         if place == len(steps) - 1 and not last and revised == steps:
             continue
         effect = next((e for e in current.robot.effects if e.id == step.chosen.id), None)
-        if (
-            effect is None
-            or len(laws_of(base.robot, step.chosen.id)) < 2
-            or current.held_out.adequate
-        ):
+        if effect is None or len(laws_of(base.robot, step.chosen.id)) < 2 or current.held_out.adequate:
             continue
         say(f"the laws of {step.chosen.id} once more")
         bare = without(effect.id, current, base, logs, held_out, noise)

@@ -88,6 +88,16 @@ def test_a_name_that_leaves_many_times_the_noise_is_not_given(heavy_tailed):
     assert verdict(fit, 1000.0, Policy().many + 0.1, named())[0] == "unexplained"
 
 
+def test_three_names_leave_no_more_than_what_an_imprecise_effect_may(heavy_tailed):
+    """As many as may be added: beyond what their own imprecision explains, they would stand in for something else."""
+    _, fit, *_ = heavy_tailed
+    policy = Policy()
+    three = (named(), replace(named(), id="effective_track"), replace(named(), id="sensor_bias"))
+    assert verdict(fit, 10.0, policy.small - 0.005, *three)[0] == "named"
+    assert verdict(fit, 10.0, policy.small + 0.01, *three) == ("unexplained", ())
+    assert verdict(fit, 10.0, policy.small + 0.01, *three[:2])[0] == "named"
+
+
 def test_two_names_that_leave_more_than_an_imprecise_law_are_not_given(heavy_tailed):
     _, fit, *_ = heavy_tailed
     policy, other = Policy(), replace(named(), id="effective_track")

@@ -11,7 +11,7 @@ from benchmarks.laws.cases import make  # noqa: E402
 from jaxid import explain, output_error, read_logs
 from jaxid.effects import effect_by_id
 from jaxid.explanation.heldout import HeldOut
-from jaxid.explanation.laws import by_law, by_where_they_bend, other_laws, with_its_other_laws
+from jaxid.explanation.laws import by_law, by_where_they_bend, other_laws, with_its_other_laws, with_the_same_law
 from jaxid.explanation.refit import Trial
 from jaxid.explanation.screen import Candidate
 from jaxid.explanation.telling_apart import supersets
@@ -146,6 +146,26 @@ def test_where_a_formula_leaves_only_noise_no_curve_is_asked_for():
     by_law([saturation], [trial(robot, zone, 100.0, NOISE_ONLY)], 500.0, lambda more: asked.extend(more) or [])
     assert [c.effect for c in asked] == [tanh]
     assert [c.effect for c in other_laws(saturation, curve=True)] == [tanh, curve]
+
+
+def test_the_best_law_s_namesake_of_another_mechanism_is_tried():
+    """Of a robot driven by currents, a limit of the torque and one of the current are one model; refitted was another law."""
+    robot = Pioneer()
+    hard, grip = (effect_by_id(robot, name, "hard") for name in ("voltage_saturation", "traction_limit"))
+    tanh = effect_by_id(robot, "voltage_saturation", "tanh")
+    screened = [candidate(grip, 80.0), candidate(tanh, 80.0, (candidate(hard, 20.0),))]
+    asked = []
+
+    def refits(more):
+        asked.extend(c.effect for c in more)
+        return [trial(robot, c.effect, 100.0, NOISE_ONLY) for c in more]
+
+    tried = [[trial(robot, grip, 100.0, NOISE_ONLY)], [trial(robot, tanh, 5000.0)]]
+    found = with_the_same_law(tried, screened, refits)
+    assert asked == [hard] and [[t.law for t in own] for own in found] == [["hard"], ["hard", "tanh"]]
+    assert (
+        with_the_same_law([[trial(robot, grip, 300.0)], tried[1]], screened, refits)[1] == tried[1] and len(asked) == 1
+    )
 
 
 def test_of_laws_that_the_data_cannot_tell_apart_the_simplest_and_most_usual_is_named():

@@ -97,8 +97,19 @@ def test_rivals_that_could_not_be_told_apart_are_looked_at_first():
     chosen = step.chosen
     far = replace(chosen, id="none", squares=chosen.squares + 1e4)
     near = [replace(chosen, id=name, squares=chosen.squares + 10.0) for name in ("a", "b", "c", "d", "e")]
-    found = replace(step, trials=(chosen, *near, far), equivalent=("e",))
+    found = replace(step, trials=(chosen, *near, far), equivalent=("e",), before=far)
     assert [trial.id for trial in rivals_of(found, {"a"})] == ["e", "b", "c"]
+
+
+def test_what_an_effect_gained_is_told_from_the_model_without_it():
+    """Where every other trial explained something, too, the worst of them says little of what there was to explain."""
+    logs, held_out = driven(smooth_zone, SEED)
+    _, step, _ = found_of(logs, held_out)
+    chosen = step.chosen
+    two = [replace(chosen, id=name, squares=chosen.squares + more) for name, more in (("a", 1e3), ("b", 3e3))]
+    for without, expected in ((3e3, []), (1e4, ["a"])):
+        found = replace(step, trials=(chosen, *two), before=replace(chosen, squares=chosen.squares + without))
+        assert [trial.id for trial in rivals_of(found, set())] == expected
 
 
 def test_a_rival_has_the_law_that_suits_beside_the_later_effects_too():
@@ -159,6 +170,6 @@ def test_rivals_are_near_to_the_law_that_an_effect_has_now():
     chosen = step.chosen
     behind = [replace(chosen, id=name, squares=chosen.squares + more) for name, more in (("a", 5e3), ("far", 1e4))]
     plain = replace(chosen, squares=chosen.squares + 5e3)
-    found = replace(step, trials=(chosen, *behind))
+    found = replace(step, trials=(chosen, *behind), before=behind[-1])
     assert [trial.id for trial in rivals_of(found, set())] == []
     assert [trial.id for trial in rivals_of(replace(found, as_it_was=plain), set())] == ["a"]
