@@ -19,6 +19,10 @@ PAIRS = 8
 """Pairs of laws for each robot."""
 TRIPLES = 4
 """Three laws of three mechanisms at once, for each robot."""
+_BY_SPEED = frozenset(
+    ("asymmetric_friction", "asymmetric_viscous_friction", "quadratic_drag", "stribeck_friction", "sublinear_viscous_friction")
+)
+"""Forces of the speed alone, of which three laws have one at most: two of them are one curve."""
 EARLIER = 77
 """Laws that there were when seeds were first given out; quick cases of later ones have seeds from `_LATER` on."""
 _LATER, _REST, _THREE = 200, 1000, 2000
@@ -88,14 +92,17 @@ def plans(name: str) -> list[Plan]:
 
 
 def triples(name: str) -> list[tuple[str, str, tuple[str, ...], str, str, bool]]:
-    """Three laws at once, drawn from a seed of their own: no other case changes with them."""
-    rng = np.random.default_rng(FIRST_SEED[name] + _THREE)
+    """Three laws at once, each case drawn from a seed of its own: no other case changes with them. The other wheel radius is
+    left out: the simulator has it as an effect of the plain motors, which laws of motors replace."""
     chosen = []
-    for robot in ROBOTS:
-        own = [law for law in list(LAWS)[:_BEFORE] if applies(law, robot)]
+    for number, robot in enumerate(ROBOTS):
+        own = [law for law in list(LAWS)[:_BEFORE] if applies(law, robot) and not law.startswith("wheel_radius")]
         mechanisms = sorted({law.split("/")[0] for law in own})
-        for _ in range(TRIPLES):
+        for case in range(TRIPLES):
+            rng = np.random.default_rng([FIRST_SEED[name], _THREE, number, case])
             three = rng.choice(mechanisms, 3, replace=False)
+            while len(_BY_SPEED.intersection(three)) > 1:
+                three = rng.choice(mechanisms, 3, replace=False)
             laws = tuple(str(rng.choice([law for law in own if law.split("/")[0] == mechanism])) for mechanism in three)
             chosen.append((robot, "triple", laws, "medium", "white", False))
     return chosen
