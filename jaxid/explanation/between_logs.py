@@ -13,6 +13,7 @@ from ..estimate.output_error.fleet import fit_fleet
 from ..estimate.result import Estimate, Fit
 from ..logs import LogSet
 from .level import current_level
+from .odd_logs import unlike_the_others
 
 _FEWEST, _MOST = 3, 40
 """Logs below which nobody can say which one is another, and beyond which it would take too long."""
@@ -23,15 +24,17 @@ _TOLD = 4
 
 def changed_between(fit: Fit, logs: LogSet, held_out: LogSet, report: Callable[[str], None]) -> str:
     """A sentence on which parameter differs between which logs where the model of `fit` explains every log alone and not all of
-    them together; empty where it does not, or where no parameter that they tell differs by more than chance."""
+    them together, or on logs that it does not explain where it explains all others; empty where it does neither, or where no
+    parameter that they tell differs by more than chance."""
     every = [*logs, *held_out]
     if fit.window is not None or not _FEWEST <= len(every) <= _MOST:
         return ""
     report("looking whether every log alone is explained")
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
     alone = fit_fleet(fit.robot, {log.name: LogSet([log]) for log in every}, start=start)
-    if alone.failed or not all(own.trustworthy for own in alone.fits.values()):
-        return ""
+    odd = [log.name for log in every if log.name in alone.failed or not alone.fits[log.name].trustworthy]
+    if odd:
+        return unlike_the_others(fit, logs, held_out, odd)
     surest, name = current_level() / max(len(fit.free_names), 1), ""
     differing: dict[str, Estimate] = {}
     for candidate in fit.free_names:
