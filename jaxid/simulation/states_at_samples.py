@@ -24,6 +24,11 @@ _NEIGHBOURS = 9
 """Samples of the parabola."""
 _STEPS = 6
 _RANK = 1e-8
+_FAINT = 0.1
+"""Share of what outputs or slopes show of a state elsewhere in the log below which they say nothing of it: at standstill a yaw
+rate is no steering angle, however large one its noise takes there."""
+_SAME = 0.01
+"""Errors of the outputs, in their usual changes, that are alike: then their slopes decide which step came nearest."""
 _RESOLVED = 0.9
 """Share of a state that outputs and slopes resolve from which they tell it."""
 
@@ -91,6 +96,17 @@ def _carried_along(robot: Robot, log: Log, certain: tuple[str, ...], begin: Mapp
     )
 
 
+def _clear(slopes: Array, log: Log) -> Array:
+    """Which states [W, 2 ny, s] outputs show clearly at each sample, and which ones their slopes, by `slopes` in them."""
+    scatter = np.array(
+        [np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in log.outputs.T]
+    )
+    sizes = np.abs(slopes) / np.tile(np.where(scatter > 0, scatter, 1.0), 2)[:, None]
+    both = [np.linalg.norm(part, axis=1) for part in np.split(sizes, 2, axis=1)]
+    each = [part > _FAINT * part.max(axis=0, initial=0.0) for part in both]
+    return np.repeat(np.stack(each, axis=1), len(scatter), axis=1)
+
+
 def _by_outputs(
     robot: Robot, log: Log, at: NDArray[np.int64], near: dict[str, Array]
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
@@ -110,14 +126,26 @@ def _by_outputs(
         if name in names:
             x[:, names.index(name)] = np.where(known[:, j], target[:, j], x[:, names.index(name)])
     step = log.sampling_interval
-    resolved = np.zeros(len(names))
-    for _ in range(_STEPS):
+    usual = np.std(target, axis=0)
+    usual = np.where(usual > 0, usual, 1.0)
+    resolved, clear = np.zeros(len(names)), None
+    best, least, flattest = x, np.full(len(at), np.inf), np.full(len(at), np.inf)
+    for _ in range(_STEPS + 1):
         states = near | dict(zip(names, x.T, strict=True))
         seen, slopes = output_slopes(robot, names, states, log.inputs[at], step)
         error = np.where(known, target - seen, 0.0)
         slopes = np.where(known[..., None], slopes, 0.0) * open_to
         if not (np.isfinite(error).all() and np.isfinite(slopes).all()):
             break
+        far, off = (np.linalg.norm(part, axis=1) for part in np.split(error / usual, 2, axis=1))
+        nearer = (far < least - _SAME) | ((far < least + _SAME) & (off < flattest))
+        best, least, flattest = (
+            np.where(nearer[:, None], x, best),
+            np.where(nearer, far, least),
+            np.where(nearer, off, flattest),
+        )
+        clear = _clear(slopes, log) if clear is None else clear
+        slopes = np.where(clear, slopes, 0.0)
         level = np.linalg.pinv(slopes[:, :ny], rcond=_RANK)  # [W, s, ny]
         first = np.einsum("wij,wj->wi", level, error[:, :ny])
         open_ = np.eye(len(names)) - level @ slopes[:, :ny]
@@ -127,4 +155,4 @@ def _by_outputs(
         left = open_ - open_ @ rate @ slopes[:, ny:] @ open_
         resolved = 1.0 - np.median(np.abs(np.diagonal(left, axis1=1, axis2=2)), axis=0)
     certain = tuple(name for name, share in zip(names, resolved, strict=True) if share > _RESOLVED)
-    return near | dict(zip(names, np.where(np.isfinite(x), x, 0.0).T, strict=True)), certain
+    return near | dict(zip(names, np.where(np.isfinite(best), best, 0.0).T, strict=True)), certain

@@ -1,9 +1,11 @@
 """States that no output shows, against the exact states of the independent simulator."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, Pioneer
+from jaxid import Axis, Channels, Custom, Log, LogSet, Parameter, ParameterTable, Pioneer
+from jaxid.estimate.output_error.predictability import predictability
 from jaxid.logs.windows import in_windows
 from jaxid.simulation.start import initial_states, states_at
 
@@ -52,3 +54,34 @@ def test_a_position_that_no_log_holds_follows_from_the_speed():
     log = Log.from_arrays("step", time, np.ones((300, 1)), {"v": v}, robot)
     found = states_at(robot, log, np.arange(300))
     np.testing.assert_allclose(found["q"], time - v, atol=2e-3)
+
+
+def test_a_steering_angle_is_not_read_from_a_yaw_rate_at_standstill():
+    """A car that stops and goes: where it stands, its yaw rate is noise alone, which no angle explains."""
+
+    def dynamics(state, u, p):
+        return {"v": (u["force"] - p["fv"] * state["v"]) / p["mass"], "delta": (u["steer"] - state["delta"]) / 0.1}
+
+    def output(state, u, p):
+        return {"v": state["v"], "w": state["v"] * jnp.tan(state["delta"]) / 0.3}
+
+    table = ParameterTable({"mass": Parameter(1.0, "kg", free=True), "fv": Parameter(2.0, "N s/m", free=True)})
+    units = {"force": "N", "steer": "rad", "v": "m/s", "w": "rad/s"}
+    channels = Channels(inputs=("force", "steer"), outputs=("v", "w"), units=units)
+    names = ("v", "delta")
+    robot = Custom(dynamics=dynamics, output=output, state_names=names, own_channels=channels, table=table, title="car")
+    rng = np.random.default_rng(3)
+    force = np.repeat(rng.choice([0.0, 0.0, 2.0, 4.0, -2.0], 25), 40)
+    steer = np.repeat(rng.uniform(-0.4, 0.4, 25), 40)
+    v, delta = np.zeros(1000), np.zeros(1000)
+    for k in range(999):
+        v[k + 1] = force[k] / 2 + (v[k] - force[k] / 2) * np.exp(-0.04)
+        delta[k + 1] = steer[k] + (delta[k] - steer[k]) * np.exp(-0.2)
+    seen = {"v": v + 0.01 * rng.normal(size=1000), "w": v * np.tan(delta) / 0.3 + 0.02 * rng.normal(size=1000)}
+    log = Log.from_arrays("stop and go", 0.02 * np.arange(1000), np.stack([force, steer], 1), seen, robot)
+    found = states_at(robot, log, np.arange(1000))
+    assert np.mean(np.abs(v) < 0.01) > 0.05  # it has stood
+    assert np.abs(found["delta"]).max() < 1.0 and np.abs(found["v"] - v).max() < 0.5
+    quick = np.abs(v) > 0.5
+    assert np.sqrt(np.mean((found["delta"] - delta)[quick] ** 2)) < 0.02
+    assert predictability(robot, LogSet([log])).kind == "stable"
