@@ -170,7 +170,7 @@ def or_constants(
 ) -> Step | None:
     """The step as it was found, or that to right values of the table where no formula reaches the noise and they do better."""
     best = found.chosen if found is not None else None
-    settled = best is not None and best.fitted.adequate and best.law != SHAPE
+    settled = best is not None and best.fitted.adequate and best.held_out.adequate and best.law != SHAPE
     if settled or (best is not None and best.in_colour is not None):
         return found
     if any(effect.id == TableConstants.id for effect in base.robot.effects):

@@ -9,6 +9,7 @@ from .._arrays import array
 from .._float64 import in_float64
 from ..effects.curve import Curve
 from ..estimate.confidence.agreement import rms
+from ..estimate.output_error.astray import past_the_astray
 from ..estimate.output_error.conclude import Covariance, simulated_at
 from ..estimate.output_error.from_optimum import initial_states_at
 from ..estimate.output_error.in_turns import compile_ahead
@@ -48,6 +49,8 @@ _WEAKER = (1.0, 0.1, 0.01)
 _UNSEEN = 0.01
 """Change of a whole simulation, in units of the noise, by a curve's height of typical size, that nobody can see."""
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
+_EXPLAINED = 1.1
+"""Residual, in units of the noise, below which the middle log is explained, and one that stands out may be due to the minimum."""
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
 
@@ -159,6 +162,12 @@ def refit(
     elif len(starts) > 1:
         problem = free if repeats else problem
         optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
+    if max_steps >= _STEPS and not isinstance(logs, Windows):
+
+        def minimise(rest: Problem, unknowns: Unknowns) -> Optimum:
+            return minimise_compiled(structure, rest, unknowns, max_steps=max_steps)
+
+        optimum = past_the_astray(problem, optimum, minimise, _EXPLAINED)
     values, squares = by_name(structure, problem, optimum.unknowns), chi_squared(problem, optimum, free)
     if not _can_be_simulated(robot, values, held_out):  # it ran away
         values, squares = {name: {**known, **starts[0]}[name] for name in structure.names}, np.inf

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .astray import past_the_astray
 from .globalise import ambiguous_index, globalise
 from .optimum import Optimum
 from .posed import Options, Posed
@@ -54,7 +55,7 @@ def first_minimum(fit: Posed, options: Options, unless: Unless | None = None) ->
     if index is not None:
         linear = linear_unknowns(fit, problem)
         starts = [unknowns] if linear is None else [unknowns, linear]
-        return problem, globalise(structure, problem, starts, index, report=options.report), []
+        return problem, _past(fit, options, globalise(structure, problem, starts, index, report=options.report)), []
     problem, optimum, left_out = _where_it_converges(fit, options)
     options.report("first minimum found")
     if unless is not None and unless(problem, optimum):
@@ -73,4 +74,18 @@ def first_minimum(fit: Posed, options: Options, unless: Unless | None = None) ->
         solver=options.solver,
         report=options.report,
     )
-    return problem, optimum, []
+    return problem, _past(fit, options, optimum), []
+
+
+def _past(fit: Posed, options: Options, optimum: Optimum) -> Optimum:
+    """The minimum beyond the one in which a single log holds all; windows, which begin where the log is, know no such."""
+    if fit.window is not None:
+        return optimum
+
+    def minimise(problem: Problem, unknowns: Unknowns) -> Optimum:
+        return options.minimise(fit.structure, problem, unknowns)
+
+    found = past_the_astray(fit.problem, optimum, minimise)
+    if found is not optimum:
+        options.report("one log held the others in a poor minimum; went on from where it was left out")
+    return found
