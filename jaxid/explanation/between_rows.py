@@ -32,7 +32,7 @@ def _between(log: Log) -> Log:
     share = np.arange(len(rows)) % _PARTS / _PARTS
     steps = np.append(np.diff(log.time), 0.0)
     outputs = np.where((share == 0.0)[:, None], log.outputs[rows], np.nan)
-    extra = log.extra.iloc[rows].reset_index(drop=True) if len(log.extra) else log.extra
+    extra = log.extra.iloc[rows].reset_index(drop=True) if len(log.extra.columns) else log.extra
     time = log.time[rows] + share * steps[rows]
     return replace(log, time=time, inputs=log.inputs[rows], outputs=outputs, extra=extra)
 

@@ -1,6 +1,9 @@
 """What is late by less than a row: a speed from an encoder's counts is the mean over the row before."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.explanation.between_rows import with_rows_between
@@ -30,6 +33,14 @@ def test_rows_between_hold_the_inputs_and_measure_nothing():
     np.testing.assert_array_equal(fine.inputs, np.repeat(log.inputs, 4, axis=0)[: len(fine)])
     np.testing.assert_array_equal(fine.output("v")[::4], log.output("v"))
     assert np.isnan(np.delete(fine.output("v"), np.s_[::4])).all()
+
+
+def test_rows_come_between_those_of_a_log_that_others_were_put_into():
+    """Rows in which a command changed unseen were put back, beside further columns of which there are none."""
+    log = _log("run", 1)
+    read = replace(log, extra=pd.DataFrame(index=range(len(log) - 5)))
+    (fine,) = with_rows_between(LogSet([read]))
+    assert len(fine) == 4 * (len(log) - 1) + 1 and not len(fine.extra.columns)
 
 
 def test_a_mean_over_the_row_before_is_not_called_a_late_input_alone():
