@@ -50,7 +50,7 @@ _UNSEEN = 0.01
 """Change of a whole simulation, in units of the noise, by a curve's height of typical size, that nobody can see."""
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
 _EXPLAINED = 1.1
-"""Residual, in units of the noise, below which the middle log is explained, and one that stands out may be due to the minimum."""
+"""Residual, in units of the noise, below which the middle log is explained: one that stands out may be due to the minimum."""
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
 

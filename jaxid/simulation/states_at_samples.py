@@ -137,7 +137,8 @@ def _by_outputs(
         slopes = np.where(known[..., None], slopes, 0.0) * open_to
         if not (np.isfinite(error).all() and np.isfinite(slopes).all()):
             break
-        far, off = (np.linalg.norm(part, axis=1) for part in np.split(error / usual, 2, axis=1))
+        with np.errstate(over="ignore"):  # of a simulation that runs away: no number is nearer
+            far, off = (np.linalg.norm(part, axis=1) for part in np.split(error / usual, 2, axis=1))
         nearer = (far < least - _SAME) | ((far < least + _SAME) & (off < flattest))
         best, least, flattest = (
             np.where(nearer[:, None], x, best),
