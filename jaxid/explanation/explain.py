@@ -264,39 +264,58 @@ def explain(
         logs, held_out, noted = without_passing_jumps(fit.robot, logs, held_out)
         report(noted)
     report("looking for a gap on the held-out logs")
-    found = search(fit, logs, held_out, effects=effects, most=most, report=report)
-    final, after = fit, found.before
-    # Fitted again with the weights of the search, the model may need nothing more.
-    mended = found.after.adequate and not found.before.adequate
-    if (found.steps or mended) and found.final:
-        report("fitting the model with what was added, and its standard errors")
-        noise, lost = after.noise, None
-        if estimated:  # as the model says that has what was found
-            lost = with_lost_inputs(found.final.robot, with_gaps[0], noise)
-            whole, held_out = lost.logs, with_lost_inputs(found.final.robot, with_gaps[1], noise).logs
 
-        def finished(trial: Trial) -> Fit:
-            own = in_full(trial, whole, noise, loss=loss, covariance=covariance)
-            return lost.widened(own) if lost else own
+    def looked(logs: LogSet, held_out: LogSet, whole: LogSet) -> tuple[Search, Fit, HeldOut, LogSet]:
+        """What the search finds, the fit with it, what that leaves on the held-out logs, and these."""
+        found = search(fit, logs, held_out, effects=effects, most=most, report=report)
+        final, after = fit, found.before
+        # Fitted again with the weights of the search, the model may need nothing more.
+        mended = found.after.adequate and not found.before.adequate
+        if (found.steps or mended) and found.final:
+            report("fitting the model with what was added, and its standard errors")
+            noise, lost = after.noise, None
+            if estimated:  # as the model says that has what was found
+                lost = with_lost_inputs(found.final.robot, with_gaps[0], noise)
+                whole, held_out = lost.logs, with_lost_inputs(found.final.robot, with_gaps[1], noise).logs
 
-        def left_by(model: Fit) -> HeldOut:
-            rated = noise_scale(held_out, otherwise=whole)
-            left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
-            left = by_chance(model, held_out, left)
-            left = left if left.adequate else within_errors(model, held_out, left)
-            return hanging(model, held_out, within_rounding(held_out, left))
+            def finished(trial: Trial) -> Fit:
+                own = in_full(trial, whole, noise, loss=loss, covariance=covariance)
+                return lost.widened(own) if lost else own
 
-        final = finished(found.final)
-        after = left_by(final)
-        found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
-        sure = all(effect.identified for effect in _named(found, fit, final))
-        if found.final and not (sure and _settled(final)):
-            held = with_parameters_held(found.final, logs, held_out, noise, report)
-            if held is not found.final:
-                found, final = replace(found, final=held), finished(held)
-                after = left_by(final)
-    if found.steps and final is not fit:
-        found = replace(found, after=after)  # what the fit in full leaves, and not what a search's few steps had left
+            def left_by(model: Fit) -> HeldOut:
+                rated = noise_scale(held_out, otherwise=whole)
+                left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
+                left = by_chance(model, held_out, left)
+                left = left if left.adequate else within_errors(model, held_out, left)
+                return hanging(model, held_out, within_rounding(held_out, left))
+
+            final = finished(found.final)
+            after = left_by(final)
+            found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
+            sure = all(effect.identified for effect in _named(found, fit, final))
+            if found.final and not (sure and _settled(final)):
+                held = with_parameters_held(found.final, logs, held_out, noise, report)
+                if held is not found.final:
+                    found, final = replace(found, final=held), finished(held)
+                    after = left_by(final)
+        if found.steps and final is not fit:
+            found = replace(
+                found, after=after
+            )  # what the fit in full leaves, and not what a search's few steps had left
+        return found, final, after, held_out
+
+    found, final, after, judging = looked(logs, held_out, whole)
+    plain = whole is logs and not (was_sorted or estimated)
+    if plain and found.steps and not after.adequate and after.foretold > current_policy().small:
+        # What is there in some logs only may show once the rest is named.
+        again, others, was_sorted = sorted_logs(final, logs, held_out, report)
+        if was_sorted:
+            second = looked(again, others, again)
+            if second[2].normalised_rms < after.normalised_rms:
+                logs, (found, final, after, judging) = again, second
+            else:
+                was_sorted = False
+    held_out = judging
     named = _named(found, fit, final)
     doubts = doubts_of(found, final, named, after)
     verdict = verdict_of(found, named, most, doubts)

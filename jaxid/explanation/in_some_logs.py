@@ -35,7 +35,7 @@ LAWS: tuple[InSomeLogs, ...] = (LoadInSomeLogs(), OtherBattery(), OtherFloor())
 """What may be there in some of the logs."""
 _FEWEST, _MOST = 3, 60
 """Logs below which nobody can say which one is another, and beyond which columns of each one's own are too many."""
-_GAP = 1.1
+_GAP = 1.04
 """Residual of the fitted logs, in units of the noise, below which too little is missing to sort logs by."""
 _SHARE = 0.5
 """Share of what is missing that changes of each log's own must explain."""

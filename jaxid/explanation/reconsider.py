@@ -15,7 +15,7 @@ from .candidate_refits import Report, all_added
 from .denser import densest
 from .laws import best_first, by_where_they_bend
 from .refit import Trial, continued, refit, refit_from_itself
-from .screen import screen
+from .screen import Candidate, screen
 from .steps import Step
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
@@ -168,6 +168,14 @@ def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
     return sorted(rivals, key=lambda t: t.id not in step.equivalent)[:_RIVALS]
 
 
+def _untried(step: Step, leading: Trial, present: Collection[str]) -> list[Candidate]:
+    """What promised to explain like a rival that now comes first, and was not refitted, since another one led."""
+    tried = {trial.id for trial in step.trials}
+    first = next((c for c in step.screened if c.effect.id == leading.id), None)
+    untried = [c for c in step.screened if c.effect.id not in tried and c.effect.id not in present and c.gain > 0]
+    return [c for c in untried if first is not None and c.like(first)][:_RIVALS]
+
+
 def reconsidered(
     steps: list[Step], final: Trial, base: Trial, logs, held_out, noise, say: Report
 ) -> tuple[list[Step], Trial]:
@@ -209,6 +217,11 @@ def reconsidered(
                     f"other constants instead of {step.chosen.id}: held-out {right.held_out.normalised_rms:.3f} x noise"
                 )
                 trials.append(right)
+        leading = min(trials, key=lambda t: t.score)
+        if leading.id != step.chosen.id and not final.angles:
+            for other in _untried(step, leading, present):
+                laws = _by_laws(other.effect, bare, base, logs, held_out, noise, say)
+                trials += best_first(laws)[:1]
         mechanisms = by_where_they_bend([[trial] for trial in sorted(trials, key=lambda t: t.score)], bare)
         trials = simplest_first([own[0] for own in mechanisms])
         final = trials[0]
