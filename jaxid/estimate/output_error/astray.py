@@ -32,8 +32,9 @@ def stands_out(problem: Problem, optimum: Optimum, others: float = np.inf) -> in
     squares = np.asarray(optimum.triangle.squares).sum(axis=1)[there]
     left = np.sqrt(squares / counted[there])
     worst = int(np.argmax(left))
-    middle, noise = float(np.median(left)), 1.0 + _SURE / np.sqrt(2.0 * counted[there][worst])
-    if not left[worst] > max(noise, _STANDS_OUT * middle) or middle > others:
+    # From the others, and not from the noise that neighbouring samples show, which rounding overrates.
+    middle, chance = float(np.median(left)), 1.0 + _SURE / np.sqrt(2.0 * counted[there][worst])
+    if not left[worst] > max(chance, _STANDS_OUT) * middle or middle > others:
         return None
     return int(there[worst])
 
