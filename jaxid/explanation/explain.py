@@ -299,9 +299,8 @@ def explain(
                     found, final = replace(found, final=held), finished(held)
                     after = left_by(final)
         if found.steps and final is not fit:
-            found = replace(
-                found, after=after
-            )  # what the fit in full leaves, and not what a search's few steps had left
+            # What the fit in full leaves, and not what a search's few steps had left.
+            found = replace(found, after=after)
         return found, final, after, held_out
 
     found, final, after, judging = looked(logs, held_out, whole)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..estimate.output_error.output_error import output_error
 from ..estimate.result import Fit
-from ..logs import Log, LogSet, noise_scale
+from ..logs import Log, LogError, LogSet, noise_scale
 from ..parameters import ParameterError
 from .heldout import HeldOut, held_out_state
 from .overrated import in_its_own_noise
@@ -38,7 +38,7 @@ def unlike_the_others(fit: Fit, logs: LogSet, held_out: LogSet, odd: Sequence[st
     rest, check = LogSet(others), LogSet(judging)
     try:
         again = output_error(fit.robot, rest)
-    except ParameterError:
+    except (ParameterError, LogError):
         return ""
     noise = noise_scale(check, otherwise=rest)
     left = in_its_own_noise(again, check, held_out_state(again.robot, check, noise))
