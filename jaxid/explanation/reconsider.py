@@ -165,7 +165,7 @@ def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
     without = max(t.score for t in (*step.trials[1:], step.after, step.before) if np.isfinite(t.score))
     least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (without - chosen)
     rivals = [t for t in step.trials[1:] if t.score < least and t.id not in present]
-    return sorted(rivals, key=lambda t: t.id not in step.equivalent)[:_RIVALS]
+    return sorted(rivals, key=lambda t: (t.id not in step.equivalent, t.score))[:_RIVALS]
 
 
 def _untried(step: Step, leading: Trial, present: Collection[str]) -> list[Candidate]:

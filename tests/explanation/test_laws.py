@@ -219,6 +219,23 @@ def test_a_curve_that_falls_towards_standstill_is_rather_a_bend_of_the_viscous_f
         assert law.agrees(robot) is rises
 
 
+def test_a_bend_that_falls_at_once_is_rather_friction_that_rises_towards_standstill():
+    """Of which the Coulomb friction takes the level; one that grows with the cube of the speed is none, nor one that levels off."""
+    axis = Axis()
+    law = effect_by_id(axis, "sublinear_viscous_friction", "shape")
+    assert law.rather == "stribeck_friction"
+    reach = axis.scales.speed
+    for bend, agrees in (
+        (lambda s: -(1.0 - np.exp(-8.0 * s)), False),
+        (lambda s: s**3, True),
+        (lambda s: s**3 - s, True),
+        (lambda s: 1.0 - np.exp(-8.0 * s), True),
+    ):
+        heights = {law.height(k): float(bend(law.places[k])) for k in law.varying}
+        robot = (axis + law).with_values(**heights, **{law.key("reach"): reach})
+        assert law.agrees(robot) is agrees
+
+
 @pytest.mark.parametrize("seed", [31095, 31145])
 def test_rounded_speeds_of_a_complete_model_hide_nothing(tmp_path, seed):
     """What rounding makes of slow signals is slow, and below the noise that neighbouring samples show."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
@@ -80,6 +81,11 @@ class SaturatingViscousFriction(SublinearViscousFriction):
         return jnp.where(near, 1.0 - x * x / 3.0, jnp.tanh(x) / jnp.where(near, 1.0, x))
 
 
+_AT_ONCE = 1.0 / 3.0
+"""Share of the reach within which friction that rises towards standstill has fallen; a cube of the speed is farthest from a
+straight line at 0.58 of it."""
+
+
 @dataclass(frozen=True)
 class ViscousCurve(Curve):
     """How far the friction of every drive axis is from a straight line, as a curve of its speed at the rim.
@@ -94,6 +100,17 @@ class ViscousCurve(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.15, 0.4, 0.7, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|speed|"
+    rather: ClassVar[str] = "stribeck_friction"
+
+    def agrees(self, robot: Robot) -> bool:
+        """Whether it bends with the speed: what falls right after standstill and is level then is friction that rises towards
+        standstill, of which the Coulomb friction took the level."""
+        parts = self.parts(robot) if self.apart else ("",)
+        speeds = np.linspace(0.0, robot.parameters[self.key("reach")].value, 101)
+        bend = sum(np.asarray(self.at(speeds, robot.parameters.numbers, self.of(part))) for part in parts)
+        off = bend - bend[-1] * speeds / speeds[-1]
+        farthest = int(np.argmax(np.abs(off)))
+        return not (off[farthest] < 0 and speeds[farthest] < _AT_ONCE * speeds[-1])
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return axis_names(robot)
