@@ -20,7 +20,7 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
         doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
     elif after.foretold > current_policy().many and not (after.by_chance or after.within_errors or all_noise(found)):
         doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
-    elif len(named) > 1 and _more_than_imprecise(named, after) and not all_noise(found):
+    elif len(named) > 1 and _more_than_imprecise(named, final, after) and not all_noise(found):
         doubts.append(
             f"with {len(named)} effects the held-out error is still {after.normalised_rms:.3g} times the noise, so that one "
             "may stand for what another's law lacks"
@@ -35,10 +35,12 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
     return tuple(doubts)
 
 
-def _more_than_imprecise(named: Sequence[NamedEffect], after: HeldOut) -> bool:
-    """Whether more is left than what laws near the right ones leave of their own."""
+def _more_than_imprecise(named: Sequence[NamedEffect], final: Fit, after: HeldOut) -> bool:
+    """Whether more is left than what laws near the right ones leave of their own; than what a curve does where the fit with
+    them is not poor."""
     policy = current_policy()
-    curve = any(effect.law == SHAPE for effect in named)
+    poor = final.judgement is not None and final.judgement.verdict == "poor"
+    curve = not poor and any(effect.law == SHAPE for effect in named)
     return not after.adequate and after.foretold > (policy.coarse_curve if curve else policy.coarse_law)
 
 

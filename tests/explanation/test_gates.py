@@ -107,6 +107,10 @@ def test_two_names_that_leave_more_than_an_imprecise_law_are_not_given(heavy_tai
     of_a_curve = replace(other, law="shape")  # through few points, which follow a law less closely
     assert verdict(fit, 10.0, policy.coarse_law + 0.01, named(), of_a_curve)[0] == "named"
     assert verdict(fit, 10.0, policy.coarse_curve + 0.01, named(), of_a_curve)[0] == "unexplained"
+    # What the fit with them says itself: it does not follow its own logs.
+    poor = replace(fit, judgement=replace(fit.judgement, verdict="poor"))
+    assert verdict(poor, 10.0, policy.coarse_curve - 0.01, named(), of_a_curve)[0] == "unexplained"
+    assert verdict(poor, 10.0, policy.coarse_law - 0.01, named(), of_a_curve)[0] == "named"
     assert verdict(fit, 10.0, policy.coarse_curve + 0.01, named())[0] == "named"  # one alone is what explains most
 
 

@@ -107,7 +107,8 @@ class ViscousCurve(Curve):
         standstill, of which the Coulomb friction took the level."""
         parts = self.parts(robot) if self.apart else ("",)
         speeds = np.linspace(0.0, robot.parameters[self.key("reach")].value, 101)
-        bend = sum(np.asarray(self.at(speeds, robot.parameters.numbers, self.of(part))) for part in parts)
+        numbers = robot.parameters.numbers
+        bend = np.sum([np.asarray(self.at(speeds, numbers, self.of(part))) for part in parts], axis=0)
         off = bend - bend[-1] * speeds / speeds[-1]
         farthest = int(np.argmax(np.abs(off)))
         return not (off[farthest] < 0 and speeds[farthest] < _AT_ONCE * speeds[-1])
