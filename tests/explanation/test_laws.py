@@ -220,7 +220,7 @@ def test_a_curve_that_falls_towards_standstill_is_rather_a_bend_of_the_viscous_f
 
 
 def test_a_bend_that_falls_at_once_is_rather_friction_that_rises_towards_standstill():
-    """Of which the Coulomb friction takes the level; a bend that grows with the cube of the speed is none, nor one that levels off."""
+    """The Coulomb friction takes its level; one that grows with the cube of the speed is none, nor one that levels off."""
     axis = Axis()
     law = effect_by_id(axis, "sublinear_viscous_friction", "shape")
     assert law.rather == "stribeck_friction"
