@@ -50,13 +50,12 @@ def unlike_the_others(fit: Fit, logs: LogSet, held_out: LogSet, odd: Sequence[st
         return ""
     told = "; ".join(_in_words(log, state) for log, state in own[:_TOLD])
     more = f" (and {len(own) - _TOLD} more)" if len(own) > _TOLD else ""
-    several = len(own) > 1
+    many = len(own) > 1
     return (
-        f"All logs but {len(own) if several else 'one'} are explained by the robot as it is: fitted without "
-        f"{'them' if several else 'it'}, nothing is missing on the {'other ' if len(check) < len(held_out) else ''}held-out "
-        f"logs. What is left is in {told}{more}. Something happened there (a push, a lift, a collision, a sensor that failed "
-        f"for a moment), or {'these logs go' if several else 'this log goes'} where no other does, and something is missing "
-        f"there: look at {'them' if several else 'it'}, and explain the others without {'them' if several else 'it'}."
+        f"All logs but {len(own) if many else 'one'} are explained by the robot as it is: fitted without "
+        f"{'them' if many else 'it'}, nothing is missing on the {'other ' if len(check) < len(held_out) else ''}held-out "
+        f"logs. What is left is in {told}{more}: a push, a lift, a sensor that failed for a moment, or something that is "
+        "missing where no other log goes."
     )
 
 
