@@ -21,7 +21,7 @@ from .laws import (
 )
 from .policy import current_policy
 from .refit import Trial, continued, refit_from_itself
-from .screen import Candidate
+from .screen import Candidate, alike_to
 from .steps import Step
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets
@@ -69,9 +69,7 @@ def _as_near(trials: Sequence[Trial], base: Trial) -> list[str]:
 
 def _untried(trials: Sequence[Trial], likely: Sequence[Candidate]) -> list[Candidate]:
     """The candidates that explain like the first of the trials and were not refitted, since another one led until last."""
-    tried = {trial.id for trial in trials}
-    first = next((c for c in likely if c.effect.id == trials[0].id), None)
-    return [c for c in likely if first is not None and c.like(first) and c.effect.id not in tried][:_MOST_ALIKE]
+    return alike_to(trials[0].id, likely, {trial.id for trial in trials})[:_MOST_ALIKE]
 
 
 def name_next(
@@ -170,7 +168,7 @@ def or_constants(
 ) -> Step | None:
     """The step as it was found, or that to right values of the table where no formula reaches the noise and they do better."""
     best = found.chosen if found is not None else None
-    settled = best is not None and best.fitted.adequate and best.held_out.adequate and best.law != SHAPE
+    settled = best is not None and best.fitted.adequate and best.law != SHAPE
     if settled or (best is not None and best.in_colour is not None):
         return found
     if any(effect.id == TableConstants.id for effect in base.robot.effects):

@@ -15,7 +15,7 @@ from .candidate_refits import Report, all_added
 from .denser import densest
 from .laws import best_first, by_where_they_bend
 from .refit import Trial, continued, refit, refit_from_itself
-from .screen import Candidate, screen
+from .screen import Candidate, alike_to, screen
 from .steps import Step
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
@@ -170,10 +170,8 @@ def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
 
 def _untried(step: Step, leading: Trial, present: Collection[str]) -> list[Candidate]:
     """What promised to explain like a rival that now comes first, and was not refitted, since another one led."""
-    tried = {trial.id for trial in step.trials}
-    first = next((c for c in step.screened if c.effect.id == leading.id), None)
-    untried = [c for c in step.screened if c.effect.id not in tried and c.effect.id not in present and c.gain > 0]
-    return [c for c in untried if first is not None and c.like(first)][:_RIVALS]
+    without = {trial.id for trial in step.trials} | set(present)
+    return [c for c in alike_to(leading.id, step.screened, without) if c.gain > 0][:_RIVALS]
 
 
 def reconsidered(

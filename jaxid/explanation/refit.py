@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -163,11 +164,9 @@ def refit(
         problem = free if repeats else problem
         optimum = minimise_compiled(structure, problem, optimum.unknowns, max_steps=max_steps)
     if max_steps >= _STEPS and not isinstance(logs, Windows):
-
-        def minimise(rest: Problem, unknowns: Unknowns) -> Optimum:
-            return minimise_compiled(structure, rest, unknowns, max_steps=max_steps)
-
-        optimum = past_the_astray(problem, optimum, minimise, _EXPLAINED)
+        optimum = past_the_astray(
+            problem, optimum, partial(minimise_compiled, structure, max_steps=max_steps), _EXPLAINED
+        )
     values, squares = by_name(structure, problem, optimum.unknowns), chi_squared(problem, optimum, free)
     if not _can_be_simulated(robot, values, held_out):  # it ran away
         values, squares = {name: {**known, **starts[0]}[name] for name in structure.names}, np.inf

@@ -5,7 +5,7 @@ baseline fit, projected off the changes that the fitted parameters can make them
 The simulations are lanes of one program for every mechanism (`probed.py`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -57,6 +57,12 @@ class Candidate:
         if self.direction.shape != other.direction.shape:  # of whole logs and of windows
             return False
         return abs(float(self.direction @ other.direction)) > current_policy().alike
+
+
+def alike_to(identifier: str, candidates: Sequence[Candidate], without: Collection[str]) -> list[Candidate]:
+    """The candidates that explain by the same change as that of the effect `identifier`, but for those of the ids `without`."""
+    first = next((c for c in candidates if c.effect.id == identifier), None)
+    return [c for c in candidates if first is not None and c.like(first) and c.effect.id not in without]
 
 
 @in_float64

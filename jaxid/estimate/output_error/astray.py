@@ -4,7 +4,7 @@ A caster that swings round on the other side in a reversal, or an axis that just
 lies another minimum, to which the other logs would lead. So the log that stands out is left out for a while.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,13 @@ _FEWEST, _MOST = 3, 2
 """Logs from which one can stand out, and how many are left out, one after another."""
 _LOWER = 1.0
 """Half chi-squared by which the cost has to fall for another minimum to be one."""
+
+
+def without(problem: Problem, logs: Sequence[int]) -> Problem:
+    """The problem in which the logs of these numbers have no weight."""
+    kept = np.ones(problem.mask.shape[0], dtype=bool)
+    kept[list(logs)] = False
+    return replace(problem, mask=np.asarray(np.asarray(problem.mask) & kept[:, None, None]))
 
 
 def stands_out(problem: Problem, optimum: Optimum, others: float = np.inf) -> int | None:
@@ -48,9 +55,7 @@ def past_the_astray(
         log = stands_out(problem, optimum, others)
         if log is None:
             break
-        mask = np.array(problem.mask)
-        mask[log] = False
-        away = minimise(replace(problem, mask=mask), optimum.unknowns)
+        away = minimise(without(problem, [log]), optimum.unknowns)
         if not np.isfinite(away.cost) or bool(away.diverged):
             break
         states = np.array(away.unknowns.states)

@@ -1,12 +1,9 @@
 """From where a fit begins to its first minimum, with rescues where that is a poor one and without the logs on which the
 simulation diverges."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from functools import partial
 
-import numpy as np
-
-from .astray import past_the_astray
+from .astray import past_the_astray, without
 from .globalise import ambiguous_index, globalise
 from .optimum import Optimum
 from .posed import Options, Posed
@@ -21,13 +18,6 @@ def linear_unknowns(fit: Posed, problem: Problem) -> Unknowns | None:
     return None if z is None else fit.unknowns._replace(z=z)
 
 
-def _without(problem: Problem, logs: Sequence[int]) -> Problem:
-    """The problem in which the logs of these numbers have no weight."""
-    kept = np.ones(problem.mask.shape[0], dtype=bool)
-    kept[list(logs)] = False
-    return replace(problem, mask=np.asarray(np.asarray(problem.mask) & kept[:, None, None]))
-
-
 def _where_it_converges(fit: Posed, options: Options) -> tuple[Problem, Optimum, list[int]]:
     """The minimum, its problem, and the numbers of logs left out because the simulation diverges on them alone.
 
@@ -38,12 +28,12 @@ def _where_it_converges(fit: Posed, options: Options) -> tuple[Problem, Optimum,
     bad = diverging(optimum)
     if not bad or len(bad) == problem.mask.shape[0]:
         return problem, optimum, []
-    optimum = options.minimise(structure, _without(problem, bad), fit.unknowns)
+    optimum = options.minimise(structure, without(problem, bad), fit.unknowns)
     again = options.minimise(structure, problem, optimum.unknowns)
     bad = diverging(again)
     if not bad:
         return problem, again, []
-    rest = _without(problem, bad)
+    rest = without(problem, bad)
     return rest, options.minimise(structure, rest, optimum.unknowns), bad
 
 
@@ -81,11 +71,7 @@ def _past(fit: Posed, options: Options, optimum: Optimum) -> Optimum:
     """The minimum beyond the one in which a single log holds all; windows, which begin where the log is, know no such."""
     if fit.window is not None:
         return optimum
-
-    def minimise(problem: Problem, unknowns: Unknowns) -> Optimum:
-        return options.minimise(fit.structure, problem, unknowns)
-
-    found = past_the_astray(fit.problem, optimum, minimise)
+    found = past_the_astray(fit.problem, optimum, partial(options.minimise, fit.structure))
     if found is not optimum:
         options.report("one log held the others in a poor minimum; went on from where it was left out")
     return found
