@@ -17,7 +17,7 @@ from ..effects import laws_of
 from ..estimate.confidence.agreement import rms
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.result import Fit
-from ..logs import Log, LogSet
+from ..logs import Log, LogSet, noise_scale
 from ..robots.draw import Draw
 from ..robots.effect import Effect
 from ..robots.robot import Robot
@@ -25,7 +25,7 @@ from ..robots.signal_path import overrides
 from ..simulation.simulate import integrator_for, simulate
 from .candidate_refits import Report
 from .denser import bare_of
-from .heldout import HeldOut, scaled_residuals, structure
+from .heldout import HeldOut, held_out_state, scaled_residuals, structure
 from .reconsider import refitted_like, with_effects
 from .refit import Trial, continued, in_full
 from .steps import Step
@@ -38,22 +38,28 @@ Residuals = list[NDArray[np.float64]]
 
 
 @in_float64
-def by_chance(fit: Fit, held_out: LogSet, state: HeldOut) -> HeldOut:
+def by_chance(fit: Fit, logs: LogSet, held_out: LogSet, state: HeldOut) -> HeldOut:
     """`state`, which `fit` leaves on the `held_out` logs, marked as left by chance where one of its effects scatters and draws
-    of it leave as much: by size and by autocorrelations, at the level at which complete models are called incomplete."""
+    of it leave as much: by size and by autocorrelations, at the level at which complete models are called incomplete.
+
+    Of the fitted `logs` they must leave no less than the fit does: what is missing may show in few logs only.
+    """
     scattering = next((effect for effect in fit.robot.effects if _scatters(effect)), None)
     if scattering is None or state.adequate or state.diverged or state.simulated_freely is not None:
         return state
     ways = range(len(scattering.draws(fit.robot.parameters.numbers, fit.robot)))
-    return replace(state, by_chance=any(_as_drawn(fit, scattering, way, held_out, state) for way in ways))
+    drawn = [way for way in ways if _as_drawn(fit, scattering, way, held_out, state)]
+    of_fitted = held_out_state(fit.robot, logs, noise_scale(logs, otherwise=held_out)) if drawn else state
+    return replace(state, by_chance=any(_as_drawn(fit, scattering, way, logs, of_fitted, True) for way in drawn))
 
 
 def _scatters(effect: Effect) -> bool:
     return overrides(type(effect), "draws")
 
 
-def _as_drawn(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut) -> bool:
-    """Whether the `state` is like draws of `effect` in one `way` of several: two tests, each of them from both sides."""
+def _as_drawn(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut, no_more: bool = False) -> bool:
+    """Whether the `state` is like draws of `effect` in one `way` of several: two tests, each of them from both sides; or that
+    it is `no_more` than they are."""
     seen = np.array(_measures(state.residuals))
     drawn = np.array([_measures(own) for own in _draws(fit, effect, way, held_out, state)])
     if not (np.all(seen > 0) and np.all(drawn > 0)):  # too few samples for autocorrelations
@@ -61,6 +67,8 @@ def _as_drawn(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldO
     seen, drawn = np.log(seen), np.log(drawn)
     spread = np.std(drawn, axis=0, ddof=1)
     spread[0] = np.hypot(spread[0], state.noise_error)
+    if no_more:
+        return bool(2.0 * normal_tail((seen[0] - np.mean(drawn[:, 0])) / spread[0]) >= state.false_alarm)
     far = np.abs(seen - np.mean(drawn, axis=0)) / spread
     return bool(np.all(np.isfinite(far)) and all(4.0 * float(normal_tail(one)) >= state.false_alarm for one in far))
 
@@ -132,7 +140,7 @@ def rather_by_chance(
             # How sure a difference is, its own scatter says: what chance leaves comes with the changes of command.
             if clearly_better(current.fitted, trial.fitted):
                 continue
-            state = by_chance(in_full(trial, logs, noise), held_out, trial.held_out)
+            state = by_chance(in_full(trial, logs, noise), logs, held_out, trial.held_out)
             if state.by_chance:
                 say(f"{law.title}: what is left, {state.normalised_rms:.3f} x noise, is what its scatter leaves")
                 found.append(replace(trial, held_out=state))

@@ -285,7 +285,7 @@ def explain(
             def left_by(model: Fit) -> HeldOut:
                 rated = noise_scale(held_out, otherwise=whole)
                 left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
-                left = by_chance(model, held_out, left)
+                left = by_chance(model, logs, held_out, left)
                 left = left if left.adequate else within_errors(model, held_out, left)
                 return hanging(model, held_out, within_rounding(held_out, left))
 

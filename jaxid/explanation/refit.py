@@ -8,7 +8,6 @@ import numpy as np
 
 from .._arrays import array
 from .._float64 import in_float64
-from ..effects.curve import Curve
 from ..estimate.confidence.agreement import rms
 from ..estimate.output_error.astray import past_the_astray
 from ..estimate.output_error.conclude import Covariance, simulated_at
@@ -17,7 +16,7 @@ from ..estimate.output_error.in_turns import compile_ahead
 from ..estimate.output_error.losses import Loss
 from ..estimate.output_error.magnitudes import effects as changes_by
 from ..estimate.output_error.optimum import Optimum
-from ..estimate.output_error.output_error import output_error
+from ..estimate.output_error.output_error import refined
 from ..estimate.output_error.problem import Problem, Structure, Unknowns
 from ..estimate.output_error.setup import build
 from ..estimate.output_error.solvers import minimise_compiled
@@ -43,12 +42,11 @@ from .prescribed_angles import (
     with_prescribed_angles,
 )
 from .smoothed_angles import Angles
+from .unseen_heights import UNSEEN, held_level, undetermined, unseen_by
 
 _STEPS = 25
 _WEAKER = (1.0, 0.1, 0.01)
 """Shares of an effect's first guess that are tried one after another while the simulation diverges."""
-_UNSEEN = 0.01
-"""Change of a whole simulation, in units of the noise, by a curve's height of typical size, that nobody can see."""
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
 _EXPLAINED = 1.1
 """Residual, in units of the noise, below which the middle log is explained: one that stands out may be due to the minimum."""
@@ -170,10 +168,16 @@ def refit(
     values, squares = by_name(structure, problem, optimum.unknowns), chi_squared(problem, optimum, free)
     if not _can_be_simulated(robot, values, held_out):  # it ran away
         values, squares = {name: {**known, **starts[0]}[name] for name in structure.names}, np.inf
-    unseen = _unseen(robot, problem, optimum, structure.names)
-    found = robot.with_values(**values | {name: known[name] for name in unseen})
-    for name in unseen:
-        found = found.change(name, free=False)
+    changes = dict(zip(structure.names, changes_by(problem, optimum.triangle).tolist(), strict=True))
+    found = robot.with_values(**values)
+    unseen = unseen_by(found, changes)
+    found = held_level(found, unseen)
+    if np.isfinite(squares) and any(
+        changes[name] * abs(found.parameters[name].value - values[name]) > UNSEEN for name in unseen
+    ):  # what it was left at was of consequence
+        start = {name: found.parameters[name].value for name in found.parameters.free_names}
+        states = initial_states_at(robot, logs, structure, problem, optimum.unknowns)
+        return refit(found, [start], logs, held_out, noise, states, max_steps, angles=problem.prescribed or None)
     return Trial(
         id=robot.effects[-1].id if robot.effects else "",
         robot=found,
@@ -184,20 +188,6 @@ def refit(
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         angles=problem.prescribed or None,
     )
-
-
-def _unseen(robot: Robot, problem: Problem, optimum: Optimum, names: Sequence[str]) -> list[str]:
-    """The heights of curves where these logs have nothing: the search would leave them anywhere, and with them all that is
-    predicted of logs that do get there."""
-    heights = {
-        n for effect in robot.effects if isinstance(effect, Curve) for n in robot.parameters if effect.is_height(n)
-    }
-    changes = changes_by(problem, optimum.triangle)
-    return [
-        name
-        for name, change in zip(names, changes, strict=True)
-        if name in heights and change * (robot.parameters[name].typical or 1.0) < _UNSEEN
-    ]
 
 
 def _can_be_simulated(robot: Robot, values: Mapping[str, float], logs: LogSet) -> bool:
@@ -271,7 +261,14 @@ def in_full(
     Where wheels' angles have to be prescribed, the loss is that of squares.
     """
     robot = replace(trial.robot, effects=tuple(effect.sharp for effect in trial.robot.effects))
-    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
-    if trial.angles:
-        return fit_with_prescribed_angles(robot, logs, noise, start, trial.initial_states)
-    return output_error(robot, logs, start=start, loss=loss, covariance=covariance, windows=None, max_steps=60)
+
+    def fitted(robot: Robot) -> Fit:
+        start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        if trial.angles:
+            return fit_with_prescribed_angles(robot, logs, noise, start, trial.initial_states)
+        return refined(robot, logs, start, loss=loss, covariance=covariance)
+
+    fit = fitted(robot)
+    while lost := undetermined(fit.robot, {name: fit[name].std_error for name in fit.free_names}):
+        fit = fitted(held_level(fit.robot, lost))
+    return fit

@@ -47,7 +47,7 @@ def _first(log, samples):
 
 def _judged(law, fit_logs, held_out):
     fit = output_error(AXIS_MODEL + effect_by_id(AXIS_MODEL, law, "jittering"), fit_logs)
-    return by_chance(fit, held_out, held_out_state(fit.robot, held_out, {"v": NOISE}))
+    return by_chance(fit, fit_logs, held_out, held_out_state(fit.robot, held_out, {"v": NOISE}))
 
 
 def test_commands_that_scatter_leave_what_draws_of_them_leave_and_no_draws_of_samples_do():
@@ -68,11 +68,17 @@ def test_what_is_missing_besides_is_not_left_by_chance():
     assert not _judged("input_delay", *_logs(commands=True, push=0.4)).by_chance
 
 
+def test_what_is_missing_in_fitted_logs_alone_is_not_left_by_chance():
+    pushed, held_out = _logs(commands=True, push=1.0)[0], _logs(commands=True)[1]
+    assert _judged("input_delay", *_logs(commands=True)).by_chance
+    assert not _judged("input_delay", pushed, held_out).by_chance
+
+
 def test_a_model_without_such_a_law_is_judged_as_before():
     fit_logs, held_out = _logs()
     fit = output_error(AXIS_MODEL, fit_logs)
     state = replace(held_out_state(fit.robot, held_out), normalised_rms=3.0)
-    assert by_chance(fit, held_out, state) is state
+    assert by_chance(fit, fit_logs, held_out, state) is state
 
 
 def test_too_few_samples_for_autocorrelations_are_not_said_to_be_chance():
@@ -80,7 +86,7 @@ def test_too_few_samples_for_autocorrelations_are_not_said_to_be_chance():
     fit = output_error(AXIS_MODEL + effect_by_id(AXIS_MODEL, "input_delay", "jittering"), fit_logs)
     short = LogSet([_first(held_out[0], 60)])
     state = held_out_state(fit.robot, short, {"v": NOISE / 10.0})
-    assert not state.adequate and not by_chance(fit, short, state).by_chance
+    assert not state.adequate and not by_chance(fit, fit_logs, short, state).by_chance
 
 
 def test_late_commands_are_named_though_no_model_foretells_them():

@@ -62,6 +62,7 @@ def first_minimum(fit: Posed, options: Options, unless: Unless | None = None) ->
         fit.start,
         max_steps=options.max_steps,
         solver=options.solver,
+        far_starts=options.far_starts,
         report=options.report,
     )
     return problem, _past(fit, options, optimum), []

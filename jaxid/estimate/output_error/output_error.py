@@ -5,7 +5,7 @@ error over all logs at once, every channel in units of its noise, which is estim
 logged inputs only; no measurement is fed back, so noise on the outputs biases nothing (Ljung 1999, section 7).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 from ..._compile import seldom_collected
@@ -88,16 +88,35 @@ def output_error(
     every_start(robot, start)  # nothing is simulated before a mistake in the start is told
     check_free(robot)
     options = Options(initial_states, integrator, loss_named(loss), solver, covariance, clock_offset, max_steps, report)
-
-    def again(others: LogSet, found: Fit) -> Fit:
-        return fitted(robot, others, options, found, None)
-
     if windows != "auto":
-        return with_stamps_noted(fitted(robot, logs, options, start, windows), logs, again)
+        return _with_stamps_noted(fitted(robot, logs, options, start, windows), robot, logs, options)
 
     def once(window: float | None, start: Starts, unless: Unless | None = None) -> Fit:
         if window is not None:
             report(f"windows of {window:.3g} s")
         return fitted(robot, logs, options, start, window, unless)
 
-    return with_stamps_noted(choose(robot, logs, once, start), logs, again)
+    return _with_stamps_noted(choose(robot, logs, once, start), robot, logs, options)
+
+
+def _with_stamps_noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
+    return with_stamps_noted(found, logs, lambda others, start: fitted(robot, others, options, start, None))
+
+
+@with_origin
+@in_float64
+@seldom_collected()
+def refined(
+    robot: Robot,
+    logs: LogSet,
+    start: Mapping[str, float],
+    *,
+    loss: Loss | str = "squares",
+    covariance: Covariance = "auto",
+    max_steps: int = 60,
+) -> Fit:
+    """`output_error` by free simulation from `start`, values to which a fit of this model to these logs came already: none
+    further off are tried, whatever it leaves."""
+    options = Options("auto", None, loss_named(loss), DEFAULT, covariance, False, max_steps, _silent, far_starts=False)
+    logs = given_logs(robot, logs)
+    return _with_stamps_noted(fitted(robot, logs, options, start, None), robot, logs, options)

@@ -38,6 +38,8 @@ class Options:
     clock_offset: bool
     max_steps: int
     report: Callable[[str], None]
+    far_starts: bool = True
+    """Whether starts further off are tried where the first, and those at hand, lead to a poor minimum."""
 
     @property
     def squares(self) -> bool:

@@ -99,6 +99,7 @@ def recovered(
     *,
     max_steps: int,
     solver: Solver = DEFAULT,
+    far_starts: bool = True,
     report: Callable[[str], None],
 ) -> Optimum:
     """The best minimum that other starts than `unknowns` lead to as well, or `optimum`, the first one, if it needs none."""
@@ -129,7 +130,7 @@ def recovered(
             best = found
         if agree or not doubtful(best):
             return best
-    if solver is not DEFAULT:
+    if solver is not DEFAULT or not far_starts:
         return best
     report(f"{_LANES} starts further off")
     lanes = _scattered(problem, [best.unknowns.z, unknowns.z], unknowns.states)
