@@ -26,8 +26,9 @@ from .rollout import commanded as _commanded_one
 Array = Any
 """NumPy's, or what can be read as such."""
 _MOST_MODELS = 256
-_SELDOM = 300
-"""Runs on one shape up to which NumPy, at up to ten times the time of XLA's program, is done before XLA has compiled."""
+_SELDOM = 4_000_000
+"""Numbers computed on one shape up to which NumPy, at up to ten times the time of XLA's program (some 0.3 µs a number), is done
+before XLA has compiled (1 to 2 s)."""
 _TRIED = 3
 """Samples of the record on which it is seen which parameters an effect reads."""
 
@@ -151,7 +152,7 @@ _in_xla = {
 
 
 class _Runs:
-    """A function of arrays of given shapes, and how often it has run: what runs often is worth compiling."""
+    """A function of arrays of given shapes, and how much it has computed: what computes much is worth compiling."""
 
     def __init__(self, function: Callable[..., Any], fixed: tuple[Any, ...], shapes: tuple[tuple[int, ...], ...]):
         self.function, self.fixed, self.left = function, fixed, _SELDOM
@@ -162,10 +163,11 @@ class _Runs:
             self.left = 0
 
     def __call__(self, *arrays: np.ndarray) -> np.ndarray:
-        if self.left == 0:
+        if self.left <= 0:
             return np.asarray(_in_xla[self.function](*self.fixed, *arrays))
-        self.left -= 1
-        return self.steps(*arrays)[0]
+        (found,) = self.steps(*arrays)
+        self.left -= found.size
+        return found
 
 
 _runs = lru_cache(_MOST_MODELS)(_Runs)
