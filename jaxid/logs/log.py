@@ -229,7 +229,10 @@ class Log:
         return names.index(name)
 
     def window(self, start: float | None = None, stop: float | None = None) -> "Log":
-        """The samples with start <= t < stop [s, the log's own time]; raises `LogError` if fewer than two remain."""
+        """The samples with start <= t < stop [s, the log's own time]; raises `LogError` if fewer than two remain.
+
+        Where it begins later than the log it is `cut`: it may begin in motion, whatever a late sensor's first sample shows.
+        """
         start = -np.inf if start is None else start
         stop = np.inf if stop is None else stop
         rows = np.flatnonzero((self.time >= start) & (self.time < stop))
@@ -254,6 +257,7 @@ class Log:
             self.extra.iloc[first:last],
             self.source,
             tuple(findings),
+            cut=self.cut or first > 0,
         )
 
     def to_frame(self) -> pd.DataFrame:

@@ -67,6 +67,8 @@ def test_window_keeps_start_leaves_out_stop_and_the_set_keeps_names_apart():
     assert part.time[0] == 0.5 and part.time[-1] < 1.0 and len(part) == 25
     np.testing.assert_array_equal(part.inputs, log.inputs[25:50])
     assert LogSet([log, part]).names == ("a.csv", part.name)
+    # Where it begins later, it may begin in motion, whatever its first sample shows.
+    assert part.cut and not log.window(0.0, 1.0).cut and log.window(0.5).window(0.5, 1.0).cut
     with pytest.raises(LogError, match="from 0 to 1.98 s"):
         log.window(5, 6)
 
