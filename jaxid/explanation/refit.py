@@ -50,6 +50,8 @@ _WEAKER = (1.0, 0.1, 0.01)
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
 _EXPLAINED = 1.1
 """Residual, in units of the noise, below which the middle log is explained: one that stands out may be due to the minimum."""
+_WORSE = 1.1
+"""Ratio of residuals from which heights that are held, because nothing tells them, were needed all the same."""
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
 
@@ -270,5 +272,8 @@ def in_full(
 
     fit = fitted(robot)
     while lost := undetermined(fit.robot, {name: fit[name].std_error for name in fit.free_names}):
-        fit = fitted(held_level(fit.robot, lost))
+        held = fitted(held_level(fit.robot, lost))
+        if any(held.noise[channel] > _WORSE * noise for channel, noise in fit.noise.items()):
+            break
+        fit = held
     return fit

@@ -69,7 +69,7 @@ def test_of_a_curve_of_which_nothing_is_told_no_height_is_level_with_another():
     forward = [n for n in robot.parameters.free_names if ".at_" in n and n.endswith("forward")]
     assert undetermined(robot, dict.fromkeys(forward, np.inf)) == []
     typical = robot.parameters[forward[0]].typical or 1.0
-    told = {**dict.fromkeys(forward, 0.1 * typical), forward[1]: np.nan, forward[-1]: 1e3 * typical}
+    told = {**dict.fromkeys(forward, 0.1 * typical), forward[1]: np.nan, forward[-1]: 1e7 * typical}
     assert undetermined(robot, told) == [forward[1], forward[-1]]
 
 

@@ -29,7 +29,9 @@ _POOR = 2.0
 _SAME = 0.5
 """Difference of costs (half chi-squared, in units of the residual left) within which two starts reached one minimum."""
 _LANES, _FACTOR, _SEED = 16, 10.0, 0
-_SHORT_STEPS, _LONG_STEPS = 15, 25
+_SHORT_STEPS, _LONG_STEPS, _LAST_STEPS = 15, 8, 17
+_AHEAD = 4
+"""Lanes that go on, those that are ahead after the first long steps."""
 
 
 def diverging(optimum: Optimum) -> list[int]:
@@ -88,6 +90,11 @@ def _scattered(problem: Problem, centres: list[Float[AnyArray, " n"]], states: F
     return Unknowns(z, np.broadcast_to(np.asarray(states), (_LANES, *states.shape)))
 
 
+def _costs(ends: Optimum) -> Float[np.ndarray, " lanes"]:
+    """The costs of lanes; those that diverged have an infinite one."""
+    return np.where(np.isfinite(ends.cost) & ~np.asarray(ends.diverged), ends.cost, np.inf)
+
+
 def recovered(
     robot: Robot,
     logs: LogSet,
@@ -136,8 +143,11 @@ def recovered(
     lanes = _scattered(problem, [best.unknowns.z, unknowns.z], unknowns.states)
     for seconds in horizons_of(problem)[:1]:
         lanes = minimise_each(structure, shortened(problem, seconds), lanes, max_steps=_SHORT_STEPS).unknowns
-    ends = minimise_each(structure, problem, lanes, max_steps=_LONG_STEPS)
-    costs = np.where(np.isfinite(ends.cost) & ~np.asarray(ends.diverged), ends.cost, np.inf)
+    halfway = minimise_each(structure, problem, lanes, max_steps=_LONG_STEPS)
+    ahead = np.argsort(_costs(halfway), kind="stable")[:_AHEAD]
+    lanes = jax.tree.map(lambda leaf: leaf[ahead], halfway.unknowns)
+    ends = minimise_each(structure, problem, lanes, max_steps=_LAST_STEPS)
+    costs = _costs(ends)
     if not np.min(costs) < best.cost:
         return best
     there = jax.tree.map(lambda leaf: leaf[int(np.argmin(costs))], ends.unknowns)
