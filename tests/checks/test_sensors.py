@@ -58,7 +58,9 @@ def test_a_sensor_that_only_rustles_is_dead_on_such_a_base_too(seed):
     assert dead(time, u, outputs) == ["vy"]
 
 
-CAR = Channels(("drive", "steer"), ("wheel", "gyro"), (), {"drive": "V", "steer": "rad", "wheel": "rad/s", "gyro": "rad/s"})
+CAR = Channels(
+    ("drive", "steer"), ("wheel", "gyro"), (), {"drive": "V", "steer": "rad", "wheel": "rad/s", "gyro": "rad/s"}
+)
 
 
 def stop_and_go(seed, curves):
