@@ -2,7 +2,7 @@
 it at rest when the log began?
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import combinations
 
 import numpy as np
@@ -59,6 +59,13 @@ def _predicted(target: Array, regressors: Array) -> float:
         gram = regressors[rest].T @ regressors[rest] + 1e-3 * rest.sum() * np.eye(regressors.shape[1])
         left[part] = target[part] - regressors[part] @ np.linalg.solve(gram, regressors[rest].T @ target[rest])
     return float(1 - np.var(left) / np.var(target))
+
+
+def _followed(targets: Iterable[Array], regressors: Array) -> float:
+    """The largest share predicted of any of the `targets [N]`, or of its change: a position or heading follows the inputs by
+    that."""
+    changes = ((_predicted(own, regressors), _predicted(np.diff(own), regressors[1:])) for own in targets)
+    return max(share for both in changes for share in both)
 
 
 def _answer(target: Array, regressors: Array) -> float:
@@ -151,14 +158,14 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
         middle, spread = np.median(values[there]), 1.4826 * np.median(np.abs(values[there] - np.median(values[there])))
         calm = np.clip(values, middle - 4 * spread, middle + 4 * spread) if spread > 0 else values
         smooth = _smooth(calm[looked], width)
+        # Of a robot that mostly drives straight on, what is far from the usual are its curves, and no outliers.
+        whole = _smooth(values[looked], width)
         regressors = _smooth(_lagged(log, others)[looked], width)
-        # A position or heading follows the inputs by its change.
-        share = max(_predicted(smooth, regressors), _predicted(np.diff(smooth), regressors[1:]))
+        share = _followed((smooth, whole), regressors)
         if share < _RELATED and _answer(smooth, regressors) < 4.5:
             # While the robot turns, axes mix, and nothing that is linear in the others follows them.
             for mixed in _mixed(log, others, list(columns), name):
-                both = _smooth(mixed[looked], width)
-                share = max(share, _predicted(smooth, both), _predicted(np.diff(smooth), both[1:]))
+                share = max(share, _followed((smooth, whole), _smooth(mixed[looked], width)))
         else:
             continue
         if share < _RELATED:

@@ -27,7 +27,7 @@ from ..robots.scales import Scales
 from ..simulation.rollout import Integrator, rollout
 from ..simulation.scaled import scales_of
 from ..simulation.simulate import integrator_for
-from ..simulation.start import initial_states, states_at
+from ..simulation.start import InitialConditions, initial_states, states_at
 from .force_filter import PREFIX, Setting, filtered, likelihoods
 from .force_filter_directly import filtered_directly, smoothed
 
@@ -181,26 +181,32 @@ def _sensed(robot: Robot, integrator: Integrator, numbers, start, inputs, dt):
     return jax.vmap(one)(start, inputs, dt)
 
 
-def _arrays(
-    robot: Robot,
-    logs: LogSet,
-    noise: Mapping[str, float],
-    known,
-    numbers,
-    integrator: Integrator,
-    sizes: Mapping[str, float],
-):
-    """Everything the filter reads of each log, [E, ...]."""
-    batch, begin = logs.batch(), initial_states(robot, logs)
-    channels = logs.channels
-    used = [c for c in channels.measured if c in channels.outputs or c in robot.states]
-    levels = np.array([noise.get(c, np.nan) for c in used])
-    columns = [channels.measured.index(c) for c in used]
+def _begin(robot: Robot, logs: LogSet, known: Mapping[str, Mapping[str, float]]) -> InitialConditions:
+    """Initial states, those that were estimated put in."""
+    begin = initial_states(robot, logs)
     states = {name: np.array(value) for name, value in begin.states.items()}
     for e, log in enumerate(logs):
         for name, value in known.get(log.name, {}).items():
             if name in states:
                 states[name][e] = value
+    return replace(begin, states=states)
+
+
+def _arrays(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    begin: InitialConditions,
+    numbers,
+    integrator: Integrator,
+    sizes: Mapping[str, float],
+):
+    """Everything the filter reads of each log, [E, ...]."""
+    batch, states = logs.batch(), begin.states
+    channels = logs.channels
+    used = [c for c in channels.measured if c in channels.outputs or c in robot.states]
+    levels = np.array([noise.get(c, np.nan) for c in used])
+    columns = [channels.measured.index(c) for c in used]
     by_state = np.array([noise.get(name, np.nan) for name in robot.states])
     seen = np.isfinite(by_state)
     size = np.array([sizes[name] for name in robot.states])
@@ -296,17 +302,20 @@ def _task(robot: Robot, logs: LogSet, noise, known_states) -> _Task:
     numbers = {name: array(float(value)) for name, value in pushed.parameters.numbers.items()}
     integrator = integrator_for(robot, logs)
     scales = scales_of(robot, logs)
-    sizes = _sizes(robot, logs, scales) | dict.fromkeys(pushed.states[len(robot.states) :], 1.0)
+    sizes = _sizes(robot, logs, scales)
     # A velocity that no sensor of its own shows is as uncertain, in units of its size, as what is measured is.
     amplitude = {c: float(np.nanstd(np.concatenate([log.output(c) for log in logs]))) for c in noise}
     usual = float(np.median([noise[c] / size for c, size in amplitude.items() if size > 0] or [1e-2]))
     of_speeds = {name: noise.get(name, usual * sizes[name]) for name in names}
-    arrays = _arrays(pushed, logs, noise, known_states or {}, numbers, integrator, sizes)
-    start = {name: np.asarray(arrays["start"])[0, i] for i, name in enumerate(pushed.states)}
-    arrays = _filled_up(arrays)
     setting = Setting(pushed.structure, integrator, names)
     response = _RESPONSE * scales.interval
-    return _Task(setting, units, numbers, arrays, _force_scale(setting, numbers, start, of_speeds, response), response)
+    begin = _begin(pushed, logs, known_states or {})
+    start = {name: begin.states[name][0] for name in pushed.states}
+    scale = _force_scale(setting, numbers, start, of_speeds, response)
+    # Forces are as large as their scale says, in whatever unit: one newton is nothing or all there is.
+    sizes |= {PREFIX + name: float(size) for name, size in zip(names, scale, strict=True)}
+    arrays = _filled_up(_arrays(pushed, logs, noise, begin, numbers, integrator, sizes))
+    return _Task(setting, units, numbers, arrays, scale, response)
 
 
 @in_float64

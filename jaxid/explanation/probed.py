@@ -18,6 +18,7 @@ from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.probe import Probe, Seen
 from ..robots.robot import Robot
+from ..robots.traits import refusal
 from ..simulation.direct import machine_model, simulated_directly
 from ..simulation.integrated_angles import integrated_angles
 from ..simulation.records import on_records_alone
@@ -102,13 +103,28 @@ def _apart(robot: Robot, integrator: Integrator, pairs: Pairs) -> list[Pairs]:
     """
     names = tuple(sorted(robot.parameters))
     if machine_model(robot, names, integrator.friction) is None:
-        return [pairs]
+        return _admitted(robot, pairs)
     sets: dict[str, list[tuple[Effect, Effect]]] = {}
     for pair in pairs:
         effect = pair[0]
         alone = on_records_alone(effect, robot) or {"pose", "wheel_angles"} & set(effect.needs)
         sets.setdefault(effect.id if alone else effect.where, []).append(pair)
-    return list(sets.values())
+    return [part for some in sets.values() for part in _admitted(robot, some)]
+
+
+def _admitted(robot: Robot, pairs: Pairs) -> list[Pairs]:
+    """The effects in as few sets as admit each other: stamps that are early stand beside nothing that comes late."""
+    sets: list[list[tuple[Effect, Effect]]] = []
+    full: list[Robot] = []
+    for pair in pairs:
+        standing = pair[1]
+        place = next((i for i, there in enumerate(full) if refusal(standing, there) is None), len(sets))
+        if place == len(sets):
+            sets.append([])
+            full.append(robot)
+        sets[place].append(pair)
+        full[place] = full[place] + standing
+    return list(sets)
 
 
 def probed(

@@ -5,15 +5,24 @@ on (`declared.py`): `axes` (where something rubs or drives), `forces` (what a ge
 `motor_currents`, `plane` (how it moves in the plane). A declaration never changes the robot without effects.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import jax
+import numpy as np
 
 from .declared import Declared, takes_friction
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .signal_path import overrides
 from .trigonometry import sincos
+
+
+def _asked(function: Callable[..., Any], *named: Mapping[str, Any]) -> Any:
+    """What a user's function says. Python's own numbers go in as NumPy's, which do as JAX does: a root of a negative speed is
+    no complex number, and a speed of zero below a fraction's line raises nothing."""
+    with np.errstate(all="ignore"):
+        return function(*({n: np.float64(x) if isinstance(x, float) else x for n, x in part.items()} for part in named))
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -58,7 +67,7 @@ class Custom(Declared):
     def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         if self.motor_currents is None:
             return volts
-        found = self.motor_currents(self._own(state), self._inputs(volts), p)
+        found = _asked(self.motor_currents, self._own(state), self._inputs(volts), p)
         return tuple(found.get(name, 0.0) for name in self.own_channels.inputs)
 
     def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
@@ -71,10 +80,10 @@ class Custom(Declared):
             return ()
         given, own = self._inputs(volts), self._own(state)
         found = (self._axes[i][1].torque for i in self.drive_axes)
-        return tuple(torque(own, given, p) for torque in found if torque is not None)
+        return tuple(_asked(torque, own, given, p) for torque in found if torque is not None)
 
     def rubbing(self, state: State, p: Numbers) -> Scalars:
-        return tuple(state[a.speed] if isinstance(a.speed, str) else a.speed(state, p) for _, a in self._axes)
+        return tuple(state[a.speed] if isinstance(a.speed, str) else _asked(a.speed, state, p) for _, a in self._axes)
 
     def own_coulomb(self, state: State, p: Numbers) -> Levels:
         return tuple((p[a.coulomb], p[a.coulomb]) if a.coulomb else (0.0, 0.0) for _, a in self._axes)
@@ -108,12 +117,11 @@ class Custom(Declared):
             friction[i] = friction[i] - (changed - own)
         own_state, given = self._own(state), self._inputs(volts)
         if self._axes and takes_friction(self.dynamics):
-            rates = dict(
-                self.dynamics(own_state, given, p, dict(zip([a for a, _ in self._axes], friction, strict=True)))
-            )
+            resisted = dict(zip([a for a, _ in self._axes], friction, strict=True))
+            rates = dict(_asked(self.dynamics, own_state, given, p, resisted))
             pushed = self._acts("force")
         else:
-            rates = dict(self.dynamics(own_state, given, p))
+            rates = dict(_asked(self.dynamics, own_state, given, p))
             forces = self._with_friction(forces, friction, state, p)
             pushed = self._acts("force") or bool(friction)
         if pushed:
@@ -141,18 +149,16 @@ class Custom(Declared):
         by_name = dict(zip(self.velocities, forces, strict=True))
         found: State = {}
         if callable(self.forces):
-            coupled: Any = self.forces
-            found.update(coupled(state, by_name, p))
+            found.update(_asked(self.forces, state, by_name, p))
             return found
         for name, inertia in self.forces:
-            of = p[inertia] if isinstance(inertia, str) else inertia(state, p) if callable(inertia) else inertia
+            of = p[inertia] if isinstance(inertia, str) else _asked(inertia, state, p) if callable(inertia) else inertia
             found[name] = by_name[name] / of
         return found
 
     def planar(self, state: State, p: Numbers) -> tuple[Scalar, Scalar, Scalar]:
         if callable(self.plane):
-            moving: Any = self.plane
-            return moving(state, p)
+            return _asked(self.plane, state, p)
         along, left, turning = (state[name] if name else 0.0 for name in self.plane)
         return along, left, turning
 
@@ -171,5 +177,5 @@ class Custom(Declared):
         angles = tuple(state[name] for name in self.measured_angles)
         if self.output is None:
             return (*(state[name] for name in self.own_channels.measured), *angles)
-        outputs = self.output(state, self._inputs(inputs), p)
+        outputs = _asked(self.output, state, self._inputs(inputs), p)
         return (*(outputs[name] for name in self.own_channels.measured), *angles)

@@ -130,7 +130,7 @@ def _by_outputs(
     usual = np.where(usual > 0, usual, 1.0)
     resolved, clear = np.zeros(len(names)), None
     best, least, flattest = x, np.full(len(at), np.inf), np.full(len(at), np.inf)
-    for _ in range(_STEPS + 1):
+    for steps in range(_STEPS + 2):
         states = near | dict(zip(names, x.T, strict=True))
         seen, slopes = output_slopes(robot, names, states, log.inputs[at], step)
         error = np.where(known, target - seen, 0.0)
@@ -145,14 +145,15 @@ def _by_outputs(
             np.where(nearer, far, least),
             np.where(nearer, off, flattest),
         )
-        clear = _clear(slopes, log) if clear is None else clear
+        # What a speed is comes first, from the outputs alone: at standstill no yaw rate would say anything of a steering angle.
+        clear = _clear(slopes, log) if clear is None or steps == 1 else clear
         slopes = np.where(clear, slopes, 0.0)
         level = np.linalg.pinv(slopes[:, :ny], rcond=_RANK)  # [W, s, ny]
         first = np.einsum("wij,wj->wi", level, error[:, :ny])
         open_ = np.eye(len(names)) - level @ slopes[:, :ny]
         rest = error[:, ny:] - np.einsum("wij,wj->wi", slopes[:, ny:], first)
         rate = np.linalg.pinv(slopes[:, ny:] @ open_, rcond=_RANK)
-        x = x + first + np.einsum("wij,wj->wi", open_ @ rate, rest)
+        x = x + first + (np.einsum("wij,wj->wi", open_ @ rate, rest) if steps else 0.0)
         left = open_ - open_ @ rate @ slopes[:, ny:] @ open_
         resolved = 1.0 - np.median(np.abs(np.diagonal(left, axis1=1, axis2=2)), axis=0)
     certain = tuple(name for name, share in zip(names, resolved, strict=True) if share > _RESOLVED)

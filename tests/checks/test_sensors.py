@@ -56,3 +56,39 @@ def test_a_sensor_that_only_rustles_is_dead_on_such_a_base_too(seed):
     noise = lfilter([1.0], [1.0, -0.9], np.random.default_rng(100 + seed).normal(size=len(time)))
     outputs[:, 1] = 0.5 * noise / np.std(noise)
     assert dead(time, u, outputs) == ["vy"]
+
+
+CAR = Channels(
+    ("drive", "steer"), ("wheel", "gyro"), (), {"drive": "V", "steer": "rad", "wheel": "rad/s", "gyro": "rad/s"}
+)
+
+
+def stop_and_go(seed, curves):
+    """A car that stands or drives straight on for most of the time, and takes as many curves."""
+    rng, time = np.random.default_rng(seed), DT * np.arange(1000)
+    drive = np.repeat(rng.choice([0.0, 0.0, 2.0, 4.0, -2.0], 10), 100)
+    steer = np.zeros(1000)
+    for begin in rng.choice(np.arange(50, 900, 60), curves, replace=False):
+        steer[begin : begin + 50] = rng.uniform(-0.4, 0.4)
+    late = [1.0 - np.exp(-DT / 0.3), np.exp(-DT / 0.3)]
+    v, angle = (lfilter(late[:1], [1.0, -late[1]], x) for x in (drive / 3.0, steer))
+    seen = np.stack([16.0 * v, v * np.tan(angle) / 0.3], axis=1) + rng.normal(size=(1000, 2)) * (0.1, 0.02)
+    return time, np.stack([drive, steer], axis=1), seen
+
+
+def dead_on_a_car(time, u, outputs):
+    logs = LogSet([Log.from_arrays("run", time, u, outputs, CAR)])
+    return [f.column for f in logs.preflight() if f.check == "dead_sensor"]
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_a_yaw_rate_that_is_noise_but_in_curves_is_not_dead(seed):
+    assert dead_on_a_car(*stop_and_go(seed, 10)) == []
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_a_gyro_that_only_rustles_and_jumps_is_dead_on_a_car_too(seed):
+    time, u, outputs = stop_and_go(seed, 10)
+    rng = np.random.default_rng(100 + seed)
+    outputs[:, 1] = 0.05 * rng.normal(size=1000) + np.where(rng.random(1000) < 0.01, rng.normal(size=1000), 0.0)
+    assert dead_on_a_car(time, u, outputs) == ["gyro"]

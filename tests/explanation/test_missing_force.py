@@ -205,3 +205,29 @@ def test_the_spread_of_a_state_is_not_that_of_values_far_off():
     assert _spread(values) == np.std(values)
     assert _spread(np.where(np.arange(600) % 20 == 0, 1e12 * values, values)) < 3.0
     assert _spread(np.where(np.arange(600) < 5, 1.0, 0.0)) > 0.0
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e9])
+def test_a_missing_force_does_not_hang_on_its_unit(unit):
+    """A cart of two kilograms that a constant force pulls, with all forces in so many newtons."""
+
+    def cart(unit):
+        return Custom(
+            dynamics=lambda s, u, p: {"v": (u["pull"] - p["drag"] * s["v"]) / p["mass"]},
+            state_names=("v",), forces={"v": lambda s, p: p["mass"] / unit},
+            own_channels=Channels(inputs=("pull",), outputs=("v",), units={"pull": "N", "v": "m/s"}),
+            table={"mass": Parameter(2.0, "kg"), "drag": Parameter(1.0, "N s/m", free=True)},
+        )  # fmt: skip
+
+    rng, v = np.random.default_rng(3), np.zeros(300)
+    pull = np.repeat(rng.choice([-1.0, 1.0], 12), 25)
+    for k in range(299):
+        v[k + 1] = pull[k] + 0.3 + (v[k] - pull[k] - 0.3) * np.exp(-0.01)
+    seen, forces = v + rng.normal(0.0, 0.01, 300), []
+    for robot in (cart(1.0), cart(unit)):
+        log = Log.from_arrays("cart", 0.02 * np.arange(300), pull[:, None], {"v": seen}, robot)
+        forces.extend(missing_force(robot, LogSet([log])))
+    own, other = forces
+    assert np.mean(own.force) == pytest.approx(0.3, abs=0.04)
+    np.testing.assert_allclose(other.force * unit, own.force, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(other.std * unit, own.std, rtol=1e-3)

@@ -5,7 +5,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxid import Channels, Custom, Integrator, Log, LogSet, Parameter, ParameterError, output_error, simulate
+from jaxid import (
+    Channels,
+    Custom,
+    DriveAxis,
+    Integrator,
+    Log,
+    LogSet,
+    Parameter,
+    ParameterError,
+    output_error,
+    simulate,
+)
+from jaxid.robots.scales import time_constant
 
 CHANNELS = Channels(inputs=("voltage",), outputs=("angle",), units={"voltage": "V", "angle": "rad"})
 TRUTH = {"inertia": 0.02, "weight": 0.6, "damping": 0.03, "coulomb": 0.08}
@@ -148,3 +160,38 @@ def test_a_mass_of_zero_in_a_denominator_raises_nothing():
     assert cart.positions == cart.with_values(m=0.0).positions == {"v": "x"}
     log = Log.from_arrays("a", 0.02 * np.arange(50), np.ones(50), 0.01 * np.arange(50.0), cart)
     assert not np.isfinite(simulate(cart.with_values(m=0.0), LogSet([log]), integrator=Integrator(2))[0][-1]).all()
+
+
+def test_a_root_of_a_speed_and_a_quotient_of_speeds_are_asked_as_jax_would():
+    """Python's own numbers make a complex number of the one and an error of the other, in the branch that is not taken."""
+
+    def root(v):
+        return jnp.where(v > 0, v**1.5, -((-v) ** 1.5))
+
+    def slip(state):
+        return jnp.where(jnp.abs(state["v"]) > 0.01, state["side"] / state["v"], 0.0)
+
+    def torque(state, u, p):
+        return u["u"] - state["v"] + 0.0 * slip(state)
+
+    def rates(state, u, p, friction):
+        pull = torque(state, u, p) - p["drag"] * root(state["v"]) - friction["axle"]
+        return {"v": pull / p["mass"], "side": -state["side"] - slip(state)}
+
+    axle = DriveAxis(speed=lambda state, p: state["v"] + 0.0 * root(state["v"]), coulomb="coulomb", torque=torque)
+    own = Custom(
+        dynamics=rates,
+        output=lambda state, u, p: {"v": state["v"] + 0.0 * slip(state)},
+        state_names=("v", "side"),
+        own_channels=Channels(inputs=("u",), outputs=("v",), units={"u": "N", "v": "m/s"}),
+        table={name: Parameter(0.5, free=True, lower=0.0) for name in ("mass", "drag", "coulomb")},
+        axes={"axle": axle},
+        forces={"v": lambda state, p: p["mass"] + 0.0 * slip(state), "side": 1.0},
+        plane=lambda state, p: (state["v"], state["side"], slip(state)),
+    )
+    rest, numbers = {"v": -0.1, "side": 0.0}, own.parameters.numbers
+    still = dict.fromkeys(rest, 0.0)
+    assert own.rates(rest, (0.0,), (0.0,), numbers)["v"] == pytest.approx((0.1 + 0.5 * 0.1**1.5) / 0.5)
+    assert own.observe(still, (0.0,), numbers) == (0.0,) and own.planar(still, numbers) == (0.0, 0.0, 0.0)
+    assert own.drive_torques((1.0,), still, numbers) == (1.0,) and own.rubbing(rest, numbers) == (-0.1,)
+    assert time_constant(own) == pytest.approx(0.5, rel=0.01)  # the sideways speed's is 1 s

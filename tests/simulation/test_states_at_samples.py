@@ -56,18 +56,21 @@ def test_a_position_that_no_log_holds_follows_from_the_speed():
     np.testing.assert_allclose(found["q"], time - v, atol=2e-3)
 
 
-def test_a_steering_angle_is_not_read_from_a_yaw_rate_at_standstill():
-    """A car that stops and goes: where it stands, its yaw rate is noise alone, which no angle explains."""
+@pytest.mark.parametrize("named", [("v", "w"), ("wheel", "gyro")])
+def test_a_steering_angle_is_not_read_from_a_yaw_rate_at_standstill(named):
+    """A car that stops and goes: where it stands, its yaw rate is noise alone, which no angle explains. The speed may be a
+    state that is measured, or be told by something that is none, such as a wheel's turns."""
+    turns = 1.0 if named[0] == "v" else 16.0
 
     def dynamics(state, u, p):
         return {"v": (u["force"] - p["fv"] * state["v"]) / p["mass"], "delta": (u["steer"] - state["delta"]) / 0.1}
 
     def output(state, u, p):
-        return {"v": state["v"], "w": state["v"] * jnp.tan(state["delta"]) / 0.3}
+        return {named[0]: turns * state["v"], named[1]: state["v"] * jnp.tan(state["delta"]) / 0.3}
 
     table = ParameterTable({"mass": Parameter(1.0, "kg", free=True), "fv": Parameter(2.0, "N s/m", free=True)})
-    units = {"force": "N", "steer": "rad", "v": "m/s", "w": "rad/s"}
-    channels = Channels(inputs=("force", "steer"), outputs=("v", "w"), units=units)
+    units = {"force": "N", "steer": "rad", named[1]: "rad/s"} | {named[0]: "m/s" if turns == 1.0 else "rad/s"}
+    channels = Channels(inputs=("force", "steer"), outputs=named, units=units)
     names = ("v", "delta")
     robot = Custom(dynamics=dynamics, output=output, state_names=names, own_channels=channels, table=table, title="car")
     rng = np.random.default_rng(3)
@@ -77,7 +80,10 @@ def test_a_steering_angle_is_not_read_from_a_yaw_rate_at_standstill():
     for k in range(999):
         v[k + 1] = force[k] / 2 + (v[k] - force[k] / 2) * np.exp(-0.04)
         delta[k + 1] = steer[k] + (delta[k] - steer[k]) * np.exp(-0.2)
-    seen = {"v": v + 0.01 * rng.normal(size=1000), "w": v * np.tan(delta) / 0.3 + 0.02 * rng.normal(size=1000)}
+    seen = {
+        named[0]: turns * (v + 0.01 * rng.normal(size=1000)),
+        named[1]: v * np.tan(delta) / 0.3 + 0.02 * rng.normal(size=1000),
+    }
     log = Log.from_arrays("stop and go", 0.02 * np.arange(1000), np.stack([force, steer], 1), seen, robot)
     found = states_at(robot, log, np.arange(1000))
     assert np.mean(np.abs(v) < 0.01) > 0.05  # it has stood

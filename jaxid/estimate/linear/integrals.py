@@ -198,4 +198,4 @@ def _in_xla(
     arrays = tuple(np.concatenate([x, np.repeat(x[-1:], -N % _PAD, axis=0)]) for x in arrays)
     theta = jnp.array([numbers[name] for name in asked.free], dtype=float)
     results = integrals_in_xla(robot, *asked, SUBSTEPS, slopes, dict(numbers), theta, arrays)
-    return tuple(np.asarray(x)[:N] for x in results)
+    return tuple(np.array(x)[:N] for x in results)  # a copy, for whoever works in place

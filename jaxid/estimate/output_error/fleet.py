@@ -118,7 +118,8 @@ def _compiled_lanes(
         return Fitted(jax.tree.map(lambda leaf: leaf[-1], optima), sigma)
 
     found = jax.lax.map(jax.vmap(one), numbers)
-    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), found)
+    # Counted, and not by -1: of initial states that are known there are none to estimate.
+    return jax.tree.map(lambda leaf: leaf.reshape(starts.z.shape[0], *leaf.shape[2:]), found)
 
 
 @dataclass(frozen=True, repr=False)

@@ -27,6 +27,8 @@ from .joint import SIDES, STEP, Colours, Pair, block_sums, blocks_of, flat, numb
 Array = NDArray[np.float64]
 _UNSEEN = 1e-6
 """Change of all samples together, in units of the noise, for a coordinate's magnitude, below which nothing shows it."""
+_ALIKE = 1e-6
+"""Length, in those of a candidate's coordinates, below which what is left of a direction is rounding."""
 _SAME = 1e-2
 """Share of a change's length that may be left of it where another makes it, too."""
 _DISAGREE = 0.01
@@ -231,6 +233,20 @@ def _wider(D: Array, left: Array, blocks: NDArray[np.int64], logs: NDArray[np.in
     return np.sqrt(wider * np.where(sure, np.maximum(ratio, 1.0), 1.0))
 
 
+def _statistic(
+    D: Array, left: Array, remains: Array, blocks: NDArray[np.int64], logs: NDArray[np.int64], free: int
+) -> tuple[float, int]:
+    """The score test of the columns of `D` on what is `left`, whose scatter is that of what `remains`, and its degrees of
+    freedom.
+
+    By directions at right angles: of columns that are nearly the same, the little in which they differ scatters by itself, and
+    not as each of them does.
+    """
+    U, s, _ = np.linalg.svd(D / np.linalg.norm(D, axis=0), full_matrices=False)
+    U = U[:, s > _ALIKE]
+    return float(np.sum((U.T @ left / _wider(U, remains, blocks, logs, free)) ** 2)), U.shape[1]
+
+
 def first_look(
     robot: Robot,
     pair: Pair,
@@ -275,10 +291,8 @@ def first_look(
             unseen.append(change.candidate.title)
             continue
         wider = _wider(D, remains, blocks, logs, view.basis.shape[1])
-        info = D.T @ D * np.outer(wider, wider)
-        g = D.T @ view.left
-        statistic = float(g @ np.linalg.pinv(info, rcond=1e-10, hermitian=True) @ g) if gain > 0 else 0.0
-        freedom = int(np.linalg.matrix_rank(D[:, shown] / size[shown], tol=1e-6))
+        statistic, freedom = _statistic(D[:, shown], view.left, remains, blocks, logs, view.basis.shape[1])
+        statistic = statistic if gain > 0 else 0.0
         p = float(chi_squared_tail(statistic, max(freedom, 1)))
         with np.errstate(divide="ignore"):
             errors = np.abs(change.sizes) * wider / size

@@ -133,3 +133,4 @@ def test_a_function_without_machine_code_is_integrated_in_xla_and_says_so():
     with pytest.warns(SlowEquations, match="sort"):
         found = integrals(robot.structure, asked, robot.parameters.numbers, rows)
     same(found, integrals(plain.structure, asked, plain.parameters.numbers, rows), rows)
+    assert all(part.flags.writeable for part in found)  # equations are made of them in place

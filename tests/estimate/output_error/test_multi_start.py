@@ -3,10 +3,24 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, LogSet, Pioneer, integral_least_squares, multi_start, output_error, read_logs
+from jaxid import (
+    Axis,
+    Channels,
+    Custom,
+    Integrator,
+    Log,
+    LogSet,
+    Parameter,
+    Pioneer,
+    integral_least_squares,
+    multi_start,
+    output_error,
+    read_logs,
+)
 from jaxid.estimate.output_error.multi_start import _unlikelihood
 from jaxid.estimate.output_error.rescue import one_astray
 from jaxid.model_file import read_model
@@ -34,6 +48,24 @@ def test_the_best_basin_is_found_and_the_stuck_one_is_told(logs):
     # With more dry friction than the input overcomes, nothing moves and nothing can be learned.
     assert any(basin.parameters["Fc"] > 4.0 for basin in found.basins[1:])
     assert f"{found.basins[0].starts} of 32 starts" in repr(found)
+
+
+def test_starts_of_a_robot_without_machine_code_are_fitted_where_no_initial_state_is_estimated():
+    """Its program answers for all starts together; a log that begins at rest leaves no initial state to estimate."""
+    robot = Custom(
+        dynamics=lambda s, u, p: {"v": jnp.sort(jnp.stack([(u["u"] - p["drag"] * s["v"]) / p["mass"], 1e6]))[0]},
+        state_names=("v",),
+        own_channels=Channels(inputs=("u",), outputs=("v",), units={"u": "N", "v": "m/s"}),
+        table={"mass": Parameter(2.0, "kg", free=True, lower=0.1), "drag": Parameter(4.0, "N s/m", free=True)},
+    )
+    u, v = np.repeat([0.0, 3.0, -2.0, 4.0], 25), np.zeros(100)
+    for k in range(99):
+        v[k + 1] = u[k] / 4.0 + (v[k] - u[k] / 4.0) * np.exp(-0.04)
+    seen = v + 0.005 * np.random.default_rng(1).normal(size=100)
+    logs = LogSet([Log.from_arrays("cart", 0.02 * np.arange(100), u[:, None], seen[:, None], robot)])
+    with pytest.warns(UserWarning, match="sort"):
+        found = multi_start(robot, logs, starts=4, integrator=STEP)
+    assert found.fit["mass"].value == pytest.approx(2.0, abs=4 * found.fit["mass"].std_error)
 
 
 def test_minima_are_compared_by_the_likelihood_whose_noise_each_leaves():

@@ -1,0 +1,38 @@
+"""What may be missing, simulated together, on a robot without machine code: in one program where effects admit each other."""
+
+import warnings
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxid import Channels, Custom, Log, LogSet, Parameter
+from jaxid.effects import effect_by_id
+from jaxid.explanation.screen import screen
+
+
+def dynamics(state, u, p):
+    """A cart that is pulled; `sort` has no machine code."""
+    pull = u["u"] - p["fv"] * state["v"]
+    return {"v": jnp.sort(jnp.stack([pull / p["mass"], 1e6]))[0]}
+
+
+def test_effects_that_refuse_each_other_are_looked_at_in_programs_of_their_own():
+    """Stamps that are early stand beside nothing that makes what is measured late."""
+    table = {"mass": Parameter(2.0, "kg", free=True, lower=0.1), "fv": Parameter(4.0, "N s/m", free=True)}
+    channels = Channels(inputs=("u",), outputs=("v",), units={"u": "N", "v": "m/s"})
+    robot = Custom(dynamics=dynamics, state_names=("v",), own_channels=channels, table=table)
+    rng, dt = np.random.default_rng(2), 0.02
+    u, v = np.repeat(rng.uniform(-4.0, 4.0, 20), 10), np.zeros(200)
+    for k in range(199):
+        late = u[max(k - 2, 0)]
+        v[k + 1] = late / 4.0 + (v[k] - late / 4.0) * np.exp(-2.0 * dt)
+    seen = v + 0.002 * rng.normal(size=200)
+    logs = LogSet([Log.from_arrays("late", dt * np.arange(200), u[:, None], seen[:, None], robot)])
+    effects = [effect_by_id(robot, "motor_lag"), effect_by_id(robot, "sensor_delay", "early"),
+               effect_by_id(robot, "input_delay")]  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = screen(robot, logs, effects, {"v": 0.002}, {})
+    share = {promise.effect.id: promise.share for promise in found}
+    assert set(share) == {"motor_lag", "sensor_delay", "input_delay"}
+    assert share["input_delay"] > 0.8 > share["sensor_delay"]
