@@ -29,6 +29,8 @@ _FAINT = 0.1
 rate is no steering angle, however large one its noise takes there."""
 _SAME = 0.01
 """Errors of the outputs, in their usual changes, that are alike: then their slopes decide which step came nearest."""
+_ARRIVED = 1e-9
+"""Change of outputs and slopes, in their usual changes, by a step after which there is none to go."""
 _RESOLVED = 0.9
 """Share of a state that outputs and slopes resolve from which they tell it."""
 
@@ -153,8 +155,11 @@ def _by_outputs(
         open_ = np.eye(len(names)) - level @ slopes[:, :ny]
         rest = error[:, ny:] - np.einsum("wij,wj->wi", slopes[:, ny:], first)
         rate = np.linalg.pinv(slopes[:, ny:] @ open_, rcond=_RANK)
-        x = x + first + (np.einsum("wij,wj->wi", open_ @ rate, rest) if steps else 0.0)
+        moved = first + (np.einsum("wij,wj->wi", open_ @ rate, rest) if steps else 0.0)
+        x = x + moved
         left = open_ - open_ @ rate @ slopes[:, ny:] @ open_
         resolved = 1.0 - np.median(np.abs(np.diagonal(left, axis1=1, axis2=2)), axis=0)
+        if steps and np.max(np.abs(np.einsum("wij,wj->wi", slopes, moved)) / usual, initial=0.0) < _ARRIVED:
+            break
     certain = tuple(name for name, share in zip(names, resolved, strict=True) if share > _RESOLVED)
     return near | dict(zip(names, np.where(np.isfinite(best), best, 0.0).T, strict=True)), certain
