@@ -42,7 +42,7 @@ from .prescribed_angles import (
     with_prescribed_angles,
 )
 from .smoothed_angles import Angles
-from .unseen_heights import UNSEEN, held_level, undetermined, unseen_by
+from .unseen_heights import RAN_AWAY, UNSEEN, held_level, undetermined, unseen_by
 
 _STEPS = 25
 _WEAKER = (1.0, 0.1, 0.01)
@@ -195,6 +195,9 @@ def refit(
 def _can_be_simulated(robot: Robot, values: Mapping[str, float], logs: LogSet) -> bool:
     """Whether `robot` with these values is anything that steps of a sensible number follow on `logs`."""
     if not all(map(np.isfinite, values.values())):
+        return False
+    sizes = {n: robot.parameters[n].typical for effect in robot.effects for n in values if n.startswith(effect.key(""))}
+    if any(size and abs(values[name]) > RAN_AWAY * size for name, size in sizes.items()):
         return False
     try:
         integrator_for(robot.with_values(**values), logs)

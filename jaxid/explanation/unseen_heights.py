@@ -16,9 +16,9 @@ def each_curve(robot: Robot) -> list[tuple[Curve, dict[int, str]]]:
     return [(c, {k: c.height(k, name) for k in c.varying}) for c in curves for name in c.each(robot)]
 
 
-_ANYWHERE = 1e6
-"""Standard error, in typical sizes of a height, from which it may be anything. A thousandth of that is common where heights and
-a constant friction are hardly told apart, each of which matters."""
+RAN_AWAY = 1e6
+"""Typical sizes from which a parameter of an effect ran away, and standard errors from which a height may be anything. A
+thousandth of that is common where heights and a constant friction are hardly told apart, each of which matters."""
 
 
 def unseen_by(robot: Robot, changes: Mapping[str, float]) -> list[str]:
@@ -35,7 +35,7 @@ def undetermined(robot: Robot, errors: Mapping[str, float]) -> list[str]:
     table, found = robot.parameters, []
     for _, heights in each_curve(robot):
         free = [name for name in heights.values() if name in errors]
-        lost = [name for name in free if not errors[name] < _ANYWHERE * typical(table, name)]
+        lost = [name for name in free if not errors[name] < RAN_AWAY * typical(table, name)]
         found += lost if len(lost) < len(heights) else []
     return found
 
