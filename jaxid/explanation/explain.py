@@ -8,121 +8,42 @@ from .._float64 import in_float64
 from .._memory import bounded_memory
 from .._origin import with_origin
 from .._renamed import renamed
-from ..effects.curve import SHAPE, Curve
 from ..effects.in_some_logs import InSomeLogs
 from ..effects.table_constants import TableConstants
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
-from ..estimate.output_error.lost_inputs import with_lost_inputs
 from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit, checked_fit
-from ..logs import LogError, LogSet, noise_scale
+from ..logs import LogError, LogSet
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect, in_words
 from ..robots.given import given_logs
-from ..robots.robot import Robot
 from .between_logs import changed_between
-from .by_chance import by_chance
 from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation
-from .held_parameters import with_parameters_held
-from .heldout import HeldOut
 from .hinging import hinging
 from .in_some_logs import in_some_of, sorted_logs, unsorted
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
+from .looked import Asked, looked
 from .lost_inputs import with_inputs_put_back
-from .named_effect import Evidence, NamedEffect, effect_parameters
-from .needed import only_needed, sure_of
+from .named_effects import named_effects, or_the_same_curve
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
-from .overrated import small_after_all
 from .passing_jumps import without_passing_jumps
 from .policy import Policy, current_policy, keeps_policy
-from .prescribed_angles import predicted
-from .refit import Trial, in_full
-from .rounding import within_rounding
-from .same_curves import curves_that_are
-from .search import MOST_EFFECTS, search
-from .shape import shapes_of
-from .steps import Search, Step
-from .table_constants import Shares, built_in, changed_by, constants_like, effects_that_are, found_wrong, in_a_sentence
+from .search import MOST_EFFECTS
+from .steps import Search
+from .table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
-from .within_errors import hanging, within_errors
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _WEAK = 100.0
 """Lead over the runner-up (chi-squared) below which an experiment is proposed to confirm a name."""
-
-
-def _evidence(step: Step) -> Evidence:
-    before, after = step.before, step.after
-    rivals = [trial for trial in step.trials[1:] if trial.id not in step.equivalent]
-    return Evidence(
-        before=before.held_out.normalised_rms,
-        after=after.held_out.normalised_rms,
-        fit_gain=before.squares - after.squares,
-        held_out_gain=before.held_out.squares - after.held_out.squares,
-        looked_at=len(step.screened),
-        refitted=len(step.trials),
-        runner_up=rivals[0].id if rivals else None,
-        margin=step.lead_over(rivals[0]) if rivals else None,
-    )
-
-
-def _named(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
-    """The added effects that are still in the final model, in the order of what they explained."""
-    present = {effect.id: effect for effect in final.robot.effects}
-    named = []
-    for step in found.steps:
-        effect = present.get(step.chosen.id)
-        if effect is not None:
-            own = effect_parameters(effect.id, effect.frees(final.robot), final.parameters)
-            sure = sure_of(effect, step, baseline, final)
-            same_law = effect.law == step.chosen.law
-            named.append(
-                NamedEffect(
-                    id=effect.id,
-                    where=effect.where,
-                    formula=effect.formula,
-                    parameters=own,
-                    equivalent_to=_equivalent(effect, step, baseline.robot),
-                    evidence=_evidence(step),
-                    identified=sure,
-                    law=effect.law,
-                    laws_alike=step.laws_alike if same_law else (),
-                    shapes=shapes_of(effect, final.robot, final.parameters) if isinstance(effect, Curve) else (),
-                    constants=_wrong(effect, baseline, final),
-                )
-            )
-    return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
-
-
-def _equivalent(effect: Effect, step: Step, bare: Robot) -> tuple[str, ...]:
-    """The names that the data cannot tell from the effect's, and those that are the same constants of the table."""
-    same = effects_that_are(effect.constants, bare) if isinstance(effect, TableConstants) else ()
-    return (*(name for name in step.equivalent if name not in same), *same)
-
-
-def _or_the_same_curve(named: NamedEffect, step: Step, logs: LogSet) -> NamedEffect:
-    """The name with those whose curves are the same function on the robot."""
-    if named.law != SHAPE or step.after.id != named.id:
-        return named
-    most = max((candidate.gain for candidate in step.screened), default=0.0)
-    least = current_policy().rival * most
-    promised = [c.effect.id for c in step.screened if max(law.gain for law in (c, *c.laws)) > least]
-    same = curves_that_are(step.before, step.after, promised, logs)
-    return replace(named, equivalent_to=(*named.equivalent_to, *(n for n in same if n not in named.equivalent_to)))
-
-
-def _wrong(effect: Effect, baseline: Fit, final: Fit) -> tuple[Shares, ...]:
-    """Of constants of the table that were estimated after all, by which shares they differ from it."""
-    constants = effect.constants if isinstance(effect, TableConstants) else ()
-    return (changed_by(constants, baseline.robot, final.parameters),) if constants else ()
 
 
 def _next(found: Search, logs: LogSet) -> NextExperiment | None:
@@ -184,14 +105,6 @@ def without_windows(
     except ParameterError:
         return fit
     return replace(free, notes=(*free.notes, _FREELY))
-
-
-def _settled(final: Fit) -> bool:
-    """Whether the fit tells what its formulas might hold. Of a curve a height that is held says what its form is not to be,
-    which is done only where the data does not even tell that there is such an effect."""
-    formulas = (effect for effect in final.robot.effects if not isinstance(effect, Curve))
-    may = (name for effect in formulas for name in effect.may_hold(final.robot))
-    return not any(final[name].status == "not_identifiable" for name in may)
 
 
 @renamed(check="held_out")
@@ -265,57 +178,20 @@ def explain(
         report(noted)
     report("looking for a gap on the held-out logs")
 
-    def looked(logs: LogSet, held_out: LogSet, whole: LogSet) -> tuple[Search, Fit, HeldOut, LogSet]:
-        """What the search finds, the fit with it, what that leaves on the held-out logs, and these."""
-        found = search(fit, logs, held_out, effects=effects, most=most, report=report)
-        final, after = fit, found.before
-        # Fitted again with the weights of the search, the model may need nothing more.
-        mended = found.after.adequate and not found.before.adequate
-        if (found.steps or mended) and found.final:
-            report("fitting the model with what was added, and its standard errors")
-            noise, lost = after.noise, None
-            if estimated:  # as the model says that has what was found
-                lost = with_lost_inputs(found.final.robot, with_gaps[0], noise)
-                whole, held_out = lost.logs, with_lost_inputs(found.final.robot, with_gaps[1], noise).logs
-
-            def finished(trial: Trial) -> Fit:
-                own = in_full(trial, whole, noise, loss=loss, covariance=covariance)
-                return lost.widened(own) if lost else own
-
-            def left_by(model: Fit) -> HeldOut:
-                rated = noise_scale(held_out, otherwise=whole)
-                left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
-                left = by_chance(model, logs, held_out, left)
-                left = left if left.adequate else within_errors(model, held_out, left)
-                return hanging(model, held_out, within_rounding(held_out, left))
-
-            final = finished(found.final)
-            after = left_by(final)
-            found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
-            sure = all(effect.identified for effect in _named(found, fit, final))
-            if found.final and not (sure and _settled(final)):
-                held = with_parameters_held(found.final, logs, held_out, noise, report)
-                if held is not found.final:
-                    found, final = replace(found, final=held), finished(held)
-                    after = left_by(final)
-        if found.steps and final is not fit:
-            # What the fit in full leaves, and not what a search's few steps had left.
-            found = replace(found, after=after)
-        return found, final, after, held_out
-
-    found, final, after, judging = looked(logs, held_out, whole)
+    asked = Asked(fit, tuple(effects), most, loss, covariance, with_gaps if estimated else None, report)
+    found, final, after, judging = looked(asked, logs, held_out, whole)
     plain = whole is logs and not (was_sorted or estimated)
     if plain and found.steps and not after.adequate and after.foretold > current_policy().small:
         # What is there in some logs only may show once the rest is named.
         again, others, was_sorted = sorted_logs(final, logs, held_out, report)
         if was_sorted:
-            second = looked(again, others, again)
-            if second[2].normalised_rms < after.normalised_rms:
+            second = looked(asked, again, others, again)
+            if second.after.normalised_rms < after.normalised_rms:
                 logs, (found, final, after, judging) = again, second
             else:
                 was_sorted = False
     held_out = judging
-    named = _named(found, fit, final)
+    named = named_effects(found, fit, final)
     doubts = doubts_of(found, final, named, after)
     verdict = verdict_of(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""
@@ -340,7 +216,7 @@ def explain(
                     others |= {f"a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
                     hinges = hinging(final, step.after, others)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
-        named = tuple(_or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
+        named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = verdict_of(found, named, most, doubts)
     tables = tuple(in_a_sentence(identifier, sets) for identifier, sets in constants.items() if sets)
     tables += tuple(found_wrong(effect.constants[0]) for effect in named if effect.id == TableConstants.id)

@@ -1,0 +1,98 @@
+"""What a search finds, the fit in full with what it found, and what that leaves on the held-out logs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from ..effects.curve import Curve
+from ..estimate.output_error.conclude import Covariance
+from ..estimate.output_error.losses import Loss
+from ..estimate.output_error.lost_inputs import with_lost_inputs
+from ..estimate.result import Fit
+from ..logs import LogSet, noise_scale
+from ..robots.effect import Effect
+from .by_chance import by_chance
+from .held_parameters import with_parameters_held
+from .heldout import HeldOut
+from .named_effects import named_effects
+from .needed import only_needed
+from .overrated import small_after_all
+from .prescribed_angles import predicted
+from .refit import Trial, in_full
+from .rounding import within_rounding
+from .search import search
+from .steps import Search
+from .within_errors import hanging, within_errors
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of every look at some logs: the `fit` that may lack something, further `effects`, the `most` to add, the
+    options of the fit with them, and whom to `report` to.
+
+    `with_gaps` are the fitted and the held-out logs with the rows missing in which an input changed unseen, where the fit put
+    these back: the model that has what was found says anew what was applied there.
+    """
+
+    fit: Fit
+    effects: tuple[Effect, ...]
+    most: int
+    loss: Loss
+    covariance: Covariance
+    with_gaps: tuple[LogSet, LogSet] | None
+    report: Callable[[str], None]
+
+
+class Looked(NamedTuple):
+    """What the search found, the fit with it, what that leaves on the `held_out` logs, and these."""
+
+    found: Search
+    final: Fit
+    after: HeldOut
+    held_out: LogSet
+
+
+def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looked:
+    """The answer of one look at `logs`; the fit with what was found is to the `whole` ones, samples that jump included."""
+    fit, report = asked.fit, asked.report
+    found = search(fit, logs, held_out, effects=asked.effects, most=asked.most, report=report)
+    # Fitted again with the weights of the search, the model may need nothing more.
+    mended = found.after.adequate and not found.before.adequate
+    if not ((found.steps or mended) and found.final):
+        return Looked(found, fit, found.before, held_out)
+    report("fitting the model with what was added, and its standard errors")
+    noise, lost = found.before.noise, None
+    if asked.with_gaps is not None:  # as the model says that has what was found
+        lost = with_lost_inputs(found.final.robot, asked.with_gaps[0], noise)
+        whole, held_out = lost.logs, with_lost_inputs(found.final.robot, asked.with_gaps[1], noise).logs
+
+    def finished(trial: Trial) -> Fit:
+        own = in_full(trial, whole, noise, loss=asked.loss, covariance=asked.covariance)
+        return lost.widened(own) if lost else own
+
+    def left_by(model: Fit) -> HeldOut:
+        rated = noise_scale(held_out, otherwise=whole)
+        left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
+        left = by_chance(model, logs, held_out, left)
+        left = left if left.adequate else within_errors(model, held_out, left)
+        return hanging(model, held_out, within_rounding(held_out, left))
+
+    final = finished(found.final)
+    after = left_by(final)
+    found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
+    sure = all(effect.identified for effect in named_effects(found, fit, final))
+    if found.final and not (sure and _settled(final)):
+        held = with_parameters_held(found.final, logs, held_out, noise, report)
+        if held is not found.final:
+            found, final = replace(found, final=held), finished(held)
+            after = left_by(final)
+    # What the fit in full leaves, and not what a search's few steps had left.
+    return Looked(replace(found, after=after) if found.steps else found, final, after, held_out)
+
+
+def _settled(final: Fit) -> bool:
+    """Whether the fit tells what its formulas might hold. Of a curve a height that is held says what its form is not to be,
+    which is done only where the data does not even tell that there is such an effect."""
+    formulas = (effect for effect in final.robot.effects if not isinstance(effect, Curve))
+    may = (name for effect in formulas for name in effect.may_hold(final.robot))
+    return not any(final[name].status == "not_identifiable" for name in may)

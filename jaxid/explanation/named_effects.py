@@ -1,0 +1,83 @@
+"""The effects that a search found, as they are named: with their evidence, their parameters and what is not told apart."""
+
+from dataclasses import replace
+
+from ..effects.curve import SHAPE, Curve
+from ..effects.table_constants import TableConstants
+from ..estimate.result import Fit
+from ..logs import LogSet
+from ..robots.effect import Effect
+from ..robots.robot import Robot
+from .named_effect import Evidence, NamedEffect, effect_parameters
+from .needed import sure_of
+from .policy import current_policy
+from .same_curves import curves_that_are
+from .shape import shapes_of
+from .steps import Search, Step
+from .table_constants import Shares, changed_by, effects_that_are
+
+
+def _evidence(step: Step) -> Evidence:
+    before, after = step.before, step.after
+    rivals = [trial for trial in step.trials[1:] if trial.id not in step.equivalent]
+    return Evidence(
+        before=before.held_out.normalised_rms,
+        after=after.held_out.normalised_rms,
+        fit_gain=before.squares - after.squares,
+        held_out_gain=before.held_out.squares - after.held_out.squares,
+        looked_at=len(step.screened),
+        refitted=len(step.trials),
+        runner_up=rivals[0].id if rivals else None,
+        margin=step.lead_over(rivals[0]) if rivals else None,
+    )
+
+
+def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect, ...]:
+    """The added effects that are still in the final model, in the order of what they explained."""
+    present = {effect.id: effect for effect in final.robot.effects}
+    named = []
+    for step in found.steps:
+        effect = present.get(step.chosen.id)
+        if effect is not None:
+            own = effect_parameters(effect.id, effect.frees(final.robot), final.parameters)
+            sure = sure_of(effect, step, baseline, final)
+            same_law = effect.law == step.chosen.law
+            named.append(
+                NamedEffect(
+                    id=effect.id,
+                    where=effect.where,
+                    formula=effect.formula,
+                    parameters=own,
+                    equivalent_to=_equivalent(effect, step, baseline.robot),
+                    evidence=_evidence(step),
+                    identified=sure,
+                    law=effect.law,
+                    laws_alike=step.laws_alike if same_law else (),
+                    shapes=shapes_of(effect, final.robot, final.parameters) if isinstance(effect, Curve) else (),
+                    constants=_wrong(effect, baseline, final),
+                )
+            )
+    return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
+
+
+def _equivalent(effect: Effect, step: Step, bare: Robot) -> tuple[str, ...]:
+    """The names that the data cannot tell from the effect's, and those that are the same constants of the table."""
+    same = effects_that_are(effect.constants, bare) if isinstance(effect, TableConstants) else ()
+    return (*(name for name in step.equivalent if name not in same), *same)
+
+
+def or_the_same_curve(named: NamedEffect, step: Step, logs: LogSet) -> NamedEffect:
+    """The name with those whose curves are the same function on the robot."""
+    if named.law != SHAPE or step.after.id != named.id:
+        return named
+    most = max((candidate.gain for candidate in step.screened), default=0.0)
+    least = current_policy().rival * most
+    promised = [c.effect.id for c in step.screened if max(law.gain for law in (c, *c.laws)) > least]
+    same = curves_that_are(step.before, step.after, promised, logs)
+    return replace(named, equivalent_to=(*named.equivalent_to, *(n for n in same if n not in named.equivalent_to)))
+
+
+def _wrong(effect: Effect, baseline: Fit, final: Fit) -> tuple[Shares, ...]:
+    """Of constants of the table that were estimated after all, by which shares they differ from it."""
+    constants = effect.constants if isinstance(effect, TableConstants) else ()
+    return (changed_by(constants, baseline.robot, final.parameters),) if constants else ()
