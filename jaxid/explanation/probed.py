@@ -73,7 +73,8 @@ def _simulate(
     if found is not None:
         return found
     padded = list(changes) + [{}] * (-len(changes) % 16)
-    names = sorted({name for change in changes for name in change})
+    # One number at least, for lanes that change nothing: the robot as it is.
+    names = sorted({name for change in changes for name in change}) or list(base)[:1]
     columns = {name: array([change.get(name, base[name]) for change in padded]) for name in names}
     numbers = {name: array(float(value)) for name, value in base.items()}
     outputs = _lanes(robot.structure, integrator, numbers, columns, states, batch.inputs, batch.dt, prescribed)

@@ -7,7 +7,9 @@ import numpy as np
 
 from jaxid import Channels, Custom, Log, LogSet, Parameter
 from jaxid.effects import effect_by_id
+from jaxid.explanation.probed import probed
 from jaxid.explanation.screen import screen
+from jaxid.robots.probe import Seen
 
 
 def dynamics(state, u, p):
@@ -36,3 +38,18 @@ def test_effects_that_refuse_each_other_are_looked_at_in_programs_of_their_own()
     share = {promise.effect.id: promise.share for promise in found}
     assert set(share) == {"motor_lag", "sensor_delay", "input_delay"}
     assert share["input_delay"] > 0.8 > share["sensor_delay"]
+
+
+def test_the_robot_as_it_is_is_simulated_without_any_secant():
+    """As a comparison of two sets of logs asks for it."""
+    table = {"mass": Parameter(2.0, "kg", free=True, lower=0.1), "fv": Parameter(4.0, "N s/m", free=True)}
+    channels = Channels(inputs=("u",), outputs=("v",), units={"u": "N", "v": "m/s"})
+    robot = Custom(dynamics=dynamics, state_names=("v",), own_channels=channels, table=table)
+    log = Log.from_arrays("pulled", 0.02 * np.arange(60), np.ones((60, 1)), np.zeros((60, 1)), robot)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        first, found, _, _ = probed(
+            robot, LogSet([log]), [], [], Seen(1.0, 1.2, lambda: None, lambda: ((), 0)), {}, None
+        )
+    assert found == []
+    np.testing.assert_allclose(first[0, 0, :60, 0], 0.25 * (1.0 - np.exp(-0.04 * np.arange(60))), atol=1e-4)
