@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs import LogSet
-from ..logs.noise import as_sampled, sensor_step, usual_size, white_level
+from ..logs.noise import as_sampled, usual_size, white_level
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
 from .result import Estimate, Fit
+from .rounding import less_rounding, step_of
 
 Array = NDArray[np.float64]
 
@@ -129,13 +130,6 @@ def _wandering(parts: Sequence[Array]) -> bool:
     return bool(rho[1] > _SLOW and np.abs(changes[1:]).max() < rho[1])
 
 
-def step_of(logs: LogSet, channel: str) -> float:
-    """The step of a channel's sensor, the coarsest of all logs; zero where there is none, or no such channel."""
-    if channel not in logs.channels.measured:
-        return 0.0
-    return max(sensor_step(log.output(channel)) for log in logs)
-
-
 def slow_part(parts: Sequence[Array], noise: float, step: float = 0.0) -> tuple[float, float]:
     """What is slow in a residual, root mean square in units of white noise: of all logs, and of the one that has most of it.
 
@@ -218,18 +212,23 @@ def judge(
                 f"The fit is worse than {words}: it leaves {_times(pooled)} times the noise, that {_times(rival)}."
             )
 
-    series = {c: [as_sampled(part) for part in own] for c, own in parts.items()}
+    # What rounding makes of slow speeds is a function of these, and nothing that the model lacks.
+    told = {
+        c: less_rounding([logs[k].output(c) + errors[k][c] for k in kept if c in errors[k]], own, step_of(logs, c))
+        for c, own in parts.items()
+    }
+    series = {c: [as_sampled(part) for part in own] for c, own in told.items()}
     coloured = [c for c, own in series.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
     outlying = [c for c, own in parts.items() if by_channel[c] > max(ABOVE, TAILS * _usual(own) / noise[c])]
     outlying = [] if any(_usual(own) > ABOVE * noise[c] for c, own in parts.items()) else outlying
     driving = drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
     follows = {}
-    for c, own in parts.items():
+    for c in parts:
         if by_channel[c] < NOTHING:
             continue
         there = [c in errors[k] for k in kept]
         mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in driving.items()}
-        p, name = relation(own, mine)
+        p, name = relation(told[c], mine)
         large = pooled > POOR and c in coloured
         if p < (_FOLLOWS_LARGE if large else FOLLOWS) / len(parts):
             follows[c] = name

@@ -10,27 +10,19 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from .._distributions import normal_tail
-from ..estimate.judge import step_of
+from ..estimate.rounding import noise_below, shows, step_of
 from ..logs import LogSet
 from .heldout import HeldOut, structure, whiteness
 
 Array = NDArray[np.float64]
 _DRAWS, _SEED = 60, 57
-_BELOW = np.geomspace(0.01, 0.6, 18)
-"""Standard deviations of the noise below the rounding that are tried, in steps."""
-_FAR = 1e-6
-"""Probability of a reading that the model cannot explain, so that a few do not say all."""
-_SEEN = 0.02
-"""Share of a residual's variance from which rounding is to be seen in it."""
 
 
 def rounded(logs: LogSet, name: str, state: HeldOut) -> bool:
     """Whether rounding to the sensor's step is to be seen in a channel's residual."""
-    left = state.noise[name] * state.by_channel[name]
-    return step_of(logs, name) ** 2 / 12.0 > _SEEN * left**2
+    return shows(step_of(logs, name), state.noise[name] * state.by_channel[name])
 
 
 def within_rounding(held_out: LogSet, state: HeldOut) -> HeldOut:
@@ -50,7 +42,7 @@ def within_rounding(held_out: LogSet, state: HeldOut) -> HeldOut:
     errors = [r[:, coarse] for r in state.residuals]
     read = [np.stack([log.output(names[i]) / state.noise[names[i]] for i in coarse], axis=1) for log in held_out]
     model = [y + r for y, r in zip(read, errors, strict=True)]
-    below = [_noise_below([m[:, c] for m in model], [y[:, c] for y in read], step) for c, step in enumerate(steps)]
+    below = [noise_below([m[:, c] for m in model], [y[:, c] for y in read], step) for c, step in enumerate(steps)]
     rng, size = np.random.default_rng(_SEED), np.array(below) * steps
     drawn = []
     for _ in range(_DRAWS):
@@ -65,11 +57,3 @@ def within_rounding(held_out: LogSet, state: HeldOut) -> HeldOut:
 def _as_read(values: Float[Array, "T n"], read: Float[Array, "T n"], steps: list[float]) -> Float[Array, "T n"]:
     """The values rounded to the same multiples of the steps as what was `read`, where anything was."""
     return read + np.round((values - read) / np.array(steps)) * np.array(steps)
-
-
-def _noise_below(model: list[Array], read: list[Array], step: float) -> float:
-    """The likeliest standard deviation, in steps, of the noise that was there before rounding."""
-    off = np.concatenate([y - m for m, y in zip(model, read, strict=True)]) / step
-    off = off[np.isfinite(off)]
-    likely = [np.sum(np.log(np.maximum(ndtr((off + 0.5) / s) - ndtr((off - 0.5) / s), _FAR))) for s in _BELOW]
-    return float(_BELOW[int(np.argmax(likely))])

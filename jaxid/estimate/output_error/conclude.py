@@ -74,6 +74,7 @@ def conclude(
     whole: tuple[LogSet, float] | None = None,
     integration: float | None = None,
     begun: Mapping[str, float] | None = None,
+    read: NDArray[np.float64] | None = None,
     **others: Any,
 ) -> Fit:
     """The `Fit` at an optimum (see `fit_at`, which takes `others`) with its judgement. Call under float64.
@@ -85,6 +86,8 @@ def conclude(
     - `whole`: the logs whose windows, of so many seconds, `logs` are; the residual is then judged along them.
     - `integration`: RMS of the simulation's own error in units of the noise; where it is given, the residual of a free
       simulation is asked for forces that the model lacks, too (`neglected`).
+    - `read`: the readings [E, T, ny], where average rounding was taken out of those in `problem`: how far it is known, they
+      say, and not what is left without it.
     - `begun`: the values from which the search began, for a sentence where it went nowhere.
     """
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
@@ -127,8 +130,9 @@ def conclude(
             if there is not None:
                 found[words] = outputs(problem, there._replace(states=optimum.unknowns.states))
         judgement = judge(seen, here, noise, others=found, own_error=own_error)
-    robust = covariance == "robust" or (covariance == "auto" and not judgement.white)
-    found = robust_covariance(structure, problem, inner.unknowns) if robust else None
+    robust = covariance == "robust" or (covariance == "auto" and not (judgement.white and read is None))
+    as_read = problem if read is None else replace(problem, outputs=read)
+    found = robust_covariance(structure, as_read, inner.unknowns) if robust else None
     matrix = bread**2 * found.covariance if found else None
     fit = fit_at(robot, logs, structure, problem, inner, bounded, covariance=matrix, left_out=left_out, **others)
     fit = without_impossible(fit, structure, bounded.problem, optimum.unknowns)

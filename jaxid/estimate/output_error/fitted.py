@@ -6,6 +6,7 @@ integration steps that suit the robot; then the robust loss, or further rounds w
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from .rescue import diverging
 from .reweighted import reweighted
 from .rise import Flat, rise, with_flat_sides
 from .robust_loss import Robust, minimise_robustly
+from .rounded_readings import beyond_rounding
 from .setup import Starts
 from .step_check import with_steps_checked
 from .windows import Unless, condensed
@@ -64,6 +66,8 @@ def fitted(
     stand, error, doubt = _with_suited_steps(fit, stand, options)
     names = [fit.logs[e].name for e in left_out]
     if options.squares:
+        if window is None:
+            stand = _beyond_rounding(fit, stand, options)
         stand, bounded, flat = _where_nothing_falls(stand, options)
         found = with_flat_sides(_concluded(fit, stand, bounded, options, names, error), flat)
     else:
@@ -72,6 +76,13 @@ def fitted(
     if doubt:
         found = replace(found, notes=(*found.notes, doubt))
     return found if window is None else condensed(found, logs, window)
+
+
+def _beyond_rounding(fit: Posed, stand: _Stand, options: Options) -> _Stand:
+    """The optimum with what coarse sensors make of the simulation on average taken out of their readings."""
+    minimise = partial(options.minimise, stand.structure)
+    problem, optimum = beyond_rounding(stand.structure, stand.problem, stand.optimum, fit.logs, minimise)
+    return stand._replace(problem=problem, optimum=optimum)
 
 
 def _from_own_values(fit: Posed, options: Options, start: Starts) -> Fit:
@@ -183,6 +194,7 @@ def _concluded(
     if options.squares and no_priors(problem):
         rivals = {"its own start": lambda: fit.unknowns, "the linear estimate": lambda: linear_unknowns(fit, problem)}
     begun = cost_at(structure, problem, fit.unknowns)
+    read = np.asarray(fit.problem.outputs)
     return conclude(
         stand.robot,
         fit.logs,
@@ -198,6 +210,7 @@ def _concluded(
         whole=None if fit.window is None else (fit.whole, fit.window),
         start_cost=begun if np.isfinite(begun) else DIVERGED,
         integration=error,
+        read=None if np.array_equal(read, np.asarray(problem.outputs), equal_nan=True) else read,
         begun=fit.values,
         bread=1.0 if robust is None else robust.bread,
         noise=None if robust is None else robust.scale,
