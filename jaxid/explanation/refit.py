@@ -42,7 +42,7 @@ from .prescribed_angles import (
     with_prescribed_angles,
 )
 from .smoothed_angles import Angles
-from .unseen_heights import RAN_AWAY, UNSEEN, held_level, undetermined, unseen_by
+from .unseen_heights import RAN_AWAY, UNSEEN, held_level, ran_away, undetermined, unseen_by
 
 _STEPS = 25
 _WEAKER = (1.0, 0.1, 0.01)
@@ -274,9 +274,11 @@ def in_full(
         return refined(robot, logs, start, loss=loss, covariance=covariance)
 
     fit = fitted(robot)
-    while lost := undetermined(fit.robot, {name: fit[name].std_error for name in fit.free_names}):
-        held = fitted(held_level(fit.robot, lost))
-        if any(held.noise[channel] > _WORSE * noise for channel, noise in fit.noise.items()):
-            break
+    while True:
+        gone = ran_away(fit.robot)
+        lost = gone or undetermined(fit.robot, {name: fit[name].std_error for name in fit.free_names})
+        held = fitted(held_level(fit.robot, lost)) if lost else fit
+        worse = any(held.noise[channel] > _WORSE * noise for channel, noise in fit.noise.items())
+        if not lost or (worse and not gone):
+            return fit
         fit = held
-    return fit

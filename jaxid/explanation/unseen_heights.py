@@ -40,6 +40,13 @@ def undetermined(robot: Robot, errors: Mapping[str, float]) -> list[str]:
     return found
 
 
+def ran_away(robot: Robot) -> list[str]:
+    """The free heights that a search left beyond any size."""
+    table = robot.parameters
+    every = (name for _, heights in each_curve(robot) for name in heights.values() if table[name].free)
+    return [name for name in every if not abs(table[name].value) <= RAN_AWAY * typical(table, name)]
+
+
 def typical(table: ParameterTable, name: str) -> float:
     """The typical size of a height."""
     return table[name].typical or 1.0

@@ -8,7 +8,7 @@ from jaxid import Axis, Log, LogSet
 from jaxid.effects import effect_by_id
 from jaxid.effects.drivetrain.by_axis import WAYS
 from jaxid.explanation.refit import in_full, refit
-from jaxid.explanation.unseen_heights import held_level, undetermined
+from jaxid.explanation.unseen_heights import held_level, ran_away, undetermined
 from jaxid.logs import noise_scale
 
 MASS, VISCOUS, COULOMB, DT = 1.0, 2.0, 0.8, 0.02
@@ -78,6 +78,7 @@ def test_a_held_height_has_the_value_of_the_nearest_that_is_told():
     law = effect_by_id(axis, "asymmetric_viscous_friction", "shape")
     forward = [n for n in (axis + law).parameters.free_names if law.is_height(n) and n.endswith("forward")]
     robot = (axis + law).with_values(**{n: float(k) for k, n in enumerate(forward, start=1)})
+    assert ran_away(robot) == [] and ran_away(robot.with_values(**{forward[1]: 1e13})) == [forward[1]]
     held = held_level(robot, forward[-2:]).parameters
     assert [held[n].value for n in forward[-3:]] == [len(forward) - 2] * 3
     assert [held[n].free for n in forward[-3:]] == [True, False, False]
