@@ -41,6 +41,13 @@ def simulated(structure: Structure, problem: Problem, unknowns: Unknowns) -> Flo
     return simulated_now(structure, problem, unknowns) if together is None else together
 
 
+def squares_at(structure: Structure, problem: Problem, at: Unknowns) -> Float[np.ndarray, "E ny"]:
+    """Every log's and channel's sum of squares of the weighted residual."""
+    weight = residual_weights(problem)
+    error = np.asarray(simulated(structure, problem, at)) - np.asarray(problem.outputs)
+    return np.sum(np.where(weight > 0.0, error * weight, 0.0) ** 2, axis=1)
+
+
 def cost_at(structure: Structure, problem: Problem, at: Unknowns) -> float:
     """Half the sum of squares, as `problem.cost`, from the simulation that every fit has compiled."""
     y, weights = np.asarray(simulated(structure, problem, at)), residual_weights(problem)

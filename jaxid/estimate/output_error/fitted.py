@@ -16,9 +16,9 @@ from ...parameters import ParameterError
 from ...robots.robot import Robot
 from ..result import Fit
 from .conclude import conclude, no_priors
-from .evaluation import cost_at
+from .evaluation import cost_at, squares_at
 from .first_minimum import first_minimum, linear_unknowns
-from .from_optimum import AtBounds, on_bounds
+from .from_optimum import AtBounds, channel_noise, on_bounds
 from .optimum import Optimum
 from .posed import Options, Posed, posed
 from .problem import DIVERGED, Problem, Structure, Unknowns
@@ -194,7 +194,13 @@ def _concluded(
     if options.squares and no_priors(problem):
         rivals = {"its own start": lambda: fit.unknowns, "the linear estimate": lambda: linear_unknowns(fit, problem)}
     begun = cost_at(structure, problem, fit.unknowns)
-    read = np.asarray(fit.problem.outputs)
+    read: np.ndarray | None = np.asarray(fit.problem.outputs)
+    scale = None if robust is None else robust.scale
+    if np.array_equal(read, np.asarray(problem.outputs), equal_nan=True):
+        read = None
+    else:
+        there = replace(problem, outputs=read)
+        scale = np.asarray(channel_noise(there, squares_at(structure, there, stand.optimum.unknowns)))
     return conclude(
         stand.robot,
         fit.logs,
@@ -210,9 +216,9 @@ def _concluded(
         whole=None if fit.window is None else (fit.whole, fit.window),
         start_cost=begun if np.isfinite(begun) else DIVERGED,
         integration=error,
-        read=None if np.array_equal(read, np.asarray(problem.outputs), equal_nan=True) else read,
+        read=read,
         begun=fit.values,
         bread=1.0 if robust is None else robust.bread,
-        noise=None if robust is None else robust.scale,
+        noise=scale,
         outliers=() if robust is None else robust.outliers,
     )
