@@ -43,7 +43,12 @@ def integrates(robot: Robot, logs: LogSet) -> bool:
 
 def windows_to_look_in(trial: Trial, logs: LogSet) -> Windows | None:
     """The logs in windows, where the whole ones are too far from what `trial` simulates; else None."""
-    if isinstance(logs, Windows) or trial.angles or trial.fitted.normalised_rms < _FAR or not integrates(trial.robot, logs):
+    if (
+        isinstance(logs, Windows)
+        or trial.angles
+        or trial.fitted.normalised_rms < _FAR
+        or not integrates(trial.robot, logs)
+    ):
         return None
     scales = scales_of(trial.robot, logs)
     seconds = max(_TIMES * scales.time, _SAMPLES * scales.interval)

@@ -42,7 +42,7 @@ from .prescribed_angles import (
     with_prescribed_angles,
 )
 from .smoothed_angles import Angles
-from .unseen_heights import RAN_AWAY, UNSEEN, held_level, ran_away, undetermined, unseen_by
+from .unseen_heights import RAN_AWAY, UNSEEN, held_level, ran_away, unseen_by
 
 _STEPS = 25
 _WEAKER = (1.0, 0.1, 0.01)
@@ -50,8 +50,6 @@ _WEAKER = (1.0, 0.1, 0.01)
 _FIRST_STEPS = 2  # from each of several starts, of which the best goes on
 _EXPLAINED = 1.1
 """Residual, in units of the noise, below which the middle log is explained: one that stands out may be due to the minimum."""
-_WORSE = 1.1
-"""Ratio of residuals from which heights that are held, because nothing tells them, were needed all the same."""
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
 
@@ -274,11 +272,6 @@ def in_full(
         return refined(robot, logs, start, loss=loss, covariance=covariance)
 
     fit = fitted(robot)
-    while True:
-        gone = ran_away(fit.robot)
-        lost = gone or undetermined(fit.robot, {name: fit[name].std_error for name in fit.free_names})
-        held = fitted(held_level(fit.robot, lost)) if lost else fit
-        worse = any(held.noise[channel] > _WORSE * noise for channel, noise in fit.noise.items())
-        if not lost or (worse and not gone):
-            return fit
-        fit = held
+    while gone := ran_away(fit.robot):
+        fit = fitted(held_level(fit.robot, gone))
+    return fit

@@ -8,6 +8,9 @@ from ..robots.robot import Robot
 
 UNSEEN = 0.01
 """Change of a whole simulation, in units of the noise, by a curve's height of typical size, that nobody can see."""
+RAN_AWAY = 1e6
+"""Typical sizes from which a parameter of an effect ran away. Standard errors of a thousandth of that are common where heights
+and a constant friction are hardly told apart, each of which matters."""
 
 
 def each_curve(robot: Robot) -> list[tuple[Curve, dict[int, str]]]:
@@ -16,28 +19,12 @@ def each_curve(robot: Robot) -> list[tuple[Curve, dict[int, str]]]:
     return [(c, {k: c.height(k, name) for k in c.varying}) for c in curves for name in c.each(robot)]
 
 
-RAN_AWAY = 1e6
-"""Typical sizes from which a parameter of an effect ran away, and standard errors from which a height may be anything. A
-thousandth of that is common where heights and a constant friction are hardly told apart, each of which matters."""
-
-
 def unseen_by(robot: Robot, changes: Mapping[str, float]) -> list[str]:
     """The free heights of which one of typical size changes the simulation by less than anybody can see; `changes` are those
     of it, in units of the noise, per unit of a parameter."""
     table = robot.parameters
     free = [name for _, heights in each_curve(robot) for name in heights.values() if name in changes]
     return [name for name in free if changes[name] * typical(table, name) < UNSEEN]
-
-
-def undetermined(robot: Robot, errors: Mapping[str, float]) -> list[str]:
-    """The free heights whose standard error leaves them anywhere, of curves that have others; of a curve without, it is its
-    size as a whole that the logs do not tell, and no height is level with another."""
-    table, found = robot.parameters, []
-    for _, heights in each_curve(robot):
-        free = [name for name in heights.values() if name in errors]
-        lost = [name for name in free if not errors[name] < RAN_AWAY * typical(table, name)]
-        found += lost if len(lost) < len(heights) else []
-    return found
 
 
 def ran_away(robot: Robot) -> list[str]:

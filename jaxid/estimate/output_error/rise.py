@@ -41,6 +41,9 @@ _TWICE = 2.0
 """How often a promised drop may come before the search for a profile ends: a kink may give more than is promised."""
 _TELLING = 1.0
 """Promised rise below which there is nothing to be asked: a bound is in the way."""
+_MOST = 24
+"""Profiles from which no more are asked for parameters of effects, among them the heights of dense curves: a profile of every
+one takes longer than the fit."""
 _LOWER = 0.5
 """Fall of the cost (half chi-squared) from which a point near the optimum is a better start than the optimum."""
 
@@ -118,7 +121,9 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
                 doubtful |= {(int(k), int(np.sign(part[k]))) for k in np.flatnonzero(asked & (np.abs(part) > _PART))}
             if cost < lowest:
                 lowest, lower = cost, at
-    for k, side in sorted(doubtful):
+    robots = sorted(one for one in doubtful if "." not in structure.names[one[0]])
+    effects = sorted(doubtful.difference(robots))[: max(0, _MOST - len(robots))]
+    for k, side in (*robots, *effects):
         for distance, little in _LITTLE.items():
             at, _ = off(side * far * distance * covariance[:, k] / errors[k])
             promised = 0.5 * float((at.z[k] - begin[k]) / errors[k]) ** 2
