@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers
@@ -75,6 +76,16 @@ class ScaleCurves(Curve):
                 self, f"amplitude_{name}", robot.channels.units.get(name, ""), robot.scales.output(name), free=False
             )
         return found
+
+    def doubt(self, robot: Robot) -> str:
+        """A sensor shows more of more: a curve by which it does not stands for something that depends on the output, too."""
+        numbers, shares = robot.parameters.numbers, np.linspace(0.0, 1.0, 201)
+        names = [
+            name
+            for name in self.each(robot)
+            if np.any(np.diff(shares * (1.0 + np.asarray(self.at(shares, numbers, name)))) < 0.0)
+        ]
+        return f"by its curve {' and '.join(names)} would show less of more" if names else ""
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         columns = [outputs[:, i] for i in range(outputs.shape[1])]

@@ -1,0 +1,26 @@
+"""A curve of a sensor's scale: one by which it shows less of more is no sensor's."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis
+from jaxid.effects import effect_by_id
+
+LAW = effect_by_id(Axis(), "sensor_scale", "shape")
+
+
+def with_scale(error):
+    """An axis whose speed is measured `error(share)` too large at each share of its amplitude."""
+    robot = Axis() + LAW
+    heights = [name for name in robot.parameters.free_names if LAW.is_height(name) and name.endswith("_v")]
+    return robot.with_values(**{name: float(error(x)) for name, x in zip(heights, LAW.places, strict=True)})
+
+
+@pytest.mark.parametrize("error", [lambda x: 0.0, lambda x: 0.1, lambda x: -0.4 * x, lambda x: 0.5 * np.exp(-x)])
+def test_a_sensor_that_is_nonlinear_shows_more_of_more(error):
+    assert LAW.doubt(with_scale(error)) == ""
+
+
+def test_one_that_stands_for_something_else_may_show_less():
+    falling = with_scale(lambda x: 5.0 if x < 0.2 else -0.6)
+    assert LAW.doubt(falling) == "by its curve v would show less of more"
