@@ -10,8 +10,8 @@ from jaxid.simulation import records
 def test_what_computes_much_on_one_shape_is_compiled_and_stays_the_same():
     robot = (jaxid.Axis() + jaxid.effects.effect_by_id(jaxid.Axis(), "input_delay")).structure
     own = records.records_of(robot, ("input_delay.delay",))
-    rng, dt = np.random.default_rng(0), np.full((20, 2000), 0.01)
-    inputs = rng.normal(size=(20, 2000, 1))
+    rng, dt = np.random.default_rng(0), np.full((1000, 40), 0.01)
+    inputs = rng.normal(size=(1000, 40, 1))
     with float64():
         first = records.commanded(own, [0.03], inputs, dt, 2)
         for _ in range(records._SELDOM // first.size + 2):
