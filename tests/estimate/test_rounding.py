@@ -51,11 +51,16 @@ def test_speeds_of_a_few_steps_of_a_coarse_encoder_are_fitted_without_bias():
     assert all(fit.judgement is not None and fit.judgement.trustworthy for fit in fits)
 
 
+def test_what_noise_hides_of_rounding_changes_no_fit():
+    fits = [output_error(AXIS_MODEL, _coarse(0, below=0.8)), output_error(AXIS_MODEL, _coarse(0, below=0.1))]
+    assert [fit.standard_errors for fit in fits] == ["white", "robust"]
+
+
 TRUE = {"M": 15.0, "Fv": 14.0, "Fc": 9.0}
 AXIS_MODEL = Axis().with_values(**TRUE)
 
 
-def _coarse(seed: int) -> LogSet:
+def _coarse(seed: int, below: float = 0.1) -> LogSet:
     rng, logs = np.random.default_rng(seed), []
     for k in range(3):
         force = np.repeat(rng.uniform(-13.0, 13.0, 40), 500)
@@ -64,7 +69,7 @@ def _coarse(seed: int) -> LogSet:
             found[i] = v
             free = v + 1e-3 * (push - 14.0 * v) / 15.0
             v = np.sign(free) * max(abs(free) - 1e-3 * 9.0 / 15.0, 0.0)
-        read = np.round((found[::20] + 0.1 * STEP * rng.standard_normal(len(found[::20]))) / STEP) * STEP
+        read = np.round((found[::20] + below * STEP * rng.standard_normal(len(found[::20]))) / STEP) * STEP
         u = force[::20]
         logs.append(Log.from_arrays(f"{k}", 0.02 * np.arange(len(u)), u[:, None], {"v": read}, AXIS))
     return LogSet(logs)
