@@ -43,8 +43,7 @@ def test_what_rounding_makes_of_slow_signals_is_taken_out_and_nothing_of_fine_on
 
 def test_speeds_of_a_few_steps_of_a_coarse_encoder_are_fitted_without_bias():
     """An axis with dry friction in steps of a millisecond, its complete model fitted to speeds that are rounded to ten times
-    their noise: least squares takes the friction for 3.4 standard errors too large on average of twenty seeds, and finds all
-    these fits poor."""
+    their noise: plain least squares takes the friction for several standard errors too large, and such fits are poor."""
     fits = [output_error(AXIS_MODEL, _coarse(seed)) for seed in range(6)]
     off = [[(fit[name].value - value) / fit[name].std_error for name, value in TRUE.items()] for fit in fits]
     assert np.all(np.abs(np.mean(off, axis=0)) < 1.0) and np.all(np.abs(off) < 3.0)

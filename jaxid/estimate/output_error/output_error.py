@@ -27,6 +27,8 @@ from .uneven_stamps import with_stamps_noted
 from .windows import Unless, choose
 
 Windows = float | Literal["auto"] | None
+_REFINING = 60
+"""Steps at most from where a fit came already."""
 
 
 def _silent(message: str) -> None:
@@ -113,10 +115,9 @@ def refined(
     *,
     loss: Loss | str = "squares",
     covariance: Covariance = "auto",
-    max_steps: int = 60,
 ) -> Fit:
     """`output_error` by free simulation from `start`, values to which a fit of this model to these logs came already: none
     further off are tried, whatever it leaves."""
-    options = Options("auto", None, loss_named(loss), DEFAULT, covariance, False, max_steps, _silent, far_starts=False)
+    options = Options("auto", None, loss_named(loss), DEFAULT, covariance, False, _REFINING, _silent, far_starts=False)
     logs = given_logs(robot, logs)
     return _with_stamps_noted(fitted(robot, logs, options, start, None), robot, logs, options)
