@@ -123,6 +123,10 @@ def name_next(
         leading, others = mechanisms[:_FIRST_TRIALS], mechanisms[_FIRST_TRIALS:]
         leading = [[densest(trial, again) for trial in own] for own in leading]
         mechanisms = sorted((best_first(own) for own in [*leading, *others]), key=lambda own: own[0].score)
+        # Another curve may lead than before: what stands beside it has as many points.
+        mechanisms = with_the_same_curves(
+            mechanisms, screened, lambda further: [densest(trial, again) for trial in added(further)]
+        )
     mechanisms = with_its_other_laws(by_where_they_bend(mechanisms, base), screened, added)
     mechanisms = with_the_same_law(mechanisms, screened, added)
     trials = [own[0] for own in mechanisms]

@@ -72,9 +72,9 @@ def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise)
     return refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
 
 
-def _by_laws(effect: Effect, bare: Trial, base: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
-    """The model `bare` with the mechanism of `effect`, by each of its laws."""
-    laws = [law.blurred for law in laws_of(base.robot, effect.id)]
+def _by_laws(effect: Effect, bare: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
+    """The model `bare` with the mechanism of `effect`, by each of its laws that stand beside what is in it."""
+    laws = [law.blurred for law in laws_of(bare.robot, effect.id)]
     screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles)
     candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
     laws = [law for law in candidates if law.gain > 0]
@@ -99,7 +99,7 @@ def by_laws_again(
             continue
         say(f"the laws of {step.chosen.id} once more")
         bare = without(effect.id, current, base, logs, held_out, noise)
-        trials = _by_laws(effect, bare, base, logs, held_out, noise, say)
+        trials = _by_laws(effect, bare, logs, held_out, noise, say)
         # Its own law from where the others begin, too: they compare where all were fitted equally well.
         again = next((trial for trial in trials if trial.law == effect.law), None)
         if again is not None and again.score < current.score:
@@ -204,7 +204,7 @@ def reconsidered(
             swapped = refitted_like(with_effects(base.robot, owners), final, logs, held_out, noise)
             swapped = replace(swapped, id=rival.id)
             if anew and rival.effect is not None:
-                others = _by_laws(rival.effect, bare, base, logs, held_out, noise, say)
+                others = _by_laws(rival.effect, bare, logs, held_out, noise, say)
                 swapped = best_first([swapped, *(other for other in others if other.law != swapped.law)])[0]
             trials.append(swapped)
             say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
@@ -218,7 +218,7 @@ def reconsidered(
         leading = min(trials, key=lambda t: t.score)
         if leading.id != step.chosen.id and not final.angles:
             for other in _untried(step, leading, present):
-                laws = _by_laws(other.effect, bare, base, logs, held_out, noise, say)
+                laws = _by_laws(other.effect, bare, logs, held_out, noise, say)
                 trials += best_first(laws)[:1]
         mechanisms = by_where_they_bend([[trial] for trial in sorted(trials, key=lambda t: t.score)], bare)
         trials = simplest_first([own[0] for own in mechanisms])

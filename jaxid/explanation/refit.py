@@ -52,6 +52,9 @@ _EXPLAINED = 1.1
 """Residual, in units of the noise, below which the middle log is explained: one that stands out may be due to the minimum."""
 FEW_STEPS = 8
 """Enough to see whether a candidate is in the running."""
+_FASTER, _FASTEST = 2.0, 128
+"""A refit ran away where it leads to more integration steps a sample than this many times its own, and than this many: to
+motions so fast that nothing in the logs tells how fast."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +169,8 @@ def refit(
             problem, optimum, partial(minimise_compiled, structure, max_steps=max_steps), _EXPLAINED
         )
     values, squares = by_name(structure, problem, optimum.unknowns), chi_squared(problem, optimum, free)
-    if not _can_be_simulated(robot, values, held_out):  # it ran away
+    most = max(_FASTER * structure.integrator.substeps, _FASTEST)
+    if not _can_be_simulated(robot, values, held_out, most):  # it ran away
         values, squares = {name: {**known, **starts[0]}[name] for name in structure.names}, np.inf
     changes = dict(zip(structure.names, changes_by(problem, optimum.triangle).tolist(), strict=True))
     found = robot.with_values(**values)
@@ -190,18 +194,17 @@ def refit(
     )
 
 
-def _can_be_simulated(robot: Robot, values: Mapping[str, float], logs: LogSet) -> bool:
-    """Whether `robot` with these values is anything that steps of a sensible number follow on `logs`."""
+def _can_be_simulated(robot: Robot, values: Mapping[str, float], logs: LogSet, most: float) -> bool:
+    """Whether `robot` with these values is anything that at most so many steps a sample follow on `logs`."""
     if not all(map(np.isfinite, values.values())):
         return False
     sizes = {n: robot.parameters[n].typical for effect in robot.effects for n in values if n.startswith(effect.key(""))}
     if any(size and abs(values[name]) > RAN_AWAY * size for name, size in sizes.items()):
         return False
     try:
-        integrator_for(robot.with_values(**values), logs)
+        return integrator_for(robot.with_values(**values), logs).substeps <= most
     except ParameterError:
         return False
-    return True
 
 
 def refit_from_itself(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from jaxid import Axis, output_error
-from jaxid.effects import effect_by_id
+from jaxid.effects import effect_by_id, laws_of
 from jaxid.explanation.reconsider import by_laws_again, rather_by_curves, reconsidered, rivals_of
 from jaxid.explanation.refit import refit, refit_from_itself
 from jaxid.explanation.steps import Step
@@ -135,6 +135,28 @@ def test_a_rival_has_the_law_that_suits_beside_the_later_effects_too():
     trials = {trial.id: trial for trial in steps[0].trials}
     assert found.held_out.normalised_rms < 1.1 and trials["input_delay"].law == "constant"
     assert {steps[0].chosen.id, *steps[0].equivalent} == {"sensor_delay", "input_delay"}
+
+
+def test_laws_that_what_is_in_the_model_refuses_are_not_tried_again():
+    """A delay, and later a lag of the sensor: stamps that are early stand beside no lag."""
+    logs, held_out = driven(late, SEED)
+    noise, step, _ = found_of(logs, held_out)
+    base = step.before
+
+    def with_one_more(before, identifier, law):
+        return refit_from_itself(before.robot + effect_by_id(base.robot, identifier, law), before, logs, held_out, noise)
+
+    delay = with_one_more(base, "sensor_delay", "constant")
+    both = with_one_more(delay, "sensor_lag", "first_order")
+    lag = with_one_more(base, "sensor_lag", "first_order")
+    assert not any(law.law == "early" for law in laws_of(lag.robot, "sensor_delay"))
+    first, second = Step((delay,), (), (), base, delay, (delay,)), Step((both,), (), (), delay, both, (both,))
+    # Still far from the noise, so that other laws are asked for.
+    current = replace(both, held_out=base.held_out)
+    said = []
+    steps, found = by_laws_again([first, second], current, base, logs, held_out, noise, said.append)
+    assert "the laws of sensor_delay once more" in said
+    assert [own.chosen.id for own in steps] == ["sensor_delay", "sensor_lag"] and found.score <= current.score
 
 
 def late(u):
