@@ -12,6 +12,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from .by_chance import by_chance
+from .finer_curves import through_enough_points
 from .held_parameters import with_parameters_held
 from .heldout import HeldOut
 from .named_effects import named_effects
@@ -80,14 +81,22 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
     final = finished(found.final)
     after = left_by(final)
     found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
-    sure = all(effect.identified for effect in named_effects(found, fit, final))
-    if found.final and not (sure and _settled(final)):
+    if found.final and not (_all_sure(found, fit, final) and _settled(final)):
         held = with_parameters_held(found.final, logs, held_out, noise, report)
         if held is not found.final:
             found, final = replace(found, final=held), finished(held)
             after = left_by(final)
+    if after.adequate:
+        finer = through_enough_points(found, final, finished, lambda own: _all_sure(found, fit, own), report)
+        if finer.final is not final:
+            (found, final), after = finer, left_by(finer.final)
     # What the fit in full leaves, and not what a search's few steps had left.
     return Looked(replace(found, after=after) if found.steps else found, final, after, held_out)
+
+
+def _all_sure(found: Search, fit: Fit, final: Fit) -> bool:
+    """Whether the data excludes of every effect that was added that there is none."""
+    return all(effect.identified for effect in named_effects(found, fit, final))
 
 
 def _settled(final: Fit) -> bool:

@@ -13,7 +13,9 @@ from .channels import Channels
 from .log import Log
 from .readings import counting
 
-_SHORT = 64
+_MULTIPLES = ((64, 8), (256, 64))
+"""Samples of the longest log up to which a batch is padded to multiples of so many, instead of 256: thousands of windows, and
+pieces of half a second, would be padding for the most part."""
 
 
 class Batch(eqx.Module):
@@ -42,7 +44,7 @@ class Batch(eqx.Module):
     @float64()
     def from_logs(cls, logs: Sequence[Log], multiple: int | None = None) -> "Batch":
         """Pad the logs to one length, rounded up to a `multiple` of samples so that sets of similar length share
-        compiled programs: by default 256, or 8 where the longest log has no more than 64 (thousands of windows).
+        compiled programs: by default 256; 64 where the longest log has no more than 256, and 8 where it has no more than 64.
         Nothing is truncated. Raises `ValueError` for a multiple below 1 or no logs.
         """
         if multiple is not None and multiple < 1:
@@ -51,7 +53,7 @@ class Batch(eqx.Module):
             raise ValueError("A batch needs at least one log; give some.")
         channels = logs[0].channels
         longest = max(len(log) for log in logs)
-        multiple = multiple or (256 if longest > _SHORT else 8)
+        multiple = multiple or next((few for samples, few in _MULTIPLES if longest <= samples), 256)
         padded = -(-longest // multiple) * multiple
         shape = len(logs), padded
         dt = np.zeros(shape)

@@ -107,13 +107,17 @@ def estimated_start(
         for _ in range(_STEPS):
             before = best
             moved = [residuals(x + length * unit) for length, unit in zip(lengths, np.eye(len(names)), strict=True)]
-            step = np.zeros_like(x)
+            step, promised = np.zeros_like(x), np.zeros(len(x))
             for e in np.flatnonzero(searched):
                 jacobian = np.stack([m[e] - now[e] for m in moved], axis=1) * free[e]
-                step[e] = -np.array(lengths) * np.linalg.lstsq(jacobian, now[e], rcond=1e-10)[0]
-            start = x
+                way = np.linalg.lstsq(jacobian, now[e], rcond=1e-10)[0]
+                promised[e] = best[e] - np.sum((now[e] - jacobian @ way) ** 2)
+                step[e] = -np.array(lengths) * way
+            start, waits = x, promised > _NOTICEABLE
             for shrunk in _SHRINK:
-                tried(np.where((best < before)[:, None], x, start + shrunk * step))
+                if waits.any():
+                    tried(np.where(waits[:, None], start + shrunk * step, x))
+                    waits &= ~(best < before)
             if not np.any(best < before - _NOTICEABLE):
                 break
 

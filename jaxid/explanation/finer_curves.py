@@ -1,0 +1,84 @@
+"""A curve through more points where fewer had made the robot's own parameters wrong.
+
+A search takes as many points as the noise lets it see. What a curve of few points still lacks is then no more than noise in
+the outputs, but the other parameters make up for it, by several of their standard errors, which know nothing of it. So the
+final model is fitted once more with twice as many: of two models that are both right, the estimates differ by no more than
+the additional ones cost (Hausman 1978, Econometrica 46). Where they differ by more, the finer curve is the answer, with the
+wider intervals that belong to it.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..effects.curve import Curve
+from ..estimate.result import Fit
+from ..parameters import ParameterError
+from .denser import MOST_HEIGHTS, with_denser_curve
+from .refit import Trial
+from .steps import Search
+
+_MOST = 2
+"""Times that the points are doubled."""
+_APART = 2.0
+"""Difference of two estimates in standard errors of that difference, of which 5 % of right models have more."""
+_LEAST = 0.1
+"""Share of the finer model's variance that the difference has at least, where rounding leaves less."""
+
+
+class Finer(NamedTuple):
+    """What was found and its fit in full, with curves through as many points as the robot's own parameters need."""
+
+    found: Search
+    final: Fit
+
+
+def through_enough_points(
+    found: Search, final: Fit, in_full: Callable[[Trial], Fit], sure: Callable[[Fit], bool], say: Callable[[str], None]
+) -> Finer:
+    """The fit `in_full` of what was found, with finer curves where these move the robot's own parameters by more than they
+    may, and still say what they said: that there are such effects is `sure`, and no parameter is lost."""
+    best = Finer(found, final)
+    for identifier in [effect.id for effect in final.robot.effects if isinstance(effect, Curve)]:
+        for _ in range(_MOST):
+            finer = _finer(best, identifier, in_full, say)
+            if finer is None or not sure(finer.final) or not moved(best.final, finer.final):
+                break
+            say(f"{identifier} needs a curve through more points")
+            best = finer
+    return best
+
+
+def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: Callable[[str], None]) -> Finer | None:
+    """The same with twice as many points in one curve; None where that is one too many, or leads nowhere."""
+    trial, robot = best.found.final, best.final.robot
+    curve = next(effect for effect in robot.effects if effect.id == identifier)
+    assert isinstance(curve, Curve)
+    if trial is None or trial.angles or 2 * len(curve.each(robot)) * len(curve.varying) > MOST_HEIGHTS:
+        return None
+    say(f"fitting {identifier} through more points")
+    dense = replace(trial, robot=with_denser_curve(robot, identifier))
+    try:
+        fit = in_full(dense)
+    except ParameterError:
+        return None
+    return None if fit.failed else Finer(replace(best.found, final=replace(dense, robot=fit.robot)), fit)
+
+
+def moved(coarse: Fit, fine: Fit) -> bool:
+    """Whether a parameter of the robot itself is more apart in the two fits than the finer one's further parameters explain;
+    not where the finer one no longer identifies all that the other does."""
+    own = [
+        name
+        for name, estimate in coarse.parameters.items()
+        if estimate.status == "identified" and "." not in name and name in fine.parameters
+    ]
+    if any(fine[name].status != "identified" for name in own):
+        return False
+    pairs = [(coarse[name], fine[name]) for name in own]
+    return any(
+        abs(b.value - a.value) > _APART * np.sqrt(max(b.std_error**2 - a.std_error**2, _LEAST * b.std_error**2))
+        for a, b in pairs
+    )
