@@ -71,6 +71,8 @@ class Effect:
     """Whether it is a delay or a lag, so that the motion between samples tells it from others."""
     otherwise: ClassVar[str] = ""
     """What of the robot itself does the same, in words, so that no log tells it apart where the table does not hold it."""
+    memoryless: ClassVar[bool] = False
+    """Whether what it makes of a command depends on nothing but that command: not on earlier ones, and not on the time."""
     upon: ClassVar[str] = ""
     """Another effect that changes what this one does: it is looked for only where the robot cannot have that one, or has it."""
     finer: ClassVar[float] = 1.0

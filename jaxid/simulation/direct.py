@@ -93,7 +93,7 @@ def simulated_directly(
     x = np.stack([np.broadcast_to(start[name], (len(p), E)) for name in robot.states], axis=2)
     fixed = np.stack([np.asarray(v) for v in prescribed.values()], axis=-1) if prescribed else np.zeros((E, T, 0))
     shares = np.full((n, lanes()), 1.0 / n)
-    rows = 1 if records.commands is None else n
+    rows = records.rows(n)
     most = max(1, _TOGETHER // max(1, T * (U * rows + system.outputs)))
     if E > most:  # experiments know nothing of one another
         parts = []

@@ -37,13 +37,18 @@ class Records(NamedTuple):
     """The effects on whole records of a robot with the parameters `names`: `robot` has no others and no numbers.
 
     `commands` and `measures`: places among the names of what effects on commands, and on sensors, read; None without such
-    effects.
+    effects. `memoryless`: whether all that act on commands are.
     """
 
     robot: Robot
     names: tuple[str, ...]
     commands: tuple[int, ...] | None
     measures: tuple[int, ...] | None
+    memoryless: bool
+
+    def rows(self, substeps: int) -> int:
+        """How often a sample's inputs are computed: once, or in every sub-step where effects remember earlier commands."""
+        return 1 if self.commands is None or self.memoryless else substeps
 
 
 class _Seen(Mapping[str, Any]):
@@ -105,7 +110,8 @@ def records_of(robot: Robot, names: tuple[str, ...]) -> Records:
 
     commands = read("command", lambda p, u, y, dt: _commanded_one(bare, p, u, dt, 1))
     measures = read("measure", lambda p, u, y, dt: _measured_one(bare, p, y, dt))
-    return Records(bare, names, commands, measures)
+    memoryless = all(effect.memoryless for effect in own if overrides(type(effect), "command"))
+    return Records(bare, names, commands, measures, memoryless)
 
 
 def _measured_one(robot: Robot, p: Mapping[str, Any], y: Float[Array, "T Y"], dt: Float[Array, " T"]):
@@ -186,11 +192,12 @@ def _names(records: Records, places: tuple[int, ...]) -> tuple[str, ...]:
 def commanded(
     records: Records, p: Float[Array, " P"], inputs: Float[Array, "E T U"], dt: Float[Array, "E T"], substeps: int
 ) -> Float[np.ndarray, "E T R U"]:
-    """What arrives of the inputs: one row a sample, or, with effects on commands, one a sub-step."""
+    """What arrives of the inputs: one row a sample, or, with effects that remember earlier commands, one a sub-step."""
     if records.commands is None:
         return np.asarray(inputs)[:, :, None, :]
     own = np.asarray(p, float)[list(records.commands)]
-    return _run(_command, (records.robot, _names(records, records.commands), substeps), own, inputs, dt)
+    fixed = records.robot, _names(records, records.commands), records.rows(substeps)
+    return _run(_command, fixed, own, inputs, dt)
 
 
 def commanded_each(
@@ -217,7 +224,8 @@ def command_slopes(
     assert records.commands is not None
     places = list(records.commands)
     own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
-    return _run(_command_slopes, (records.robot, _names(records, records.commands), substeps), own, inputs, dt, step)
+    fixed = records.robot, _names(records, records.commands), records.rows(substeps)
+    return _run(_command_slopes, fixed, own, inputs, dt, step)
 
 
 def measured(

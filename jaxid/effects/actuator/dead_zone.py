@@ -30,6 +30,7 @@ class DeadZone(Effect):
     law: ClassVar[str] = "subtractive"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u' = u - clip(u, -threshold, threshold)"
+    memoryless: ClassVar[bool] = True
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "threshold", input_unit(robot), 0.03 * robot.scales.input)
@@ -136,6 +137,7 @@ class DeadZoneCurve(Curve):
     id: ClassVar[str] = "actuator_dead_zone"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u' = u - lost(|u|) sgn u"
+    memoryless: ClassVar[bool] = True
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.25, 0.5, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|u|"

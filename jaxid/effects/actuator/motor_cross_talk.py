@@ -32,6 +32,7 @@ class MotorCrossTalk(Effect):
     law: ClassVar[str] = "proportional"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u_i' = u_i + sum over j of share_i_of_j u_j"
+    memoryless: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("several_drives",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
@@ -61,6 +62,7 @@ class LeakCurve(Curve):
     id: ClassVar[str] = "motor_cross_talk"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u_i' = u_i + sum over the other j of share(|u_j|) u_j"
+    memoryless: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("several_drives",)
     knots: ClassVar[tuple[float, ...]] = (0.1, 0.4, 0.9)
     free: ClassVar[tuple[int, ...]] = (0, 1, 2)

@@ -45,6 +45,7 @@ class MotorGainMismatch(_OfEach):
 
     law: ClassVar[str] = "command"
     formula: ClassVar[str] = "u_i' = (1 + gain_i) u_i"
+    memoryless: ClassVar[bool] = True
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         return inputs * (1.0 + each_drive(robot, lambda name: p[self.key(f"gain_{name}")]))
@@ -107,6 +108,7 @@ class GainCurves(Curve):
     id: ClassVar[str] = "motor_gain_mismatch"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u_i' = u_i (1 + gain_i(|u_i|))"
+    memoryless: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("several_drives",)
     knots: ClassVar[tuple[float, ...]] = (0.1, 0.4, 0.9)
     free: ClassVar[tuple[int, ...]] = (0, 1, 2)

@@ -26,6 +26,7 @@ class VoltageSaturation(Effect):
     law: ClassVar[str] = "hard"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u' = clip(u, -limit, limit), limit = 1 / inverse_limit"
+    memoryless: ClassVar[bool] = True
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "inverse_limit", f"1/{input_unit(robot)}", 1.0 / robot.scales.input)
@@ -88,6 +89,7 @@ class SaturationCurve(Curve):
     id: ClassVar[str] = "voltage_saturation"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u' = u - lost(|u|) sgn u"
+    memoryless: ClassVar[bool] = True
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     begins_later: ClassVar[bool] = True

@@ -24,6 +24,7 @@ class SteeringOffset(Effect):
     law: ClassVar[str] = "offset"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u_i' = u_i + offset_i"
+    memoryless: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("steered",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
@@ -82,6 +83,7 @@ class SteeringCurves(Curve):
     id: ClassVar[str] = "steering_error"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u_i' = u_i + error_i((1 + u_i / amplitude_i) / 2)"
+    memoryless: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("steered",)
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
     free: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, 4)

@@ -30,7 +30,7 @@ def side_by_side(d: Direct, times: int) -> SideBySide:
     E, of = len(d.begin), d.logs
     if E % lanes() == 0:
         return SideBySide(1, of)
-    rows = 1 if d.model.records.commands is None else len(d.shares)
+    rows = d.model.records.rows(len(d.shares))
     # Few logs leave lanes empty, which the others' simulations fill.
     more = -(-E * times // lanes()) / len(of.dt)
     if times == 1 or (more > 1 and max(of.measured.size, of.u.size * rows) * more > _TOGETHER):
