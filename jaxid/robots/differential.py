@@ -66,9 +66,15 @@ class DifferentialDrive(Robot):
             raise ValueError(f"measures = {self.measures!r}; use 'body' (v, w) or 'wheels' (v_right, v_left)")
 
     def for_columns(self, columns: Iterable[str]) -> Self:
-        """Wheel speeds where the columns have these and no body speeds, the wheels' ways where they have only these."""
+        """Wheel speeds where the columns have these and no body speeds, the wheels' ways where they have only these.
+
+        One wheel's speed alone says so, too, so that what is missing is the other's.
+        """
         there = set(columns)
-        wheels = set(DIFFERENTIAL_WHEELS.outputs) <= there and not set(DIFFERENTIAL.outputs) <= there
+        speeds = set(DIFFERENTIAL_WHEELS.outputs)
+        body = there & set(DIFFERENTIAL.outputs)
+        ways = set(self.angles) <= there
+        wheels = (speeds <= there and len(body) < 2) or (bool(speeds & there) and not body and not ways)
         return replace(self, measures="wheels") if wheels else super().for_columns(there)
 
     def defaults(self) -> ParameterTable:
