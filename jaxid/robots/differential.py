@@ -131,6 +131,42 @@ class DifferentialDrive(Robot):
         return "" if self._wheels else "w"
 
     @property
+    def translates(self) -> bool:
+        return True
+
+    def along(self, state: State, p: Numbers) -> Scalars:
+        return (self.planar(state, p)[0],)
+
+    def pushed(self, forces: Scalars, each: Scalars, p: Numbers) -> Scalars:
+        if not self._wheels:
+            return super().pushed(forces, each, p)
+        # The same power on the wheels' speeds: the body's is linear in them.
+        (right, left), (larger, smaller), (push,) = forces, self._radii(p), each
+        return right + 0.5 * push * larger, left + 0.5 * push * smaller
+
+    @property
+    def turns(self) -> bool:
+        return True
+
+    @property
+    def largest_yaw_rate(self) -> float:
+        """Of wheels, that at which both go as fast as the faster does, one forwards and one backwards."""
+        if not self._wheels:
+            return super().largest_yaw_rate
+        return max(map(self.scales.output, self.velocities)) / self.parameters["b"].value
+
+    def yaw_rate(self, state: State, p: Numbers) -> Scalar:
+        return self.planar(state, p)[2]
+
+    def turned(self, forces: Scalars, moment: Scalar, p: Numbers) -> Scalars:
+        if not self._wheels:
+            return super().turned(forces, moment, p)
+        # The same power on the wheels' speeds: the yaw rate is linear in them.
+        (right, left), (larger, smaller) = forces, self._radii(p)
+        each = moment / (2.0 * p["b"])
+        return right + each * larger, left - each * smaller
+
+    @property
     def translations(self) -> tuple[str, ...]:
         """The body's speed; speeds of wheels are none of the body's."""
         return () if self._wheels else ("v",)
@@ -220,10 +256,7 @@ class DifferentialDrive(Robot):
         turn = p["xc"] * across - p["yc"] * along
         if not self._wheels:
             return along, turn
-        # The same power on the wheels' speeds: v and w are linear in them.
-        larger, smaller = self._radii(p)
-        each = turn / (2.0 * p["b"])
-        return (0.5 * along + each) * larger, (0.5 * along - each) * smaller
+        return self.turned(self.pushed((0.0, 0.0), (along,), p), turn, p)
 
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         return tuple(state[name] for name in self.channels.measured)
