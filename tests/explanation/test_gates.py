@@ -60,6 +60,9 @@ def test_logs_of_one_name_are_refused_before_anything_is_done(heavy_tailed):
     said = []
     with pytest.raises(LogError, match="both called 'a'"):
         explain(fit, logs, logs, report=said.append)
+    again = LogSet([replace(logs[0], name="copy")])
+    with pytest.raises(LogError, match="'a' and the held-out log 'copy' hold the same numbers"):
+        explain(fit, logs, again, report=said.append)
     assert said == []
 
 
