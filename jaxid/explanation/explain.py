@@ -203,7 +203,9 @@ def explain(
     doubts = doubts_of(found, final, named, after)
     verdict = verdict_of(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""
-    doubted = doubtful_logs(*recorded) if not (after.adequate or verdict == "adequate" or all_noise(found)) else ""
+    nothing = after.adequate or verdict == "adequate" or all_noise(found)
+    # Held-out logs without a gap do not say why a fit failed; the fitted ones may.
+    doubted = doubtful_logs(*recorded) if fit.failed or not nothing else ""
     unclear = verdict in ("named", "ambiguous") and named and not after.by_chance
     still = still_doubted(final) if unclear else ""
     constants: dict[str, list[Shares]] = {}
