@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from jaxid import read_logs
@@ -184,6 +185,18 @@ def test_two_wheels_are_no_body_but_can_be_one(jaxid, tmp_path):
     entry = line[2:].replace("-R / (2 b)", "-0.25").replace("R / (2 b)", "0.25")
     fields = {"/joint_states.velocity[right_wheel_joint]": 0.25, "/joint_states.velocity[left_wheel_joint]": -0.25}
     assert tomllib.loads(entry)["eta2"]["fields"] == fields
+
+
+def test_a_wheel_whose_name_holds_another_unit_than_the_others_is_no_body_either(jaxid, tmp_path):
+    rng, out = np.random.default_rng(3), tmp_path / "map.toml"
+    names = ["t", "u_right [V]", "u_left [V]", "v_right [m/s]", "v_left [mm/s]"]
+    frame = pd.DataFrame(np.column_stack([TIMES, rng.normal(size=(len(TIMES), 4))]), columns=names)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    jaxid("look", tmp_path / "run.csv", "--robot", "differential", "--write", out)
+    proposed = tomllib.loads(re.sub(r'"\?"', "0", out.read_text()))
+    assert {"v_right [m/s]", "v_left [mm/s]"}.isdisjoint(
+        {one["field"] for one in proposed.values() if one.get("field")} - {"u_right [V]", "u_left [V]"}
+    )
 
 
 def test_tables_and_matlab_files_are_looked_at_alike(jaxid, tmp_path):

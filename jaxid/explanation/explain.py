@@ -72,12 +72,20 @@ def _stages(found: Search) -> dict[str, float]:
 
 
 def apart(logs: LogSet, held_out: LogSet) -> None:
-    """Raise `LogError` where a fitted and a held-out log have one name: what a fit knows of logs, it knows by name."""
+    """Raise `LogError` where a fitted and a held-out log have one name (what a fit knows of logs, it knows by name) or are one
+    log under two names, which would confirm whatever was fitted."""
     shared = [name for name in held_out.names if name in logs.names]
     if shared:
         raise LogError(
             f"A fitted and a held-out log are both called {shared[0]!r}; give each its own name (a log is called like its "
             "file), and hold out logs that were not fitted."
+        )
+    fitted = {log.sha256: log.name for log in logs}
+    copies = [(fitted[log.sha256], log.name) for log in held_out if log.sha256 in fitted]
+    if copies:
+        raise LogError(
+            f"The fitted log {copies[0][0]!r} and the held-out log {copies[0][1]!r} hold the same numbers; hold out logs that "
+            "were not fitted."
         )
 
 
@@ -195,7 +203,9 @@ def explain(
     doubts = doubts_of(found, final, named, after)
     verdict = verdict_of(found, named, most, doubts)
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""
-    doubted = doubtful_logs(*recorded) if not (after.adequate or verdict == "adequate" or all_noise(found)) else ""
+    nothing = after.adequate or verdict == "adequate" or all_noise(found)
+    # Held-out logs without a gap do not say why a fit failed; the fitted ones may.
+    doubted = doubtful_logs(*recorded) if fit.failed or not nothing else ""
     unclear = verdict in ("named", "ambiguous") and named and not after.by_chance
     still = still_doubted(final) if unclear else ""
     constants: dict[str, list[Shares]] = {}

@@ -176,7 +176,8 @@ class Explanation:
         doubted = judgement is not None and not judgement.trustworthy
         though = ""
         if judgement is not None and doubted:
-            though = f" The fit, though, is not beyond doubt. {judgement.sentence.removesuffix(LOOK_FURTHER).strip()}"
+            what = "failed, so that none of its parameters is known" if self.baseline.failed else "is not beyond doubt"
+            though = f" The fit, though, {what}. {judgement.sentence.removesuffix(LOOK_FURTHER).strip()}"
             if judgement.better == LOOK_FURTHER:
                 though += (
                     " These held-out logs do not show it: hold out more, or livelier ones, to see whether it is there."

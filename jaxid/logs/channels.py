@@ -211,8 +211,9 @@ BY_COLUMNS: Mapping[str, tuple[Channels, ...]] = MappingProxyType(
 
 
 def layout_of(layouts: tuple[Channels, ...], columns: Collection[str]) -> Channels:
-    """The first of the layouts whose outputs, or what stands in for them, are all among the columns; else the first."""
+    """The first of the layouts whose outputs, or what stands in for them, are all among the columns; else the first of those of
+    which the most outputs are there."""
     for own in layouts:
         if all(name in columns or own.stood_in(name, columns) for name in own.outputs):
             return own
-    return layouts[0]
+    return max(layouts, key=lambda own: sum(name in columns for name in own.outputs))

@@ -82,11 +82,19 @@ def _as_written(word: str, like: str) -> str:
     return word.upper() if like.isupper() else word.capitalize() if like[:1].isupper() else word
 
 
+def _without_unit(name: str) -> str:
+    """The name without a unit in brackets at its end."""
+    bare = re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", name)
+    return bare if unit_in_name(name) is not None and unit_in_name(bare) is None else name
+
+
 def of_one_side(names: Iterable[str]) -> set[str]:
-    """The names of which there is another one for the other side."""
-    there = set(names)
+    """The names of which there is another one for the other side, whatever units stand in brackets behind them."""
+    bare = {name: _without_unit(name) for name in names}
+    there = set(bare.values())
     rights = {name: left for name in there if (left := _of_the_left(name)) in there}
-    return {*rights, *rights.values()}
+    both = {*rights, *rights.values()}
+    return {name for name, one in bare.items() if one in both}
 
 
 def _named_position(series: Series) -> tuple[bool, bool]:

@@ -66,9 +66,15 @@ class DifferentialDrive(Robot):
             raise ValueError(f"measures = {self.measures!r}; use 'body' (v, w) or 'wheels' (v_right, v_left)")
 
     def for_columns(self, columns: Iterable[str]) -> Self:
-        """Wheel speeds where the columns have these and no body speeds, the wheels' ways where they have only these."""
+        """Wheel speeds where the columns have these and no body speeds, the wheels' ways where they have only these.
+
+        One wheel's speed alone says so, too, so that what is missing is the other's.
+        """
         there = set(columns)
-        wheels = set(DIFFERENTIAL_WHEELS.outputs) <= there and not set(DIFFERENTIAL.outputs) <= there
+        speeds = set(DIFFERENTIAL_WHEELS.outputs)
+        body = there & set(DIFFERENTIAL.outputs)
+        ways = set(self.angles) <= there
+        wheels = (speeds <= there and len(body) < 2) or (bool(speeds & there) and not body and not ways)
         return replace(self, measures="wheels") if wheels else super().for_columns(there)
 
     def defaults(self) -> ParameterTable:
@@ -123,6 +129,42 @@ class DifferentialDrive(Robot):
     @property
     def turning(self) -> str:  # type: ignore[override]
         return "" if self._wheels else "w"
+
+    @property
+    def translates(self) -> bool:
+        return True
+
+    def along(self, state: State, p: Numbers) -> Scalars:
+        return (self.planar(state, p)[0],)
+
+    def pushed(self, forces: Scalars, each: Scalars, p: Numbers) -> Scalars:
+        if not self._wheels:
+            return super().pushed(forces, each, p)
+        # The same power on the wheels' speeds: the body's is linear in them.
+        (right, left), (larger, smaller), (push,) = forces, self._radii(p), each
+        return right + 0.5 * push * larger, left + 0.5 * push * smaller
+
+    @property
+    def turns(self) -> bool:
+        return True
+
+    @property
+    def largest_yaw_rate(self) -> float:
+        """Of wheels, that at which both go as fast as the faster does, one forwards and one backwards."""
+        if not self._wheels:
+            return super().largest_yaw_rate
+        return max(map(self.scales.output, self.velocities)) / self.parameters["b"].value
+
+    def yaw_rate(self, state: State, p: Numbers) -> Scalar:
+        return self.planar(state, p)[2]
+
+    def turned(self, forces: Scalars, moment: Scalar, p: Numbers) -> Scalars:
+        if not self._wheels:
+            return super().turned(forces, moment, p)
+        # The same power on the wheels' speeds: the yaw rate is linear in them.
+        (right, left), (larger, smaller) = forces, self._radii(p)
+        each = moment / (2.0 * p["b"])
+        return right + each * larger, left - each * smaller
 
     @property
     def translations(self) -> tuple[str, ...]:
@@ -214,10 +256,7 @@ class DifferentialDrive(Robot):
         turn = p["xc"] * across - p["yc"] * along
         if not self._wheels:
             return along, turn
-        # The same power on the wheels' speeds: v and w are linear in them.
-        larger, smaller = self._radii(p)
-        each = turn / (2.0 * p["b"])
-        return (0.5 * along + each) * larger, (0.5 * along - each) * smaller
+        return self.turned(self.pushed((0.0, 0.0), (along,), p), turn, p)
 
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         return tuple(state[name] for name in self.channels.measured)

@@ -169,6 +169,38 @@ class Robot:
         """The velocities that are not the yaw rate."""
         return tuple(name for name in self.velocities if name != self.turning)
 
+    @property
+    def translates(self) -> bool:
+        """Whether it says how it moves along, so that what resists that can act on it."""
+        return bool(self.translations)
+
+    def along(self, state: State, p: Numbers) -> Scalars:
+        """The speeds of a robot that `translates`."""
+        return tuple(state[name] for name in self.translations)
+
+    def pushed(self, forces: Scalars, each: Scalars, p: Numbers) -> Scalars:
+        """The generalised forces on its `velocities` with one along each of these speeds added."""
+        added = dict(zip(self.translations, each, strict=True))
+        return tuple(f + added[n] if n in added else f for n, f in zip(self.velocities, forces, strict=True))
+
+    @property
+    def turns(self) -> bool:
+        """Whether it says what its yaw rate is, so that a moment can act on it."""
+        return self.turning in self.velocities
+
+    @property
+    def largest_yaw_rate(self) -> float:
+        """About the largest yaw rate of its logs."""
+        return self.scales.output(self.turning)
+
+    def yaw_rate(self, state: State, p: Numbers) -> Scalar:
+        """The yaw rate of a robot that `turns`."""
+        return state[self.turning]
+
+    def turned(self, forces: Scalars, moment: Scalar, p: Numbers) -> Scalars:
+        """The generalised forces on its `velocities` with a moment on the yaw rate added."""
+        return tuple(f + moment if name == self.turning else f for name, f in zip(self.velocities, forces, strict=True))
+
     def velocity_unit(self, name: str) -> str:
         """Unit of a velocity: its channel's, or by that of the measured position which it changes; empty where neither says."""
         units = self.channels.units

@@ -50,7 +50,7 @@ def traits_of(robot: "Robot") -> frozenset[str]:
     found |= {"drive_axes"} if robot.drive_axes else set()
     found |= {"wheel_angles"} if robot.angles else set()
     found |= {"pose"} if robot.in_plane or set(POSE_STATES) <= set(robot.own_states) else set()
-    found |= {"translation"} if robot.translations else set()
+    found |= {"translation"} if robot.translates else set()
     found |= {"weight"} if robot.weighs else set()
     found |= {"winding"} if robot.winding else set()
     found |= {"supply_voltage"} if robot.supply_voltage is not None else set()

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jaxid import DifferentialDrive
 from jaxid.logs import Channels, LogError, LogWarning, read_logs
 
 HEADER = "t,V2,V3,eta1,eta2"
@@ -85,6 +86,13 @@ def test_parquet_keeps_nan_and_extra_columns(tmp_path):
     log = read_logs(tmp_path / "run.parquet", "pioneer")[0]
     assert np.isnan(log.output("eta1")[2]) and list(log.extra.columns) == ["note", "theta"]
     assert [f.check for f in read_logs(tmp_path / "run.parquet", "pioneer").preflight() if f.column == "eta1"]
+
+
+@pytest.mark.parametrize("robot", ["differential", DifferentialDrive()])
+def test_one_wheels_speed_asks_for_the_others(tmp_path, robot):
+    path = _write(tmp_path / "run.csv", b"t,u_right,u_left,v_right,v_lfet\n0,1,1,0,0\n0.1,1,1,0.1,0.1\n")
+    with pytest.raises(LogError, match="no column 'v_left' .close: 'v_lfet'.*v_left = "):
+        read_logs(path, robot)
 
 
 def test_mapping_renames_scales_and_offsets_from_dict_and_toml(tmp_path):

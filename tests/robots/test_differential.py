@@ -5,7 +5,9 @@ import pytest
 
 from jaxid import DifferentialDrive, Log, LogSet, simulate
 from jaxid._float64 import float64
-from jaxid.effects import catalogue
+from jaxid.effects import catalogue, effect_by_id
+from jaxid.effects.body.drag import LAWS as DRAG
+from jaxid.effects.ground.turning_friction import LAWS as SCRUBBING
 
 
 def constrained(state, u, p, dry):
@@ -66,12 +68,9 @@ def test_body_and_wheel_speeds_show_one_motion_effects_included():
     n = 200
     time, u = 0.02 * np.arange(n), np.repeat(np.random.default_rng(3).uniform(-15, 15, (n // 20, 2)), 20, axis=0)
     robots = [DifferentialDrive(), DifferentialDrive(measures="wheels")]
-    # Those on sensors act on other channels; drag and scrubbing are matters of the body's own speeds.
+    # Those on sensors act on other channels.
     shared = [e for e in catalogue(robots[1]) if e.where != "sensor"]
-    assert {e.id for e in catalogue(robots[0])} - {e.id for e in catalogue(robots[1])} == {
-        "quadratic_drag",
-        "turning_friction",
-    }
+    assert {e.id for e in catalogue(robots[0])} == {e.id for e in catalogue(robots[1])}
     outputs = []
     for robot in robots:
         for effect in shared:
@@ -83,6 +82,10 @@ def test_body_and_wheel_speeds_show_one_motion_effects_included():
             "motor_gain_mismatch.gain_u_left": 0.05,
             "traction_limit.inverse_limit": 1 / 14,
             "cogging_torque.sine_way_left": 0.5,
+            "quadratic_drag.coefficient": 2.0,
+            "turning_friction.coulomb": 0.2,
+            "turning_friction.viscous": 0.05,
+            "turning_friction.still": 0.01,
         }
         robot = robot.with_values(**values, **size)
         log = Log.from_arrays("a", time, u, np.zeros((n, 2)), robot.channels)
@@ -93,10 +96,32 @@ def test_body_and_wheel_speeds_show_one_motion_effects_included():
     np.testing.assert_allclose(outputs[1], np.stack([v + b * w, v - b * w], 1), atol=2e-6)
 
 
+@pytest.mark.parametrize("mismatch", [0.0, 0.04])
+@pytest.mark.parametrize(("name", "law"), [(e.id, e.law) for e in (*DRAG, *SCRUBBING) if e.law != "per_axis"])
+def test_drag_and_scrubbing_are_the_same_measured_at_the_wheels(name, law, mismatch):
+    """Accelerations of the body, whichever speeds are the states."""
+    body, wheels = DifferentialDrive(), DifferentialDrive(measures="wheels")
+    found = []
+    for robot in (body, wheels):
+        robot = robot + effect_by_id(robot, name, law)
+        own = {n: 0.3 for n in robot.parameters.numbers if n.startswith(name)}
+        right, left = 1.1 / (1.0 + mismatch), 0.7 / (1.0 - mismatch)  # v = 0.9, w = 1.0
+        state = {"v": 0.9, "w": 1.0} if robot.measures == "body" else {"v_right": right, "v_left": left}
+        p = {**robot.parameters.numbers, **own, "radius_mismatch": mismatch}
+        with float64():
+            rates = robot.rates(state, (4.0, 3.0), (0.0, 0.0), p)
+        found.append({n: float(x) for n, x in rates.items()})
+    ends = found[1]["v_right"] * (1.0 + mismatch), found[1]["v_left"] * (1.0 - mismatch)
+    assert 0.5 * sum(ends) == pytest.approx(found[0]["v"], abs=1e-9)
+    assert (ends[0] - ends[1]) / 0.4 == pytest.approx(found[0]["w"], abs=1e-9)
+
+
 def test_columns_decide_what_it_measures():
     robot = DifferentialDrive()
     assert robot.for_columns(["t", "u_right", "u_left", "v", "w"]).measures == "body"
     assert robot.for_columns(["t", "u_right", "u_left", "v_right", "v_left"]).measures == "wheels"
+    assert robot.for_columns(["t", "u_right", "u_left", "v_right", "v_lfet"]).measures == "wheels"
+    assert robot.for_columns(["t", "u_right", "u_left", "v_right", "way_right", "way_left"]).measures == "body"
 
 
 @pytest.mark.wrong_types

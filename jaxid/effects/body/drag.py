@@ -12,13 +12,12 @@ from ..curve import Curve
 from ..effect_parameters import positive, shape, signed
 
 
-def whole_speed(state: State, robot: Robot) -> Scalar:
+def whole_speed(along: Scalars) -> Scalar:
     """The size of the body's velocity."""
-    linear = robot.translations
-    if len(linear) == 1:
-        return jnp.abs(state[linear[0]])
+    if len(along) == 1:
+        return jnp.abs(along[0])
     # The small number keeps the derivative of the root finite at standstill.
-    return jnp.sqrt(sum(state[name] ** 2 for name in linear) + 1e-300)
+    return jnp.sqrt(sum(speed**2 for speed in along) + 1e-300)
 
 
 def against(forces: Scalars, resisting: dict[str, Scalar], robot: Robot) -> Scalars:
@@ -43,8 +42,9 @@ class QuadraticDrag(Effect):
         return positive(self, "coefficient", drag_unit(robot), 0.025 * robot.scales.force / robot.scales.speed**2)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        per_speed = p[self.key("coefficient")] * whole_speed(state, robot)
-        return against(forces, {name: per_speed * state[name] for name in robot.translations}, robot)
+        along = robot.along(state, p)
+        per_speed = p[self.key("coefficient")] * whole_speed(along)
+        return robot.pushed(forces, tuple(-per_speed * speed for speed in along), p)
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,8 @@ class DragOfEach(QuadraticDrag):
     formula: ClassVar[str] = "F_i = -coefficient_i v_i |v_i|"
 
     def refusal(self, robot: Robot) -> str | None:
+        if not robot.translations:
+            return f"{robot.name!r} has the speeds of wheels, and none of its body's"
         several = len(robot.velocities) > 1
         return None if several else f"{robot.name!r} has one velocity, of which {self.id} has a law"
 
@@ -84,13 +86,13 @@ class DragCurve(Curve):
     variable: ClassVar[str] = "|v|"
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
-        return robot.velocities
+        return robot.velocities if robot.translations else ()
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        name = robot.translations[0]
+        name = _ahead(robot)
         unit, fastest = robot.force_unit(name), robot.scales.output(name)
         found = self.heights_and_reach(robot, unit, 0.01 * robot.scales.force, robot.velocity_unit(name), fastest)
-        for part in (name for name in robot.velocities if self.apart and name not in robot.translations):
+        for part in (name for name in self.parts(robot) if self.apart and name not in robot.translations):
             typical, of = 0.01 * largest_force(robot, part), robot.velocity_unit(part)
             for place in self.varying:
                 height = self.height(place, self.of(part)).removeprefix(self.key(""))
@@ -109,9 +111,15 @@ class DragCurve(Curve):
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         if self.apart:
             return self._apart(forces, state, p, robot)
-        speed = whole_speed(state, robot)
+        along = robot.along(state, p)
+        speed = whole_speed(along)
         per_speed = self.at(speed, p) / (speed + 1e-9 * p[self.key("reach")])
-        return against(forces, {name: per_speed * state[name] for name in robot.translations}, robot)
+        return robot.pushed(forces, tuple(-per_speed * one for one in along), p)
+
+
+def _ahead(robot: Robot) -> str:
+    """The velocity forwards, or one in its unit."""
+    return (robot.translations or robot.velocities)[0]
 
 
 def largest_force(robot: Robot, name: str) -> float:
@@ -124,7 +132,7 @@ def largest_force(robot: Robot, name: str) -> float:
 
 def drag_unit(robot: Robot, name: str = "") -> str:
     """Unit of a force over a speed squared, for one of the robot's velocities (the first translation)."""
-    name = name or robot.translations[0]
+    name = name or _ahead(robot)
     per = robot.velocity_unit(name).split("/")[0].split(" or ")[0] or "m"
     return f"{robot.force_unit(name)} s^2/{per}^2"
 

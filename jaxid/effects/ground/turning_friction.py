@@ -20,18 +20,19 @@ class _OnTurning(Effect):
     """A moment on the robot's yaw rate."""
 
     def refusal(self, robot: Robot) -> str | None:
-        return (
-            None if robot.turning in robot.velocities else f"{robot.name!r} does not say which velocity is its yaw rate"
-        )
+        return None if robot.turns else f"{robot.name!r} does not say which velocity is its yaw rate"
 
-    def _with(self, forces: Scalars, moment, robot: Robot) -> Scalars:
-        turn = robot.velocities.index(robot.turning)
-        return tuple(f + moment if i == turn else f for i, f in enumerate(forces))
+
+def _units(robot: Robot) -> tuple[str, str]:
+    """Of a moment and of the yaw rate; of a robot that has its yaw rate of other velocities, SI's."""
+    if robot.turning not in robot.velocities:
+        return "N m", "rad/s"
+    return robot.force_unit(robot.turning), robot.velocity_unit(robot.turning)
 
 
 def _moment(robot: Robot) -> float:
     """About the largest moment on the yaw rate."""
-    fastest = robot.scales.output(robot.turning)
+    fastest = robot.largest_yaw_rate
     return robot.scales.force * robot.scales.speed / fastest if fastest > 0 else robot.scales.force
 
 
@@ -45,15 +46,14 @@ class TurningFriction(_OnTurning):
     formula: ClassVar[str] = "moment = -coulomb sgn(yaw rate) - viscous * yaw rate"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        typical, rate = 0.02 * _moment(robot), robot.scales.output(robot.turning)
-        unit = robot.force_unit(robot.turning)
+        typical, rate, (unit, of) = 0.02 * _moment(robot), robot.largest_yaw_rate, _units(robot)
         found = signed(self, "coulomb", unit, typical) | signed(self, "viscous", f"{unit} s", typical / rate)
-        return found | still(self, robot.velocity_unit(robot.turning), _STILL * rate)
+        return found | still(self, of, _STILL * rate)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        rate = state[robot.turning]
+        rate = robot.yaw_rate(state, p)
         sign = jnp.tanh(rate / p[self.key("still")])
-        return self._with(forces, -p[self.key("coulomb")] * sign - p[self.key("viscous")] * rate, robot)
+        return robot.turned(forces, -p[self.key("coulomb")] * sign - p[self.key("viscous")] * rate, p)
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ class Scrubbing(TurningFriction):
         )
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        rate = robot.scales.output(robot.turning)
-        coulomb = signed(self, "coulomb", robot.force_unit(robot.turning), 0.02 * _moment(robot))
+        rate, (unit, of) = robot.largest_yaw_rate, _units(robot)
+        coulomb = signed(self, "coulomb", unit, 0.02 * _moment(robot))
         radius = shape(self, "radius", "m", 0.3 * robot.scales.speed / rate)
-        return coulomb | radius | still(self, robot.velocity_unit(robot.turning), _STILL * rate)
+        return coulomb | radius | still(self, of, _STILL * rate)
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         coulomb, radius = self.key("coulomb"), self.key("radius")
@@ -81,10 +81,14 @@ class Scrubbing(TurningFriction):
         return tuple(Probe({coulomb: typical}, {radius: times * usual}) for times in (0.3, 1.0, 3.0))
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        rate = state[robot.turning]
-        squares = sum(state[name] ** 2 for name in robot.velocities if name != robot.turning)
+        rate = robot.yaw_rate(state, p)
+        if robot.turning in robot.velocities:
+            squares = sum(state[name] ** 2 for name in robot.velocities if name != robot.turning)
+        else:
+            along, left, _ = robot.planar(state, p)
+            squares = along**2 + left**2
         sliding = jnp.sqrt(rate**2 + squares / p[self.key("radius")] ** 2 + p[self.key("still")] ** 2)
-        return self._with(forces, -p[self.key("coulomb")] * rate / sliding, robot)
+        return robot.turned(forces, -p[self.key("coulomb")] * rate / sliding, p)
 
 
 @dataclass(frozen=True)
@@ -99,13 +103,12 @@ class TurningCurve(Curve, _OnTurning):
     variable: ClassVar[str] = "|yaw rate|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        unit, rate = robot.force_unit(robot.turning), robot.scales.output(robot.turning)
-        of = robot.velocity_unit(robot.turning)
-        return self.heights_and_reach(robot, unit, 0.02 * _moment(robot), of, rate)
+        unit, of = _units(robot)
+        return self.heights_and_reach(robot, unit, 0.02 * _moment(robot), of, robot.largest_yaw_rate)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        rate = state[robot.turning]
-        return self._with(forces, -self.at(jnp.abs(rate), p) * jnp.sign(rate), robot)
+        rate = robot.yaw_rate(state, p)
+        return robot.turned(forces, -self.at(jnp.abs(rate), p) * jnp.sign(rate), p)
 
 
 LAWS: tuple[Effect, ...] = (TurningFriction(), Scrubbing(), TurningCurve())

@@ -20,6 +20,7 @@ from ..._origin import with_origin
 from ...logs import Log, LogError, LogSet
 from ...robots.given import check_free
 from ...robots.robot import Robot
+from ..judge import judged
 from ..result import Fit, Status
 from ..uncertainty import combinations
 from .by_speeds import by_speeds
@@ -48,6 +49,7 @@ _WEAK = 0.5
 """Share of a combination of the measured regressors that the instruments must explain: with half or less, as much of what
 is compared is noise as is motion, and the estimate leans towards least squares (Staiger and Stock, Econometrica 65, 1997)."""
 
+_OTHERS = "Output error and prediction error need no instruments."
 _FEW = 3
 """Degrees of freedom for each parameter, below which the scores' scatter is no measure of the uncertainty."""
 _CHANCE = 0.05
@@ -362,7 +364,14 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         iterations=passes,
         notes=tuple(notes),
     )
-    if found is None or simulated is None:
+    if found is None:
+        # What the equations leave with the values of the start says nothing about this estimate.
+        of_start = judged_equations(fit, logs).judgement
+        assert of_start is not None
+        why = (f"{reason[0].upper()}{reason[1:]}.",)
+        failed = replace(of_start, verdict="failed", white=None, sentences=why, better=_OTHERS)
+        fit = replace(judged(fit, failed), reason=reason, standard_errors="robust")
+    elif simulated is None:
         fit = replace(judged_equations(fit, logs), standard_errors="robust")
     else:
         fit = judged_instruments(fit, logs, _errors(found, solved.theta, speeds), simulated)

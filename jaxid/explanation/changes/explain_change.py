@@ -94,6 +94,17 @@ def _checked(before: Fit, after: Fit) -> None:
         raise ParameterError("one fit is by free simulation, the other in windows; fit both with the same `windows=`")
 
 
+def _two_sets(before: LogSet, after: LogSet) -> None:
+    """Raise `LogError` where one log stands in both sets: its noise is then not by chance the same."""
+    there = {log.sha256: log.name for log in before}
+    both = [(there[log.sha256], log.name) for log in after if log.sha256 in there]
+    if both:
+        raise LogError(
+            f"The log {both[0][0]!r} of before and the log {both[0][1]!r} of after hold the same numbers; give logs that were "
+            "recorded before, and others that were recorded after."
+        )
+
+
 def _colours_left(pair: Pair, joint: Joint) -> Colours:
     return {side: pair.sides[side].colours(joint.residuals[side]) for side in SIDES}
 
@@ -175,6 +186,7 @@ def explain_change(
     if (held_out_before is None) != (held_out_after is None):
         raise LogError("Held-out logs are given of one set only; give some of both, or none.")
     logs_before, logs_after = given_logs(before.robot, logs_before), given_logs(after.robot, logs_after)
+    _two_sets(logs_before, logs_after)
     held_out = None
     if held_out_before is not None and held_out_after is not None:
         given = given_logs(before.robot, held_out_before), given_logs(after.robot, held_out_after)

@@ -236,6 +236,13 @@ def test_a_simulation_that_diverges_is_said():
     assert "diverges" in fit.reason or "weak" in fit.reason or "settle" in fit.reason
 
 
+def test_an_estimate_without_instruments_is_failed_and_not_sound(clean, monkeypatch):
+    monkeypatch.setattr("jaxid.estimate.linear.instrumental_variables.followed_simulation", lambda robot, logs: None)
+    fit = instrumental_variables(Axis(), [clean])
+    assert fit.failed and "diverges" in fit.notes[0] and "diverges" in fit.reason
+    assert all(fit[name].status == "not_identifiable" for name in TRUTH)
+
+
 def test_bad_input(clean):
     with pytest.raises(ParameterError, match="no parameter is free"):
         instrumental_variables(Axis().with_parameters(Axis().parameters.with_free()), [clean])

@@ -181,6 +181,8 @@ def test_what_cannot_be_compared_is_refused_with_a_remedy():
         explain_change(fit, fit, logs, logs, logs)
     with pytest.raises(ValueError, match="false_alarm"):
         explain_change(fit, fit, logs, logs, false_alarm=0.7)
+    with pytest.raises(LogError, match="of before and .* of after hold the same numbers"):
+        explain_change(fit, fit, logs, logs)
 
 
 @pytest.mark.slow
