@@ -16,6 +16,7 @@ import numpy as np
 from ..effects.curve import Curve
 from ..estimate.result import Fit
 from ..parameters import ParameterError
+from ..robots.robot import Robot
 from .denser import MOST_HEIGHTS, with_denser_curve
 from .refit import Trial
 from .steps import Search
@@ -59,12 +60,24 @@ def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: C
     if trial is None or trial.angles or 2 * len(curve.each(robot)) * len(curve.varying) > MOST_HEIGHTS:
         return None
     say(f"fitting {identifier} through more points")
-    dense = replace(trial, robot=with_denser_curve(robot, identifier))
+    dense = replace(trial, robot=_held_at_the_first(with_denser_curve(robot, identifier), identifier))
     try:
         fit = in_full(dense)
     except ParameterError:
         return None
     return None if fit.failed else Finer(replace(best.found, final=replace(dense, robot=fit.robot)), fit)
+
+
+def _held_at_the_first(robot: Robot, identifier: str) -> Robot:
+    """The robot, of whose curve the height that was the first and is held at zero is estimated, and the one before it held:
+    a share of the variable itself is another parameter's, but what is limited loses the less of it the smaller it is."""
+    curve = next(effect for effect in robot.effects if effect.id == identifier)
+    assert isinstance(curve, Curve)
+    for name in curve.each(robot) if curve.begins_later else ():
+        before, first = (curve.height(place, name) for place in curve.varying[:2])
+        if robot.parameters[before].free and not robot.parameters[first].free:
+            robot = robot.with_values(**{before: 0.0}).change(before, free=False).change(first, free=True)
+    return robot
 
 
 def moved(coarse: Fit, fine: Fit) -> bool:

@@ -14,7 +14,7 @@ from .drives import back_emf, drive_names, each_drive, input_unit, one_torque_ea
 
 
 @dataclass(frozen=True)
-class _OfEach(Effect):
+class OfEach(Effect):
     """A share of every motor, zero for the nominal one. What all share is a change of the robot's constants."""
 
     id: ClassVar[str] = "motor_gain_mismatch"
@@ -35,12 +35,12 @@ class _OfEach(Effect):
         middle = sorted(values, key=lambda name: values[name])[(len(values) - 1) // 2 :][:1]
         return middle if len(values) == len(names) else []
 
-    def _shares(self, p: Numbers, robot: Robot) -> list[Scalar]:
+    def shares_of(self, p: Numbers, robot: Robot) -> list[Scalar]:
         return [p[self.key(f"{self.stem}_{name}")] for name in drive_names(robot)]
 
 
 @dataclass(frozen=True)
-class MotorGainMismatch(_OfEach):
+class MotorGainMismatch(OfEach):
     """`u_i' = (1 + gain_i) u_i`: a motor's driver has another gain than nominal."""
 
     law: ClassVar[str] = "command"
@@ -52,7 +52,7 @@ class MotorGainMismatch(_OfEach):
 
 
 @dataclass(frozen=True)
-class _OfTorque(_OfEach):
+class OfTorque(OfEach):
     """A law that changes what torque a motor makes."""
 
     needs: ClassVar[tuple[str, ...]] = ("several_drives", "winding")
@@ -64,7 +64,7 @@ class _OfTorque(_OfEach):
 
 
 @dataclass(frozen=True)
-class TorqueConstant(_OfTorque):
+class TorqueConstant(OfTorque):
     """A motor's torque constant, and by the same physics its back-EMF constant, are (1 + gain_i) times nominal."""
 
     law: ClassVar[str] = "torque_constant"
@@ -72,16 +72,16 @@ class TorqueConstant(_OfTorque):
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         changed = list(volts)
-        for gain, k in zip(self._shares(p, robot), robot.drive_inputs, strict=True):
+        for gain, k in zip(self.shares_of(p, robot), robot.drive_inputs, strict=True):
             changed[k] = volts[k] - gain * back_emf(volts, currents, k, p, robot)
         return tuple(changed)
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        return tuple(t * (1.0 + gain) for t, gain in zip(torques, self._shares(p, robot), strict=True))
+        return tuple(t * (1.0 + gain) for t, gain in zip(torques, self.shares_of(p, robot), strict=True))
 
 
 @dataclass(frozen=True)
-class WindingResistance(_OfTorque):
+class WindingResistance(OfTorque):
     """A motor's winding has (1 + excess_i) times the nominal resistance: less current, less torque, all else equal.
 
     It needs the torque alone. Where that does not fall with the speed, by a back-EMF, it is another gain of the command.
@@ -98,7 +98,7 @@ class WindingResistance(_OfTorque):
         return f"the drive torques of {robot.name!r} do not fall with its speed, so that {self.title} is another gain"
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        return tuple(t / (1.0 + excess) for t, excess in zip(torques, self._shares(p, robot), strict=True))
+        return tuple(t / (1.0 + excess) for t, excess in zip(torques, self.shares_of(p, robot), strict=True))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...robots.effect import Effect
+from ...robots.effect import Effect, Numbers, Scalars, State
+from ...robots.robot import Robot
+from ..actuator.drives import back_emf
+from ..actuator.motor_strength import OfTorque
 from ..own_parameter import OwnParameter
 
 
@@ -16,4 +19,31 @@ class WheelRadiusMismatch(OwnParameter):
     formula: ClassVar[str] = "R_right = R (1 + radius_mismatch), R_left = R (1 - radius_mismatch)"
 
 
-LAWS: tuple[Effect, ...] = (WheelRadiusMismatch(),)
+@dataclass(frozen=True)
+class RadiusOfEach(OfTorque):
+    """Every driving wheel of three or more with a radius of its own: less force of the same torque, and fewer turns of the same
+    way, so that its motor's back-EMF is smaller, too. No log of the body's motion tells it from another torque constant."""
+
+    id: ClassVar[str] = "wheel_radius_mismatch"
+    law: ClassVar[str] = "each_wheel"
+    where: ClassVar[str] = "ground contact"
+    formula: ClassVar[str] = "R_i = R (1 + mismatch_i)"
+    stem: ClassVar[str] = "mismatch"
+    needs: ClassVar[tuple[str, ...]] = (*OfTorque.needs, "mechanism")
+
+    def refusal(self, robot: Robot) -> str | None:
+        if len(robot.drive_inputs) < 3:
+            return f"{robot.name!r} drives two wheels or fewer, of which the usual law of {self.id} is"
+        return super().refusal(robot)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        changed = list(volts)
+        for larger, k in zip(self.shares_of(p, robot), robot.drive_inputs, strict=True):
+            changed[k] = volts[k] + larger / (1.0 + larger) * back_emf(volts, currents, k, p, robot)
+        return tuple(changed)
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        return tuple(t / (1.0 + larger) for t, larger in zip(torques, self.shares_of(p, robot), strict=True))
+
+
+LAWS: tuple[Effect, ...] = (WheelRadiusMismatch(), RadiusOfEach())

@@ -1,0 +1,47 @@
+"""Wheels of other radii: the law of each wheel against the omni's own radius, and that of its sides."""
+
+import numpy as np
+import pytest
+
+from jaxid import EffectError, Log, LogSet, Omni, Pioneer, simulate
+from jaxid.effects import effect_by_id, laws_of
+from jaxid.effects.ground.wheel_radius_mismatch import RadiusOfEach
+from jaxid.simulation.rollout import Integrator
+
+
+def driven(robot):
+    rng, n = np.random.default_rng(4), 200
+    inputs = np.repeat(rng.uniform(-6.0, 6.0, (n // 20, 4)), 20, axis=0)
+    logs = LogSet([Log.from_arrays("one", 0.02 * np.arange(n), inputs, np.zeros((n, 3)), robot)])
+    return simulate(robot, logs, integrator=Integrator(4))[0]
+
+
+def with_radii(*mismatches):
+    robot = Omni() + effect_by_id(Omni(), "wheel_radius_mismatch", "each_wheel")
+    names = [name for name in robot.parameters if name.startswith("wheel_radius_mismatch.")]
+    return robot.with_values(**dict(zip(names, mismatches, strict=True)))
+
+
+def test_all_wheels_larger_are_the_robot_with_larger_wheels():
+    larger = Omni().with_values(r=1.05 * Omni().parameters["r"].value)
+    np.testing.assert_allclose(driven(with_radii(*[0.05] * 4)), driven(larger), rtol=1e-9, atol=1e-12)
+    assert np.max(np.abs(driven(larger) - driven(Omni()))) > 1e-3
+
+
+def test_wheels_larger_on_one_side_are_the_robot_with_the_sides_own_mismatch():
+    sides = driven(Omni().with_values(radius_mismatch=0.04))
+    np.testing.assert_allclose(driven(with_radii(0.04, 0.04, -0.04, -0.04)), sides, rtol=1e-9, atol=1e-12)
+
+
+def test_one_wheel_is_told_as_one_of_another_torque_constant_is():
+    """R (1 + m) is Kt / (1 + m), and Kv alike: no log of the body's motion tells the two apart."""
+    robot = Omni() + effect_by_id(Omni(), "motor_gain_mismatch", "torque_constant")
+    third = [name for name in robot.parameters if name.startswith("motor_gain_mismatch.")][2]
+    stronger = driven(robot.with_values(**{third: 1.0 / 0.97 - 1.0}))
+    np.testing.assert_allclose(driven(with_radii(0.0, 0.0, -0.03, 0.0)), stronger, rtol=1e-9, atol=1e-12)
+
+
+def test_a_robot_with_two_wheels_has_the_law_of_its_sides():
+    assert [law.law for law in laws_of(Pioneer(), "wheel_radius_mismatch")] == [""]
+    with pytest.raises(EffectError, match="drives two wheels or fewer"):
+        Pioneer() + RadiusOfEach()
