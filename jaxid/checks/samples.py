@@ -10,6 +10,7 @@ from ..logs.log import Log
 from ..logs.noise import counting_step
 from ..logs.rates import unwrapped
 from ..logs.times import unit_doubt
+from ..logs.unusable import at_the_end
 from .motion import is_position
 from .own_rows import as_measured, nothing_else_changes, on_several_clocks, placed
 
@@ -222,21 +223,15 @@ def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Ite
 
 def _saturated(log: Log, name: str, values: Array) -> Iterator[Finding]:
     """A signal of many levels that keeps returning to exactly its extreme: clipped, unlike a two-level sequence."""
-    extreme = np.max(np.abs(values))
-    at = np.abs(values) >= extreme * (1 - 1e-9)
-    rest = values[~at]
-    if extreme == 0 or len(rest) < 20 or len(np.unique(rest)) < 0.2 * len(rest):
-        return
-    starts, lengths = runs(at)
-    visits = np.count_nonzero(lengths >= 2)
-    if at.mean() > 0.05 and visits >= 3:
+    at = at_the_end(values)
+    if at.any():
         text = (
-            f"{at.mean():.0%} of the samples lie at exactly ±{extreme:.4g}; if that is a limit of the supply or "
+            f"{at.mean():.0%} of the samples lie at exactly ±{np.max(np.abs(values)):.4g}; if that is a limit of the supply or "
             "sensor, log what was really applied or measured, or drive less hard"
         )
         # A command may well be held at its largest value; a sensor that keeps returning to one exact value is clipped.
         commanded = name in log.channels.inputs
-        yield finding(log, name, int(starts[0]), "note" if commanded else "warning", "saturated", text)
+        yield finding(log, name, int(np.flatnonzero(at)[0]), "note" if commanded else "warning", "saturated", text)
 
 
 def _resolution(log: Log, name: str, values: Array) -> Iterator[Finding]:

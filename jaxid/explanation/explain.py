@@ -39,6 +39,7 @@ from .search import MOST_EFFECTS
 from .steps import Search
 from .table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
+from .usable_readings import on_usable_readings
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
@@ -141,10 +142,11 @@ def explain(
     `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `loss` and
     `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, samples that jump away
     from their neighbours and come back are left out of the search, in the fitted and in the held-out logs
-    (`passing_jumps`). Stamps that scatter about an even clock are evened where that predicts better (`even_stamps`), and
-    rows in which an input changed unseen are put back (`lost_inputs`). `windows`:
-    "auto" keeps those of an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something
-    is done. Of compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
+    (`passing_jumps`). Readings at the end of a sensor's range, and those of one that is dead in a log, are left out where they
+    make much of the gap (`usable_readings`). Stamps that scatter about an even clock are evened where that predicts better
+    (`even_stamps`), and rows in which an input changed unseen are put back (`lost_inputs`). `windows`: "auto" keeps those of
+    an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something is done. Of compiled
+    programs no more are kept than `_memory.MOST_PROGRAMS`.
 
     Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. `false_alarm` is the share
     of complete models of which it may be said that something is missing (`docs/false_alarms.md` shows how well it is kept);
@@ -170,6 +172,7 @@ def explain(
     placeless = without_place(fit.robot)
     if placeless:
         report(placeless)
+    fit, logs, held_out, unusable = on_usable_readings(fit, logs, held_out, report, loss=loss, covariance=covariance)
     fit, logs, held_out, evened = on_even_stamps(fit, logs, held_out, report, loss=loss, covariance=covariance)
     logs, held_out, was_sorted = sorted_logs(fit, logs, held_out, report)
     with_gaps = logs, held_out
@@ -269,7 +272,7 @@ def explain(
         doubts=doubts if verdict == "unexplained" else (),
         notes=tuple(
             note
-            for note in (*tables, hinges, still, evened, unlike, put_back, placeless, noted, doubted, untried)
+            for note in (*tables, hinges, still, unusable, evened, unlike, put_back, placeless, noted, doubted, untried)
             if note
         ),
         colour=found.colour,

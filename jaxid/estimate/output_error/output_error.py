@@ -24,6 +24,7 @@ from .posed import Options
 from .setup import InitialStates, Starts, every_start
 from .solvers import DEFAULT, Solver
 from .uneven_stamps import with_stamps_noted
+from .unusable_readings import without_unusable_readings
 from .windows import Unless, choose
 
 Windows = float | Literal["auto"] | None
@@ -98,7 +99,8 @@ def output_error(
             report(f"windows of {window:.3g} s")
         return fitted(robot, logs, options, start, window, unless)
 
-    return _with_stamps_noted(choose(robot, logs, once, start), robot, logs, options)
+    found = _with_stamps_noted(choose(robot, logs, once, start), robot, logs, options)
+    return without_unusable_readings(found, logs, lambda usable: fitted(robot, usable, options, start, None))
 
 
 def _with_stamps_noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:

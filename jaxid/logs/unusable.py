@@ -1,0 +1,76 @@
+"""Readings that tell nothing of the motion: at the end of a sensor's range, and of a sensor that is dead in one of the logs.
+
+A reading at the end of the range says only that there was at least that much, and one that never changes nothing at all. Taken
+as measurements, a fit follows them rather than the robot.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .log import Log, LogSet
+
+_SHARE, _VISITS, _STAYS = 0.05, 3, 2
+"""Share of a signal's samples at its extreme, and visits there of so many samples and more, from which it is clipped."""
+_FEWEST, _LEVELS = 20, 0.2
+"""Samples elsewhere, and share of these that are levels of their own: of few levels it returns to its largest unclipped."""
+
+
+def at_the_end(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which samples [T] of a signal lie at the end of its range, to which it keeps returning exactly; none if it does not."""
+    size = np.abs(np.nan_to_num(values))
+    extreme = float(np.max(size, initial=0.0))
+    at = size >= extreme * (1 - 1e-9)
+    rest = values[~at & np.isfinite(values)]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]])))
+    visits = np.count_nonzero(edges[1::2] - edges[::2] >= _STAYS)
+    there = extreme > 0 and len(rest) >= _FEWEST and len(np.unique(rest)) >= _LEVELS * len(rest)
+    return at if there and at.mean() > _SHARE and visits >= _VISITS else np.zeros(len(values), dtype=bool)
+
+
+def _still(values: NDArray[np.float64]) -> bool:
+    there = values[np.isfinite(values)]
+    return bool(len(there)) and np.ptp(there) == 0
+
+
+def _dead(logs: Sequence[Log], log: Log, name: str) -> bool:
+    """Whether a sensor that moves in others of the `logs` never changes in this one, while another sensor does."""
+    if not _still(log.output(name)) or all(_still(own.output(name)) for own in logs if name in own.measured):
+        return False
+    return any(not _still(log.output(other)) for other in log.measured if other != name)
+
+
+def _ends(logs: Sequence[Log], log: Log, name: str) -> NDArray[np.bool_]:
+    """Which samples of a log are at the end of a sensor's range: of that which it shows there, or in all logs together."""
+    own = log.output(name)
+    every = np.concatenate([other.output(name) for other in logs])
+    ends = at_the_end(every)
+    limit = np.max(np.abs(every[ends])) if ends.any() else np.inf
+    return (np.abs(own) >= limit * (1 - 1e-9)) | at_the_end(own)
+
+
+def without_unusable(*sets: LogSet) -> tuple[tuple[LogSet, ...], list[str]]:
+    """The sets with such readings taken for missing, and what was taken out, in words."""
+    every, said = [log for logs in sets for log in logs], []
+
+    def cleared(log: Log) -> Log:
+        outputs = np.array(log.outputs)
+        for name in log.measured:
+            column, values = log.channels.measured.index(name), log.output(name)
+            if _dead(every, log, name):
+                # A log has some reading of every output; where it begins, at rest, that of a dead sensor may even be right.
+                outputs[np.flatnonzero(np.isfinite(values))[1:], column] = np.nan
+                said.append(f"{name} of {log.name}, which never changes there")
+            elif name not in log.channels.positions and (ends := _ends(every, log, name)).any():
+                outputs[ends, column] = np.nan
+                unit = log.channels.units.get(name, "")
+                said.append(
+                    f"{ends.mean():.0%} of {name} of {log.name}, at the end of its range ({np.nanmax(np.abs(values)):.4g} "
+                    f"{unit}".rstrip()
+                    + ")"
+                )
+        return replace(log, outputs=outputs) if not np.array_equal(outputs, log.outputs, equal_nan=True) else log
+
+    return tuple(LogSet([cleared(log) for log in logs]) for logs in sets), said
