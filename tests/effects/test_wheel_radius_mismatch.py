@@ -45,3 +45,9 @@ def test_a_robot_with_two_wheels_has_the_law_of_its_sides():
     assert [law.law for law in laws_of(Pioneer(), "wheel_radius_mismatch")] == [""]
     with pytest.raises(EffectError, match="drives two wheels or fewer"):
         Pioneer() + RadiusOfEach()
+
+
+def test_where_each_wheel_is_measured_its_radius_shows_otherwise():
+    """A smaller wheel turns faster, of which this law, for the body's speeds, says nothing."""
+    with pytest.raises(EffectError, match="how fast each wheel turns"):
+        Omni(wheel_angles=True) + RadiusOfEach()

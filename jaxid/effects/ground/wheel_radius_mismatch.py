@@ -34,6 +34,10 @@ class RadiusOfEach(OfTorque):
     def refusal(self, robot: Robot) -> str | None:
         if len(robot.drive_inputs) < 3:
             return f"{robot.name!r} drives two wheels or fewer, of which the usual law of {self.id} is"
+        if not set(robot.channels.outputs) <= set(robot.velocities) or robot.channels.positions:
+            return f"{robot.name!r} measures more than its body's speeds, and so, perhaps, how fast each wheel turns"
+        if len(robot.mechanisms.get(self.id, ())) > 1:
+            return f"{robot.name!r} has parameters of its own for {self.id}, wheel by wheel"
         return super().refusal(robot)
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
