@@ -45,3 +45,11 @@ def test_a_robot_with_two_wheels_has_the_law_of_its_sides():
     assert [law.law for law in laws_of(Pioneer(), "wheel_radius_mismatch")] == [""]
     with pytest.raises(EffectError, match="drives two wheels or fewer"):
         Pioneer() + RadiusOfEach()
+
+
+def test_where_wheels_are_measured_their_radii_are_the_robots_own():
+    """An encoder turns by as much more as its wheel is smaller, which a law of forces alone knows nothing of."""
+    with pytest.raises(EffectError, match="how fast its wheels turn"):
+        Omni(wheel_angles=True) + RadiusOfEach()
+    assert [law.law for law in laws_of(Omni(wheel_angles=True), "wheel_radius_mismatch")] == [""]
+    assert [law.law for law in laws_of(Omni(pose=True), "wheel_radius_mismatch")] == ["", "each_wheel"]
