@@ -45,7 +45,7 @@ def _coarse(log: Log, windows: Windows) -> Iterator[Finding]:
     left = values[k + 1] - regressors @ solution
     spread = np.sqrt(np.linalg.pinv(projected.T @ projected)[0, 0] * np.mean(left**2))
     change = np.diff(values)[k]
-    if np.mean(left**2) > 0.3 * min(np.mean(change**2), np.var(values)) or solution[0] + 3 * spread > np.exp(-0.5):
+    if np.mean(left**2) >= 0.3 * min(np.mean(change**2), np.var(values)) or solution[0] + 3 * spread > np.exp(-0.5):
         return
     constant = log.sampling_interval / -np.log(max(solution[0], 0.05))
     text = (

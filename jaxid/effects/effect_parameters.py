@@ -23,6 +23,11 @@ def signed(effect: Effect, name: str, unit: str, typical: float, value: float = 
     return {effect.key(name): Parameter(value, unit, free=True, typical=typical, source="catalogue")}
 
 
+def share(effect: Effect, name: str) -> dict[str, Parameter]:
+    """By what share something that cannot be negative differs: no more than all of it can be gone."""
+    return {effect.key(name): Parameter(0.0, "", free=True, lower=-1.0, typical=1.0, source="catalogue")}
+
+
 def shape(effect: Effect, name: str, unit: str, value: float, *, free: bool = True) -> dict[str, Parameter]:
     """A parameter that says at which speed, angle or place an effect acts; it means nothing while the effect is absent."""
     lower = 0.0 if value > 0 else -float("inf")

@@ -109,6 +109,13 @@ class Explanation:
             base = "Something is missing that has no name here"
             if self.baseline.failed:
                 base = "The fit that was to be explained failed, and nothing named here mends it"
+            if names and self.doubts and self.after.adequate:
+                # Nothing is left: what is wanting is not an effect, but certainty about its name.
+                base = "The fit that was to be explained failed" if self.baseline.failed else "Something is missing"
+                return (
+                    f"{base}: the held-out error is {before:.4g} times the noise, and {after:.2f} with {names}. Yet no name is "
+                    f"given, since {'; '.join(self.doubts)}."
+                )
             part = f"{names} {explain} part of it (to {after:.2f}), the rest" if names else "it"
             if names and not after < before:
                 part = (

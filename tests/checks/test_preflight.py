@@ -194,6 +194,12 @@ def test_each_fault_is_named_with_file_column_and_sample(pioneer, fault):
     assert ";" in found[0].message  # the remedy
 
 
+def test_a_sensor_that_never_changes_has_no_time_constant(pioneer):
+    silent = np.stack([pioneer.outputs[:, 0], np.zeros(len(pioneer))], axis=1)
+    found = {f.check for f in preflight(_wrong(pioneer, outputs=silent)) if f.column == "eta2"}
+    assert "dead_sensor" in found and "coarse_sampling" not in found
+
+
 @pytest.mark.parametrize(("dt", "expected"), [(0.02, False), (0.05, False), (0.4, True)])
 def test_sampling_is_held_against_the_time_constant(dt, expected):
     """A first-order axis of time constant 0.2 s, discretised exactly; 0.4 s between samples is two time constants."""

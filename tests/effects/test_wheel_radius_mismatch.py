@@ -47,7 +47,9 @@ def test_a_robot_with_two_wheels_has_the_law_of_its_sides():
         Pioneer() + RadiusOfEach()
 
 
-def test_where_each_wheel_is_measured_its_radius_shows_otherwise():
-    """A smaller wheel turns faster, of which this law, for the body's speeds, says nothing."""
-    with pytest.raises(EffectError, match="how fast each wheel turns"):
+def test_where_wheels_are_measured_their_radii_are_the_robots_own():
+    """An encoder turns by as much more as its wheel is smaller, which a law of forces alone knows nothing of."""
+    with pytest.raises(EffectError, match="how fast its wheels turn"):
         Omni(wheel_angles=True) + RadiusOfEach()
+    assert [law.law for law in laws_of(Omni(wheel_angles=True), "wheel_radius_mismatch")] == [""]
+    assert [law.law for law in laws_of(Omni(pose=True), "wheel_radius_mismatch")] == ["", "each_wheel"]

@@ -38,6 +38,17 @@ def test_the_drag_is_named_with_its_size_and_the_bias_it_caused_is_gone(explaine
     assert "quadratic drag" in explained.sentence and repr(explained).startswith("Missing was quadratic drag")
 
 
+def test_where_a_name_is_doubted_and_nothing_is_left_no_rest_is_spoken_of(explained):
+    doubted = replace(explained, verdict="unexplained", doubts=("its errors do not exclude that there is none",))
+    assert doubted.sentence == (
+        f"Something is missing: the held-out error is {explained.before.normalised_rms:.4g} times the noise, and "
+        f"{explained.after.normalised_rms:.2f} with quadratic drag. Yet no name is given, since its errors do not exclude that "
+        "there is none."
+    )
+    gone_on = replace(explained, verdict="unexplained", doubts=doubted.doubts, after=explained.before)
+    assert "fits no known effect" in gone_on.sentence
+
+
 def test_the_json_file_is_as_agreed(explained, tmp_path):
     explained.save(tmp_path)
     found = json.loads((tmp_path / "explanation.json").read_text())

@@ -22,7 +22,8 @@ class WheelRadiusMismatch(OwnParameter):
 @dataclass(frozen=True)
 class RadiusOfEach(OfTorque):
     """Every driving wheel of three or more with a radius of its own: less force of the same torque, and fewer turns of the same
-    way, so that its motor's back-EMF is smaller, too. No log of the body's motion tells it from another torque constant."""
+    way, so that its motor's back-EMF is smaller, too. No log of the body's motion tells it from another torque constant; one of
+    the wheels' turning does, so that a robot that measures more than its body's motion cannot have this law."""
 
     id: ClassVar[str] = "wheel_radius_mismatch"
     law: ClassVar[str] = "each_wheel"
@@ -34,8 +35,14 @@ class RadiusOfEach(OfTorque):
     def refusal(self, robot: Robot) -> str | None:
         if len(robot.drive_inputs) < 3:
             return f"{robot.name!r} drives two wheels or fewer, of which the usual law of {self.id} is"
-        if not set(robot.channels.outputs) <= set(robot.velocities) or robot.channels.positions:
-            return f"{robot.name!r} measures more than its body's speeds, and so, perhaps, how fast each wheel turns"
+        channels = robot.channels
+        others = [name for name in channels.outputs if name not in robot.states]
+        others += [name for name in channels.measured if name in robot.angles]
+        if others:
+            return (
+                f"{', '.join(others)} of {robot.name!r} may show how fast its wheels turn, which another radius changes: only "
+                "its own parameters for that (`mechanisms=`) can tell by how much"
+            )
         if len(robot.mechanisms.get(self.id, ())) > 1:
             return f"{robot.name!r} has parameters of its own for {self.id}, wheel by wheel"
         return super().refusal(robot)

@@ -159,8 +159,9 @@ class MovingWindow:
             found = _minimum(d, found.theta, found.states, *self._prior(None))
             contrast = self._contrast(known, found)
         self._last = (d, found.theta, found.states, float(self._rows[0, 0]))
-        samples = max(int(np.count_nonzero(d.logs.weight[0, :, :, 0])), 1)
-        sound = found.converged and float(scipy.special.chdtrc(samples, found.squares)) > self.alarm
+        measured = np.count_nonzero(d.logs.weight[0, :, :, 0], axis=0)
+        samples = max(int(measured.sum()), 1)
+        sound = found.converged and self._no_more_than_noise(measured, found.by_channel)
         if found.converged:
             self._theta = found.theta
         if sound and self._rows[0, 0] >= self._since and not alarm:
@@ -182,6 +183,16 @@ class MovingWindow:
             alarm=alarm,
             changed=tuple(self.names[i] for i in contrast.changed) if alarm and sound else (),
         )
+
+    def _no_more_than_noise(self, samples: NDArray[np.int64], squares: Array) -> bool:
+        """Whether all channels together and each by itself leave no more than their noise: what one of them lacks, such as a
+        sensor that reads the same all the time, would make up for what another has too much."""
+        there = samples > 0
+        if not there.any():
+            return True
+        each = scipy.special.chdtrc(samples[there], squares[there])
+        whole = scipy.special.chdtrc(samples.sum(), squares.sum())
+        return bool(whole > self.alarm and np.all(each > self.alarm / there.sum()))
 
     def _seen(self, found: "_Minimum") -> Knowledge:
         """What the window alone says."""
@@ -275,8 +286,13 @@ class _Minimum:
     states: Array
     triangle: Array
     """Of the window's samples alone, its initial states eliminated, [., n + 1]: by the parameters, and what is left."""
-    squares: float
+    by_channel: Array
+    """Sums of squares of the weighted residuals [ny]."""
     converged: bool
+
+    @property
+    def squares(self) -> float:
+        return float(self.by_channel.sum())
 
 
 def _minimum(d: Direct, theta: Array, states: Array, root: Array, mean: Array) -> _Minimum:
@@ -285,11 +301,11 @@ def _minimum(d: Direct, theta: Array, states: Array, root: Array, mean: Array) -
     size = np.asarray(problem.bounds.scale)
     lower, upper = (np.asarray(x) for x in (problem.bounds.lower, problem.bounds.upper))
 
-    def look(theta: Array, states: Array) -> tuple[Array, float, float]:
+    def look(theta: Array, states: Array) -> tuple[Array, Array, float]:
         R, squares = log_triangles(d, theta, size, states)
         off = root @ (theta - mean)
         total = float(np.sum(R[0, :, -1] ** 2) + off @ off)
-        return R[0], float(squares.sum()), total if np.isfinite(squares).all() else np.inf
+        return R[0], squares[0], total if np.isfinite(squares).all() else np.inf
 
     theta = np.clip(theta, lower, upper)
     R, squares, cost = look(theta, states)

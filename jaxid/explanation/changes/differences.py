@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ...effects.actuator.drives import each_drive
-from ...effects.effect_parameters import signed
+from ...effects.effect_parameters import share
 from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
@@ -24,7 +24,7 @@ class CommandGain(Effect):
     formula: ClassVar[str] = "u' = (1 + gain) u"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "gain", "", 1.0)
+        return share(self, "gain")
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         return inputs * (1.0 + each_drive(robot, lambda name: p[self.key("gain")]))
@@ -41,7 +41,7 @@ class DryShare(Effect):
     formula: ClassVar[str] = "C' = (1 + coulomb) C"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "coulomb", "", 1.0)
+        return share(self, "coulomb")
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         factor = 1.0 + p[self.key("coulomb")]
@@ -59,7 +59,7 @@ class ViscousShare(Effect):
     formula: ClassVar[str] = "B' = (1 + viscous) B"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "viscous", "", 1.0)
+        return share(self, "viscous")
 
     def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         factor = 1.0 + p[self.key("viscous")]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..._distributions import chi_squared_tail
 from ...effects import laws_of
+from ...effects.actuator.motor_strength import OfEach
 from ...effects.curve import SHAPE
 from ...estimate.noise_colour import Colour
 from ...robots.effect import Effect
@@ -124,9 +125,10 @@ def _own(pair: Pair) -> tuple[dict[Side, Array], list[_Changes]]:
     return shared, found
 
 
-def _on_more_inputs(law: Effect, usual: Effect) -> bool:
-    """Whether a law acts on inputs that do not drive, too, which the usual one leaves alone."""
-    return "steered" in law.needs and "steered" not in usual.needs
+def _another_change(law: Effect, usual: Effect) -> bool:
+    """Whether a law is another thing that may happen, and not another formula of the usual one's: it acts on inputs that do not
+    drive, which the usual one leaves alone, or it is of another part of a motor (driver, magnets, winding)."""
+    return ("steered" in law.needs and "steered" not in usual.needs) or isinstance(law, OfEach)
 
 
 def _mechanisms(
@@ -135,12 +137,12 @@ def _mechanisms(
     known: Mapping[Side, Mapping[str, Mapping[str, float]]],
     report: Callable[[str], None],
 ) -> list[_Changes]:
-    """The changes that mechanisms of the catalogue make, by their usual law, its like for all inputs and their curve, where
-    they appear or vanish."""
+    """The changes that mechanisms of the catalogue make where they appear or vanish: by their usual law, those laws that are
+    another change, and their curve."""
     effects: list[Effect] = []
     for usual in mechanisms_of(robot):
         laws = laws_of(robot, usual.id)
-        effects += [laws[0].blurred, *(law for law in laws[1:] if law.law == SHAPE or _on_more_inputs(law, laws[0]))]
+        effects += [laws[0].blurred, *(law for law in laws[1:] if law.law == SHAPE or _another_change(law, laws[0]))]
     found: list[_Changes] = []
     if not effects:
         return found

@@ -90,6 +90,20 @@ def numbers_on(
     return inside(robot, shared)
 
 
+def within(robot: Robot, free: Sequence[str], candidate: Candidate | None, theta: Array, delta: Array) -> Array:
+    """The candidate's coordinates, those that would take a number out of its bounds put on them."""
+    if candidate is None:
+        return delta
+    table, found = robot.parameters, np.array(delta, float)
+    shared = {**table.numbers, **dict(zip(free, map(float, theta), strict=True))}
+    for i, c in enumerate(candidate.coordinates):
+        name = c.of or c.name
+        if name in table:
+            base = inside(robot, {name: shared[name]})[name] if c.of else 0.0
+            found[i] = np.clip(found[i], table[name].lower - base, table[name].upper - base)
+    return found
+
+
 def project(columns: Array, residual: Array, states: Array, stiffness: Array) -> tuple[Array, Array, list[Array]]:
     """`columns` [E, N, n] and `residual` [E, N] of each log less what its own initial states' columns [E, N, s] take up, and
     the matrices [s, N] that give the states' steps."""
@@ -252,10 +266,16 @@ def refit(
         size = np.linalg.norm(C, axis=0)
         size = np.where(size > 0, size, np.inf)
         step = -np.linalg.lstsq(C / size, r, rcond=1e-8)[0] / size
+        there = within(robot, pair.free, candidate, theta + step[: len(theta)], delta + step[len(theta) :])
+        held = (there != delta + step[len(theta) :]) & (there == delta)
+        if held.any():  # on its bound already, and outwards: the others without it
+            size[len(theta) :][held] = np.inf
+            step = -np.linalg.lstsq(C / size, r, rcond=1e-8)[0] / size
         before = now
         for halved in range(_HALVINGS):
             share = 0.5**halved
-            t, d = theta + share * step[: len(theta)], delta + share * step[len(theta) :]
+            t = theta + share * step[: len(theta)]
+            d = within(robot, pair.free, candidate, t, delta + share * step[len(theta) :])
             then = {}
             for s in SIDES:
                 whole_r, whole_C = linear.whole[s]

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, MovingWindow, ParameterError, output_error
+from jaxid import Axis, DifferentialDrive, Log, LogSet, MovingWindow, ParameterError, output_error
 from jaxid.estimate.output_error.change import Knowledge, change
 
 NOISE, INTERVAL = 0.01, 0.02
@@ -69,6 +69,20 @@ def test_a_payload_is_told_named_and_followed():
     assert alarms[-1] is named[0]
     for fit, mass in ((fits[15], 1.0), (fits[-1], 1.4)):
         assert abs(fit.values["M"] - mass) < 4 * fit.std_errors["M"] < 0.02
+
+
+def test_a_silent_sensor_does_not_make_up_for_what_another_has_too_much():
+    """A cart with a gyro, straight ahead: the gyro reads zero, and the speed scatters by a quarter more than its noise."""
+    time_, force, speed = recorded(6.0)
+    robot = DifferentialDrive().with_values(M=1.0, J=0.1, Fv=1.0, Fc=0.25)
+    random = np.random.default_rng(3)
+    for scatter, sound in ((0.0, True), (0.75, False)):
+        more = speed + scatter * NOISE * random.normal(size=speed.shape)
+        window = MovingWindow(robot, 3.0, noise={"v": NOISE, "w": 0.02})
+        outputs = np.concatenate([more, np.zeros_like(speed)], axis=1)
+        fits = followed((time_, np.repeat(force / 2, 2, axis=1), outputs), window)
+        assert [fit.sound for fit in fits] == [sound] * len(fits)
+        assert all(fit.normalised_rms < 1.0 for fit in fits)
 
 
 def test_what_a_window_does_not_excite_stays_where_it_was_seen():

@@ -10,7 +10,20 @@ import pytest
 
 pytest.importorskip("numba")
 from benchmarks.hidden.cases import MODEL, NOISE, REFERENCE  # noqa: E402
-from jaxid import Channels, Custom, Log, LogError, LogSet, Parameter, ParameterError, explain_change, output_error
+from jaxid import (  # noqa: E402
+    Channels,
+    Custom,
+    Log,
+    LogError,
+    LogSet,
+    Omni,
+    Parameter,
+    ParameterError,
+    explain_change,
+    output_error,
+    simulate,
+)
+from jaxid.effects import effect_by_id  # noqa: E402
 from jaxid.explanation.changes.change import Noticeable, number_in_words  # noqa: E402
 from reference import excitation  # noqa: E402
 from reference.logs import simulate_log  # noqa: E402
@@ -99,6 +112,27 @@ def test_battery_floor_and_delay_of_an_axis(options, name, true):
     named = {own.id: own for own in (found.change, *found.equivalent)}
     assert name in named and len(named) <= 2
     assert all(within(named[name].differences[key], size) for key, size in true.items())
+
+
+def test_of_what_may_be_another_in_one_motor_it_is_said_which():
+    """A winding of more resistance is no weaker driver: it brakes less, too."""
+    robot, sets = Omni(), []
+    worn = robot + effect_by_id(robot, "motor_gain_mismatch", "winding_resistance")
+    worn = worn.with_values(**{[n for n in worn.parameters if n.startswith("motor_gain_mismatch.")][1]: 0.1})
+    for seed, model in ((1, robot), (2, worn)):
+        random, logs = np.random.default_rng(seed), []
+        for k in range(3):
+            inputs = np.repeat(random.uniform(-12.0, 12.0, (16, 4)), 25, axis=0)
+            log = Log.from_arrays(f"run {seed} {k}", 0.02 * np.arange(400), inputs, np.zeros((400, 3)), robot)
+            moved = simulate(model, LogSet([log]))[0][:, :3]
+            moved = moved + random.normal(size=moved.shape) * (0.01, 0.01, 0.02)
+            logs.append(Log.from_arrays(log.name, log.time, inputs, moved, robot))
+        sets.append(LogSet(logs))
+    before, after = (output_error(robot, logs) for logs in sets)
+    found = explain_change(before, after, *sets)
+    assert found.verdict == "named" and found.change is not None and found.change.id == "motor_gain_mismatch"
+    sizes = {name: difference for name, difference in found.change.differences.items() if "excess" in name}
+    assert len(sizes) == 4 and within(list(sizes.values())[1], 0.1)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
