@@ -12,13 +12,14 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from .by_chance import by_chance
-from .finer_curves import through_enough_points
+from .finer_curves import instead_of_formulas, through_enough_points
 from .held_parameters import with_parameters_held
 from .heldout import HeldOut
 from .named_effects import named_effects
 from .needed import only_needed
 from .overrated import small_after_all
 from .prescribed_angles import predicted
+from .reconsider import by_its_curve
 from .refit import Trial, in_full
 from .rounding import within_rounding
 from .search import search
@@ -86,8 +87,18 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         if held is not found.final:
             found, final = replace(found, final=held), finished(held)
             after = left_by(final)
-    if after.adequate:
-        finer = through_enough_points(found, final, finished, lambda own: _all_sure(found, fit, own), report)
+    if after.adequate and found.final:
+        trial, base = found.final, found.steps[0].before
+
+        def curve_of(identifier: str) -> Trial | None:
+            own = by_its_curve(identifier, trial, base, logs, held_out, noise, report)
+            return own and with_parameters_held(own, logs, held_out, noise, report)
+
+        def all_sure(own: Fit) -> bool:
+            return _all_sure(found, fit, own)
+
+        finer = instead_of_formulas(found, final, curve_of, finished, all_sure, report)
+        finer = through_enough_points(finer.found, finer.final, finished, all_sure, report)
         if finer.final is not final:
             (found, final), after = finer, left_by(finer.final)
     # What the fit in full leaves, and not what a search's few steps had left.

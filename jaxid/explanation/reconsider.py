@@ -84,6 +84,18 @@ def _by_laws(effect: Effect, bare: Trial, logs, held_out, noise, say: Report) ->
     ]
 
 
+def by_its_curve(
+    identifier: str, current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+) -> Trial | None:
+    """The model with the curve of a mechanism in the place of its formula; None where it has none that explains anything."""
+    bare = without(identifier, current, base, logs, held_out, noise)
+    curves = [law for law in laws_of(bare.robot, identifier) if isinstance(law, Curve)]
+    screened = screen(bare.robot, logs, curves, noise, bare.initial_states, bare.angles) if curves else []
+    added = all_added(bare, [law for law in screened if law.gain > 0], logs, held_out, noise, say)
+    trials = [continued(trial, logs, held_out, noise) for trial in added]
+    return min(trials, key=lambda trial: trial.score, default=None)
+
+
 def by_laws_again(
     steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report, last: bool = False
 ) -> tuple[list[Step], Trial]:

@@ -34,7 +34,9 @@ def on_usable_readings(
     except ParameterError:
         return fit, logs, held_out, ""
     pairs = ((before, other), (held_out_state(fit.robot, logs), own))
-    less = (held_out_state(again.robot, some).normalised_rms < _LESS * with_them.normalised_rms for with_them, some in pairs)
+    less = (
+        held_out_state(again.robot, some).normalised_rms < _LESS * with_them.normalised_rms for with_them, some in pairs
+    )
     if again.failed or not any(less):
         return fit, logs, held_out, ""
     left_out = f"Left out, since they tell nothing of the motion: {'; '.join(said)}."
