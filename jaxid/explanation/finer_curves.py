@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..effects import laws_of
 from ..effects.curve import Curve
 from ..estimate.result import Fit
 from ..parameters import ParameterError
@@ -62,20 +63,24 @@ def instead_of_formulas(
     say: Callable[[str], None],
 ) -> Finer:
     """The fit of what was found with a curve in the place of a formula on whose form the robot's own parameters hang.
-    `curve_of` is the model with the curve of a mechanism."""
+    `curve_of` is the model with the curve of a mechanism.
+
+    Asked only of what is limited: its formula and its curve both lose nothing of what is small, so that the other parameters
+    mean the same beside either. A curve of the speed shares a part in proportion to it with the viscous friction.
+    """
     best = Finer(found, final)
     for step in found.steps:
         effect = next((own for own in final.robot.effects if own.id == step.chosen.id), None)
         if effect is None or isinstance(effect, Curve) or best.found.final is None or best.found.final.angles:
             continue
-        trial = curve_of(effect.id)
+        limits = any(isinstance(law, Curve) and law.begins_later for law in laws_of(step.before.robot, effect.id))
+        trial = curve_of(effect.id) if limits else None
         if trial is None:
             continue
-        try:
-            fit = in_full(trial)
-        except ParameterError:
-            continue
-        if not fit.failed and sure(fit) and moved(best.final, fit, _FORMULA):
+        # Through more points than it needs, so that what it lacks itself does not tell against the formula.
+        dense = _dense(trial, trial.robot, effect.id)
+        fit = _fitted(dense, in_full) if dense is not None else None
+        if fit is not None and sure(fit) and moved(best.final, fit, _FORMULA):
             say(f"the robot's own parameters hang on the form of {effect.title}; its curve in its place")
             # The next one would have to be refitted beside the curve; one formula is what is mostly wrong.
             return Finer(replace(found, final=replace(trial, robot=fit.robot)), fit)
@@ -84,18 +89,31 @@ def instead_of_formulas(
 
 def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: Callable[[str], None]) -> Finer | None:
     """The same with twice as many points in one curve; None where that is one too many, or leads nowhere."""
-    trial, robot = best.found.final, best.final.robot
-    curve = next(effect for effect in robot.effects if effect.id == identifier)
-    assert isinstance(curve, Curve)
-    if trial is None or trial.angles or 2 * len(curve.each(robot)) * len(curve.varying) > MOST_HEIGHTS:
+    trial = best.found.final
+    dense = _dense(trial, best.final.robot, identifier) if trial is not None and not trial.angles else None
+    if dense is None:
         return None
     say(f"fitting {identifier} through more points")
-    dense = replace(trial, robot=_held_at_the_first(with_denser_curve(robot, identifier), identifier))
+    fit = _fitted(dense, in_full)
+    return fit and Finer(replace(best.found, final=replace(dense, robot=fit.robot)), fit)
+
+
+def _dense(trial: Trial, robot: Robot, identifier: str) -> Trial | None:
+    """The trial with `robot`'s curve through twice as many points; None where these are too many."""
+    curve = next(effect for effect in robot.effects if effect.id == identifier)
+    assert isinstance(curve, Curve)
+    if 2 * len(curve.each(robot)) * len(curve.varying) > MOST_HEIGHTS:
+        return None
+    return replace(trial, robot=_held_at_the_first(with_denser_curve(robot, identifier), identifier))
+
+
+def _fitted(trial: Trial, in_full: Callable[[Trial], Fit]) -> Fit | None:
+    """The fit in full of a trial, or None where that leads nowhere."""
     try:
-        fit = in_full(dense)
+        fit = in_full(trial)
     except ParameterError:
         return None
-    return None if fit.failed else Finer(replace(best.found, final=replace(dense, robot=fit.robot)), fit)
+    return None if fit.failed else fit
 
 
 def _held_at_the_first(robot: Robot, identifier: str) -> Robot:
