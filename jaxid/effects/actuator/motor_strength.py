@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
+from ...robots.traits import refusal
 from ..curve import Curve
 from ..effect_parameters import signed
 from .drives import back_emf, drive_names, each_drive, input_unit, one_torque_each, torque_falls_with_speed
@@ -81,6 +82,30 @@ class TorqueConstant(OfTorque):
 
 
 @dataclass(frozen=True)
+class TorqueConstantOfTorques(OfTorque):
+    """The same on a robot of which no winding is known, only torques that fall with the speed: what they are without a command
+    is what the back-EMF takes."""
+
+    law: ClassVar[str] = "torque_and_back_emf"
+    formula: ClassVar[str] = TorqueConstant.formula
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def refusal(self, robot: Robot) -> str | None:
+        if refusal(TorqueConstant(), robot) is None:
+            return f"the windings of {robot.name!r} are known, so that {self.title} acts on their currents"
+        if robot.winding or not torque_falls_with_speed(robot):
+            return (
+                f"the drive torques of {robot.name!r} do not fall with its speed, so that {self.title} is another gain"
+            )
+        return super().refusal(robot)
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        braking = robot.drive_torques((0.0,) * len(robot.channels.inputs), state, p)
+        shares = zip(torques, braking, self.shares_of(p, robot), strict=True)
+        return tuple((1.0 + gain) * (t + gain * b) for t, b, gain in shares)
+
+
+@dataclass(frozen=True)
 class WindingResistance(OfTorque):
     """A motor's winding has (1 + excess_i) times the nominal resistance: less current, less torque, all else equal.
 
@@ -127,4 +152,10 @@ class GainCurves(Curve):
         return jnp.stack(columns, axis=1)
 
 
-LAWS: tuple[Effect, ...] = (MotorGainMismatch(), TorqueConstant(), WindingResistance(), GainCurves())
+LAWS: tuple[Effect, ...] = (
+    MotorGainMismatch(),
+    TorqueConstant(),
+    TorqueConstantOfTorques(),
+    WindingResistance(),
+    GainCurves(),
+)
