@@ -1,10 +1,11 @@
-"""A curve in the place of a formula, and through more points, where the robot's own parameters hang on the form of a law.
+"""Curves through more points, and wider standard errors beside formulas, where the robot's own parameters hang on a law's form.
 
 A search takes the simplest law that leaves no more than noise: a formula, or a curve of few points. What it still lacks is
 then no more than noise in the outputs, but the other parameters make up for it, by several of their standard errors, which
-know nothing of it. So the final model is fitted once more with the mechanism's curve, and with twice as many points in it: of
-two models that are both right, the estimates differ by no more than the additional parameters cost (Hausman 1978,
-Econometrica 46). Where they differ by more, the freer curve is the answer, with the wider intervals that belong to it.
+know nothing of it. So the final model is fitted once more with twice as many points in its curve, or with the mechanism's
+curve: of two models that are both right, the estimates differ by no more than the additional parameters cost (Hausman 1978,
+Econometrica 46). Where they differ by more, the finer curve is the answer. A formula stays, since the outputs do not tell
+against it, with standard errors that reach as far as the other form leads.
 """
 
 from collections.abc import Callable
@@ -15,7 +16,7 @@ import numpy as np
 
 from ..effects import laws_of
 from ..effects.curve import Curve
-from ..estimate.result import Fit
+from ..estimate.result import Estimate, Fit
 from ..parameters import ParameterError
 from ..robots.robot import Robot
 from .denser import MOST_HEIGHTS, with_denser_curve
@@ -24,9 +25,8 @@ from .steps import Search
 
 _MOST = 2
 """Times that the points are doubled."""
-_APART, _FORMULA = 2.0, 4.0
-"""Difference of two estimates, in standard errors of that difference, beyond which fewer points are too few, and a formula not
-the law. More points cost nothing but width, a formula is an answer: of right ones 6 in 100,000 parameters have more."""
+_APART = 2.0
+"""Difference of two estimates in standard errors of that difference, of which 5 % of right models have more."""
 _LEAST = 0.1
 """Share of the finer model's variance that the difference has at least, where rounding leaves less."""
 
@@ -54,37 +54,50 @@ def through_enough_points(
     return best
 
 
-def instead_of_formulas(
+def widened_by_forms(
     found: Search,
     final: Fit,
     curve_of: Callable[[str], Trial | None],
     in_full: Callable[[Trial], Fit],
-    sure: Callable[[Fit], bool],
     say: Callable[[str], None],
-) -> Finer:
-    """The fit of what was found with a curve in the place of a formula on whose form the robot's own parameters hang.
-    `curve_of` is the model with the curve of a mechanism.
+) -> Fit:
+    """`final` with standard errors of the robot's own parameters that allow for the form of a formula, and a note on it, where
+    they hang on it. `curve_of` is the model with the curve of a mechanism.
 
     Asked only of what is limited: its formula and its curve both lose nothing of what is small, so that the other parameters
     mean the same beside either. A curve of the speed shares a part in proportion to it with the viscous friction.
     """
-    best = Finer(found, final)
     for step in found.steps:
         effect = next((own for own in final.robot.effects if own.id == step.chosen.id), None)
-        if effect is None or isinstance(effect, Curve) or best.found.final is None or best.found.final.angles:
+        if effect is None or isinstance(effect, Curve) or found.final is None or found.final.angles:
             continue
         limits = any(isinstance(law, Curve) and law.begins_later for law in laws_of(step.before.robot, effect.id))
         trial = curve_of(effect.id) if limits else None
-        if trial is None:
-            continue
         # Through more points than it needs, so that what it lacks itself does not tell against the formula.
-        dense = _dense(trial, trial.robot, effect.id)
-        fit = _fitted(dense, in_full) if dense is not None else None
-        if fit is not None and sure(fit) and moved(best.final, fit, _FORMULA):
-            say(f"the robot's own parameters hang on the form of {effect.title}; its curve in its place")
-            # The next one would have to be refitted beside the curve; one formula is what is mostly wrong.
-            return Finer(replace(found, final=replace(trial, robot=fit.robot)), fit)
-    return best
+        dense = _dense(trial, trial.robot, effect.id) if trial is not None else None
+        fit = _fitted(dense, effect.id, in_full) if dense is not None else None
+        if fit is not None and moved(final, fit):
+            say(f"the robot's own parameters hang on the form of {effect.title}")
+            final = _widened(final, fit, effect.title)
+    return final
+
+
+def _widened(final: Fit, freer: Fit, title: str) -> Fit:
+    """`final` with standard errors of its own parameters that reach to those of the `freer` fit, and have its width."""
+    errors = {n: float(np.hypot(freer[n].std_error, freer[n].value - final[n].value)) for n in _own(final, freer)}
+    wider = {n: max(error / final[n].std_error, 1.0) for n, error in errors.items()}
+    estimates = {
+        n: Estimate.of(e.value, e.std_error * wider[n], e.unit, e.status) if n in wider else e
+        for n, e in final.parameters.items()
+    }
+    scale = np.array([wider.get(name, 1.0) for name in final.free_names])
+    moved_to = ", ".join(f"{n} {freer[n].value:.4g}" for n in wider)
+    note = (
+        f"The robot's own parameters hang on the form of {title}: with a curve in its place they would be {moved_to}. Their "
+        "standard errors allow for that."
+    )
+    covariance = final.covariance * np.outer(scale, scale)
+    return replace(final, parameters=estimates, covariance=covariance, notes=(*final.notes, note))
 
 
 def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: Callable[[str], None]) -> Finer | None:
@@ -94,7 +107,7 @@ def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: C
     if dense is None:
         return None
     say(f"fitting {identifier} through more points")
-    fit = _fitted(dense, in_full)
+    fit = _fitted(dense, identifier, in_full)
     return fit and Finer(replace(best.found, final=replace(dense, robot=fit.robot)), fit)
 
 
@@ -107,13 +120,34 @@ def _dense(trial: Trial, robot: Robot, identifier: str) -> Trial | None:
     return replace(trial, robot=_held_at_the_first(with_denser_curve(robot, identifier), identifier))
 
 
-def _fitted(trial: Trial, in_full: Callable[[Trial], Fit]) -> Fit | None:
-    """The fit in full of a trial, or None where that leads nowhere."""
+def _fitted(trial: Trial, identifier: str, in_full: Callable[[Trial], Fit]) -> Fit | None:
+    """The fit in full of a trial with a curve, or None where that leads nowhere. What the curve holds at zero is set to what
+    its next height says and the fit repeated."""
     try:
         fit = in_full(trial)
+        begun = None if fit.failed else _begun_with_the_cube(fit.robot, identifier)
+        fit = in_full(replace(trial, robot=begun)) if begun is not None else fit
     except ParameterError:
         return None
     return None if fit.failed else fit
+
+
+def _begun_with_the_cube(robot: Robot, identifier: str) -> Robot | None:
+    """The robot with the first heights of a limit's curve, where held, at what is lost there of a smooth characteristic; None
+    where there is no such height, or nothing is lost at the next one.
+
+    What is lost of an odd function begins with the cube. A loss in proportion to the variable is a smaller gain of all, so
+    that the next height is known but for such a share, and the cube says how large it is.
+    """
+    curve = next(effect for effect in robot.effects if effect.id == identifier)
+    assert isinstance(curve, Curve)
+    values: dict[str, float] = {}
+    for name in curve.each(robot) if curve.begins_later else ():
+        (first, x1), (second, x2) = ((curve.height(k, name), curve.places[k]) for k in curve.varying[:2])
+        lost, ratio = robot.parameters[second].value, (x1 / x2) ** 3
+        if not robot.parameters[first].free and robot.parameters[second].free and lost > 0.0:
+            values[first] = ratio * lost * x1 / (x1 - ratio * x2)
+    return robot.with_values(**values) if values else None
 
 
 def _held_at_the_first(robot: Robot, identifier: str) -> Robot:
@@ -128,18 +162,20 @@ def _held_at_the_first(robot: Robot, identifier: str) -> Robot:
     return robot
 
 
-def moved(coarse: Fit, fine: Fit, most: float = _APART) -> bool:
-    """Whether a parameter of the robot itself is more apart in the two fits than the finer one's further parameters explain (by
-    `most` standard errors of the difference); not where the finer one no longer identifies all that the other does."""
-    own = [
-        name
-        for name, estimate in coarse.parameters.items()
-        if estimate.status == "identified" and "." not in name and name in fine.parameters
-    ]
+def _own(coarse: Fit, fine: Fit) -> list[str]:
+    """The robot's own parameters that the coarser fit identifies."""
+    names = (name for name, estimate in coarse.parameters.items() if estimate.status == "identified")
+    return [name for name in names if "." not in name and name in fine.parameters]
+
+
+def moved(coarse: Fit, fine: Fit) -> bool:
+    """Whether a parameter of the robot itself is more apart in the two fits than the finer one's further parameters explain;
+    not where the finer one no longer identifies all that the other does."""
+    own = _own(coarse, fine)
     if any(fine[name].status != "identified" for name in own):
         return False
     pairs = [(coarse[name], fine[name]) for name in own]
     return any(
-        abs(b.value - a.value) > most * np.sqrt(max(b.std_error**2 - a.std_error**2, _LEAST * b.std_error**2))
+        abs(b.value - a.value) > _APART * np.sqrt(max(b.std_error**2 - a.std_error**2, _LEAST * b.std_error**2))
         for a, b in pairs
     )

@@ -12,7 +12,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
 from .by_chance import by_chance
-from .finer_curves import instead_of_formulas, through_enough_points
+from .finer_curves import through_enough_points, widened_by_forms
 from .held_parameters import with_parameters_held
 from .heldout import HeldOut
 from .named_effects import named_effects
@@ -97,8 +97,8 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         def all_sure(own: Fit) -> bool:
             return _all_sure(found, fit, own)
 
-        finer = instead_of_formulas(found, final, curve_of, finished, all_sure, report)
-        finer = through_enough_points(finer.found, finer.final, finished, all_sure, report)
+        final = widened_by_forms(found, final, curve_of, finished, report)
+        finer = through_enough_points(found, final, finished, all_sure, report)
         if finer.final is not final:
             (found, final), after = finer, left_by(finer.final)
     # What the fit in full leaves, and not what a search's few steps had left.

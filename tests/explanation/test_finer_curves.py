@@ -2,13 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id
-from jaxid.explanation.finer_curves import moved, through_enough_points
+from jaxid.explanation.finer_curves import moved, through_enough_points, widened_by_forms
+from jaxid.explanation.reconsider import by_its_curve
 from jaxid.explanation.refit import in_full, refit
-from jaxid.explanation.steps import Search
+from jaxid.explanation.steps import Search, Step
 from jaxid.logs import noise_scale
 from jaxid.simulation.scaled import scaled_to
 from tests.explanation.closed_form_axis import driven
@@ -78,3 +80,45 @@ def test_what_moves_by_what_further_parameters_cost_has_not_moved(found):
     lost = like("M", 4.0, 2.0)
     lost = replace(lost, parameters={**lost.parameters, "M": replace(lost["M"], status="not_identifiable")})
     assert not moved(coarse, lost)
+
+
+def by_a_formula(limit, law):
+    """The fit in full of a limit that a search has named by the formula `law`, and that with errors that allow for its form."""
+    logs, held_out = driven(limit, 8, count=13)
+    noise = noise_scale(held_out, otherwise=logs)
+    robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
+    fit = output_error(robot, logs)
+
+    def refitted(model, **own):
+        start = {name: model.parameters[name].value for name in model.parameters.free_names} | own
+        return refit(model, [start], logs, held_out, noise, fit.initial_states)
+
+    base = refitted(fit.robot)
+    model = base.robot + effect_by_id(base.robot, "voltage_saturation", law)
+    trial = refitted(model, **{"voltage_saturation.inverse_limit": 0.3})
+    step = Step((trial,), (), (), base, trial, (trial,))
+    search = Search(before=base.held_out, after=trial.held_out, final=trial, steps=(step,), first_look=())
+
+    def curve_of(identifier):
+        return by_its_curve(identifier, trial, base, logs, held_out, noise, lambda sentence: None)
+
+    def fitted(own):
+        return in_full(own, logs, noise)
+
+    plain = fitted(trial)
+    return plain, widened_by_forms(search, plain, curve_of, fitted, lambda sentence: None)
+
+
+def test_beside_a_formula_of_another_form_the_parameters_errors_allow_for_it():
+    plain, wider = by_a_formula(lambda u: u / (1.0 + np.abs(u / 3.0) ** 2.5) ** 0.4, "tanh")
+    assert errors_off(plain) > 10.0 and errors_off(wider) < 2.0
+    assert "hang on the form of voltage saturation (tanh)" in wider.notes[-1]
+    assert all(wider[name].value == plain[name].value for name in plain.parameters)
+    place = wider.free_names.index("M")
+    assert np.sqrt(wider.covariance[place, place]) == pytest.approx(wider["M"].std_error)
+
+
+def test_beside_a_formula_that_is_the_law_they_stay_right():
+    plain, wider = by_a_formula(lambda u: 3.0 * np.tanh(u / 3.0), "tanh")
+    assert errors_off(plain) < 3.0 and errors_off(wider) < 3.0
+    assert all(wider[name].std_error < 0.01 * value for name, value in TRUE.items())
