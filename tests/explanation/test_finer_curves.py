@@ -50,7 +50,7 @@ def test_parameters_that_a_curve_of_few_points_made_wrong_are_right_with_more(fo
     finer = through_enough_points(search, coarse, fitted, lambda own: True, said.append)
     assert any("needs a curve through more points" in sentence for sentence in said)
     assert errors_off(finer.final) < 3.0
-    assert finer.found.final.robot.parameters["M"].value == finer.final["M"].value
+    assert finer.found.final is not None and finer.found.final.robot.parameters["M"].value == finer.final["M"].value
     # What is held at zero is the loss of the smallest commands now, and that of the coarse curve's is estimated.
     table = finer.final.robot.parameters
     assert [name for name in table if ".at_" in name and not table[name].free] == ["voltage_saturation.at_1"]
