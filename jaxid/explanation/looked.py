@@ -87,7 +87,7 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         if held is not found.final:
             found, final = replace(found, final=held), finished(held)
             after = left_by(final)
-    if after.adequate and found.final:
+    if after.adequate and found.final and found.steps:
         trial, base = found.final, found.steps[0].before
 
         def curve_of(identifier: str) -> Trial | None:

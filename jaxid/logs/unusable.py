@@ -22,7 +22,7 @@ def at_the_end(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which samples [T] of a signal lie at the end of its range, to which it keeps returning exactly; none if it does not."""
     size = np.abs(np.nan_to_num(values))
     extreme = float(np.max(size, initial=0.0))
-    at = size >= extreme * (1 - 1e-9)
+    at = size == extreme
     rest = values[~at & np.isfinite(values)]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]])))
     visits = np.count_nonzero(edges[1::2] - edges[::2] >= _STAYS)
@@ -48,7 +48,7 @@ def _ends(logs: Sequence[Log], log: Log, name: str) -> NDArray[np.bool_]:
     every = np.concatenate([other.output(name) for other in logs])
     ends = at_the_end(every)
     limit = np.max(np.abs(every[ends])) if ends.any() else np.inf
-    return (np.abs(own) >= limit * (1 - 1e-9)) | at_the_end(own)
+    return (np.abs(own) >= limit) | at_the_end(own)
 
 
 def without_unusable(*sets: LogSet) -> tuple[tuple[LogSet, ...], list[str]]:
