@@ -54,9 +54,14 @@ def test_sets_of_similar_length_share_one_program():
         traces.append(batch.dt.shape)
         return jnp.sum(jnp.where(batch.mask, batch.outputs, 0))
 
-    for lengths, prefix in (([100, 30], "a"), ([200, 256], "b")):
+    for lengths, prefix in (([600, 30], "a"), ([700, 768], "b")):
         logs = _set(lengths, prefix)
         expected = sum(np.nansum(log.outputs) for log in logs)
         with float64():
             np.testing.assert_allclose(total(logs.batch().without_names()), expected, rtol=1e-12)
-    assert traces == [(2, 256)]
+    assert traces == [(2, 768)]
+
+
+@pytest.mark.parametrize(("longest", "padded"), [(20, 24), (64, 64), (100, 128), (256, 256), (257, 512)])
+def test_short_logs_are_not_padding_for_the_most_part(longest, padded):
+    assert _set([longest, 10]).batch().dt.shape == (2, padded)
