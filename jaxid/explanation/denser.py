@@ -16,7 +16,7 @@ from .telling_apart import told_apart_from
 
 _MOST = 2
 """Times that the points of a curve are doubled."""
-MOST_HEIGHTS = 64
+_MOST_HEIGHTS = 64
 """Heights of all its curves together beyond which a mechanism gets no more: they would follow whatever is missing."""
 
 
@@ -114,7 +114,7 @@ def _open(trial: Trial) -> bool:
     """Whether it is about an effect that can be given more freedom, and leaves something."""
     effect = trial.effect
     freer = effect is not None and effect.denser is not None
-    if isinstance(effect, Curve) and 2 * len(effect.each(trial.robot)) * len(effect.varying) > MOST_HEIGHTS:
+    if isinstance(effect, Curve) and 2 * len(effect.each(trial.robot)) * len(effect.varying) > _MOST_HEIGHTS:
         return False
     return freer and not trial.fitted.adequate and bool(np.isfinite(trial.score))
 

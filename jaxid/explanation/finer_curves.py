@@ -19,12 +19,14 @@ from ..effects.curve import Curve
 from ..estimate.result import Estimate, Fit
 from ..parameters import ParameterError
 from ..robots.robot import Robot
-from .denser import MOST_HEIGHTS, with_denser_curve
+from .denser import with_denser_curve
 from .refit import Trial
 from .steps import Search
 
 _MOST = 2
 """Times that the points are doubled."""
+_MOST_HEIGHTS = 24
+"""Heights of all its curves together beyond which a mechanism gets no more: the fit in full takes minutes with twice as many."""
 _APART = 2.0
 """Difference of two estimates in standard errors of that difference, of which 5 % of right models have more."""
 _LEAST = 0.1
@@ -115,7 +117,7 @@ def _dense(trial: Trial, robot: Robot, identifier: str) -> Trial | None:
     """The trial with `robot`'s curve through twice as many points; None where these are too many."""
     curve = next(effect for effect in robot.effects if effect.id == identifier)
     assert isinstance(curve, Curve)
-    if 2 * len(curve.each(robot)) * len(curve.varying) > MOST_HEIGHTS:
+    if 2 * len(curve.each(robot)) * len(curve.varying) > _MOST_HEIGHTS:
         return None
     return replace(trial, robot=_held_at_the_first(with_denser_curve(robot, identifier), identifier))
 
