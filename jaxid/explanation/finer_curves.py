@@ -26,7 +26,7 @@ from .steps import Search
 _MOST = 2
 """Times that the points are doubled."""
 _MOST_HEIGHTS = 24
-"""Heights of all its curves together beyond which a mechanism gets no more: the fit in full takes minutes with twice as many."""
+"""Heights of all its curves together beyond which a mechanism gets no more: the fit in full then takes minutes."""
 _APART = 2.0
 """Difference of two estimates in standard errors of that difference, of which 5 % of right models have more."""
 _LEAST = 0.1
