@@ -24,6 +24,7 @@ from .between_logs import changed_between
 from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation
+from .finer_curves import hangs_on_forms
 from .hinging import hinging
 from .in_some_logs import in_some_of, sorted_logs, unsorted
 from .level import FALSE_ALARM, keeps_level
@@ -272,7 +273,20 @@ def explain(
         doubts=doubts if verdict == "unexplained" else (),
         notes=tuple(
             note
-            for note in (*tables, hinges, still, unusable, evened, unlike, put_back, placeless, noted, doubted, untried)
+            for note in (
+                *tables,
+                *hangs_on_forms(final),
+                hinges,
+                still,
+                unusable,
+                evened,
+                unlike,
+                put_back,
+                placeless,
+                noted,
+                doubted,
+                untried,
+            )
             if note
         ),
         colour=found.colour,

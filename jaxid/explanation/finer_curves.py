@@ -29,6 +29,7 @@ _MOST_HEIGHTS = 24
 """Heights of all its curves together beyond which a mechanism gets no more: the fit in full then takes minutes."""
 _APART = 2.0
 """Difference of two estimates in standard errors of that difference, of which 5 % of right models have more."""
+_HANGS = "The robot's own parameters hang on the form of"
 _LEAST = 0.1
 """Share of the finer model's variance that the difference has at least, where rounding leaves less."""
 
@@ -84,6 +85,11 @@ def widened_by_forms(
     return final
 
 
+def hangs_on_forms(final: Fit) -> tuple[str, ...]:
+    """The notes of `widened_by_forms` on the final fit."""
+    return tuple(note for note in final.notes if note.startswith(_HANGS))
+
+
 def _widened(final: Fit, freer: Fit, title: str) -> Fit:
     """`final` with standard errors of its own parameters that reach to those of the `freer` fit, and have its width."""
     errors = {n: float(np.hypot(freer[n].std_error, freer[n].value - final[n].value)) for n in _own(final, freer)}
@@ -95,8 +101,7 @@ def _widened(final: Fit, freer: Fit, title: str) -> Fit:
     scale = np.array([wider.get(name, 1.0) for name in final.free_names])
     moved_to = ", ".join(f"{n} {freer[n].value:.4g}" for n in wider)
     note = (
-        f"The robot's own parameters hang on the form of {title}: with a curve in its place they would be {moved_to}. Their "
-        "standard errors allow for that."
+        f"{_HANGS} {title}: with a curve in its place they would be {moved_to}. Their standard errors allow for that."
     )
     covariance = final.covariance * np.outer(scale, scale)
     return replace(final, parameters=estimates, covariance=covariance, notes=(*final.notes, note))

@@ -88,19 +88,18 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
             found, final = replace(found, final=held), finished(held)
             after = left_by(final)
     if after.adequate and found.final and found.steps:
+        finer = through_enough_points(found, final, finished, lambda own: _all_sure(found, fit, own), report)
+        if finer.final is not final:
+            (found, final), after = finer, left_by(finer.final)
         trial, base = found.final, found.steps[0].before
+        assert trial is not None
 
         def curve_of(identifier: str) -> Trial | None:
             own = by_its_curve(identifier, trial, base, logs, held_out, noise, report)
             return own and with_parameters_held(own, logs, held_out, noise, report)
 
-        def all_sure(own: Fit) -> bool:
-            return _all_sure(found, fit, own)
-
+        # Last, since another fit in full would have its own standard errors again.
         final = widened_by_forms(found, final, curve_of, finished, report)
-        finer = through_enough_points(found, final, finished, all_sure, report)
-        if finer.final is not final:
-            (found, final), after = finer, left_by(finer.final)
     # What the fit in full leaves, and not what a search's few steps had left.
     return Looked(replace(found, after=after) if found.steps else found, final, after, held_out)
 

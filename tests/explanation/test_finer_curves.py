@@ -7,7 +7,7 @@ import pytest
 
 from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id
-from jaxid.explanation.finer_curves import moved, through_enough_points, widened_by_forms
+from jaxid.explanation.finer_curves import hangs_on_forms, moved, through_enough_points, widened_by_forms
 from jaxid.explanation.reconsider import by_its_curve
 from jaxid.explanation.refit import in_full, refit
 from jaxid.explanation.steps import Search, Step
@@ -113,6 +113,7 @@ def test_beside_a_formula_of_another_form_the_parameters_errors_allow_for_it():
     plain, wider = by_a_formula(lambda u: u / (1.0 + np.abs(u / 3.0) ** 2.5) ** 0.4, "tanh")
     assert errors_off(plain) > 10.0 and errors_off(wider) < 2.0
     assert "hang on the form of voltage saturation (tanh)" in wider.notes[-1]
+    assert hangs_on_forms(wider) == wider.notes[-1:] and hangs_on_forms(plain) == ()
     assert all(wider[name].value == plain[name].value for name in plain.parameters)
     place = wider.free_names.index("M")
     assert np.sqrt(wider.covariance[place, place]) == pytest.approx(wider["M"].std_error)
