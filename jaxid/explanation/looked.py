@@ -24,6 +24,7 @@ from .refit import Trial, in_full
 from .rounding import within_rounding
 from .search import search
 from .steps import Search
+from .straight_shares import without_shared_lines
 from .within_errors import hanging, within_errors
 
 
@@ -70,7 +71,7 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
 
     def finished(trial: Trial) -> Fit:
         own = in_full(trial, whole, noise, loss=asked.loss, covariance=asked.covariance)
-        return lost.widened(own) if lost else own
+        return without_shared_lines(lost.widened(own) if lost else own)
 
     def left_by(model: Fit) -> HeldOut:
         rated = noise_scale(held_out, otherwise=whole)
