@@ -229,7 +229,9 @@ def explain(
                     alike = (t for t in step.trials if t.id in effect.equivalent_to and not t.angles)
                     others = {in_words(t.id): t.robot for t in alike}
                     others |= {f"a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
-                    hinges = hinging(final, step.after, others)
+                    laws = (t for t in step.laws if t.law in effect.laws_alike and not t.angles)
+                    others |= {f"{effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
+                    final, hinges = hinging(final, step.after, others)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = verdict_of(found, named, most, doubts)

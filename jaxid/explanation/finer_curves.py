@@ -16,12 +16,13 @@ import numpy as np
 
 from ..effects import laws_of
 from ..effects.curve import Curve
-from ..estimate.result import Estimate, Fit
+from ..estimate.result import Fit
 from ..parameters import ParameterError
 from ..robots.robot import Robot
 from .denser import with_denser_curve
 from .refit import Trial
 from .steps import Search
+from .wider_errors import reaching_to
 
 _MOST = 2
 """Times that the points are doubled."""
@@ -92,19 +93,12 @@ def hangs_on_forms(final: Fit) -> tuple[str, ...]:
 
 def _widened(final: Fit, freer: Fit, title: str) -> Fit:
     """`final` with standard errors of its own parameters that reach to those of the `freer` fit, and have its width."""
-    errors = {n: float(np.hypot(freer[n].std_error, freer[n].value - final[n].value)) for n in _own(final, freer)}
-    wider = {n: max(error / final[n].std_error, 1.0) for n, error in errors.items()}
-    estimates = {
-        n: Estimate.of(e.value, e.std_error * wider[n], e.unit, e.status) if n in wider else e
-        for n, e in final.parameters.items()
-    }
-    scale = np.array([wider.get(name, 1.0) for name in final.free_names])
-    moved_to = ", ".join(f"{n} {freer[n].value:.4g}" for n in wider)
+    own = {n: (freer[n].value - final[n].value, freer[n].std_error) for n in _own(final, freer)}
+    moved_to = ", ".join(f"{n} {freer[n].value:.4g}" for n in own)
     note = (
         f"{_HANGS} {title}: with a curve in its place they would be {moved_to}. Their standard errors allow for that."
     )
-    covariance = final.covariance * np.outer(scale, scale)
-    return replace(final, parameters=estimates, covariance=covariance, notes=(*final.notes, note))
+    return replace(reaching_to(final, own), notes=(*final.notes, note))
 
 
 def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: Callable[[str], None]) -> Finer | None:

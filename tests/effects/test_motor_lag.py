@@ -3,9 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from jaxid import DifferentialDrive, Pioneer
-from jaxid.effects import laws_of
+from jaxid import AXIS, Axis, DifferentialDrive, EffectError, Log, LogSet, Omni, Pioneer, simulate
+from jaxid.effects import effect_by_id, laws_of
+from jaxid.effects.actuator.motor_lag import InductanceOfTorques
 
 STEP, PARTS = 0.02, 1000
 
@@ -73,3 +75,33 @@ def test_slowing_down_at_another_rate_than_speeding_up():
     found = _ramped_by("unequal_ramps", Pioneer(), {"time_per_unit": 1.0, "share_back": 0.25}, inputs)
     np.testing.assert_allclose(found, _unequal(inputs, 1.0, 4.0), atol=3e-3)
     assert np.max(np.abs(found - _held_and_ramped(inputs, [1.0, 1.0]))) > 0.3
+
+
+def test_an_inductance_of_an_axis_makes_the_back_emf_late_as_well():
+    """Beside SciPy's solution of the winding's equation, L/R di/dt = (u - e v) / R - i, with the force gain R i."""
+    mass, viscous, gain, emf, lag = 2.0, 1.5, 3.0, 4.0, 0.04
+    commands, times = np.repeat([5.0, -3.0, 0.0, 4.0], 25), 0.02 * np.arange(101)
+    axis = Axis().with_values(M=mass, Fv=viscous, Fc=0.0, gain=gain, back_emf=emf)
+    robot = (axis + effect_by_id(axis, "motor_lag", "late_torque")).with_values(**{"motor_lag.time_constant": lag})
+    log = Log.from_arrays("one", times, np.append(commands, 0.0)[:, None], np.zeros((101, 1)), AXIS)
+    found = simulate(robot, LogSet([log]))[0][:, 0]
+    at_once = simulate(axis, LogSet([log]))[0][:, 0]
+
+    def motion(t, x, u):
+        v, force = x
+        return [(force - viscous * v) / mass, (gain * (u - emf * v) - force) / lag]
+
+    x, truth = np.zeros(2), [0.0]
+    for k, u in enumerate(commands):
+        x = solve_ivp(motion, times[k : k + 2], x, args=(u,), rtol=1e-10, atol=1e-12).y[:, -1]
+        truth.append(x[0])
+    np.testing.assert_allclose(found, truth, atol=2e-3 * np.max(np.abs(truth)))
+    assert np.max(np.abs(at_once - truth)) > 0.1 * np.max(np.abs(truth))
+
+
+def test_an_inductance_needs_torques_that_fall_with_the_speed():
+    with pytest.raises(EffectError, match="lag of the command"):
+        Axis() + InductanceOfTorques()
+    with pytest.raises(EffectError, match="windings of 'omni' are known"):
+        Omni() + InductanceOfTorques()
+    assert "late_torque" in [law.law for law in laws_of(Axis().with_values(back_emf=2.0), "motor_lag")]

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.hinging import hinging
@@ -29,13 +31,18 @@ def test_a_number_that_another_name_makes_another_is_told():
     final, last = found(())
     same = last.robot
     heavier = same.with_values(M=1.3)
-    assert hinging(final, last, {"input delay": same}) == ""
-    said = hinging(final, last, {"input delay": same, "a wrong gain": heavier})
+    assert hinging(final, last, {"input delay": same}) == (final, "")
+    wider, said = hinging(final, last, {"input delay": same, "a wrong gain": heavier})
     assert "if it is a wrong gain, M 1.3 instead of" in said and "kg" in said
     assert "Fv" not in said and "delay" not in said
+    # The interval holds the other value, too, and those of what does not hinge on it stay.
+    low, high = wider["M"].ci95
+    assert low < final["M"].value < 1.3 < high and wider["Fv"] == final["Fv"]
+    k = final.free_names.index("M")
+    np.testing.assert_allclose(np.sqrt(wider.covariance[k, k]), wider["M"].std_error)
 
 
 def test_nothing_is_said_where_the_last_trial_is_not_the_answer():
     final, last = found(())
     held = replace(last, robot=last.robot.change("M", free=False))
-    assert hinging(final, held, {"a wrong gain": last.robot.with_values(M=1.3)}) == ""
+    assert hinging(final, held, {"a wrong gain": last.robot.with_values(M=1.3)}) == (final, "")

@@ -13,7 +13,15 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..curve import SHAPE
 from ..effect_parameters import exchanged, positive, shape, shortest, signed
-from .drives import back_emf, drive_names, each_drive, input_unit, on_drives
+from .drives import (
+    back_emf,
+    drive_names,
+    each_drive,
+    input_unit,
+    on_drives,
+    one_torque_each,
+    torque_falls_with_speed,
+)
 from .input_delay import late
 
 _TINY = 1e-9
@@ -124,6 +132,46 @@ class Inductance(MotorLag):
         idle = robot.motor((0.0,) * len(currents), state, p)  # the currents that the back-EMF alone would drive
         named = zip(self.states_on(robot), robot.drive_inputs, strict=True)
         return {name: (-p[robot.winding] * idle[k] - state[name]) / T for name, k in named}
+
+
+@dataclass(frozen=True)
+class InductanceOfTorques(Inductance):
+    """The same on a robot of which no winding is known, only torques that fall with the speed: what they are without a command
+    is what the back-EMF takes, and comes late."""
+
+    law: ClassVar[str] = "late_torque"
+    formula: ClassVar[str] = "time_constant * dt_i'/dt = t_i(u_i, speed) - t_i', of the whole torque, back-EMF included"
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    def refusal(self, robot: Robot) -> str | None:
+        if robot.winding:
+            return f"the windings of {robot.name!r} are known, so that {self.title} acts on their currents"
+        if not (one_torque_each(robot) and torque_falls_with_speed(robot)):
+            return (
+                f"the drive torques of {robot.name!r} do not fall with its speed, one for every drive input, so that "
+                f"{self.title} is a lag of the command"
+            )
+        return None
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        return volts
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        T = p[self.key("time_constant")]
+        share = T / jnp.maximum(T, p[self.key("shortest")])
+        braking = _without_command(robot, state, p)
+        late = (state[name] for name in self.states_on(robot))
+        return tuple(t + share * (before - now) for t, now, before in zip(torques, braking, late, strict=True))
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        T = jnp.maximum(p[self.key("time_constant")], p[self.key("shortest")])
+        braking = zip(self.states_on(robot), _without_command(robot, state, p), strict=True)
+        return {name: (now - state[name]) / T for name, now in braking}
+
+
+def _without_command(robot: Robot, state: State, p: Numbers) -> Scalars:
+    """The drive torques without a command, by the back-EMF alone."""
+    return robot.drive_torques((0.0,) * len(robot.channels.inputs), state, p)
 
 
 @dataclass(frozen=True)
@@ -272,6 +320,7 @@ LAWS: tuple[Effect, ...] = (
     MotorLag(),
     SecondOrderLag(),
     Inductance(),
+    InductanceOfTorques(),
     LagOfEach(),
     LagOfAll(),
     SlewRate(),
