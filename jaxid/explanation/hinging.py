@@ -1,6 +1,6 @@
 """Numbers of the robot that hinge on which of several names or laws it is that is missing, where the data does not tell."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from ..estimate.result import Fit
@@ -25,7 +25,7 @@ class Hinging(NamedTuple):
 def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
     """What the robot's own parameters would be under the names of `others` (each with its model). `last` is the trial of the
     name that was added last, which `final` is the fit in full of."""
-    if set(last.robot.parameters.free_names) != set(final.free_names):
+    if _own(last.robot.parameters.free_names) != _own(final.free_names):
         return Hinging(final, "")  # something was held or left out since
     own = [name for name in final.free_names if "." not in name and final[name].status == "identified"]
     said, reached = [], {}
@@ -52,3 +52,8 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
         f"Numbers of the robot hinge on the name or its law, which these logs leave open: {'; '.join(said)}. Their standard "
         "errors allow for that.",
     )
+
+
+def _own(names: Iterable[str]) -> set[str]:
+    """Those that are the robot's own and not an effect's, of which the final fit may have a finer curve."""
+    return {name for name in names if "." not in name}

@@ -4,7 +4,7 @@ A mechanism is decided upon with all its laws, so that a wrong formula does not 
 only noise, those of every mechanism that is in the running are tried.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -35,6 +35,19 @@ def promises(candidate: Candidate, trial: Trial, gain: float) -> bool:
     return any(law.gain > gain for law in (candidate, *candidate.laws) if law.effect.law != trial.law)
 
 
+def _foremost(running: Sequence[Trial], first: Mapping[str, Candidate]) -> list[Trial]:
+    """Those of the mechanisms in the running, best first, whose other laws are tried: as many as the policy allows, and the one
+    of which a law that has not been tried promises most, however badly the one that was went."""
+    kept = list(running[: current_policy().most_mechanisms])
+
+    def promised(trial: Trial) -> float:
+        laws = (first[trial.id], *first[trial.id].laws)
+        return max((law.gain for law in laws if law.effect.law != trial.law), default=-np.inf)
+
+    most = max(running, key=promised, default=None)
+    return kept if most is None or most in kept else [*kept, most]
+
+
 def by_law(
     candidates: Sequence[Candidate], trials: Sequence[Trial], near: float, refits: Refits, nothing: float = np.inf
 ) -> list[list[Trial]]:
@@ -49,7 +62,7 @@ def by_law(
     settled = ranked[0].fitted.adequate and ranked[0].law != SHAPE
     first = {candidate.effect.id: candidate for candidate in candidates}
     running = [trial for trial in ranked if trial.score < near or promises(first[trial.id], trial, nothing - near)]
-    running = running[: current_policy().most_mechanisms]
+    running = _foremost(running, first)
     failed = [trial for trial in ranked if trial.score >= max(near, nothing) and trial not in running]
     open_ = ranked[:1] if settled else running + failed
     further = [law for trial in open_ for law in other_laws(first[trial.id], curve=not settled)]

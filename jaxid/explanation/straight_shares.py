@@ -22,8 +22,8 @@ from ..robots.robot import Robot
 
 _STATES = 64
 """States in which the rates of the robot are compared."""
-_WITHIN = 0.3
-"""Share of the largest speeds that these states have at most, well within the reach of a curve of one of them."""
+_SPEEDS = (0.3, 0.03, 3e-3, 3e-4, 3e-5)
+"""Shares of the largest speed that these states have at most, the first of them that is within the reach of the curves."""
 _STEP = 1e-4
 _SAME = 1e-5
 """Share of a change of the rates that differences of `_STEP` leave where two changes are one."""
@@ -91,15 +91,24 @@ def _shared(final: Fit, effect: Curve) -> Shared | None:
         return None
     rates = _rates(robot)
 
-    def change(of: dict[str, float]) -> Float[np.ndarray, " N"]:
+    def change(of: dict[str, float], share: float) -> Float[np.ndarray, " N"]:
         up, down = ({n: numbers[n] + way * step for n, step in of.items()} for way in (_STEP, -_STEP))
-        return (rates({**numbers, **up}) - rates({**numbers, **down})) / (2 * _STEP)
+        return (rates({**numbers, **up}, share) - rates({**numbers, **down}, share)) / (2 * _STEP)
 
+    def straight(share: float) -> bool:
+        """Whether what the curves have more is in proportion to the speeds in states of this share of the largest."""
+        pairs = [(change(of, share), change(of, 0.5 * share)) for of in patterns]
+        return all(np.max(np.abs(a)) > 0 and np.max(np.abs(a - 2.0 * b)) < _SAME * np.max(np.abs(a)) for a, b in pairs)
+
+    share = next((share for share in _SPEEDS if straight(share)), None)
+    if share is None:
+        return None
     sizes = [abs(numbers[name]) or 1.0 for name in own]
-    columns = [change({name: size}) for name, size in zip(own, sizes, strict=True)] + [change(p) for p in patterns]
+    columns = [change({name: size}, share) for name, size in zip(own, sizes, strict=True)]
+    columns += [change(of, share) for of in patterns]
     matrix = np.stack(columns, axis=1)
     norms = np.linalg.norm(matrix, axis=0)
-    if not np.all(np.isfinite(matrix)) or not np.all(norms[len(own) :] > 0):
+    if not np.all(np.isfinite(matrix)):
         return None
     _, values, ways = np.linalg.svd(matrix / np.where(norms > 0, norms, 1.0))
     same = ways[values < _SAME * values[0]]
@@ -127,12 +136,13 @@ def _straight(robot: Robot, effect: Curve) -> Iterator[dict[str, float]]:
 
 
 def _rates(robot: Robot):
-    """The rates of the robot's own states in states drawn from the scales of its logs, as a function of the parameters."""
+    """The rates of the robot's own states, as a function of the parameters and of a share of the speeds, in states drawn from
+    the scales of its logs."""
     random, scales = np.random.default_rng(0), robot.scales
     rest = {name: np.full(_STATES, float(value)) for name, value in robot.initial_state().items()}
-    slow = {name: _WITHIN * scales.output(name) * random.uniform(-1.0, 1.0, _STATES) for name in robot.velocities}
+    fast = {name: scales.output(name) * random.uniform(-1.0, 1.0, _STATES) for name in robot.velocities}
     inputs = [scales.input_of(name) * random.uniform(-1.0, 1.0, _STATES) for name in robot.channels.inputs]
-    states = {name: jnp.asarray(values) for name, values in (rest | slow).items()}
+    states = {name: jnp.asarray(values) for name, values in (rest | fast).items()}
 
     def rates(state, inputs, p: Numbers):
         speeds, levels = robot.rubbing(state, p), robot.coulomb(state, p)
@@ -145,4 +155,9 @@ def _rates(robot: Robot):
 
     each = jax.vmap(rates, in_axes=(0, 0, None))
     drawn = tuple(jnp.asarray(values) for values in inputs)
-    return lambda p: np.asarray(each(states, drawn, p)).ravel()
+
+    def at(p: Numbers, share: float) -> Float[np.ndarray, " N"]:
+        slower = {name: share * values if name in fast else values for name, values in states.items()}
+        return np.asarray(each(slower, drawn, p)).ravel()
+
+    return at

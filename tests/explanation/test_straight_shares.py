@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import AXIS, Axis, Log, LogSet, Omni, Pioneer, output_error
+from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, Omni, Pioneer, output_error
 from jaxid.effects import effect_by_id
 from jaxid.estimate.result import Estimate
 from jaxid.explanation.straight_shares import shared_lines, without_shared_lines
+from jaxid.robots.scales import Scales
 from jaxid.simulation.scaled import scaled_to
 
 M, FV = 1.0, 2.0
@@ -89,6 +90,12 @@ def like(fit, robot):
         (Omni(), "quadratic_drag", {"Bv", "Bvn"}),
         (Omni(), "turning_friction", {"Bw"}),
         (Pioneer(), "voltage_saturation", set()),
+        # In millimetres, where a yaw rate of the speeds' size is far beyond what the wheels reach.
+        (
+            replace(DifferentialDrive().with_values(b=110.0), scales=Scales(speed=700.0)),
+            "sublinear_viscous_friction",
+            {"Fv"},
+        ),
     ],
 )
 def test_whose_share_it_is_follows_from_the_equations_of_motion(fits, robot, identifier, shared):
