@@ -14,8 +14,8 @@ from .effect_parameters import shape, signed
 def line_parameters(effect: Effect, robot: Robot) -> dict[str, Parameter]:
     """Angle and offset of the line, and the fixed width of its edge: the way of one integration step."""
     scales = robot.scales
-    line = signed(effect, "angle", "rad", 1.0) | signed(effect, "offset", "m", 0.15 * scales.length)
-    return line | shape(effect, "width", "m", 0.25 * scales.speed * scales.interval, free=False)
+    line = signed(effect, "angle", "rad", 1.0) | signed(effect, "offset", robot.length_unit, 0.15 * scales.length)
+    return line | shape(effect, "width", robot.length_unit, 0.25 * scales.speed * scales.interval, free=False)
 
 
 def beyond_line(effect: Effect, state: State, p: Numbers, edge: float) -> Scalar:

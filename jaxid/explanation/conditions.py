@@ -42,8 +42,8 @@ class Motion:
       (endless for one that never moves), both [n].
     - `ahead` [T]: speed forwards, `turning` [T]: yaw rate to the left (None where there is none), each with the speed
       that it exceeds in 5 % of the samples.
-    - `heading` [T] rad and `path` [T, 2] m by dead reckoning from the measured speeds, and the `middle` [2] of all
-      paths; None where a robot has none.
+    - `heading` [T] rad and `path` [T, 2] in the `length_unit` by dead reckoning from the measured speeds, and the `middle`
+      [2] of all paths; None where a robot has none.
     """
 
     time: Signal
@@ -61,6 +61,7 @@ class Motion:
     heading: Signal | None
     path: Signal | None
     middle: Signal | None
+    length_unit: str = "m"
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,7 @@ def conditions_of(motion: Motion) -> tuple[Condition, ...]:
         for axis in range(motion.path.shape[1]):
             place, letter = float(motion.middle[axis]), "xy"[axis]
             for sign, sense in ((1, ">"), (-1, "<")):
-                text = f"{letter} {sense} {place:.2g} m"
+                text = f"{letter} {sense} {place:{'.2g' if abs(place) < 100 else '.0f'}} {motion.length_unit}"
                 found.append(Condition(text, f"where {text}", lambda m, a=axis, s=sign: beyond_middle(m, a, s)))
     found.append(Condition("near largest input", "near the largest input", near_largest_input))
     for i, name in enumerate(_THIRDS):
@@ -287,6 +288,7 @@ def motions(robot: Robot, logs: LogSet) -> tuple[Motion, ...]:
             heading=reckoned[e][0],
             path=reckoned[e][1],
             middle=middle,
+            length_unit=robot.length_unit,
         )
         for e, log in enumerate(logs)
     )

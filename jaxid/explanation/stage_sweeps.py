@@ -156,7 +156,7 @@ def _rubbing_sweeps(robot: Robot, scales: Scales, floor: Grid) -> Iterator[Sweep
         def there(r: Robot, p: Numbers):
             return _friction(r, 0.5 * scales.speed, _state(r, x=floor[:, 0], y=floor[:, 1]), p, len(floor))
 
-        yield Sweep(*named, "place", "m", floor, there, "place", "place")
+        yield Sweep(*named, "place", robot.length_unit, floor, there, "place", "place")
     for family, state, variable, of, values in _turned(robot, scales):
         response = lambda r, p, s=state, v=values: _friction(r, 0.5 * scales.speed, _state(r, **{s: v}), p, len(v))  # noqa: E731
         yield Sweep(*named, variable, of, values, response, family)
@@ -177,7 +177,7 @@ def _force_sweeps(robot: Robot, scales: Scales, floor: Grid) -> Iterator[Sweep]:
         def there(r: Robot, p: Numbers):
             return _forces(r, _state(r, x=floor[:, 0], y=floor[:, 1]), p, len(floor))
 
-        yield Sweep(*named, "place", "m", floor, there, "place", "place")
+        yield Sweep(*named, "place", robot.length_unit, floor, there, "place", "place")
     for family, state, variable, of, values in _turned(robot, scales):
         response = lambda r, p, s=state, v=values: _forces(r, _state(r, **{s: v}), p, len(v))  # noqa: E731
         yield Sweep(*named, variable, of, values, response, family, "force" if family == "heading" else "")

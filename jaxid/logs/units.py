@@ -69,6 +69,11 @@ class Unit(NamedTuple):
     said: str
 
 
+def metres_of(unit: str) -> float | None:
+    """Metres of a unit of length, such as 0.001 of "mm"; None for what is none."""
+    return (_LENGTHS | _ALONE_LENGTHS).get(unit.lower())
+
+
 def words_in(text: str) -> list[str]:
     """Lower-case words of a text, a new one at every capital after a small letter; mV, mA and kRPM are one word each."""
     parts = re.findall(r"(?<![A-Za-z])(?:m[VA]|kRPM)(?![a-z])|[A-Z]?[a-z]+|[A-Z]+(?![a-z])", text)

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..logs import Channels
+from ..logs.units import metres_of
 from ..parameters import Parameter, ParameterError, ParameterTable
 from .drive_axis import DriveAxis
 from .effect import Scalar
@@ -252,14 +253,25 @@ class Declared(Robot):
     def rim_unit(self) -> str:  # type: ignore[override]
         axis = self._first
         if axis is None or axis.lever != 1.0:
-            return "m/s"  # a radius makes it one
+            return f"{self.length_unit}/s"  # a radius makes it one
         speed = self.velocity_unit(axis.speed) if isinstance(axis.speed, str) else ""
         return speed or self._usual_rate
 
     @property
     def _usual_rate(self) -> str:
         """Unit of a rubbing speed of which no channel says one."""
-        return "rad/s" if "m" in self.friction_unit.split() else "m/s"
+        turns = any(metres_of(word) for word in self.friction_unit.split())
+        return "rad/s" if turns else f"{self.length_unit}/s"
+
+    @property
+    def length_unit(self) -> str:  # type: ignore[override]
+        """That of what is measured, else of the parameters that are lengths, if they agree; else the metre."""
+        measured = [self.own_channels.units.get(name, "").removesuffix("/s") for name in self.own_channels.outputs]
+        for units in (measured, [parameter.unit for parameter in self.table.values()]):
+            found = {unit for unit in units if metres_of(unit)}
+            if found:
+                return found.pop() if len(found) == 1 else "m"
+        return "m"
 
     @property
     def angle_unit(self) -> str:  # type: ignore[override]

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Self
 import jax
 
 from ..logs import Channels
+from ..logs.units import metres_of
 from ..parameters import ParameterTable
 from . import signal_path
 from .effect import Effect, EffectError, Levels, Numbers, Scalar, Scalars, State, in_words
@@ -81,6 +82,8 @@ class Robot:
     """Unit of a drive torque."""
     rim_unit: ClassVar[str] = "m/s"
     """Unit of the speed of a drive axis at the rim."""
+    length_unit: ClassVar[str] = "m"
+    """Unit of lengths, of x and y and in speeds."""
     angle_unit: ClassVar[str] = "rad"
     """Unit of `angles`."""
     ground_force_unit: ClassVar[str] = "N"
@@ -210,6 +213,11 @@ class Robot:
     def force_unit(self, name: str) -> str:
         """Unit of the generalised force on a velocity: a torque where it is angular."""
         return "N m" if self.velocity_unit(name).split("/")[0] in ANGLES else "N"
+
+    @property
+    def metre(self) -> float:
+        """A metre in the robot's unit of length, in which accelerations are, too."""
+        return 1.0 / (metres_of(self.length_unit) or 1.0)
 
     @property
     def drive_inputs(self) -> tuple[int, ...]:

@@ -62,3 +62,52 @@ def test_a_robot_with_such_a_force_or_that_turns_is_not_offered_it():
     assert not laws_of(Axis(), "ground_slope")  # its own offset is free
     assert [law.law for law in laws_of(Axis().change("offset", free=False), "ground_slope")] == ["along_a_line"]
     assert "along_a_line" not in [law.law for law in laws_of(Omni(), "ground_slope")]
+
+
+def _cart(length: str, metre: float) -> Custom:
+    """A cart that rolls and turns in the plane, in some unit of length."""
+    return Custom(
+        dynamics=lambda s, u, p: {"v": (u["u"] - p["viscous"] * s["v"]) / p["mass"], "w": -s["w"]},
+        state_names=("v", "w"),
+        own_channels=Channels(("u",), ("v",), units={"u": "N", "v": f"{length}/s"}),
+        table={"mass": Parameter(MASS, "kg"), "viscous": Parameter(VISCOUS, "kg/s")},
+        forces={"v": "mass", "w": 1.0},
+        plane=("v", "", "w"),
+        mass="mass",
+        title="cart",
+    )
+
+
+def test_a_slope_is_the_same_angle_in_any_unit_of_length():
+    """In closed form: it rolls down to v = m g slope / B, in the unit in which the robot is written."""
+    time, slope = 0.05 * np.arange(200), 0.02
+    for length, metre in (("m", 1.0), ("mm", 1000.0), ("ft", 1.0 / 0.3048)):
+        robot = _cart(length, metre)
+        assert robot.length_unit == length
+        robot = robot + laws_of(robot, "ground_slope")[0]
+        robot = robot.with_values(**{"ground_slope.slope_x": slope})
+        nothing = {"v": np.zeros(len(time))}
+        log = Log.from_arrays("roll", time, np.zeros((len(time), 1)), nothing, robot.channels)
+        found = simulate(robot, LogSet([log]))[0][:, 0]
+        truth = metre * MASS * 9.81 * slope / VISCOUS * (1.0 - np.exp(-VISCOUS / MASS * time))
+        np.testing.assert_allclose(found, truth, rtol=1e-4, atol=1e-6 * metre)
+
+
+def test_where_units_of_length_differ_it_is_the_metre():
+    two = Channels(("u",), ("a", "b"), units={"u": "N", "a": "mm/s", "b": "m/s"})
+    robot = Custom(
+        dynamics=lambda s, u, p: {"v": u["u"]},
+        state_names=("v",),
+        output=lambda s, u, p: {"a": 1e3 * s["v"], "b": s["v"]},
+        own_channels=two,
+        table={},
+    )
+    assert robot.length_unit == "m" and Omni().length_unit == "m"
+    turning = Channels(("u",), ("w",), units={"u": "V", "w": "rad/s"})
+    wheel = Custom(
+        dynamics=lambda s, u, p: {"w": u["u"] - p["radius"] * s["w"]},
+        state_names=("w",),
+        own_channels=turning,
+        table={"radius": Parameter(30.0, "mm")},
+    )
+    assert wheel.length_unit == "mm"

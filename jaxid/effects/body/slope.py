@@ -18,6 +18,11 @@ _PLACES = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Where the heights of a profile stand, in units of its reach on either side of the line."""
 
 
+def gravity(robot: Robot) -> float:
+    """The acceleration of free fall in the robot's unit of length."""
+    return GRAVITY * robot.metre
+
+
 @dataclass(frozen=True)
 class GroundSlope(Effect):
     """Tilted floor: gravity `g (slope_x, slope_y)` along the world's x and y, pulling at every body's mass."""
@@ -29,11 +34,12 @@ class GroundSlope(Effect):
     needs: ClassVar[tuple[str, ...]] = ("pose", "weight")
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        typical = 0.03 * robot.scales.acceleration / GRAVITY
+        typical = 0.03 * robot.scales.acceleration / gravity(robot)
         return signed(self, "slope_x", "rad", typical) | signed(self, "slope_y", "rad", typical)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        field = (GRAVITY * p[self.key("slope_x")], GRAVITY * p[self.key("slope_y")])
+        g = gravity(robot)
+        field = (g * p[self.key("slope_x")], g * p[self.key("slope_y")])
         added = robot.field_force(field, state, p)
         return tuple(f + extra for f, extra in zip(forces, added, strict=True))
 
@@ -47,16 +53,17 @@ class CurvedFloor(GroundSlope):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found = super().parameters(robot)
-        typical = 0.03 * robot.scales.acceleration / GRAVITY / robot.scales.length
+        typical = 0.03 * robot.scales.acceleration / gravity(robot) / robot.scales.length
         for name in ("bend_xx", "bend_xy", "bend_yy"):
-            found |= signed(self, name, "rad/m", typical)
+            found |= signed(self, name, f"rad/{robot.length_unit}", typical)
         return found
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         x, y = state["x"], state["y"]
         along_x = p[self.key("slope_x")] + p[self.key("bend_xx")] * x + p[self.key("bend_xy")] * y
         along_y = p[self.key("slope_y")] + p[self.key("bend_xy")] * x + p[self.key("bend_yy")] * y
-        added = robot.field_force((GRAVITY * along_x, GRAVITY * along_y), state, p)
+        g = gravity(robot)
+        added = robot.field_force((g * along_x, g * along_y), state, p)
         return tuple(f + extra for f, extra in zip(forces, added, strict=True))
 
 
@@ -82,7 +89,7 @@ class TwoPlanes(GroundSlope):
         return Profile(self.edge, stands_as=self.stands_as)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        typical = 0.03 * robot.scales.acceleration / GRAVITY
+        typical = 0.03 * robot.scales.acceleration / gravity(robot)
         changes = signed(self, "change_x", "rad", typical) | signed(self, "change_y", "rad", typical)
         return super().parameters(robot) | changes | line_parameters(self, robot)
 
@@ -97,7 +104,8 @@ class TwoPlanes(GroundSlope):
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         beyond = beyond_line(self, state, p, self.edge)
         along = [p[self.key(f"slope_{a}")] + p[self.key(f"change_{a}")] * beyond for a in "xy"]
-        added = robot.field_force((GRAVITY * along[0], GRAVITY * along[1]), state, p)
+        g = gravity(robot)
+        added = robot.field_force((g * along[0], g * along[1]), state, p)
         return tuple(f + extra for f, extra in zip(forces, added, strict=True))
 
 
@@ -118,11 +126,11 @@ class Profile(TwoPlanes):
         return [self.key(f"at_{k}_{axis}") if place else None for k, place in enumerate(_PLACES)]
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        found, typical = super().parameters(robot), 0.03 * robot.scales.acceleration / GRAVITY
+        found, typical = super().parameters(robot), 0.03 * robot.scales.acceleration / gravity(robot)
         for axis in "xy":
             for k, place in enumerate(_PLACES):
                 found |= signed(self, f"at_{k}_{axis}", "rad", typical) if place else {}
-        return found | shape(self, "reach", "m", robot.scales.length, free=False)
+        return found | shape(self, "reach", robot.length_unit, robot.scales.length, free=False)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         sine, cosine = sincos(p[self.key("angle")])
@@ -130,7 +138,7 @@ class Profile(TwoPlanes):
         field = []
         for axis in "xy":
             heights = [0.0 if name is None else p[name] for name in self._heights(axis)]
-            field.append(GRAVITY * curve(way, _PLACES, heights, p[self.key("reach")]))
+            field.append(gravity(robot) * curve(way, _PLACES, heights, p[self.key("reach")]))
         added = robot.field_force((field[0], field[1]), state, p)
         before = super().force(forces, state, p, robot)
         return tuple(f + extra for f, extra in zip(before, added, strict=True))

@@ -88,7 +88,7 @@ class GradualChange(SurfaceChange):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         sharp = super().parameters(robot)[self.key("width")].value
-        wide = shape(self, "width", "m", 0.25 * robot.scales.length)
+        wide = shape(self, "width", robot.length_unit, 0.25 * robot.scales.length)
         # A width of none divides by zero; a robot that drives far within one sample has an edge wider than that at first.
         bounded = {name: replace(p, value=max(p.value, sharp), lower=sharp) for name, p in wide.items()}
         return super().parameters(robot) | bounded
@@ -103,8 +103,12 @@ class Disc(SurfaceChange):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         typical = 0.15 * robot.scales.length
-        place = signed(self, "x", "m", typical) | signed(self, "y", "m", typical) | shape(self, "radius", "m", typical)
-        width = shape(self, "width", "m", 0.25 * robot.scales.speed * robot.scales.interval, free=False)
+        place = (
+            signed(self, "x", robot.length_unit, typical)
+            | signed(self, "y", robot.length_unit, typical)
+            | shape(self, "radius", robot.length_unit, typical)
+        )
+        width = shape(self, "width", robot.length_unit, 0.25 * robot.scales.speed * robot.scales.interval, free=False)
         return self._strengths() | place | width
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:

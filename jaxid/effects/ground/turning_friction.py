@@ -71,7 +71,7 @@ class Scrubbing(TurningFriction):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         rate, (unit, of) = robot.largest_yaw_rate, _units(robot)
         coulomb = signed(self, "coulomb", unit, 0.02 * _moment(robot))
-        radius = shape(self, "radius", "m", 0.3 * robot.scales.speed / rate)
+        radius = shape(self, "radius", robot.length_unit, 0.3 * robot.scales.speed / rate)
         return coulomb | radius | still(self, of, _STILL * rate)
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
