@@ -28,6 +28,7 @@ from ..linear.integral_least_squares import linear_estimate
 from ..output_error.setup import InitialStates, StartValues, start_values
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
+from .beside_output_error import contradiction
 from .disturbance import SIGNIFICANT, disturbance
 from .likelihood import Problem, noise_at, parameters_at, unflat
 from .scoring import QUIETEST, Optimum, costs_at, look_at, minimise_in_turns
@@ -211,7 +212,8 @@ def prediction_error(
 
     Returns a `Fit` whose `noise` is the sensors' and whose `disturbance` tells process noise from sensor noise. Standard
     errors are those of the Fisher information, averaged over levels of process noise that the logs tell only roughly
-    (`unknown_levels`), or a sandwich (`uncertainties`) where tests reject the innovations; the notes say which. Sensors that
+    (`unknown_levels`), or a sandwich (`uncertainties`) where tests reject the innovations; the notes say which. The fit is
+    "poor" where output error's estimates of the same logs contradict it (`beside_output_error`). Sensors that
     lag or are stamped late are part of the filter (`late_sensors`). Raises `ParameterError` for unknown or no free
     parameters, unknown states, sensors that remember in any other way, and where the filter diverges at every start.
     """
@@ -284,4 +286,9 @@ def prediction_error(
         disturbance=told,
         standard_errors="robust" if doubt else "white",
     )
-    return judged(fit, replace(judgement, better=_SOONER if told.p_value > SIGNIFICANT and not doubt else ""))
+    disturbed = told.p_value <= SIGNIFICANT
+    judgement = replace(judgement, better="" if disturbed or doubt else _SOONER)
+    if disturbed and judgement.verdict in ("sound", "coloured"):
+        said = contradiction(fit, logs, initial_states, integrator, report)
+        judgement = replace(judgement, verdict="poor", sentences=(said, *judgement.sentences)) if said else judgement
+    return judged(fit, judgement)
