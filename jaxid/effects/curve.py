@@ -91,12 +91,17 @@ class Curve(Effect):
         return tuple(place for place in range(len(self.places)) if place not in zero)
 
     @property
+    def ends(self) -> bool:
+        """Whether there is nothing of it at its end and beyond, so that no share of the variable itself is another's."""
+        return len(self.places) - 1 not in self.varying
+
+    @property
     def denser(self) -> Self:
         """The same with one more height between every two."""
         return replace(self, between=2 * self.between + 1)
 
     def may_hold(self, robot: Robot) -> list[str]:
-        if len(self.varying) < 2:
+        if len(self.varying) < 2 or self.ends:
             return []
         place, table = self.varying[0 if self.begins_later else -1], robot.parameters
         whole = (name for name in self.each(robot) if all(table[self.height(k, name)].free for k in self.varying))

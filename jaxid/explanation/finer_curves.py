@@ -10,6 +10,7 @@ against it, with standard errors that reach as far as the other form leads.
 
 from collections.abc import Callable
 from dataclasses import replace
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,8 @@ _MOST = 2
 """Times that the points are doubled."""
 _MOST_HEIGHTS = 24
 """Heights of all its curves together beyond which a mechanism gets no more: the fit in full then takes minutes."""
-_APART = 2.0
-"""Difference of two estimates in standard errors of that difference, of which 5 % of right models have more."""
+_CHANCE = 0.05
+"""Share of right models of which a parameter is another one with further points, by chance."""
 _HANGS = "The robot's own parameters hang on the form of"
 _LEAST = 0.1
 """Share of the finer model's variance that the difference has at least, where rounding leaves less."""
@@ -68,15 +69,16 @@ def widened_by_forms(
     """`final` with standard errors of the robot's own parameters that allow for the form of a formula, and a note on it, where
     they hang on it. `curve_of` is the model with the curve of a mechanism.
 
-    Asked only of what is limited: its formula and its curve both lose nothing of what is small, so that the other parameters
-    mean the same beside either. A curve of the speed shares a part in proportion to it with the viscous friction.
+    Asked only where the other parameters mean the same beside either: of what is limited, whose formula and curve both lose
+    nothing of what is small, and of what both end. Another curve of the speed shares a part in proportion to it with the
+    viscous friction.
     """
     for step in found.steps:
         effect = next((own for own in final.robot.effects if own.id == step.chosen.id), None)
         if effect is None or isinstance(effect, Curve) or found.final is None or found.final.angles:
             continue
-        limits = any(isinstance(law, Curve) and law.begins_later for law in laws_of(step.before.robot, effect.id))
-        trial = curve_of(effect.id) if limits else None
+        curves = [law for law in laws_of(step.before.robot, effect.id) if isinstance(law, Curve)]
+        trial = curve_of(effect.id) if any(curve.begins_later or curve.ends for curve in curves) else None
         # Through more points than it needs, so that what it lacks itself does not tell against the formula.
         dense = _dense(trial, trial.robot, effect.id) if trial is not None else None
         fit = _fitted(dense, effect.id, in_full) if dense is not None else None
@@ -176,7 +178,8 @@ def moved(coarse: Fit, fine: Fit) -> bool:
     if any(fine[name].status != "identified" for name in own):
         return False
     pairs = [(coarse[name], fine[name]) for name in own]
+    apart = NormalDist().inv_cdf(1.0 - 0.5 * _CHANCE / max(len(pairs), 1))
     return any(
-        abs(b.value - a.value) > _APART * np.sqrt(max(b.std_error**2 - a.std_error**2, _LEAST * b.std_error**2))
+        abs(b.value - a.value) > apart * np.sqrt(max(b.std_error**2 - a.std_error**2, _LEAST * b.std_error**2))
         for a, b in pairs
     )

@@ -128,7 +128,7 @@ def _straight(robot: Robot, effect: Curve) -> Iterator[dict[str, float]]:
     """Changes of the heights by which each of its curves has more in proportion to its variable, as long as that is within the
     reach. None where the curve ends at zero, which says that there is nothing beyond."""
     last, table = len(effect.places) - 1, robot.parameters
-    for name in effect.each(robot) if last in effect.varying else ():
+    for name in effect.each(robot) if not effect.ends else ():
         heights = {effect.height(k, name): effect.places[k] for k in effect.varying}
         typical = table[effect.height(last, name)].typical or 1.0
         if all(k in effect.varying or effect.places[k] == 0.0 for k in range(len(effect.places))):

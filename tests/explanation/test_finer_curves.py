@@ -75,9 +75,9 @@ def test_what_moves_by_what_further_parameters_cost_has_not_moved(found):
         changed = replace(estimate, value=estimate.value + by * estimate.std_error, std_error=error)
         return replace(coarse, parameters={**coarse.parameters, name: changed})
 
-    assert not moved(coarse, like("M", 1.5, 2.0)) and moved(coarse, like("M", 4.0, 2.0))
+    assert not moved(coarse, like("M", 1.5, 2.0)) and moved(coarse, like("M", 5.0, 2.0))
     # An estimate that is lost is no better one.
-    lost = like("M", 4.0, 2.0)
+    lost = like("M", 5.0, 2.0)
     lost = replace(lost, parameters={**lost.parameters, "M": replace(lost["M"], status="not_identifiable")})
     assert not moved(coarse, lost)
 
