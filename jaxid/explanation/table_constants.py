@@ -170,20 +170,29 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
         return []
     _, secants, changes = _secants(before, [after.robot], constants, logs)
     own = secants[: -len(constants)]
+    columns = dict(zip(constants, secants[-len(constants) :], strict=True))
     found: list[Wrong] = []
-    sets, twins = _likely(own, dict(zip(constants, secants[-len(constants) :], strict=True)), changes[0])
-    failed: set[str] = set()
-    for chosen in sets:
-        if found and len(chosen) > len(found[0].shares):
-            break  # fewer do
-        if len(chosen) == 1 and chosen[0] in failed:
-            continue
-        trial = _with_freed(before, chosen, logs, held_out)
-        shares = changed_by(chosen, before.robot, trial.robot.parameters)
-        if told_apart_from(after, trial):
-            failed |= set(twins[chosen[0]]) if len(chosen) == 1 else set()
-        elif max(map(abs, shares.values())) < _FARTHEST:
-            found.append(Wrong(shares, trial.robot))
+    while columns and not found:
+        sets, twins = _likely(own, columns, changes[0])
+        failed: set[str] = set()
+        too_far: set[str] = set()
+        for chosen in sets:
+            if found and len(chosen) > len(found[0].shares):
+                break  # fewer do
+            if len(chosen) == 1 and chosen[0] in failed:
+                continue
+            trial = _with_freed(before, chosen, logs, held_out)
+            shares = changed_by(chosen, before.robot, trial.robot.parameters)
+            if told_apart_from(after, trial):
+                failed |= set(twins[chosen[0]]) if len(chosen) == 1 else set()
+            elif max(map(abs, shares.values())) < _FARTHEST:
+                found.append(Wrong(shares, trial.robot))
+            else:
+                too_far |= {name for name, share in shares.items() if abs(share) >= _FARTHEST}
+        if not too_far:
+            break
+        # What those would have to be wrong by too much for, others may do by less.
+        columns = {name: column for name, column in columns.items() if name not in too_far}
     return found
 
 

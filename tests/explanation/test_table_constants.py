@@ -1,5 +1,6 @@
 """jaxid/explanation/table_constants.py: a wrong constant of the table beside the name of what looks the same."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -140,6 +141,53 @@ def test_a_wrong_constant_that_no_effect_stands_for_is_itself_what_is_found(tmp_
     found.save(tmp_path)
     again = read_model(tmp_path / "model.toml", SLOWED)
     assert again.parameters["limit"].value == effect.parameters["limit"].value
+
+
+def braked(state, inputs, p):
+    """Drag and a wind beside a rolling resistance; `excess` makes all three those of another wheel: push and wind by as much
+    more as the drag is less."""
+    speed, more = state["v"], 1.0 + p["excess"]
+    driving = more * (p["push"] * inputs["spin"] - p["wind"])
+    return {"v": (driving - speed - p["drag"] / more * speed * jnp.abs(speed)) / p["T"]}
+
+
+BRAKED = Custom(
+    dynamics=braked,
+    state_names=("v",),
+    own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
+    table={
+        "T": Parameter(0.3, "s", lower=0.0, free=True),
+        "excess": Parameter(0.01, ""),
+        "push": Parameter(0.1 / 1.0504, "m"),
+        "wind": Parameter(0.5 / 1.0504, "m/s"),
+        "drag": Parameter(0.4 * 1.0504, "s/m"),
+    },
+)
+
+
+def braked_log(name, seed):
+    """By SciPy, of a push of 0.1 m, a wind of 0.5 m/s and a drag of 0.4 s/m, the command held for 0.3 s each."""
+    rng = np.random.default_rng(seed)
+    levels, at, seen = rng.uniform(-20.0, 20.0, 20), 0.0, []
+    for level in levels:
+        rate = lambda _, v, u=level: (0.1 * u - 0.5 - v - 0.4 * v * np.abs(v)) / 0.3  # noqa: E731
+        way = solve_ivp(rate, (0.0, 0.3), [at], t_eval=DT * np.arange(16), rtol=1e-9)
+        seen, at = [*seen, *way.y[0, :15]], way.y[0, 15]
+    spin, outputs = np.repeat(levels, 15), np.array(seen) + NOISE * rng.normal(size=300)
+    return Log.from_arrays(name, DT * np.arange(300), spin[:, None], outputs[:, None], BRAKED.channels)
+
+
+def test_where_one_constant_would_have_to_be_wrong_by_too_much_others_together_are_found():
+    fitted = LogSet([braked_log("a", 0), braked_log("b", 1)])
+    found = explain(output_error(BRAKED, fitted), fitted, LogSet([braked_log("held", 2)]))
+    assert [effect.id for effect in found.effects] == ["sensor_scale"]
+    (said,) = [note for note in found.notes if "3 wrong constants in the table" in note]
+    shares = {name: float(said.partition(f"{name} (")[2].partition(" %")[0]) for name in ("push", "wind", "drag")}
+    assert shares == {
+        "push": pytest.approx(4.0, abs=0.6),
+        "wind": pytest.approx(4.0, abs=1.5),
+        "drag": pytest.approx(-3.8, abs=1.5),
+    }
 
 
 def test_two_constants_are_found_where_a_third_alone_does_more_than_either():
