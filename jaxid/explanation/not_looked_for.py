@@ -5,16 +5,21 @@ towards standstill leaves, too.
 """
 
 import re
+from collections.abc import Sequence
 
 from ..effects.catalogue import ALL, laws_of
 from ..effects.drivetrain import CoulombFriction
 from ..robots.declared import Declared
-from ..robots.effect import in_words
+from ..robots.effect import Effect, in_words
 from ..robots.robot import Robot
 from ..robots.traits import TRAITS, asked, refusal, traits_of
 
-_BY_NATURE = ("several_drives", "steered", "mechanism")
+_BY_NATURE = ("several_drives", "steered")
 """Traits that a robot has not for want of a word."""
+_OF_A_LINE = ("payload_change",)
+"""Mechanisms of a parameter of the robot's own that one that goes along a line can have; the others take one that turns."""
+_SIDEWAYS = ("coriolis_coupling",)
+"""Those that take one that moves sideways as well."""
 
 
 def _wanted(trait: str, robot: Robot) -> list[str]:
@@ -23,6 +28,16 @@ def _wanted(trait: str, robot: Robot) -> list[str]:
     left = [word for word in arguments if not getattr(robot, word.strip("`="), None)]
     whole = re.search(r"\((.*`\w+=`.*)\)", TRAITS[trait])
     return left if left or whole is None else [whole.group(1)]
+
+
+def _by_nature(effect: Effect, lacking: Sequence[str], robot: Robot) -> bool:
+    """Whether no word of the user's would let the robot have the effect."""
+    if set(lacking) & set(_BY_NATURE):
+        return True
+    if "mechanism" not in lacking or effect.id in _OF_A_LINE:
+        return False
+    least = 3 if effect.id in _SIDEWAYS else 2
+    return not robot.turns or len(robot.velocities) < least
 
 
 def _in_no_loop(robot: Robot) -> str:
@@ -49,7 +64,7 @@ def not_looked_for(robot: Robot) -> str:
     for effect in ALL:
         lacking = [trait for trait in asked(effect) if trait not in traits_of(robot)]
         refused = effect.id not in out and lacking and refusal(effect, robot) is not None
-        if refused and not set(lacking) & set(_BY_NATURE):
+        if refused and not _by_nature(effect, lacking, robot):
             arguments = [word for trait in lacking for word in _wanted(trait, robot)]
             other_laws = laws_of(robot, effect.id)
             name = effect.title if other_laws else in_words(effect.id)

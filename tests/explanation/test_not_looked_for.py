@@ -45,3 +45,26 @@ def test_dry_friction_that_a_robot_has_not_and_cannot_have_is_named():
 
 def test_what_a_built_in_robot_lacks_it_cannot_have():
     assert not_looked_for(Pioneer()) == ""
+
+
+def test_mechanisms_that_take_a_parameter_of_the_robot_s_own_are_named_where_its_motion_admits_them():
+    table = {"m": Parameter(2.0, free=True), "b": Parameter(0.5, free=True), "J": Parameter(0.1, free=True)}
+
+    def moving(*names, **declared):
+        return Custom(
+            dynamics=lambda s, u, p: {name: u["u"] - p["b"] * s[name] for name in names},
+            state_names=names,
+            own_channels=Channels(inputs=("u",), outputs=names),
+            table=table,
+            forces={name: "J" if name == "w" else "m" for name in names},
+            turning="w" if "w" in names else "",
+            title="base",
+            **declared,
+        )
+
+    along, turns, sideways = (not_looked_for(moving(*names)) for names in (("v",), ("v", "w"), ("v", "side", "w")))
+    assert "payload change (`mechanisms=`)" in along and "wheel radius mismatch" not in along
+    assert "wheel radius mismatch" in turns and "Coriolis coupling" not in turns
+    assert "Coriolis coupling" in sideways and "(`mechanisms=`)" in sideways
+    said = not_looked_for(moving("v", "w", mechanisms={"payload_change": ("m", "J"), "effective_track": ("b",)}))
+    assert "payload change" not in said and "effective track" not in said and "wheel radius mismatch" in said
