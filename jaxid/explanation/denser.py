@@ -86,6 +86,15 @@ def with_further_terms(robot: Robot, identifier: str) -> Robot:
     return found.with_values(**{name: parameter.value for name, parameter in own.items()})
 
 
+@in_float64
+def with_freer_form(robot: Robot, effect: Effect) -> Robot:
+    """`robot` with an effect's `freer` form: what both have by one name is what it was."""
+    assert effect.freer is not None
+    found = bare_of(robot, effect) + effect.freer
+    own = {n: p.value for n, p in robot.parameters.items() if n.startswith(effect.key("")) and n in found.parameters}
+    return found.with_values(**own)
+
+
 def densest(trial: Trial, again: Callable[[Robot, Trial], Trial]) -> Trial:
     """The trial, or one with more points in the curve that it is about, if it is about one, as long as these tell more than
     chance, or with a curve for every part of the robot where that does, or with the further terms of its formula; `again`

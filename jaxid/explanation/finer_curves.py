@@ -19,11 +19,12 @@ from ..effects import laws_of
 from ..effects.curve import Curve
 from ..estimate.result import Fit
 from ..parameters import ParameterError
+from ..robots.effect import Effect
 from ..robots.robot import Robot
-from .denser import with_denser_curve
+from .denser import with_denser_curve, with_freer_form
 from .refit import Trial
-from .steps import Search
-from .wider_errors import reaching_to
+from .steps import Search, Step
+from .wider_errors import not_told, reaching_to
 
 _MOST = 2
 """Times that the points are doubled."""
@@ -32,6 +33,8 @@ _MOST_HEIGHTS = 24
 _CHANCE = 0.05
 """Share of right models of which a parameter is another one with further points, by chance."""
 _HANGS = "The robot's own parameters hang on the form of"
+_CERTAIN = 2.0
+"""Standard errors by which the parameter of a freer form differs from the formula's."""
 _LEAST = 0.1
 """Share of the finer model's variance that the difference has at least, where rounding leaves less."""
 
@@ -77,15 +80,42 @@ def widened_by_forms(
         effect = next((own for own in final.robot.effects if own.id == step.chosen.id), None)
         if effect is None or isinstance(effect, Curve) or found.final is None or found.final.angles:
             continue
-        curves = [law for law in laws_of(step.before.robot, effect.id) if isinstance(law, Curve)]
-        trial = curve_of(effect.id) if any(curve.begins_later or curve.ends for curve in curves) else None
-        # Through more points than it needs, so that what it lacks itself does not tell against the formula.
-        dense = _dense(trial, trial.robot, effect.id) if trial is not None else None
-        fit = _fitted(dense, effect.id, in_full) if dense is not None else None
-        if fit is not None and moved(final, fit):
+        fit = _of_another_form(effect, final, found.final, step, curve_of, in_full, say)
+        if fit is not None and (moved(final, fit, lost=effect.freer is not None) or _contradicted(effect, fit)):
             say(f"the robot's own parameters hang on the form of {effect.title}")
-            final = _widened(final, fit, effect.title)
+            final = _widened(final, fit, effect)
     return final
+
+
+def _contradicted(effect: Effect, fit: Fit) -> bool:
+    """Whether the freer form is another one than the formula, or one that the formula is no case of."""
+    if effect.freer is None:
+        return False
+    at = {effect.key(name): value for name, value in effect.freer.restricts.items()}
+    return not at or any(
+        fit[name].status != "not_identifiable" and abs(fit[name].value - value) > _CERTAIN * fit[name].std_error
+        for name, value in at.items()
+    )
+
+
+def _of_another_form(
+    effect: Effect,
+    final: Fit,
+    trial: Trial,
+    step: Step,
+    curve_of: Callable[[str], Trial | None],
+    in_full: Callable[[Trial], Fit],
+    say: Callable[[str], None],
+) -> Fit | None:
+    """The fit in full with a freer form of the effect, or with the mechanism's curve; None where there is none to compare."""
+    if effect.freer is not None:
+        say(f"fitting another form of {effect.title}")
+        return _fitted(replace(trial, robot=with_freer_form(final.robot, effect)), effect.id, in_full)
+    curves = [law for law in laws_of(step.before.robot, effect.id) if isinstance(law, Curve)]
+    curve = curve_of(effect.id) if any(curve.begins_later or curve.ends for curve in curves) else None
+    # Through more points than it needs, so that what it lacks itself does not tell against the formula.
+    dense = _dense(curve, curve.robot, effect.id) if curve is not None else None
+    return _fitted(dense, effect.id, in_full) if dense is not None else None
 
 
 def hangs_on_forms(final: Fit) -> tuple[str, ...]:
@@ -93,14 +123,17 @@ def hangs_on_forms(final: Fit) -> tuple[str, ...]:
     return tuple(note for note in final.notes if note.startswith(_HANGS))
 
 
-def _widened(final: Fit, freer: Fit, title: str) -> Fit:
-    """`final` with standard errors of its own parameters that reach to those of the `freer` fit, and have its width."""
+def _widened(final: Fit, freer: Fit, effect: Effect) -> Fit:
+    """`final` with standard errors of its own parameters that reach to those of the `freer` fit, and have its width; what that
+    does not identify is not identified."""
     own = {n: (freer[n].value - final[n].value, freer[n].std_error) for n in _own(final, freer)}
-    moved_to = ", ".join(f"{n} {freer[n].value:.4g}" for n in own)
-    note = (
-        f"{_HANGS} {title}: with a curve in its place they would be {moved_to}. Their standard errors allow for that."
-    )
-    return replace(reaching_to(final, own), notes=(*final.notes, note))
+    lost = [n for n in own if freer[n].status == "not_identifiable" or not np.isfinite(freer[n].std_error)]
+    form = "another exponent" if effect.freer is not None else "a curve in its place"
+    kept = {n: by for n, by in own.items() if n not in lost}
+    told = f"with {form} they would be {', '.join(f'{n} {freer[n].value:.4g}' for n in kept)}" if kept else ""
+    told += f"{'; ' * bool(kept)}with {form} {' and '.join(lost)} would not be identified" if lost else ""
+    note = f"{_HANGS} {effect.title}: {told}. {'Their standard errors allow' if kept else 'That is allowed'} for that."
+    return replace(not_told(reaching_to(final, kept), lost), notes=(*final.notes, note))
 
 
 def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: Callable[[str], None]) -> Finer | None:
@@ -143,7 +176,8 @@ def _begun_with_the_cube(robot: Robot, identifier: str) -> Robot | None:
     that the next height is known but for such a share, and the cube says how large it is.
     """
     curve = next(effect for effect in robot.effects if effect.id == identifier)
-    assert isinstance(curve, Curve)
+    if not isinstance(curve, Curve):
+        return None
     values: dict[str, float] = {}
     for name in curve.each(robot) if curve.begins_later else ():
         (first, x1), (second, x2) = ((curve.height(k, name), curve.places[k]) for k in curve.varying[:2])
@@ -171,12 +205,12 @@ def _own(coarse: Fit, fine: Fit) -> list[str]:
     return [name for name in names if "." not in name and name in fine.parameters]
 
 
-def moved(coarse: Fit, fine: Fit) -> bool:
-    """Whether a parameter of the robot itself is more apart in the two fits than the finer one's further parameters explain;
-    not where the finer one no longer identifies all that the other does."""
+def moved(coarse: Fit, fine: Fit, lost: bool = False) -> bool:
+    """Whether a parameter of the robot itself is more apart in the two fits than the finer one's further parameters explain.
+    Where the finer one no longer identifies all that the other does, `lost` is the answer."""
     own = _own(coarse, fine)
     if any(fine[name].status != "identified" for name in own):
-        return False
+        return lost
     pairs = [(coarse[name], fine[name]) for name in own]
     apart = NormalDist().inv_cdf(1.0 - 0.5 * _CHANCE / max(len(pairs), 1))
     return any(

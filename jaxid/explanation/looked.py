@@ -92,8 +92,9 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         finer = through_enough_points(found, final, finished, lambda own: _all_sure(found, fit, own), report)
         if finer.final is not final:
             (found, final), after = finer, left_by(finer.final)
-        trial, base = found.final, found.steps[0].before
-        assert trial is not None
+    trial = found.final
+    if found.steps and trial and (after.adequate or final.trustworthy):
+        base = found.steps[0].before
 
         def curve_of(identifier: str) -> Trial | None:
             own = by_its_curve(identifier, trial, base, logs, held_out, noise, report)

@@ -19,6 +19,7 @@ from ..effects.curve import Curve
 from ..estimate.result import Fit
 from ..robots.effect import Numbers
 from ..robots.robot import Robot
+from .wider_errors import not_told
 
 _STATES = 64
 """States in which the rates of the robot are compared."""
@@ -46,16 +47,10 @@ def without_shared_lines(final: Fit) -> Fit:
         shared = _shared(final, effect) if isinstance(effect, Curve) and not effect.begins_later else None
         if shared is None:
             continue
-        open_ = {}
-        for name in shared.names:
-            own, limits = final[name], final.robot.parameters[name]
-            open_[name] = replace(
-                own, status="not_identifiable", std_error=float("inf"), ci95=(limits.lower, limits.upper)
-            )
         note = (
             f"{_SHARES} {effect.title}: {', '.join(shared.names)}, of which it may have a share. {_sum(final, shared)}"
         )
-        final = replace(final, parameters={**final.parameters, **open_}, notes=(*final.notes, note.strip()))
+        final = replace(not_told(final, shared.names), notes=(*final.notes, note.strip()))
     return final
 
 

@@ -1,6 +1,6 @@
 """Standard errors that allow for another model of which the data does not tell whether it is the right one."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,3 +18,12 @@ def reaching_to(final: Fit, others: Mapping[str, tuple[float, float]]) -> Fit:
     }
     scale = np.array([wider.get(name, 1.0) for name in final.free_names])
     return replace(final, parameters=estimates, covariance=final.covariance * np.outer(scale, scale))
+
+
+def not_told(final: Fit, names: Iterable[str]) -> Fit:
+    """`final` in which the named parameters, which another model does not tell, are not identified either."""
+    table, estimates = final.robot.parameters, dict(final.parameters)
+    for name in names:
+        limits = (table[name].lower, table[name].upper)
+        estimates[name] = replace(estimates[name], status="not_identifiable", std_error=float("inf"), ci95=limits)
+    return replace(final, parameters=estimates)

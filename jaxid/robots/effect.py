@@ -7,6 +7,7 @@ parameters are zero when it is absent, and then the model is the robot's own.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from jaxtyping import Array, Float
@@ -124,6 +125,15 @@ class Effect:
         no such law."""
         return None
 
+    @property
+    def freer(self) -> "Effect | None":
+        """The mechanism in a form with further parameters, beside which the robot's own mean the same, to see whether these
+        hang on the form. None: there is no such form."""
+        return None
+
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """Parameters of a `freer` form, with the values at which it is the formula; none where it is not for any."""
+
     def standing_as(self, name: str) -> Self:
         """The same effect, its parameters and states called by another name than its id ("" for the id)."""
         return replace(self, stands_as=name)
@@ -194,7 +204,8 @@ class Effect:
         return levels
 
     def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: "Robot") -> Scalars:
-        """Speed-dependent resisting torques of every rubbing axis."""
+        """Speed-dependent resisting torques of every rubbing axis. One that takes an argument `torques`, too, is given the
+        drive torques, effects on them included."""
         return resistance
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: "Robot") -> Scalars:

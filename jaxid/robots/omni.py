@@ -191,6 +191,9 @@ class Omni(Robot):
     def drive_forces(self, torques: Scalars, p: Numbers) -> Scalars:
         return tuple(torque * (1.0 / r) for torque, r in zip(torques, _radii(p), strict=True))
 
+    def axis_drives(self, torques: Scalars, p: Numbers) -> Scalars:
+        return body_forces(self.drive_forces(torques, p), p)
+
     def _solve(self, Q1, Q2, Q3, p: Numbers):
         """Accelerations: [[M, 0, -M yc], [0, M, M xc], [-M yc, M xc, J + M (xc² + yc²)]] solved for (Q1, Q2, Q3)."""
         # Schur complement: the inertia about the centre of mass is J by definition.

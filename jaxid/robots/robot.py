@@ -371,6 +371,10 @@ class Robot:
         """Forces at the ground [N] of the drive torques as the `torque` stage passes them."""
         return torques
 
+    def axis_drives(self, torques: Scalars, p: Numbers) -> Scalars:
+        """What drives each rubbing axis, of drive `torques`, where these axes are not the motors' own; else nothing."""
+        return ()
+
     def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Scalars:
         """Generalised forces of an acceleration field [m/s²] along the world's (x, y) that pulls at every body's mass."""
         return (0.0,) * len(self.velocities)

@@ -6,7 +6,7 @@ The robot supplies the physics of the stages; the effects of the model change wh
 """
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
@@ -32,18 +32,20 @@ def _asks(kind: type[Effect], stage: str, name: str = "robot") -> bool:
     return name in signature(getattr(kind, stage)).parameters
 
 
-def acting(robot: "Robot", stage: str) -> Iterator[Any]:
-    """What each effect that acts at `stage` does there, in the order in which they were added."""
+def acting(robot: "Robot", stage: str, **more: Any) -> Iterator[Any]:
+    """What each effect that acts at `stage` does there, in the order in which they were added; those that ask for one of the
+    things `more` by name are given it."""
     for effect in robot.effects:
         if overrides(type(effect), stage):
-            act = getattr(effect, stage)
-            asks = _asks(type(effect), stage)
-            yield (lambda *given, act=act: act(*given, robot=robot)) if asks else act
+            asked = {
+                name: value for name, value in {"robot": robot, **more}.items() if _asks(type(effect), stage, name)
+            }
+            yield partial(getattr(effect, stage), **asked)
 
 
-def passed(robot: "Robot", stage: str, signal: Any, *others: Any) -> Any:
+def passed(robot: "Robot", stage: str, signal: Any, *others: Any, **more: Any) -> Any:
     """`signal` after all effects that act at `stage`."""
-    for act in acting(robot, stage):
+    for act in acting(robot, stage, **more):
         signal = act(signal, *others)
     return signal
 
@@ -83,7 +85,7 @@ def rates_with(robot: "Robot", state: State, inputs: Scalars, dry: Scalars, p: N
     driving = robot.gear(currents, volts, state, p)
     torques = passed(robot, "torque", driving, state, p)
     speeds = robot.rubbing(state, p)
-    resistance = passed(robot, "viscous", robot.own_viscous(speeds, state, p), speeds, state, p)
+    resistance = passed(robot, "viscous", robot.own_viscous(speeds, state, p), speeds, state, p, torques=torques)
     forces = passed(robot, "force", robot.own_forces(state, p), state, p)
     resisting = tuple(r + d for r, d in zip(resistance, dry, strict=True))
     found = dict(robot.motion(state, volts, torques, resisting, forces, p))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, Log, LogSet
+from jaxid import Axis, EffectError, Integrator, Log, LogSet, Omni, Pioneer
 from jaxid.effects import effect_by_id
-from jaxid.effects.drivetrain.load_dependent_friction import LoadDependentFriction, TwoEfficiencies
+from jaxid.effects.drivetrain.load_dependent_friction import LoadDependentFriction, LoadOfAxes, TwoEfficiencies
 from jaxid.simulation.simulate import simulate
 
 MASS, COULOMB, SHARE = 2.0, 1.0, 0.2
@@ -46,3 +46,37 @@ def test_a_gear_takes_from_the_torque_and_never_adds_to_it():
     """Else a dead zone, which brakes less than it drives, has the name of a negative loss."""
     for law in (LoadDependentFriction(), TwoEfficiencies()):
         assert all(p.lower == 0.0 for p in law.parameters(Axis()).values() if p.free)
+
+
+def omni_rates(state, law="", **sizes):
+    """Accelerations of an omni without other friction, by Newton's law, under volts that drive it ahead and turn it left."""
+    none = {name: 0.0 for name in ("Bv", "Bvn", "Bw", "Cv", "Cvn", "Cw")}
+    robot = Omni().with_values(**none)
+    if law:
+        effect = effect_by_id(robot, "load_dependent_friction", law)
+        robot = (robot + effect).with_values(**{effect.key(name): value for name, value in sizes.items()})
+    rates = robot.rates(dict(zip(("V", "Vn", "W"), state, strict=True)), (2.0, -4.0, 2.0, 8.0), (0.0, 0.0, 0.0),
+                        robot.parameters.numbers)  # fmt: skip
+    return np.array([float(rates[name]) for name in ("V", "Vn", "W")])
+
+
+def test_where_a_body_s_axes_rub_what_drives_them_is_lost_in_part():
+    ahead, back = (0.5, 0.0, 0.3), (-0.2, 0.0, 0.3)
+    for state in (ahead, back):
+        free, lossy = omni_rates(state), omni_rates(state, "share_of_axis", share=SHARE)
+        # Driven ahead and to the left: what is lost of it drags whichever way the axis moves.
+        assert free[0] > 0 and free[2] > 0
+        np.testing.assert_allclose(lossy[[0, 2]], free[[0, 2]] * (1.0 - SHARE * np.sign(state)[[0, 2]]), rtol=1e-6)
+    both = {"driving": SHARE, "driven": 0.5 * SHARE}
+    np.testing.assert_allclose(
+        omni_rates(ahead, "driving_and_driven_axis", **both)[[0, 2]],
+        omni_rates(ahead)[[0, 2]] * (1.0 - SHARE),
+        rtol=1e-6,
+    )
+    held_back = omni_rates(back, "driving_and_driven_axis", **both)
+    assert held_back[0] == pytest.approx(omni_rates(back)[0] * (1.0 + 0.5 * SHARE))
+
+
+def test_an_axis_of_its_own_motor_has_the_gear_s_laws():
+    with pytest.raises(EffectError, match="those of its motors"):
+        Pioneer() + LoadOfAxes()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import Axis, output_error
+from jaxid import AXIS, Axis, Log, LogSet, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.finer_curves import hangs_on_forms, moved, through_enough_points, widened_by_forms
 from jaxid.explanation.reconsider import by_its_curve
@@ -123,3 +123,72 @@ def test_beside_a_formula_that_is_the_law_they_stay_right():
     plain, wider = by_a_formula(lambda u: 3.0 * np.tanh(u / 3.0), "tanh")
     assert errors_off(plain) < 3.0 and errors_off(wider) < 3.0
     assert all(wider[name].std_error < 0.01 * value for name, value in TRUE.items())
+
+
+def resisted(resistance, seed=3, count=3, samples=400, fine=20, h=0.02):
+    """Logs to fit and one held-out log of an axis of 1 kg under `resistance(v)`, by the classical Runge-Kutta method in fine
+    steps, with white noise."""
+    logs, d = [], h / fine
+    for k in range(count):
+        random = np.random.default_rng([seed, k])
+        u = np.repeat(random.uniform(-8.0, 8.0, samples // 10), 10)
+        v, speeds = 0.0, []
+        for force in u:
+            speeds.append(v)
+            for _ in range(fine):
+                r1 = force - resistance(v)
+                r2 = force - resistance(v + 0.5 * d * r1)
+                r3 = force - resistance(v + 0.5 * d * r2)
+                v += d / 6.0 * (r1 + 2.0 * r2 + 2.0 * r3 + force - resistance(v + d * r3))
+        outputs = {"v": np.array(speeds) + 0.02 * random.normal(size=samples)}
+        logs.append(Log.from_arrays(f"run {k}", h * np.arange(samples), u[:, None], outputs, AXIS))
+    return LogSet(logs[:-1]), LogSet(logs[-1:])
+
+
+def with_a_law(resistance, identifier, law, **own):
+    """The fit in full with a law of the speed, and that with errors that allow for its form."""
+    logs, held_out = resisted(resistance)
+    noise = noise_scale(held_out, otherwise=logs)
+    robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
+    fit = output_error(robot, logs)
+
+    def refitted(model, **values):
+        start = {name: model.parameters[name].value for name in model.parameters.free_names} | values
+        return refit(model, [start], logs, held_out, noise, fit.initial_states)
+
+    base = refitted(fit.robot)
+    trial = refitted(base.robot + effect_by_id(base.robot, identifier, law), **own)
+    step = Step((trial,), (), (), base, trial, (trial,))
+    search = Search(before=base.held_out, after=trial.held_out, final=trial, steps=(step,), first_look=())
+    plain = in_full(trial, logs, noise)
+    return plain, widened_by_forms(
+        search, plain, lambda identifier: None, lambda own: in_full(own, logs, noise), lambda sentence: None
+    )
+
+
+def test_viscous_friction_beside_drag_of_another_power_allows_for_it():
+    plain, wider = with_a_law(
+        lambda v: 2.0 * v + 1.0 * np.sign(v) * np.abs(v) ** 1.4, "quadratic_drag", "whole_speed",
+        **{"quadratic_drag.coefficient": 0.5},
+    )  # fmt: skip
+    assert plain.judgement.verdict == "sound"
+    off = abs(plain["Fv"].value - TRUE["Fv"])
+    assert off > 4.0 * plain["Fv"].std_error and off < 2.0 * wider["Fv"].std_error
+    assert "hang on the form of quadratic drag" in wider.notes[-1] and "another exponent" in wider.notes[-1]
+
+
+def test_viscous_friction_beside_drag_that_is_quadratic_stays_as_sharp():
+    plain, wider = with_a_law(
+        lambda v: 2.0 * v + 0.5 * v * np.abs(v), "quadratic_drag", "whole_speed", **{"quadratic_drag.coefficient": 0.4}
+    )
+    assert wider is plain and abs(plain["Fv"].value - TRUE["Fv"]) < 3.0 * plain["Fv"].std_error
+
+
+def test_viscous_friction_that_a_power_law_bends_may_be_another_s():
+    plain, wider = with_a_law(
+        lambda v: 2.0 * v + 0.8 * np.sign(v) * np.sqrt(np.abs(v)), "sublinear_viscous_friction", "power",
+        **{"sublinear_viscous_friction.deficit": 0.2},
+    )  # fmt: skip
+    off = abs(plain["Fv"].value - TRUE["Fv"])
+    assert off > 4.0 * plain["Fv"].std_error and off < 2.0 * wider["Fv"].std_error
+    assert wider["M"].std_error < 1.5 * plain["M"].std_error

@@ -1,6 +1,8 @@
 """Resistance of the body's translation that grows faster than its speed."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -10,6 +12,9 @@ from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import positive, shape, signed
+
+_SQUARE = 2.0
+"""Exponent of quadratic drag."""
 
 
 def whole_speed(along: Scalars) -> Scalar:
@@ -38,6 +43,10 @@ class QuadraticDrag(Effect):
     formula: ClassVar[str] = "F = -coefficient v |v|"
     needs: ClassVar[tuple[str, ...]] = ("translation",)
 
+    @property
+    def freer(self) -> Effect | None:
+        return DragOfAnyPower(stands_as=self.stands_as)
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "coefficient", drag_unit(robot), 0.025 * robot.scales.force / robot.scales.speed**2)
 
@@ -45,6 +54,43 @@ class QuadraticDrag(Effect):
         along = robot.along(state, p)
         per_speed = p[self.key("coefficient")] * whole_speed(along)
         return robot.pushed(forces, tuple(-per_speed * speed for speed in along), p)
+
+
+def _exponent(effect: Effect) -> dict[str, Parameter]:
+    """A free exponent, away from that of the viscous friction."""
+    return {
+        effect.key("exponent"): Parameter(_SQUARE, "", free=True, lower=1.05, upper=4.0, typical=_SQUARE, source="form")
+    }
+
+
+def _bent(speed: Scalar, fastest: Scalar, effect: Effect, p: Numbers) -> Scalar:
+    """What drag with another exponent is, of that which grows with the square: the same at the speed `fastest`."""
+    logarithm = 0.5 * jnp.log((speed / fastest) ** 2 + 1e-8)
+    return jnp.exp((p[effect.key("exponent")] - _SQUARE) * logarithm)
+
+
+@dataclass(frozen=True)
+class DragOfAnyPower(QuadraticDrag):
+    """The same with any exponent: for the question whether the viscous friction beside it hangs on that."""
+
+    law: ClassVar[str] = "any_power"
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"exponent": _SQUARE})
+    formula: ClassVar[str] = "F = -coefficient v |v| (|v| / fastest)^(exponent - 2)"
+
+    @property
+    def freer(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        name = _ahead(robot)
+        fastest = shape(self, "fastest", robot.velocity_unit(name), robot.scales.output(name), free=False)
+        return super().parameters(robot) | _exponent(self) | fastest
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        along = robot.along(state, p)
+        speed = whole_speed(along)
+        per_speed = p[self.key("coefficient")] * speed * _bent(speed, p[self.key("fastest")], self, p)
+        return robot.pushed(forces, tuple(-per_speed * one for one in along), p)
 
 
 @dataclass(frozen=True)
@@ -67,8 +113,38 @@ class DragOfEach(QuadraticDrag):
             found |= positive(self, f"coefficient_{name}", drag_unit(robot, name), typical)
         return found
 
+    @property
+    def freer(self) -> Effect | None:
+        return DragOfEachOfAnyPower(stands_as=self.stands_as)
+
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         each = {n: p[self.key(f"coefficient_{n}")] * jnp.abs(state[n]) * state[n] for n in robot.velocities}
+        return against(forces, each, robot)
+
+
+@dataclass(frozen=True)
+class DragOfEachOfAnyPower(DragOfEach):
+    """The same with any exponent, as `DragOfAnyPower`."""
+
+    law: ClassVar[str] = "any_power_per_axis"
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"exponent": _SQUARE})
+    formula: ClassVar[str] = "F_i = -coefficient_i v_i |v_i| (|v_i| / fastest_i)^(exponent - 2)"
+
+    @property
+    def freer(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found = super().parameters(robot) | _exponent(self)
+        for name in robot.velocities:
+            found |= shape(self, f"fastest_{name}", robot.velocity_unit(name), robot.scales.output(name), free=False)
+        return found
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        each = {}
+        for name in robot.velocities:
+            v, fastest = state[name], p[self.key(f"fastest_{name}")]
+            each[name] = p[self.key(f"coefficient_{name}")] * jnp.abs(v) * v * _bent(v, fastest, self, p)
         return against(forces, each, robot)
 
 

@@ -75,6 +75,53 @@ class TwoEfficiencies(LoadDependentFriction):
 
 
 @dataclass(frozen=True)
+class LoadOfAxes(Effect):
+    """The same of the axes that rub, where these are not the motors': what is lost grows with what drives such an axis."""
+
+    id: ClassVar[str] = "load_dependent_friction"
+    law: ClassVar[str] = "share_of_axis"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "F_i' = F_i + share |drive_i| sgn(speed_i), of the axes that rub"
+
+    def refusal(self, robot: Robot) -> str | None:
+        if type(robot).axis_drives is not Robot.axis_drives:
+            return None
+        return f"the axes of {robot.name!r} that rub are those of its motors"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "share", "", 0.1) | still(self, robot.rim_unit, _STILL * robot.scales.speed)
+
+    def _resists(self, drive: Scalar, way: Scalar, p: Numbers) -> Scalar:
+        return p[self.key("share")] * jnp.abs(drive) * way
+
+    def viscous(
+        self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot, torques: Scalars = ()
+    ) -> Scalars:
+        found = []
+        for own, rim, drive in zip(resistance, robot.rim_speeds(speeds, p), robot.axis_drives(torques, p), strict=True):
+            way = jnp.clip(rim / p[self.key("still")], -1.0, 1.0)
+            found.append(own + self._resists(drive, way + (1.0 - jnp.abs(way)) * jnp.sign(drive), p))
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class EfficienciesOfAxes(LoadOfAxes):
+    """Another share of it while the axis drives its motors."""
+
+    law: ClassVar[str] = "driving_and_driven_axis"
+    formula: ClassVar[str] = "F_i' = F_i + driving |drive_i| sgn(speed_i) while it drives, with driven while it brakes"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        slow = still(self, robot.rim_unit, _STILL * robot.scales.speed)
+        return positive(self, "driving", "", 0.1) | positive(self, "driven", "", 0.1) | slow
+
+    def _resists(self, drive: Scalar, way: Scalar, p: Numbers) -> Scalar:
+        power = drive * way
+        lost = p[self.key("driving")] * jnp.maximum(power, 0.0) + p[self.key("driven")] * jnp.maximum(-power, 0.0)
+        return lost * jnp.sign(way)
+
+
+@dataclass(frozen=True)
 class LoadCurve(Curve):
     """What a gear loses of the drive torque, a curve of its size."""
 
@@ -98,4 +145,10 @@ class LoadCurve(Curve):
         return tuple(t - self.at(jnp.abs(t), p) * way for t, way in zip(torques, ways, strict=True))
 
 
-LAWS: tuple[Effect, ...] = (LoadDependentFriction(), TwoEfficiencies(), LoadCurve())
+LAWS: tuple[Effect, ...] = (
+    LoadDependentFriction(),
+    TwoEfficiencies(),
+    LoadOfAxes(),
+    EfficienciesOfAxes(),
+    LoadCurve(),
+)

@@ -30,6 +30,10 @@ class SublinearViscousFriction(Effect):
     formula: ClassVar[str] = "F = B s (|s| / reference)^-deficit"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
 
+    @property
+    def freer(self) -> Effect | None:
+        return AddedPower(stands_as=self.stands_as)
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         reference = shape(self, "reference", robot.rim_unit, 0.5 * robot.scales.speed, free=False)
         return signed(self, "deficit", "", 0.1) | reference
@@ -79,6 +83,34 @@ class SaturatingViscousFriction(SublinearViscousFriction):
         x = rim * p[self.key("inverse_speed")]
         near = jnp.abs(x) < 1e-3  # where the quotient is 0 / 0
         return jnp.where(near, 1.0 - x * x / 3.0, jnp.tanh(x) / jnp.where(near, 1.0, x))
+
+
+@dataclass(frozen=True)
+class AddedPower(Effect):
+    """A power of the speed beside the viscous friction, which stays what it is, to see whether that hangs on the form."""
+
+    id: ClassVar[str] = "sublinear_viscous_friction"
+    law: ClassVar[str] = "added_power"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "F = B s + size (|s| / reference)^exponent sgn s"
+    needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        typical = 0.02 * robot.scales.friction
+        size = Parameter(typical, robot.friction_unit, free=True, typical=typical, source="form")
+        exponent = Parameter(0.5, "", free=True, lower=0.1, upper=4.0, typical=0.5, source="form")
+        reference = shape(self, "reference", robot.rim_unit, 0.5 * robot.scales.speed, free=False)
+        return {self.key("size"): size, self.key("exponent"): exponent} | reference
+
+    def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        rims = robot.rim_speeds(speeds, p)
+        bends = []
+        for axis in robot.drive_axes:
+            share = rims[axis] / p[self.key("reference")]
+            # Straight within a thousandth of the reference, where a root is endlessly steep.
+            rise = jnp.exp(0.5 * (p[self.key("exponent")] - 1.0) * jnp.log(share**2 + 1e-6))
+            bends.append(p[self.key("size")] * share * rise)
+        return on_drive_axes(robot, resistance, at_rims(robot, p, bends), operator.add)
 
 
 _AT_ONCE = 1.0 / 3.0
