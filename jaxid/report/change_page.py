@@ -8,6 +8,7 @@ from ..explanation.changes.change import POWER, ExplainedChange, NamedChange
 from ..parameters import ParameterTable
 from .comparison_page import parameter_table, verdict_of
 from .document import Bar, Bars, Block, Code, Listing, More, Page, Section, Tabled, Text, Tone, texts
+from .spoken_robot import spoken
 from .tables import Cell, Table, number, percent, value_cell
 
 _VERDICTS: dict[str, tuple[str, Tone]] = {
@@ -158,7 +159,7 @@ def _fits(found: ExplainedChange) -> Section:
 
 
 def _next(found: ExplainedChange) -> tuple[Block, ...]:
-    name = found.before.robot.name
+    name = spoken(found.before.robot.name)
     if any(verdict_of(fit)[1] == "bad" for fit in (found.before, found.after)):
         lead = "The model lacks something in a set on its own; find that first, since it may pass for a change:"
         return Text(lead), Code(f"jaxid explain {name} --fit LOGS --held-out OTHER_LOGS --out explained")

@@ -16,6 +16,7 @@ from .comparison import Comparison
 from .document import Block, Charted, Code, Listing, More, Page, Section, Tabled, Text, Tone, texts
 from .intervals import intervals
 from .own_clock import on_own_clock
+from .spoken_robot import spoken
 from .tables import Cell, Table
 
 _VERDICTS: dict[str, tuple[str, Tone]] = {
@@ -173,7 +174,7 @@ def _worst(found: Comparison, name: str) -> float:
 def advice(fits: Sequence[Fit], held_out: bool, command: bool) -> tuple[Block, ...]:
     """What to do next about the last fit: what it lacks, and where its model goes."""
     fit = fits[-1]
-    robot = fit.robot.name
+    robot = spoken(fit.robot.name)
     items, lines = [], []
     judgement = fit.judgement
     if judgement is not None and judgement.verdict in ("poor", "failed"):

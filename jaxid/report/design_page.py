@@ -9,6 +9,7 @@ from ..estimate.uncertainty import PRACTICAL
 from .chart import Chart, Panel, Trace
 from .design_figure import floor_path
 from .document import Block, Charted, Code, Listing, Page, Picture, Section, Tabled, Text, Tone, picture, texts
+from .spoken_robot import spoken
 from .tables import Cell, Table, constant, number
 
 _LITTLE = 0.9
@@ -108,7 +109,7 @@ def design_page(design: Design, files: tuple[str, ...] = ()) -> Page:
         "Fit the logs so far and the new ones together.",
     )
     after = Code(
-        f"jaxid fit {design.robot} --fit LOGS {' '.join(files)} --held-out OTHER_LOGS --out results".replace("  ", " ")
+        f"jaxid fit {spoken(design.robot)} --fit LOGS {' '.join(files)} --held-out OTHER_LOGS --out results".replace("  ", " ")
     )
     doubt = design.doubt.removeprefix("But ")  # nothing stands before it here
     next_: tuple[Block, ...] = (*texts([f"{doubt[:1].upper()}{doubt[1:]}"]), Listing(items), after)

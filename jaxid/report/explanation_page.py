@@ -39,6 +39,7 @@ from .law_figure import caption, curves_of, law_figure
 from .leads_figure import leads
 from .localisation_figures import localisation
 from .ranking_figure import ranking
+from .spoken_robot import spoken
 
 _DPI = 130
 _CONDITIONS, _CANDIDATES, _LOGS = 8, 10, 6
@@ -271,7 +272,7 @@ def _before_and_after(found: Explanation, figure: Figure) -> Section:
 
 
 def _next(found: Explanation) -> tuple[Block, ...]:
-    name = found.model.name
+    name = spoken(found.model.name)
     simulate = Code(f"jaxid simulate {name} --log LOG --model model.toml --out predicted.csv")
     if found.next_experiment is not None:
         chart = Charted(next_chart(found.next_experiment, found.model.channels.units))
