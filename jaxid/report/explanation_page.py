@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from .._atomic import replacing
 from ..explanation.explanation import Explanation
+from ..explanation.heldout import HeldOut
 from ..explanation.law_curves import LawCurve
 from ..robots.effect import in_words
 from . import explanation_figures as draw
@@ -228,6 +229,21 @@ def _cases(p: float) -> str:
     return "in less than 1 case in 10,000" if p < 1e-4 else f"in {100 * p:.2g} % of cases"
 
 
+def _excused(left: HeldOut) -> str:
+    """Why a pattern that chance alone would not leave is no matter; empty without such a pattern, or where it matters."""
+    if not left.adequate or left.p_white >= left.false_alarm / 2:
+        return ""
+    if left.by_chance:
+        return "it is what delays that scatter leave"
+    if left.within_errors:
+        return "it is what the standard errors of the parameters let expect"
+    if left.rounded:
+        return "it is what rounding to the sensors' steps makes"
+    if left.unrelated:
+        return "it is small and follows nothing that drove the robot"
+    return "it is too small beside the noise to matter"
+
+
 def _chances(found: Explanation) -> list[str]:
     alarm = found.before.false_alarm
     if found.verdict == "adequate" and found.colour:
@@ -236,19 +252,26 @@ def _chances(found: Explanation) -> list[str]:
             "own neighbouring samples say, and no candidate explains any of it once it is whitened."
         ]
     if found.verdict == "adequate":
-        return [
-            "No pattern is left: if there were nothing but noise, residuals with at least this much structure would come up "
-            f"{_cases(found.before.p_white)}. Something is called missing below {50 * alarm:g} %."
-        ]
+        below = f"{_cases(found.before.p_white)}. Something is called missing below {50 * alarm:g} %"
+        as_much = f"if there were nothing but noise, residuals with at least this much structure would come up {below}"
+        excused = _excused(found.before)
+        return [f"A pattern is left: {as_much}, but {excused}." if excused else f"No pattern is left: {as_much}."]
     said = (
         f"A complete model is taken for an incomplete one in {100 * alarm:g} % of cases (the level that was asked for; it is "
         "shared among the tests of size, correlation and, where the noise is coloured, shape)."
     )
     if not found.effects:
         return [said]
-    noise = "no pattern is left" if found.after.adequate else "there is coloured noise" if found.noise_floor > 1 else ""
-    left = f"After the last step {noise or 'a pattern is still left'}: noise alone would have as much structure"
-    return [said, f"{left} {_cases(found.after.p_white)}."]
+    excused = _excused(found.after)
+    noise = "there is coloured noise" if found.noise_floor > 1 else "a pattern is still left"
+    if excused:
+        left = "a pattern is left"
+    elif found.after.adequate:
+        left = "no pattern is left"
+    else:
+        left = noise if found.after.p_white < alarm / 2 else "more is left than noise, though without a pattern"
+    chance = f"noise alone would have as much structure {_cases(found.after.p_white)}"
+    return [said, f"After the last step {left}: {chance}{f', but {excused}' if excused else ''}."]
 
 
 def _before_and_after(found: Explanation, figure: Figure) -> Section:
@@ -271,12 +294,25 @@ def _before_and_after(found: Explanation, figure: Figure) -> Section:
     return Section("Before and after" if found.effects else "The residual", tuple(blocks))
 
 
+def _doubted(found: Explanation) -> bool:
+    """Whether an answer was found, but the fit with it, or that in which nothing is missing, is poor or failed all the same."""
+    judged = (found.baseline if found.verdict == "adequate" else found.final).judgement
+    return found.verdict != "unexplained" and judged is not None and not judged.trustworthy
+
+
 def _next(found: Explanation) -> tuple[Block, ...]:
     name = spoken(found.model.name)
     simulate = Code(f"jaxid simulate {name} --log LOG --model model.toml --out predicted.csv")
     if found.next_experiment is not None:
         chart = Charted(next_chart(found.next_experiment, found.model.channels.units))
         return Text(f"{found.next_experiment.sentence} The inputs are in next_experiment.csv."), chart
+    if _doubted(found):
+        # As the sentence and the notes say; what hides a pattern here may be that these logs have too little of it.
+        lead = (
+            "Find the rest before the numbers of this model are used: record more logs, or livelier ones, and look again from "
+            "the model so far."
+        )
+        return Text(lead), Code(f"jaxid explain {name} --fit LOGS --held-out OTHER_LOGS --model model.toml --out again")
     if found.verdict == "adequate":
         return Text(
             "Use the model. Logs of driving that these lack (other speeds, loads or floors) would test it further."
@@ -299,6 +335,8 @@ def page_of(found: Explanation) -> Page:
 
 def _page_of(found: Explanation, shown: _OnPage) -> Page:
     verdict, tone = _VERDICTS[found.verdict]
+    if _doubted(found):
+        verdict, tone = f"{verdict.removesuffix(', but open')}, but doubted", "open"
     sections = (_where(found, shown.leads), _what(found), _sure(found), _before_and_after(found, shown.whiteness))
     held_out = f"{len(found.held_out)} log{'s' * (len(found.held_out) > 1)} held out"
     return Page(

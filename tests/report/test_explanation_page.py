@@ -116,6 +116,46 @@ def test_a_complete_model_has_no_missing_force(adequate, tmp_path):
     assert set(figures(adequate)) == {"before_after", "whiteness"}
 
 
+def test_a_pattern_too_small_to_matter_is_not_said_to_be_none(adequate, explained, tmp_path):
+    small = {"p_white": 1e-6, "normalised_rms": 0.999, "negligible": 1.005}
+    before = replace(adequate.before, **small)
+    page = saved(replace(adequate, before=before, after=before), tmp_path / "adequate")
+    assert "A pattern is left: if there were nothing but noise" in page and "No pattern is left" not in page
+    assert "but it is too small beside the noise to matter" in page
+    excused = {
+        "rounded": "rounding",
+        "by_chance": "delays",
+        "within_errors": "standard errors",
+        "unrelated": "nothing that",
+    }
+    for k, (why, words) in enumerate(excused.items()):
+        found = replace(explained, after=replace(explained.after, p_white=1e-6, normalised_rms=1.2, **{why: True}))
+        page = saved(found, tmp_path / str(k))
+        assert "After the last step a pattern is left: noise alone" in page and ", but it is " in page and words in page
+    residuals = tuple(1.5 * r for r in explained.after.residuals)
+    large = replace(explained.after, p_white=0.2, normalised_rms=1.5, noise_error=0.0, residuals=residuals)
+    found = replace(explained, after=large)
+    assert "After the last step more is left than noise, though without a pattern" in saved(found, tmp_path / "large")
+
+
+def test_a_doubted_fit_is_not_to_be_used(adequate, explained, ambiguous, tmp_path):
+    def poor(fit):
+        return replace(fit, judgement=fit.judgement.doubted("Drag is missing."))
+
+    for k, (found, badge) in enumerate(
+        (
+            (replace(adequate, baseline=poor(adequate.baseline)), "Nothing missing, but doubted"),
+            (replace(explained, final=poor(explained.final)), "Named, but doubted"),
+            (replace(ambiguous, final=poor(ambiguous.final), next_experiment=None), "Named, but doubted"),
+        )
+    ):
+        page = saved(found, tmp_path / str(k))
+        assert badge in page and "Use the model" not in page
+        assert "--model model.toml --out again" in page
+    sound = saved(explained, tmp_path / "sound")
+    assert "but doubted" not in sound and "Use the model with what was added" in sound
+
+
 def test_a_notebook_shows_the_same_body(explained, tmp_path):
     body = explained._repr_html_()
     read = Structure(body)
