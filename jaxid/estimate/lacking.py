@@ -31,6 +31,14 @@ WAYS = {
     "inputs.late": "inputs that act later or earlier than logged",
     "inputs.dead_zone": "a dead zone of the inputs",
 }
+_RISE, _DRAG = "friction that rises towards standstill", "drag that grows with the square of"
+_HAD = {
+    "actuator_dead_zone": WAYS["inputs.dead_zone"],
+    "input_delay": WAYS["inputs.late"],
+    "quadratic_drag": _DRAG,
+    "stribeck_friction": _RISE,
+}
+"""How the words for a force begin that is in a model which has this effect, by one of its laws."""
 Array = NDArray[np.float64]
 
 
@@ -111,9 +119,11 @@ class Neglected(NamedTuple):
         then = f": with it {fit.free_names[most]} would move by {moves[most]:.2g} of its standard errors"
         sure = self.p_value < FALSE_ALARM
         found = "holds the mark of" if sure else "hints at"
+        had = any(self.words.startswith(_HAD.get(effect.id, "-")) for effect in fit.robot.effects)
+        lacks = "of another form or size than the model's" if had else "which the model does not have"
         return (
-            f"What is left {found} {self.words} (p = {self.p_value:.1g}{'' if sure else ': it may be chance'}), which the "
-            f"model does not have{then if moves[most] > 1.0 else ''}."
+            f"What is left {found} {self.words} (p = {self.p_value:.1g}{'' if sure else ': it may be chance'}), {lacks}"
+            f"{then if moves[most] > 1.0 else ''}."
         )
 
 
@@ -135,8 +145,6 @@ def words_of(name: str) -> str:
     if name in WAYS:
         return WAYS[name]
     kind, _, of = name.partition(".")[2].partition("_")
-    if kind == "whole":
-        return "drag that grows with the square of the speed"
     if kind == "rise":
-        return "friction that rises towards standstill"
-    return f"a constant force on {of}" if kind == "constant" else f"drag that grows with the square of {of}"
+        return _RISE
+    return f"a constant force on {of}" if kind == "constant" else f"{_DRAG} {'the speed' if kind == 'whole' else of}"
