@@ -461,3 +461,22 @@ def test_commands_in_millivolts_become_volts_and_are_said_to_count_as_forces(jax
     assert "u_right, u_left: taken for forces in N" in said
     _, said, _ = jaxid("look", path, "--robot", "pioneer")
     assert "taken for forces" not in said
+
+
+def test_a_channel_called_by_its_own_name_with_its_unit_is_found_though_it_is_of_a_side(tmp_path):
+    from jaxid import Channels
+    from jaxid.logs.propose import propose
+
+    path = tmp_path / "run.csv"
+    noise = np.random.default_rng(0).normal(size=(50, 3))
+    table = pd.DataFrame(noise, columns=["vr_km_h", "vl_km_h", "gyro_dps"])
+    table.assign(t=np.arange(50) * 0.02, ur_mV=np.sin(np.arange(50))).to_csv(path, index=False)
+    units = {"ur": "V", "ul": "V", "vr": "m/s", "vl": "m/s", "gyro": "rad/s"}
+    own = Channels(inputs=("ur", "ul"), outputs=("vr", "vl", "gyro"), units=units)
+    found = {one.channel: one for one in propose(look(path), own, {})}
+    fields = {"ur": "ur_mV", "ul": "", "vr": "vr_km_h", "vl": "vl_km_h", "gyro": "gyro_dps"}
+    assert {name: one.field for name, one in found.items()} == fields
+    assert found["vr"].scale == pytest.approx(1 / 3.6) and found["ur"].scale == pytest.approx(1e-3)
+    # The speed v of a body is not v_right's, nor that of a side which is not its own.
+    body = Channels(inputs=("ur", "ul"), outputs=("v", "w"), units={**units, "v": "m/s", "w": "rad/s"})
+    assert not {one.field for one in propose(look(path), body, {})} & {"vr_km_h", "vl_km_h"}

@@ -12,7 +12,7 @@ from .channels import Channels
 from .look import Look
 from .series import Series
 from .supply import of_supply
-from .units import HEADINGS, words_in
+from .units import HEADINGS, unit_in_name, words_in
 from .wheel_pairs import LETTERS, of_one_side, unit_of, wheel_pair, wheel_positions
 
 
@@ -80,6 +80,14 @@ def _side_score(said: str, name: str) -> float:
     return 0.0
 
 
+def _with_its_unit(channel: str, unit: str, series: Series) -> bool:
+    """Whether a field is called as the channel is, with a unit of the channel's kind behind it: `vr_km_h` of vr [m/s]."""
+    words, own, found = words_in(series.name), words_in(channel), unit_in_name(series.name)
+    if not own or found is None or not found.si or found.si not in unit.split(" or "):
+        return False
+    return words[: len(own)] == own and "".join(words[len(own) :]) == re.sub("[^a-z]", "", found.said.lower())
+
+
 def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, place: int) -> float:
     """How well a signal fits a channel: by its name, its promised unit, and the words in its path."""
     name, said = series.name.lower(), f"{channel} {wanted}".lower()
@@ -88,6 +96,8 @@ def _score(channel: str, unit: str, wanted: str, command: bool, series: Series, 
     # The w of a quaternion is no yaw rate.
     if series.name == channel or (last == channel and (len(channel) > 1 or not series.name.startswith("/"))):
         return 100.0
+    if _with_its_unit(channel, unit, series):
+        return 60.0
     words = words_in(last)
     if not command and len(words) > 1 and [word for word in words if word not in _MEASURED] == [channel]:
         return 50.0
@@ -156,7 +166,11 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
             )
             for series in usable
             # What one wheel does is not what the body does.
-            if command or series.name not in sides or _of_side("right", wanted) or _of_side("left", wanted)
+            if command
+            or series.name not in sides
+            or _of_side("right", wanted)
+            or _of_side("left", wanted)
+            or _with_its_unit(channel, unit, series)
         ]
         ranked = sorted(scored, key=lambda pair: (-pair[0], -len(pair[1]), pair[1].name))
         good = [(score, series) for score, series in ranked if score >= _LEAST and series.name not in taken]
