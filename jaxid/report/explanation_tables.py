@@ -7,7 +7,7 @@ from ..explanation.explanation import Explanation
 from ..explanation.localise import channel_name
 from ..robots.effect import in_words
 from .intervals import intervals
-from .tables import DOUBT, Cell, Table, number, percent, to_text, with_error
+from .tables import DOUBT, Cell, Table, number, percent, to_text, value_cell, with_error
 
 _MOVED = 2.0
 """Standard errors (of the fit before) beyond which a parameter's move is marked."""
@@ -84,12 +84,18 @@ def channel_table(found: Explanation) -> Table:
     return Table("Error on held-out logs, in units of the noise (RMS)", header, tuple(rows), notes if coloured else ())
 
 
+def _told(e: Estimate) -> str:
+    """An estimate with its standard error; that of a parameter which the logs do not determine says so."""
+    return value_cell(e).text if e.status == "not_identifiable" else with_error(e.value, e.std_error)
+
+
 def moved_table(found: Explanation, drawn: bool = False) -> Table:
     """The robot's own parameters before and after, and how far each moved; `drawn`: with what they mean and their intervals."""
     rows = []
     table = found.model.parameters
     for name, (before, after) in found.moved.items():
-        step = after.value - before.value
+        open_ = "not_identifiable" in (before.status, after.status)  # such a value is one of many
+        step = math.nan if open_ else after.value - before.value
         relative = percent(100.0 * step / abs(before.value)) if before.value else "-"
         errors = abs(step) / before.std_error if 0 < before.std_error < math.inf else math.nan
         mark = "bad" if errors > _MOVED else ""
@@ -97,8 +103,8 @@ def moved_table(found: Explanation, drawn: bool = False) -> Table:
             (
                 Cell(name, detail=table[name].meaning if drawn and name in table else ""),
                 Cell(after.unit, "words"),
-                Cell(with_error(before.value, before.std_error) + _unsure(found.baseline), "value"),
-                Cell(with_error(after.value, after.std_error) + _unsure(found.final), "value"),
+                Cell(_told(before) + _unsure(found.baseline), "value"),
+                Cell(_told(after) + _unsure(found.final), "value"),
                 Cell(relative, f"{mark} value".strip()),
                 Cell("-" if math.isnan(errors) else f"{errors:.1f}", mark),
                 *([intervals(name, {"before": before, "after": after}, ("before", "after"))] if drawn else ()),

@@ -156,6 +156,18 @@ def test_a_doubted_fit_is_not_to_be_used(adequate, explained, ambiguous, tmp_pat
     assert "but doubted" not in sound and "Use the model with what was added" in sound
 
 
+def test_a_parameter_that_is_not_determined_any_more_is_not_shown_as_if_it_were_exact(explained):
+    name = explained.baseline.free_names[0]
+    after = explained.final[name]
+    open_ = replace(after, std_error=np.inf, ci95=(-np.inf, np.inf), status="not_identifiable")
+    final = replace(explained.final, parameters={**explained.final.parameters, name: open_})
+    row = next(row for row in tab.moved_table(replace(explained, final=final)).rows if row[0].text == name)
+    assert row[3].text == f"{after.value:.4g} (not identifiable)"
+    assert [cell.text for cell in row[4:]] == ["-", "-"]
+    determined = next(row for row in tab.moved_table(explained).rows if row[0].text == name)
+    assert "±" in determined[3].text and "%" in determined[4].text
+
+
 def test_a_notebook_shows_the_same_body(explained, tmp_path):
     body = explained._repr_html_()
     read = Structure(body)
