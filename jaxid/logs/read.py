@@ -336,7 +336,7 @@ def _other_layout(
 
 def read_planned(path: PathLike, robot: Any, mapping: Mapping[str, Any] | PathLike | None = None) -> Log | None:
     """A table of inputs alone, which nobody has driven yet, as the log of a robot that starts at rest; None where the file has
-    any of the robot's outputs, or is no table. Raises `LogError` as `read_logs` does."""
+    any of the robot's outputs or lacks one of its inputs, or is no table. Raises `LogError` as `read_logs` does."""
     channels = channels_of(robot)
     (one,) = named_files(path)[:1]
     if format_of(one.path) is not None:
@@ -344,7 +344,10 @@ def read_planned(path: PathLike, robot: Any, mapping: Mapping[str, Any] | PathLi
     sources = read_mapping(mapping, channels)
     measured = {sources.get(name, Source(name)).column for name in channels.measured}
     measured |= {column for name in channels.measured if name in sources for column in sources[name].columns}
-    if measured & {str(column) for column in read_table(one.path).frame.columns}:
+    columns = {str(column) for column in read_table(one.path).frame.columns}
+    driven = [sources.get(name, Source(name)) for name in ("t", *channels.inputs)]
+    needed = {column for source in driven if source.interval is None for column in source.columns}
+    if measured & columns or not needed <= columns:
         return None
     return one.cut(_read(one.path, one.name, channels, sources, planned=True))
 

@@ -183,6 +183,15 @@ def test_an_experiment_that_nobody_has_driven_yet_is_simulated(jaxid, tmp_path, 
     assert code == 1 and "no column 'w'" in remarks
 
 
+def test_a_log_by_other_names_is_not_said_to_have_columns_that_it_lacks(jaxid, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("run.csv").write_text("Zeit [s],PWM,Weg\n" + "".join(f"{0.1 * k:.1f},1,2\n" for k in range(20)))
+    Path("model.toml").write_text("[parameters]\nM = 2.0\n")
+    code, _, remarks = jaxid("simulate", "axis", "--log", "run.csv", "--model", "model.toml", "--out", "p.csv")
+    said = " ".join(remarks.split())
+    assert code == 1 and "run.csv has no column 't'; it has 'Zeit [s]', 'PWM', 'Weg': rename one" in said, remarks
+
+
 def test_effects_without_a_model_that_could_name_them_are_wrong_arguments(jaxid):
     code, _, remarks = jaxid("fit", "axis", "--fit", "a.csv", "--out", "o", "--effects", "effects_of_a_test:ours")
     assert code == 2 and "--model names" in remarks
