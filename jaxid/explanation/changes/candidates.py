@@ -22,6 +22,8 @@ from .differences import CommandGain, DryShare, ViscousShare
 
 Side = Literal["before", "after"]
 Numbers = Mapping[str, float]
+EACH = "friction_of_each"
+"""The candidate by which every drive axis has another friction of its own."""
 Move = Callable[[Numbers, Float[np.ndarray, " k"]], dict[str, float]]
 
 
@@ -148,7 +150,7 @@ def _causes(robot: Robot) -> list[Candidate]:
             _friction(robot, f"friction_of_{word.removeprefix('the ').replace(' ', '_')}", f"friction of {word}", [[i]])
             for i, word in zip(axes, axes_in_words(robot), strict=True)
         ]
-        each.append(_friction(robot, "friction_of_each", "friction of each drive axis", [[i] for i in axes]))
+        each.append(_friction(robot, EACH, "friction of each drive axis", [[i] for i in axes]))
         found += [one for one in each if one is not None]
     return found
 

@@ -207,6 +207,27 @@ class ExplainedChange:
         return f"Changed: {self.change.words}: {self.change.sizes}{fall}.{others}"
 
     @property
+    def unsound(self) -> str:
+        """What it means that a set's own fit is poor or failed; empty where neither is."""
+        said = {
+            side: fit.judgement.verdict
+            for side, fit in (("before", self.before), ("after", self.after))
+            if fit.judgement is not None and fit.judgement.verdict in ("poor", "failed")
+        }
+        if not said:
+            return ""
+        if len(said) == 2:
+            how = " and ".join(dict.fromkeys(said.values()))
+            fits = f"The fits of both sets are {how}"
+        else:
+            ((side, how),) = said.items()
+            fits = f"The fit of the set {side} is {how}"
+        return (
+            f"{fits}: what the model lacks may pass for a change, and sizes may be off by more than their intervals. Find what "
+            "it lacks first."
+        )
+
+    @property
     def distinct(self) -> tuple[Looked, ...]:
         """Of `looked` the likeliest of each name: an effect is tried by several of its laws."""
         found: dict[str, Looked] = {}
@@ -224,7 +245,7 @@ class ExplainedChange:
             )
         if self.unseen:
             after.append(f"Not shown at all: {', '.join(self.unseen[:_SHOWN])}.")
-        return [self.sentence], [*after, *self.notes]
+        return [self.sentence, *([self.unsound] if self.unsound else [])], [*after, *self.notes]
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "promises (chi-squared)", "p value alone")]

@@ -21,7 +21,7 @@ from ...parameters import ParameterError
 from ...robots.given import given_logs
 from ..level import FALSE_ALARM, checked_level
 from ..telling_apart import vuong
-from .candidates import Side
+from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
 from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
@@ -143,7 +143,8 @@ def _noticeable(look: FirstLook, pair: Pair, chance: float) -> tuple[Noticeable,
     """The smallest noticeable change of everything but the catalogue's mechanisms, causes first."""
     found: dict[str, Noticeable] = {}
     scores = {score.candidate: score for score in look.scores if score.own}
-    for candidate in (own for own in pair.own if own in scores):
+    # One axis of each, all else the same, is that axis alone, which is a candidate of its own.
+    for candidate in (own for own in pair.own if own in scores and own.id != EACH):
         for c, size in zip(candidate.coordinates, noticed_from(scores[candidate], chance), strict=True):
             value = pair.robot.parameters[c.of].value if c.of else 0.0
             if np.isfinite(size) and c.name not in found:

@@ -91,6 +91,12 @@ def test_a_payload_is_named_with_its_size_and_saved(tmp_path):
     assert said["verdict"] == "named" and said["change"]["id"] == "M"
     low, high = said["change"]["parameters"]["M"]["difference"]["ci95"]
     assert low < 0.2 < high and said["change"]["parameters"]["M"]["after"] == pytest.approx(1.2, abs=0.02)
+    # Sizes from a model that lacks something are doubted in a terminal as they are on the page.
+    poor = replace(found, after=replace(found.after, judgement=found.after.judgement.doubted("Drag is missing.")))
+    assert "of the set" not in str(found)
+    assert "The fit of the set after is poor: what the model lacks may pass for a change" in " ".join(str(poor).split())
+    both = replace(poor, before=replace(found.before, judgement=found.before.judgement.doubted("Drag is missing.")))
+    assert "The fits of both sets are poor" in " ".join(str(both).split())
 
 
 @pytest.mark.parametrize(
@@ -133,6 +139,9 @@ def test_of_what_may_be_another_in_one_motor_it_is_said_which():
     assert found.verdict == "named" and found.change is not None and found.change.id == "motor_gain_mismatch"
     sizes = {name: difference for name, difference in found.change.differences.items() if "excess" in name}
     assert len(sizes) == 4 and within(list(sizes.values())[1], 0.1)
+    # What would have been noticed of one motor's friction is said once, by the motor's name.
+    said = [own.words for own in found.noticeable]
+    assert len(set(said)) == len(said) and not any("drive axis" in words for words in said)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
