@@ -94,6 +94,33 @@ def test_a_folder_of_logs_is_a_member_a_log(jaxid, without_dry_friction, tmp_pat
     assert list(pd.read_parquet(out / "members.parquet")["member"]) == ["a", "b", "c"]
 
 
+def test_a_robot_without_linear_estimates_is_not_said_to_have_them(jaxid, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "encoder_cart_of_a_test.py").write_text(
+        "import jaxid\n"
+        "P = jaxid.Parameter\n"
+        "cart = jaxid.Custom(\n"
+        "    dynamics=lambda s, u, p: {'q': s['v'], 'v': (u['u'] - p['fv'] * s['v']) / p['mass']},\n"
+        "    state_names=('q', 'v'), output=lambda s, u, p: {'way': s['q']},\n"
+        "    own_channels=jaxid.Channels(inputs=('u',), outputs=('way',)),\n"
+        "    table=jaxid.ParameterTable({'mass': P(1.5, 'kg', free=True, lower=0.1), 'fv': P(1.0, 'N s/m', free=True)}))\n"
+    )
+    for name, mass in MASSES.items():
+        rng, t = np.random.default_rng(round(10 * mass)), 0.02 * np.arange(200)
+        u = np.repeat(rng.uniform(-3, 3, 10), 20)
+        v, q = np.zeros(200), np.zeros(200)
+        for k in range(199):  # exact for a constant force
+            end, keep = u[k], np.exp(-0.02 / mass)
+            v[k + 1] = end + (v[k] - end) * keep
+            q[k + 1] = q[k] + 0.02 * end + (v[k] - end) * mass * (1 - keep)
+        (tmp_path / "robots").mkdir(exist_ok=True)
+        table = pd.DataFrame({"t": t, "u": u, "way": q + 1e-3 * rng.normal(size=200)})
+        table.to_csv(tmp_path / "robots" / f"{name}.csv", index=False)
+    status, _, remarks = jaxid("fleet", "encoder_cart_of_a_test:cart", tmp_path / "robots", "--out", tmp_path / "out")
+    assert status == 0 and "members side by side" in remarks and "linear estimates" not in remarks, remarks
+
+
 def test_folders_that_hold_no_fleet_are_named_with_the_remedy(jaxid, robots, tmp_path):
     empty = tmp_path / "empty"
     empty.mkdir()

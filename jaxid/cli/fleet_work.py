@@ -74,7 +74,8 @@ def worked(members: Sequence[Member], work: Work, report: Report | None = None) 
     fits: dict[str, Fit] = {}
     if logs:
         starts = {name: _started(robot, own) for name, own in logs.items()}
-        told("linear estimates are there, from which output error starts")
+        if any(start is not None for start in starts.values()):
+            told("linear estimates are there, from which output error starts")
         # What every member goes through is told of a few; of thousands nobody could read it.
         of_each = told if len(logs) <= _SHOWN else lambda message: None
         fleet = fit_fleet(robot, logs, start=starts, report=of_each, **dict(work.options))
