@@ -25,7 +25,7 @@ from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation
 from .finer_curves import hangs_on_forms
-from .hinging import hinging
+from .hinging import by_name, hinging
 from .in_some_logs import in_some_of, sorted_logs, unsorted
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
@@ -219,19 +219,21 @@ def explain(
         report("looking whether constants of the table explain as much")
         steps = {step.chosen.id: step for step in found.steps}
         for effect in named:
-            step = steps[effect.id]
+            step, others = steps[effect.id], {}
+            last = step is found.steps[-1]
             # Where another name was found better later on, the step's own models are not this effect's.
-            if effect.id != TableConstants.id and step.after.id == effect.id:
+            own = step.after.id == effect.id
+            if effect.id != TableConstants.id and own:
                 wrong = constants_like(step.before, step.after, logs, held_out)
                 constants[effect.id] = [one.shares for one in wrong]
-                if step is found.steps[-1]:
-                    # Prescribed angles suit one of two names alone: what the other's model makes of them says nothing.
-                    alike = (t for t in step.trials if t.id in effect.equivalent_to and not t.angles)
-                    others = {in_words(t.id): t.robot for t in alike}
-                    others |= {f"a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
+                if last:
+                    others = {f"a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
                     laws = (t for t in step.laws if t.law in effect.laws_alike and not t.angles)
                     others |= {f"{effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
-                    final, hinges = hinging(final, step.after, others)
+            final, sentence = hinging(
+                final, step.after if last and own else step.chosen, others | by_name(effect, step)
+            )
+            hinges = " ".join(filter(None, (hinges, sentence)))
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = verdict_of(found, named, most, doubts)

@@ -4,8 +4,11 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from ..estimate.result import Fit
+from ..robots.effect import in_words
 from ..robots.robot import Robot
+from .named_effect import NamedEffect
 from .refit import Trial
+from .steps import Step
 from .wider_errors import reaching_to
 
 _APART = 3.0
@@ -23,10 +26,10 @@ class Hinging(NamedTuple):
 
 
 def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
-    """What the robot's own parameters would be under the names of `others` (each with its model). `last` is the trial of the
-    name that was added last, which `final` is the fit in full of."""
-    if _own(last.robot.parameters.free_names) != _own(final.free_names):
-        return Hinging(final, "")  # something was held or left out since
+    """What the robot's own parameters would be under the names of `others` (each with its model). `last` is the trial that
+    `final` is the fit in full of; where it has other effects than that, nothing is said."""
+    if _own(last.robot.parameters.free_names) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
+        return Hinging(final, "")  # something was held, left out or added since
     own = [name for name in final.free_names if "." not in name and final[name].status == "identified"]
     said, reached = [], {}
     for title, robot in others.items():
@@ -34,7 +37,7 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
         for name in own:
             value, error = robot.parameters[name].value, final[name].std_error
             by = value - last.robot.parameters[name].value
-            if robot.parameters[name].free and abs(by) > _APART * error > 0.0:
+            if abs(by) > _APART * error > 0.0:
                 moved[name] = abs(value - final[name].value) / error
                 reached[name] = max(reached.get(name, 0.0), abs(by))
         worst = sorted(moved, key=lambda name: -moved[name])[:_MOST]
@@ -52,6 +55,17 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
         f"Numbers of the robot hinge on the name or its law, which these logs leave open: {'; '.join(said)}. Their standard "
         "errors allow for that.",
     )
+
+
+def by_name(effect: NamedEffect, step: Step) -> dict[str, Robot]:
+    """The models by the names that the data cannot tell from the effect's, by these names in words."""
+    # Prescribed angles suit one of two names alone: what the other's model makes of them says nothing.
+    alike = (trial for trial in step.trials if trial.id in effect.equivalent_to and not trial.angles)
+    return {in_words(trial.id): trial.robot for trial in alike}
+
+
+def _ids(robot: Robot) -> set[str]:
+    return {effect.id for effect in robot.effects}
 
 
 def _own(names: Iterable[str]) -> set[str]:

@@ -14,6 +14,7 @@ from ..robots.robot import Robot
 from .candidate_refits import Report, all_added
 from .denser import densest
 from .laws import best_first, by_where_they_bend
+from .one_of_several import with_one_alone
 from .refit import Trial, continued, refit, refit_from_itself
 from .screen import Candidate, alike_to, screen
 from .steps import Step
@@ -193,7 +194,7 @@ def reconsidered(
 
     A name that came first while another effect was still missing may have won, or lost, by that effect's doing.
     """
-    if len(steps) < 2:
+    if len(steps) < 2 and not any(step.chosen.id == TableConstants.id for step in steps):
         return steps, final
     revised = []
     for step in steps:
@@ -227,6 +228,8 @@ def reconsidered(
                     f"other constants instead of {step.chosen.id}: held-out {right.held_out.normalised_rms:.3f} x noise"
                 )
                 trials.append(right)
+        leading = min(trials, key=lambda t: t.score)
+        trials = [t if t is leading else with_one_alone(t, leading, logs, held_out, noise) for t in trials]
         leading = min(trials, key=lambda t: t.score)
         if leading.id != step.chosen.id and not final.angles:
             for other in _untried(step, leading, present):

@@ -186,7 +186,11 @@ def change_page(found: ExplainedChange) -> Page:
         verdict=verdict,
         tone=tone,
         headline=_headline(found),
-        lead=(*texts([found.unsound] if found.unsound else []), *texts(found.notes), *([_errors(found)] if finite else [])),
+        lead=(
+            *texts([found.unsound] if found.unsound else []),
+            *texts(found.notes),
+            *([_errors(found)] if finite else []),
+        ),
         sections=tuple(section for section in sections if section is not None),
         next=_next(found),
     )

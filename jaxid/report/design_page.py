@@ -109,7 +109,9 @@ def design_page(design: Design, files: tuple[str, ...] = ()) -> Page:
         "Fit the logs so far and the new ones together.",
     )
     after = Code(
-        f"jaxid fit {spoken(design.robot)} --fit LOGS {' '.join(files)} --held-out OTHER_LOGS --out results".replace("  ", " ")
+        f"jaxid fit {spoken(design.robot)} --fit LOGS {' '.join(files)} --held-out OTHER_LOGS --out results".replace(
+            "  ", " "
+        )
     )
     doubt = design.doubt.removeprefix("But ")  # nothing stands before it here
     next_: tuple[Block, ...] = (*texts([f"{doubt[:1].upper()}{doubt[1:]}"]), Listing(items), after)
