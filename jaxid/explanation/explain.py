@@ -38,7 +38,7 @@ from .passing_jumps import without_passing_jumps
 from .policy import Policy, current_policy, keeps_policy
 from .search import MOST_EFFECTS
 from .steps import Search
-from .straight_shares import shared_lines
+from .straight_shares import open_gain, shared_lines
 from .table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
 from .telling_apart import differ, supersets
 from .usable_readings import on_usable_readings
@@ -282,6 +282,7 @@ def explain(
                 *tables,
                 *hangs_on_forms(final),
                 *shared_lines(final),
+                open_gain(final),
                 hinges,
                 still,
                 unusable,

@@ -59,6 +59,21 @@ def shared_lines(final: Fit) -> tuple[str, ...]:
     return tuple(note for note in final.notes if note.startswith(_SHARES))
 
 
+def open_gain(final: Fit) -> str:
+    """A sentence on the parameters that a limit's curve leaves open with a gain of all; empty where it leaves none."""
+    for effect in final.robot.effects:
+        first = effect.may_hold(final.robot) if isinstance(effect, Curve) and effect.begins_later else ()
+        if any(final[name].status == "not_identifiable" for name in first if name in final.free_names):
+            lost = [n for n in final.free_names if "." not in n and final[n].status == "not_identifiable"]
+            if lost:
+                return (
+                    f"What {effect.title} loses of what is small, in proportion to it, is a smaller gain of all: "
+                    f"{', '.join(lost)} and the heights of the curve are known but for a factor that they have in common. A "
+                    "mass that is weighed, or a gain that is measured, held in the model, gives the others."
+                )
+    return ""
+
+
 def _sum(final: Fit, shared: Shared) -> str:
     """What is determined, in words: one parameter and the share of the curve's end, with their standard error."""
     names = list(final.free_names)

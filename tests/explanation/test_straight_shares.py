@@ -8,7 +8,7 @@ import pytest
 from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, Omni, Pioneer, output_error
 from jaxid.effects import effect_by_id
 from jaxid.estimate.result import Estimate
-from jaxid.explanation.straight_shares import shared_lines, without_shared_lines
+from jaxid.explanation.straight_shares import open_gain, shared_lines, without_shared_lines
 from jaxid.robots.scales import Scales
 from jaxid.simulation.scaled import scaled_to
 
@@ -103,3 +103,14 @@ def test_whose_share_it_is_follows_from_the_equations_of_motion(fits, robot, ide
     told = without_shared_lines(like(fits[0], model))
     assert {n for n in model.parameters if told[n].status == "not_identifiable"} == shared
     assert bool(shared_lines(told)) == bool(shared)
+
+
+def test_why_a_limit_that_takes_from_the_smallest_commands_leaves_all_open_is_said(fits):
+    model = DifferentialDrive() + effect_by_id(DifferentialDrive(), "voltage_saturation", "shape")
+    known = like(fits[0], model)
+    assert open_gain(known) == ""
+    open_ = {
+        n: replace(e, status="not_identifiable") if e.status == "identified" else e for n, e in known.parameters.items()
+    }
+    said = open_gain(replace(known, parameters=open_))
+    assert "M, J, Fv, Fc and the heights of the curve are known but for a factor" in said and "weighed" in said
