@@ -54,6 +54,25 @@ def wheel_readout(robot: Robot) -> Array | None:
     return _inverse(turning, len(names))
 
 
+@cache
+@in_float64
+def position_readout(robot: Robot) -> Array | None:
+    """The matrix [velocities, outputs] that makes the positions, whose derivatives the robot's velocities are, of its outputs;
+    None where these are no linear function of the positions alone, such as an angle in degrees, or do not tell all of them."""
+    places = [robot.positions.get(name, "") for name in robot.velocities]
+    outputs = robot.channels.outputs
+    p, rest = robot.parameters.numbers, robot.initial_state()
+    idle = (0.0,) * len(robot.channels.inputs)
+    if not places or not all(name in robot.own_states for name in places):
+        return None
+
+    def seen(q):
+        state = {**rest, **dict(zip(places, q, strict=True))}
+        return jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, idle, p)[: len(outputs)]])
+
+    return _inverse(seen, len(places))
+
+
 def _inverse(seen: Callable[[Any], Any], velocities: int) -> Array | None:
     """The pseudo-inverse of a linear function of the velocities; None where it is none, or loses some of them."""
     zero, some = jnp.zeros(velocities), jnp.arange(1.0, 1.0 + velocities)
@@ -80,8 +99,8 @@ def velocities_of(robot: Robot, columns: Mapping[str, Array], time: Array, smoot
     """The robot's velocities [T] by name from measured `columns` [T]; NaN where they do not tell one.
 
     Measured ones as they are, else the derivative of the position that was measured, `smooth`ed before, else what the
-    outputs say together (speeds of wheels), or the rates of the wheels' angles. A robot that names no velocities has its
-    outputs for them.
+    outputs say together (speeds of wheels, or positions in another unit), or the rates of the wheels' angles.
+    A robot that names no velocities has its outputs for them.
     """
     missing = np.full(len(time), np.nan)
     found: dict[str, Array] = {}
@@ -96,6 +115,10 @@ def velocities_of(robot: Robot, columns: Mapping[str, Array], time: Array, smoot
     sensors = readout(robot) if unknown else None
     if sensors is not None and all(name in columns for name in sensors[0]):
         together = sensors[1] @ np.stack([columns[name] for name in sensors[0]])
+        return found | {name: together[robot.velocities.index(name)] for name in unknown}
+    places = position_readout(robot) if unknown else None
+    if places is not None and all(name in columns for name in robot.channels.outputs):
+        together = places @ np.stack([_rate(columns[name], time, smooth) for name in robot.channels.outputs])
         return found | {name: together[robot.velocities.index(name)] for name in unknown}
     wheels = wheel_readout(robot) if unknown else None
     if wheels is not None and all(name in columns for name in robot.measured_angles):

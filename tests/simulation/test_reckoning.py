@@ -6,6 +6,7 @@ import pytest
 
 from jaxid import Channels, Custom, Log, LogSet, Parameter, ParameterTable
 from jaxid.explanation.conditions import motions
+from jaxid.simulation.reckoning import measured_velocities
 from jaxid.simulation.scaled import scales_of
 
 CAR = Custom(
@@ -38,3 +39,35 @@ def test_a_car_whose_yaw_rate_no_force_accelerates_drives_in_circles(every):
     centre = np.array([0.0, 2.0])
     np.testing.assert_allclose(np.linalg.norm(motion.path - centre, axis=1), 2.0, atol=1e-3)
     assert scales_of(CAR, logs).length == pytest.approx(4.0, rel=1e-3)
+
+
+def test_an_angle_in_another_unit_tells_the_speed():
+    """One that swings by 2 rad/s at most, which is 115 in the unit of its sensor, and two that are told by their sum and
+    difference."""
+    time = 0.01 * np.arange(1001)
+    pendulum = Custom(
+        dynamics=lambda s, u, p: {"angle": s["speed"], "speed": u["u"] / p["J"]},
+        state_names=("angle", "speed"),
+        output=lambda s, u, p: {"deg": jnp.rad2deg(s["angle"])},
+        own_channels=Channels(("u",), ("deg",), units={"u": "A", "deg": "deg"}),
+        table={"J": Parameter(0.1)},
+        velocities=("speed",),
+        forces={"speed": "J"},
+    )
+    swing = np.rad2deg(np.sin(2.0 * time))
+    log = Log.from_arrays("swing", time, np.ones((1001, 1)), {"deg": swing}, pendulum.channels)
+    np.testing.assert_allclose(measured_velocities(pendulum, log)["speed"], 2.0 * np.cos(2.0 * time), atol=0.03)
+    assert scales_of(pendulum, LogSet([log])).speed == pytest.approx(2.0, rel=0.02)
+    pair = Custom(
+        dynamics=lambda s, u, p: {"a": s["da"], "b": s["db"], "da": u["u"], "db": -u["u"]},
+        state_names=("a", "b", "da", "db"),
+        output=lambda s, u, p: {"sum": s["a"] + s["b"], "lead": s["a"] - s["b"]},
+        own_channels=Channels(("u",), ("sum", "lead")),
+        table={},
+        velocities=("da", "db"),
+        forces={"da": 1.0, "db": 1.0},
+    )
+    outputs = {"sum": 3.0 * time, "lead": -1.0 * time}
+    log = Log.from_arrays("pair", time, np.ones((1001, 1)), outputs, pair.channels)
+    found = measured_velocities(pair, log)
+    np.testing.assert_allclose([found["da"], found["db"]], [np.full(1001, 1.0), np.full(1001, 2.0)], atol=1e-9)
