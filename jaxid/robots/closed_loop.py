@@ -124,6 +124,10 @@ class ClosedLoop(Robot):
         return self.plant.axis_words
 
     @property
+    def length_unit(self) -> str:  # type: ignore[override]
+        return self.plant.length_unit
+
+    @property
     def friction_unit(self) -> str:  # type: ignore[override]
         return self.plant.friction_unit
 

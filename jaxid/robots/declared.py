@@ -14,6 +14,7 @@ from ..logs.units import metres_of
 from ..parameters import Parameter, ParameterError, ParameterTable
 from .drive_axis import DriveAxis
 from .effect import Scalar
+from .lengths import accelerated
 from .robot import Robot
 from .user_functions import UserFunctions, check_user_functions
 
@@ -265,13 +266,12 @@ class Declared(Robot):
 
     @property
     def length_unit(self) -> str:  # type: ignore[override]
-        """That of what is measured, else of the parameters that are lengths, if they agree; else the metre."""
-        measured = [self.own_channels.units.get(name, "").removesuffix("/s") for name in self.own_channels.outputs]
-        for units in (measured, [parameter.unit for parameter in self.table.values()]):
-            found = {unit for unit in units if metres_of(unit)}
-            if found:
-                return found.pop() if len(found) == 1 else "m"
-        return "m"
+        """As a speed in the plane is measured; else the length that force over mass accelerates by, such as mm of mN and kg.
+        Not as wheels and encoders are read, which may be in another unit than the equations."""
+        ways = self.plane[:2] if isinstance(self.plane, tuple) else self.velocities
+        units = (self.own_channels.units.get(name, "").split("/")[0] for name in ways)
+        said = next((unit for unit in units if metres_of(unit)), "")
+        return said or accelerated(self.friction_unit, self._unit_of((self.mass,), ""))
 
     @property
     def angle_unit(self) -> str:  # type: ignore[override]

@@ -93,21 +93,17 @@ def test_a_slope_is_the_same_angle_in_any_unit_of_length():
         np.testing.assert_allclose(found, truth, rtol=1e-4, atol=1e-6 * metre)
 
 
-def test_where_units_of_length_differ_it_is_the_metre():
-    two = Channels(("u",), ("a", "b"), units={"u": "N", "a": "mm/s", "b": "m/s"})
+def test_how_wheels_are_read_is_not_what_the_equations_are_in():
+    """Wheels in mm/s of a body that is in metres, newtons and kilograms."""
     robot = Custom(
-        dynamics=lambda s, u, p: {"v": u["u"]},
-        state_names=("v",),
-        output=lambda s, u, p: {"a": 1e3 * s["v"], "b": s["v"]},
-        own_channels=two,
-        table={},
+        dynamics=lambda s, u, p: {"v": (u["u"] - p["rub"] * s["v"]) / p["mass"], "w": -s["w"]},
+        state_names=("v", "w"),
+        output=lambda s, u, p: {"left": 1e3 * (s["v"] - 0.1 * s["w"]), "right": 1e3 * (s["v"] + 0.1 * s["w"])},
+        own_channels=Channels(("u",), ("left", "right"), units={"u": "N", "left": "mm/s", "right": "mm/s"}),
+        table={"mass": Parameter(MASS, "kg"), "rub": Parameter(VISCOUS, "kg/s")},
+        forces={"v": "mass", "w": 1.0},
+        plane=("v", "", "w"),
+        mass="mass",
     )
     assert robot.length_unit == "m" and Omni().length_unit == "m"
-    turning = Channels(("u",), ("w",), units={"u": "V", "w": "rad/s"})
-    wheel = Custom(
-        dynamics=lambda s, u, p: {"w": u["u"] - p["radius"] * s["w"]},
-        state_names=("w",),
-        own_channels=turning,
-        table={"radius": Parameter(30.0, "mm")},
-    )
-    assert wheel.length_unit == "mm"
+    assert laws_of(robot, "ground_slope")[0].id == "ground_slope" and robot.metre == 1.0
