@@ -5,7 +5,21 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxid import AXIS, Axis, DifferentialDrive, EffectError, Log, LogSet, Omni, Pioneer, simulate
+from jaxid import (
+    AXIS,
+    Axis,
+    Channels,
+    Custom,
+    DifferentialDrive,
+    DriveAxis,
+    EffectError,
+    Log,
+    LogSet,
+    Omni,
+    Parameter,
+    Pioneer,
+    simulate,
+)
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.effects.actuator.motor_lag import InductanceOfTorques
 
@@ -105,3 +119,20 @@ def test_an_inductance_needs_torques_that_fall_with_the_speed():
     with pytest.raises(EffectError, match="windings of 'omni' are known"):
         Omni() + InductanceOfTorques()
     assert "late_torque" in [law.law for law in laws_of(Axis().with_values(back_emf=2.0), "motor_lag")]
+
+
+def test_an_inductance_needs_no_currents_that_a_user_declares():
+    """Torques alone, of the command and the speed, as a file or a function states them."""
+    table = {"gain": Parameter(2.0), "emf": Parameter(1.5), "M": Parameter(3.0, "kg"), "Fv": Parameter(1.0)}
+
+    def torque(s, u, p):
+        return p["gain"] * (u["u"] - p["emf"] * s["v"])
+
+    cart = Custom(
+        dynamics=lambda s, u, p, f: {"v": (torque(s, u, p) - p["Fv"] * s["v"] - f["wheel"]) / p["M"]},
+        state_names=("v",),
+        own_channels=Channels(("u",), ("v",), units={"u": "V", "v": "m/s"}),
+        table=table,
+        axes={"wheel": DriveAxis(speed="v", viscous="Fv", torque=torque)},
+    )
+    assert "late_torque" in [law.law for law in laws_of(cart, "motor_lag")]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis
+from jaxid import Axis, Omni
 from jaxid.effects import effect_by_id
 
 LAW = effect_by_id(Axis(), "sensor_scale", "shape")
@@ -24,3 +24,15 @@ def test_a_sensor_that_is_nonlinear_shows_more_of_more(error):
 def test_one_that_stands_for_something_else_may_show_less():
     falling = with_scale(lambda x: 5.0 if x < 0.2 else -0.6)
     assert LAW.doubt(falling) == "by its curve v would show less of more"
+
+
+def test_what_all_sensors_have_alike_may_be_held_as_another_s():
+    """A gyro alone, or all others the other way round beside a smaller mass: the middle one is held."""
+    scale = effect_by_id(Omni(), "sensor_scale", "each_channel")
+    robot = Omni() + scale
+    robot = robot.with_values(**{scale.key(f"error_{name}"): error for name, error in (("V", -0.05), ("Vn", -0.048))})
+    assert scale.may_hold(robot) == ["sensor_scale.error_Vn"]
+    held = robot.with_values(**{"sensor_scale.error_Vn": 0.0}).change("sensor_scale.error_Vn", free=False)
+    assert scale.may_hold(held) == []
+    pair = effect_by_id(Axis(), "sensor_scale", "by_direction")
+    assert pair.may_hold(Axis() + pair) == []

@@ -135,13 +135,18 @@ class Inductance(MotorLag):
 
 
 @dataclass(frozen=True)
-class InductanceOfTorques(Inductance):
+class InductanceOfTorques(MotorLag):
     """The same on a robot of which no winding is known, only torques that fall with the speed: what they are without a command
     is what the back-EMF takes, and comes late."""
 
     law: ClassVar[str] = "late_torque"
     formula: ClassVar[str] = "time_constant * dt_i'/dt = t_i(u_i, speed) - t_i', of the whole torque, back-EMF included"
-    needs: ClassVar[tuple[str, ...]] = ()
+
+    def states_on(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(self.own(f"late_emf_{name}") for name in drive_names(robot))
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | shortest(self, 0.3 * robot.scales.interval)
 
     def refusal(self, robot: Robot) -> str | None:
         if robot.winding:
@@ -152,9 +157,6 @@ class InductanceOfTorques(Inductance):
                 f"{self.title} is a lag of the command"
             )
         return None
-
-    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        return volts
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         T = p[self.key("time_constant")]

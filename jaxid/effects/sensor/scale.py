@@ -32,6 +32,17 @@ class SensorScale(Effect):
             found |= signed(self, f"error_{name}", "", 0.03)
         return found
 
+    def may_hold(self, robot: Robot) -> list[str]:
+        """The error in the middle of all, of two the smaller one: what all sensors read too much may be a constant's of the
+        robot, such as its mass."""
+        names = [self.key(f"error_{name}") for name in sensed(robot)]
+        values = {name: robot.parameters[name].value for name in names if robot.parameters[name].free}
+        if len(values) < max(len(names), 2):
+            return []
+        if len(values) == 2:
+            return [min(values, key=lambda name: abs(values[name]))]
+        return sorted(values, key=lambda name: values[name])[(len(values) - 1) // 2 :][:1]
+
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return outputs * (1.0 + each_channel(self, p, "error", robot))
 
@@ -43,6 +54,9 @@ class ScaleByDirection(SensorScale):
     law: ClassVar[str] = "by_direction"
     formula: ClassVar[str] = "y' = (1 + error) y where y > 0, (1 + error_backward) y where y < 0"
     otherwise: ClassVar[str] = ""
+
+    def may_hold(self, robot: Robot) -> list[str]:
+        return []
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
