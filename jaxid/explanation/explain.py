@@ -228,7 +228,9 @@ def explain(
                 constants[effect.id] = [one.shares for one in wrong]
                 if last:
                     others = {f"a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
-                    laws = (t for t in step.laws if t.law in effect.laws_alike and not t.angles)
+                    # A law of more parameters makes others of the rest by chance, and is none that was passed over.
+                    same = (t for t in step.laws if t.law in effect.laws_alike and t.free <= step.after.free)
+                    laws = (t for t in same if not t.angles)
                     others |= {f"{effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
             final, sentence = hinging(
                 final, step.after if last and own else step.chosen, others | by_name(effect, step)

@@ -81,10 +81,23 @@ def widened_by_forms(
         if effect is None or isinstance(effect, Curve) or found.final is None or found.final.angles:
             continue
         fit = _of_another_form(effect, final, found.final, step, curve_of, in_full, say)
-        if fit is not None and (moved(final, fit, lost=effect.freer is not None) or _contradicted(effect, fit)):
+        if fit is None or _same_law(effect, final, fit):
+            continue
+        if moved(final, fit, lost=effect.freer is not None) or _contradicted(effect, fit):
             say(f"the robot's own parameters hang on the form of {effect.title}")
             final = _widened(final, fit, effect)
     return final
+
+
+def _same_law(effect: Effect, final: Fit, fit: Fit) -> bool:
+    """Whether the freer form is the formula, of which another number of it has the place of one of the robot's: that is nothing
+    then, and no other is another one."""
+    if effect.freer is None or effect.freer.restricts:
+        return False
+    own = _own(final, fit)
+    gone = [n for n in own if fit[n].status == "at_bound" or abs(fit[n].value) <= _CERTAIN * fit[n].std_error]
+    kept = {n: e for n, e in final.parameters.items() if n not in gone}
+    return bool(gone) and not moved(replace(final, parameters=kept), fit)
 
 
 def _contradicted(effect: Effect, fit: Fit) -> bool:

@@ -192,3 +192,14 @@ def test_viscous_friction_that_a_power_law_bends_may_be_another_s():
     off = abs(plain["Fv"].value - TRUE["Fv"])
     assert off > 4.0 * plain["Fv"].std_error and off < 2.0 * wider["Fv"].std_error
     assert wider["M"].std_error < 1.5 * plain["M"].std_error
+
+
+def test_a_power_law_that_is_the_law_stays_as_sharp():
+    plain, wider = with_a_law(
+        lambda v: 2.0 * np.sign(v) * np.sqrt(np.abs(v)), "sublinear_viscous_friction", "power",
+        **{"sublinear_viscous_friction.deficit": 0.4},
+    )  # fmt: skip
+    assert wider is plain
+    # By this law the coefficient is the friction over the speed at the reference.
+    at = plain.robot.parameters["sublinear_viscous_friction.reference"].value
+    assert abs(plain["Fv"].value - 2.0 / np.sqrt(at)) < 3.0 * plain["Fv"].std_error
