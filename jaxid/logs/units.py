@@ -71,7 +71,7 @@ class Unit(NamedTuple):
 
 def metres_of(unit: str) -> float | None:
     """Metres of a unit of length, such as 0.001 of "mm"; None for what is none."""
-    return (_LENGTHS | _ALONE_LENGTHS).get(unit.lower())
+    return (_LENGTHS | _ALONE_LENGTHS | {"um": 1e-6}).get(unit.lower())
 
 
 def words_in(text: str) -> list[str]:
