@@ -25,7 +25,7 @@ from .doubtful_logs import doubtful_logs
 from .even_stamps import on_even_stamps
 from .explanation import Explanation
 from .finer_curves import hangs_on_forms
-from .hinging import by_name, hinging
+from .hinging import by_name, hinging, with_the_rest
 from .in_some_logs import in_some_of, sorted_logs, unsorted
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
@@ -232,10 +232,10 @@ def explain(
                     same = (t for t in step.laws if t.law in effect.laws_alike and t.free <= step.after.free)
                     laws = (t for t in same if not t.angles)
                     others |= {f"{effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
-            final, sentence = hinging(
-                final, step.after if last and own else step.chosen, others | by_name(effect, step)
-            )
-            hinges = " ".join(filter(None, (hinges, sentence)))
+            if found.final is not None:
+                others = with_the_rest(others | by_name(effect, step), effect.id, final)
+                final, sentence = hinging(final, found.final, others)
+                hinges = " ".join(filter(None, (hinges, sentence)))
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = verdict_of(found, named, most, doubts)

@@ -28,7 +28,9 @@ class Hinging(NamedTuple):
 def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
     """What the robot's own parameters would be under the names of `others` (each with its model). `last` is the trial that
     `final` is the fit in full of; where it has other effects than that, nothing is said."""
-    if _own(last.robot.parameters.free_names) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
+    free = last.robot.parameters.free_names
+    held = any(name in final.parameters and final[name].status == "fixed" for name in free)
+    if held or _own(free) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
         return Hinging(final, "")  # something was held, left out or added since
     own = [name for name in final.free_names if "." not in name and final[name].status == "identified"]
     said, reached = [], {}
@@ -62,6 +64,13 @@ def by_name(effect: NamedEffect, step: Step) -> dict[str, Robot]:
     # Prescribed angles suit one of two names alone: what the other's model makes of them says nothing.
     alike = (trial for trial in step.trials if trial.id in effect.equivalent_to and not trial.angles)
     return {in_words(trial.id): trial.robot for trial in alike}
+
+
+def with_the_rest(others: Mapping[str, Robot], identifier: str, final: Fit) -> dict[str, Robot]:
+    """Those of the models in the place of one effect that have all else that `final` has: of others, what is missing there has
+    moved the robot's own parameters, too."""
+    rest = _ids(final.robot) - {identifier}
+    return {title: robot for title, robot in others.items() if rest <= _ids(robot)}
 
 
 def _ids(robot: Robot) -> set[str]:

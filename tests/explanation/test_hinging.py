@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id
-from jaxid.explanation.hinging import hinging
+from jaxid.explanation.hinging import hinging, with_the_rest
 from jaxid.explanation.refit import refit
 from jaxid.logs import noise_scale
 from jaxid.simulation.scaled import scaled_to
@@ -46,3 +46,22 @@ def test_nothing_is_said_where_the_last_trial_is_not_the_answer():
     final, last = found(())
     held = replace(last, robot=last.robot.change("M", free=False))
     assert hinging(final, held, {"a wrong gain": last.robot.with_values(M=1.3)}) == (final, "")
+
+
+def test_nothing_is_said_beside_a_model_in_which_a_number_of_the_effect_was_free():
+    """Held since, it had moved the others with it."""
+    final, last = found(())
+    name = "motor_lag.time_constant"
+    fixed = replace(final.parameters[name], status="fixed")
+    held = replace(final, parameters={**final.parameters, name: fixed})
+    other = {"a wrong gain": last.robot.with_values(M=1.3)}
+    assert hinging(held, last, other) == (held, "") and hinging(final, last, other).sentence
+
+
+def test_models_that_lack_another_effect_say_nothing():
+    final, last = found(())
+    with_drag = replace(final, robot=final.robot + effect_by_id(final.robot, "quadratic_drag"))
+    delayed = last.robot + effect_by_id(last.robot, "quadratic_drag")
+    others = {"as it was": last.robot, "beside the drag": delayed}
+    assert list(with_the_rest(others, "motor_lag", with_drag)) == ["beside the drag"]
+    assert list(with_the_rest(others, "motor_lag", final)) == ["as it was", "beside the drag"]
