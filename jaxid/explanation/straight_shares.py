@@ -93,9 +93,9 @@ def _sum(final: Fit, shared: Shared) -> str:
 def _shared(final: Fit, effect: Curve) -> Shared | None:
     """Parameters that a straight share of the effect's curves replaces, by the rates of the model in states within the reach;
     None where there is none."""
-    robot = final.robot
+    robot = final.robot.alone  # a controller's equations have no share in it
     numbers = {name: float(value) for name, value in robot.parameters.numbers.items()}
-    own = [n for n, e in final.parameters.items() if "." not in n and e.status == "identified"]
+    own = [n for n in numbers if "." not in n and final[n].status == "identified"]
     patterns = list(_straight(robot, effect))
     if not own or not patterns:
         return None

@@ -82,31 +82,36 @@ def test_what_moves_by_what_further_parameters_cost_has_not_moved(found):
     assert not moved(coarse, lost)
 
 
-def by_a_formula(limit, law):
-    """The fit in full of a limit that a search has named by the formula `law`, and that with errors that allow for its form."""
-    logs, held_out = driven(limit, 8, count=13)
+def named_by(logs, held_out, identifier, law, **own):
+    """The fit in full of what a search has named by a formula, begun with its `own` numbers, and that with errors that allow
+    for its form."""
     noise = noise_scale(held_out, otherwise=logs)
     robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
     fit = output_error(robot, logs)
 
-    def refitted(model, **own):
-        start = {name: model.parameters[name].value for name in model.parameters.free_names} | own
+    def refitted(model, **values):
+        start = {name: model.parameters[name].value for name in model.parameters.free_names} | values
         return refit(model, [start], logs, held_out, noise, fit.initial_states)
 
     base = refitted(fit.robot)
-    model = base.robot + effect_by_id(base.robot, "voltage_saturation", law)
-    trial = refitted(model, **{"voltage_saturation.inverse_limit": 0.3})
+    begun = {f"{identifier}.{name}": value for name, value in own.items()}
+    trial = refitted(base.robot + effect_by_id(base.robot, identifier, law), **begun)
     step = Step((trial,), (), (), base, trial, (trial,))
     search = Search(before=base.held_out, after=trial.held_out, final=trial, steps=(step,), first_look=())
 
-    def curve_of(identifier):
-        return by_its_curve(identifier, trial, base, logs, held_out, noise, lambda sentence: None)
+    def curve_of(name):
+        return by_its_curve(name, trial, base, logs, held_out, noise, lambda sentence: None)
 
-    def fitted(own):
-        return in_full(own, logs, noise)
+    def fitted(other):
+        return in_full(other, logs, noise)
 
     plain = fitted(trial)
     return plain, widened_by_forms(search, plain, curve_of, fitted, lambda sentence: None)
+
+
+def by_a_formula(limit, law):
+    """The same of a limit."""
+    return named_by(*driven(limit, 8, count=13), "voltage_saturation", law, inverse_limit=0.3)
 
 
 def test_beside_a_formula_of_another_form_the_parameters_errors_allow_for_it():
@@ -146,30 +151,14 @@ def resisted(resistance, seed=3, count=3, samples=400, fine=20, h=0.02):
 
 
 def with_a_law(resistance, identifier, law, **own):
-    """The fit in full with a law of the speed, and that with errors that allow for its form."""
-    logs, held_out = resisted(resistance)
-    noise = noise_scale(held_out, otherwise=logs)
-    robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
-    fit = output_error(robot, logs)
-
-    def refitted(model, **values):
-        start = {name: model.parameters[name].value for name in model.parameters.free_names} | values
-        return refit(model, [start], logs, held_out, noise, fit.initial_states)
-
-    base = refitted(fit.robot)
-    trial = refitted(base.robot + effect_by_id(base.robot, identifier, law), **own)
-    step = Step((trial,), (), (), base, trial, (trial,))
-    search = Search(before=base.held_out, after=trial.held_out, final=trial, steps=(step,), first_look=())
-    plain = in_full(trial, logs, noise)
-    return plain, widened_by_forms(
-        search, plain, lambda identifier: None, lambda own: in_full(own, logs, noise), lambda sentence: None
-    )
+    """The same of a law of the speed."""
+    return named_by(*resisted(resistance), identifier, law, **own)
 
 
 def test_viscous_friction_beside_drag_of_another_power_allows_for_it():
     plain, wider = with_a_law(
         lambda v: 2.0 * v + 1.0 * np.sign(v) * np.abs(v) ** 1.4, "quadratic_drag", "whole_speed",
-        **{"quadratic_drag.coefficient": 0.5},
+        coefficient=0.5,
     )  # fmt: skip
     assert plain.judgement.verdict == "sound"
     off = abs(plain["Fv"].value - TRUE["Fv"])
@@ -178,16 +167,14 @@ def test_viscous_friction_beside_drag_of_another_power_allows_for_it():
 
 
 def test_viscous_friction_beside_drag_that_is_quadratic_stays_as_sharp():
-    plain, wider = with_a_law(
-        lambda v: 2.0 * v + 0.5 * v * np.abs(v), "quadratic_drag", "whole_speed", **{"quadratic_drag.coefficient": 0.4}
-    )
+    plain, wider = with_a_law(lambda v: 2.0 * v + 0.5 * v * np.abs(v), "quadratic_drag", "whole_speed", coefficient=0.4)
     assert wider is plain and abs(plain["Fv"].value - TRUE["Fv"]) < 3.0 * plain["Fv"].std_error
 
 
 def test_viscous_friction_that_a_power_law_bends_may_be_another_s():
     plain, wider = with_a_law(
         lambda v: 2.0 * v + 0.8 * np.sign(v) * np.sqrt(np.abs(v)), "sublinear_viscous_friction", "power",
-        **{"sublinear_viscous_friction.deficit": 0.2},
+        deficit=0.2,
     )  # fmt: skip
     off = abs(plain["Fv"].value - TRUE["Fv"])
     assert off > 4.0 * plain["Fv"].std_error and off < 2.0 * wider["Fv"].std_error
@@ -197,7 +184,7 @@ def test_viscous_friction_that_a_power_law_bends_may_be_another_s():
 def test_a_power_law_that_is_the_law_stays_as_sharp():
     plain, wider = with_a_law(
         lambda v: 2.0 * np.sign(v) * np.sqrt(np.abs(v)), "sublinear_viscous_friction", "power",
-        **{"sublinear_viscous_friction.deficit": 0.4},
+        deficit=0.4,
     )  # fmt: skip
     assert wider is plain
     # By this law the coefficient is the friction over the speed at the reference.

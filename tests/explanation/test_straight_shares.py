@@ -3,9 +3,21 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, Omni, Pioneer, output_error
+from jaxid import (
+    AXIS,
+    Axis,
+    Controller,
+    DifferentialDrive,
+    Log,
+    LogSet,
+    Omni,
+    Pioneer,
+    closed_loop,
+    output_error,
+)
 from jaxid.effects import effect_by_id
 from jaxid.estimate.result import Estimate
 from jaxid.explanation.straight_shares import open_gain, shared_lines, without_shared_lines
@@ -114,3 +126,12 @@ def test_why_a_limit_that_takes_from_the_smallest_commands_leaves_all_open_is_sa
     }
     said = open_gain(replace(known, parameters=open_))
     assert "M, J, Fv, Fc and the heights of the curve are known but for a factor" in said and "weighed" in said
+
+
+def test_a_controller_around_the_robot_changes_nothing_of_it(fits):
+    controller = Controller(lambda r, y, s, p: {"u": 3.0 * (r["goal"] - y["v"])}, ("goal",))
+    logs = LogSet([replace(log, extra=pd.DataFrame({"goal": np.ones(len(log.time))})) for log in driven(4)])
+    loop, _ = closed_loop(Axis().with_values(Fc=0.5), logs, controller)
+    loop = loop + effect_by_id(loop.alone, "sublinear_viscous_friction", "shape")
+    told = without_shared_lines(like(fits[0], loop))
+    assert {n for n in loop.parameters if told[n].status == "not_identifiable"} == {"Fv"}
