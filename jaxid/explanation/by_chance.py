@@ -143,7 +143,7 @@ def rather_by_chance(
             state = by_chance(in_full(trial, logs, noise), logs, held_out, trial.held_out)
             if state.by_chance:
                 say(f"{law.title}: what is left, {state.normalised_rms:.3f} x noise, is what its scatter leaves")
-                found.append(replace(trial, held_out=state))
+                found.append(trial.leaving(state))
         if found:
             best, *others = sorted(found, key=lambda trial: trial.score)
             ids = {trial.id for trial in found}

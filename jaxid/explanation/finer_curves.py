@@ -127,7 +127,9 @@ def _of_another_form(
     curves = [law for law in laws_of(step.before.robot, effect.id) if isinstance(law, Curve)]
     curve = curve_of(effect.id) if any(curve.begins_later or curve.ends for curve in curves) else None
     # Through more points than it needs, so that what it lacks itself does not tell against the formula.
-    dense = _dense(curve, curve.robot, effect.id) if curve is not None else None
+    # With the steps that the formula was found to need: the curve would be found to need them anew.
+    robot = curve and replace(curve.robot, longest_step=final.robot.longest_step)
+    dense = _dense(curve, robot, effect.id) if curve and robot else None
     return _fitted(dense, effect.id, in_full) if dense is not None else None
 
 

@@ -84,4 +84,5 @@ def in_colour(
     robot = generalised(trial.robot, logs, noise, colours, trial.angles)
     fitted: HeldOut = whitened(held_out_state(robot, logs, noise, trial.angles), colours)
     state = trial.held_out if robot is trial.robot else held_out_state(robot, held_out, noise)
-    return replace(trial, robot=robot, squares=fitted.squares, fitted=fitted, held_out=whitened(state, colours))
+    again = replace(trial, robot=robot, squares=fitted.squares, fitted=fitted)
+    return again.leaving(whitened(state, colours))

@@ -1,8 +1,8 @@
 """Refit of a model with one more effect: all free parameters and the effect's own, weighed by the noise of the data."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -62,8 +62,9 @@ class Trial:
     """A model refitted with its effects.
 
     `id` is the effect that the trial is about, `squares` chi-squared on the logs it was fitted to, `fitted` what it leaves of
-    these and `held_out` of the others. `angles` are those of the wheels in these logs, if they have to be prescribed.
-    `in_colour` is its score among others once coloured noise is whitened (`coloured.py`).
+    these. `predicts` works out what it leaves of the others, which of most trials nobody asks: where wheels' angles have to be
+    prescribed, it takes as long as the refit. `angles` are those of the wheels in the fitted logs, if they have to be
+    prescribed. `in_colour` is its score among others once coloured noise is whitened (`coloured.py`).
     """
 
     id: str
@@ -71,10 +72,19 @@ class Trial:
     squares: float
     free: int
     fitted: HeldOut
-    held_out: HeldOut
+    predicts: Callable[[], HeldOut]
     initial_states: dict[str, dict[str, float]]
     angles: Angles | None = None
     in_colour: float | None = None
+
+    @cached_property
+    def held_out(self) -> HeldOut:
+        """What it leaves of the logs that it was not fitted to."""
+        return self.predicts()
+
+    def leaving(self, held_out: HeldOut) -> "Trial":
+        """The same, of which is known what it leaves of the logs that it was not fitted to."""
+        return replace(self, predicts=lambda: held_out)
 
     @property
     def effect(self) -> Effect | None:
@@ -188,7 +198,7 @@ def refit(
         squares=squares,
         free=len(structure.names) - len(unseen),
         fitted=_fitted(structure, problem, optimum, logs, free),
-        held_out=predicted(found, held_out, noise),
+        predicts=partial(predicted, found, held_out, noise),
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         angles=problem.prescribed or None,
     )

@@ -96,7 +96,7 @@ def search(
                 if not current.held_out.adequate:
                     steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report)
             left = small_after_all(current.held_out, held_out, rated)
-            current = replace(current, held_out=within_rounding(held_out, left))
+            current = current.leaving(within_rounding(held_out, left))
             if not current.held_out.adequate:
                 steps, current = rather_by_chance(steps, current, baseline, logs, held_out, noise, report)
             report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")

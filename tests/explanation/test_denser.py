@@ -52,7 +52,7 @@ def test_a_denser_model_is_written_and_read(robot, tmp_path):
 
 def trial(robot, residual, free):
     state = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 1.0}, 0.0)
-    return Trial("sensor_bias", robot, float(np.sum(residual**2)), free, state, state, {})
+    return Trial("sensor_bias", robot, float(np.sum(residual**2)), free, state, lambda: state, {})
 
 
 def test_points_that_tell_nothing_are_not_added(robot):

@@ -90,7 +90,7 @@ def named(sure=True):
 
 
 def verdict(fit, before, after, *effects):
-    without, with_it = (Trial("", fit.robot, 0.0, 1, state(rms), state(rms), {}) for rms in (before, after))
+    without, with_it = (Trial("", fit.robot, 0.0, 1, state(rms), lambda rms=rms: state(rms), {}) for rms in (before, after))
     found = Search(state(before), state(after), None, (Step((with_it,), (), (), without, with_it),), ())
     doubts = doubts_of(found, fit, effects, found.after)
     return verdict_of(found, effects, 3, doubts), doubts
@@ -250,7 +250,7 @@ def test_an_edge_that_no_sample_lies_at_is_there_by_what_it_explains():
 
     def trial(size, free):
         left = HeldOut(size, {"v": size}, (size * noise,), {"v": 0.01}, 1e-9)
-        return Trial("actuator_dead_zone", ROBOT, float(np.sum((size * noise) ** 2)), free, left, left, {})
+        return Trial("actuator_dead_zone", ROBOT, float(np.sum((size * noise) ** 2)), free, left, lambda: left, {})
 
     def there(effect, estimate, after):
         step = Step((after,), (), (), trial(2.0, 4), after)

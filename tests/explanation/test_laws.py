@@ -69,7 +69,7 @@ def candidate(effect, gain, laws=()):
 def trial(robot, effect, squares, state=STATE):
     signs = np.random.default_rng(3).choice([-1.0, 1.0], size=(SAMPLES, 1))
     fitted = replace(state, residuals=(np.sqrt(squares / SAMPLES) * signs,))
-    return Trial(effect.id, robot + effect, squares, 3, fitted, state, {})
+    return Trial(effect.id, robot + effect, squares, 3, fitted, lambda: state, {})
 
 
 def test_other_mechanisms_laws_are_tried_while_none_leaves_only_noise():

@@ -12,7 +12,7 @@ from jaxid.explanation.screen import Candidate
 
 def trial(name: str, law: str) -> Trial:
     state = HeldOut(1.0, {"v": 1.0}, (np.zeros((10, 1)),), {"v": 0.01}, 0.5)
-    return Trial(name, Axis() + effect_by_id(Axis(), name, law), 10.0, 1, state, state, {})
+    return Trial(name, Axis() + effect_by_id(Axis(), name, law), 10.0, 1, state, lambda: state, {})
 
 
 def candidate(name: str, *direction: float) -> Candidate:

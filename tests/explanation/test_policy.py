@@ -15,7 +15,7 @@ from jaxid.explanation.worth import worth_it
 
 def trial(residual, name=""):
     state = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 1.0}, 0.0)
-    return Trial(name, Axis(), float(np.sum(residual**2)), 3, state, state, {})
+    return Trial(name, Axis(), float(np.sum(residual**2)), 3, state, lambda: state, {})
 
 
 def test_there_are_at_most_twenty_and_each_is_explained():

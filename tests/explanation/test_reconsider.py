@@ -152,7 +152,7 @@ def test_laws_that_what_is_in_the_model_refuses_are_not_tried_again():
     assert not any(law.law == "early" for law in laws_of(lag.robot, "sensor_delay"))
     first, second = Step((delay,), (), (), base, delay, (delay,)), Step((both,), (), (), delay, both, (both,))
     # Still far from the noise, so that other laws are asked for.
-    current = replace(both, held_out=base.held_out)
+    current = both.leaving(base.held_out)
     said = []
     steps, found = by_laws_again([first, second], current, base, logs, held_out, noise, said.append)
     assert "the laws of sensor_delay once more" in said

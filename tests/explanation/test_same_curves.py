@@ -22,8 +22,8 @@ def answer(robot, identifier, heights, apart=False):
     rng, outputs, inputs = np.random.default_rng(0), len(robot.channels.outputs), len(robot.channels.inputs)
     columns = rng.uniform(-10.0, 10.0, (400, inputs)), rng.uniform(-1.0, 1.0, (400, outputs))
     logs = LogSet([Log.from_arrays("one", 0.02 * np.arange(400), *columns, robot)])
-    before = Trial("", robot, 4.0, 5, STATE, STATE, {})
-    return set(curves_that_are(before, Trial(identifier, model, 1.0, 9, STATE, STATE, {}), PROMISED, logs))
+    before = Trial("", robot, 4.0, 5, STATE, lambda: STATE, {})
+    return set(curves_that_are(before, Trial(identifier, model, 1.0, 9, STATE, lambda: STATE, {}), PROMISED, logs))
 
 
 @pytest.mark.parametrize(

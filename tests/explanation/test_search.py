@@ -39,7 +39,7 @@ def test_effects_that_the_model_has_are_left_as_they_are():
 
 def trial(effect, residual):
     state = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 1.0}, 0.0)
-    return Trial(effect.id, Axis() + effect, float(np.sum(residual**2)), 5, state, state, {})
+    return Trial(effect.id, Axis() + effect, float(np.sum(residual**2)), 5, state, lambda: state, {})
 
 
 def test_laws_are_said_alike_of_the_effect_that_they_are_laws_of():

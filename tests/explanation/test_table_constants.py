@@ -121,9 +121,9 @@ def test_an_effect_that_is_nothing_but_a_constant_of_the_table_is_that_one():
     # A centre of mass on the axis of symmetry is nothing that a table has wrong.
     assert effects_that_are(["xm"], Pioneer().with_values(xm=0.0)) == ()
     state = HeldOut(1.0, {"eta1": 1.0}, (np.ones((10, 1)),), {"eta1": 1.0}, 0.5)
-    before = Trial("", Pioneer(), 100.0, 8, state, state, {})
+    before = Trial("", Pioneer(), 100.0, 8, state, lambda: state, {})
     wider = (Pioneer() + effect_by_id(Pioneer(), "effective_track")).with_values(L=1.05 * 0.1689)
-    after = Trial("effective_track", wider, 10.0, 9, state, state, {})
+    after = Trial("effective_track", wider, 10.0, 9, state, lambda: state, {})
     some = LogSet([slowed("a", 0, 1.5)])  # not looked at
     ((shares, _),) = constants_like(before, after, some, some)
     assert shares == {"L": pytest.approx(0.05)}

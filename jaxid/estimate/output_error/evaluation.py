@@ -14,6 +14,7 @@ from jaxtyping import Float
 from ..._arrays import AnyArray
 from ..._compile import compiled
 from .direct import sensitivities_now, simulated_now
+from .in_turns import simulations
 from .laid_out import runs_directly
 from .lanes import BY_LOG, Operation, ask
 from .problem import Problem, Structure, Unknowns, parameters_at, residual_weights, sensitivities, simulate_all
@@ -59,6 +60,15 @@ def cost_at(structure: Structure, problem: Problem, at: Unknowns) -> float:
     own = np.where(np.asarray(problem.state_free), stiff, 0.0) * np.asarray(at.states) ** 2
     with np.errstate(over="ignore"):
         return 0.5 * float(np.sum(r**2) + np.sum(pull) + np.sum(own))
+
+
+def costs_at(structure: Structure, problem: Problem, points: Sequence[Unknowns]) -> Float[np.ndarray, " k"]:
+    """`problem.cost` at k points, side by side."""
+    _, costs = simulations(structure, problem, points[0])
+    at = Unknowns(*(np.stack([np.asarray(own[i]) for own in points]) for i in range(2)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = costs(at)
+        return np.asarray(found.own).sum(axis=1) + np.asarray(found.shared)
 
 
 def simulated_with(

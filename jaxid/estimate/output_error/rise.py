@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..result import Estimate, Fit
-from .evaluation import cost_at
+from .evaluation import cost_at, costs_at
 from .from_optimum import AtBounds, known_spread
 from .long_run import long_run_at
 from .optimum import Optimum
@@ -109,18 +109,17 @@ def rise(structure: Structure, problem: Problem, inner: Optimum, bounded: AtBoun
         at = Unknowns(z, np.asarray(states + _following(inner, inside) if states.size else states))
         return at, 0.5 * float(np.sum((triangle @ inside) ** 2))
 
+    directions = [side * direction for direction in _principal(covariance, errors).T for side in (-1, 1)]
+    around = [(direction, *off(far * _OFF * direction)) for direction in directions]
+    around = [one for one in around if one[2] > _TELLING * chance]
+    costs = costs_at(structure, problem, [at for _, at, _ in around]) if around else ()
     doubtful: set[tuple[int, int]] = set()
-    for direction in _principal(covariance, errors).T:
-        for side in (-1, 1):
-            at, promised = off(side * far * _OFF * direction)
-            if not promised > _TELLING * chance:
-                continue
-            cost = cost_at(structure, problem, at)
-            if cost - base < _DOUBTFUL * promised:
-                part = side * direction / np.where(errors > 0, errors, np.inf)
-                doubtful |= {(int(k), int(np.sign(part[k]))) for k in np.flatnonzero(asked & (np.abs(part) > _PART))}
-            if cost < lowest:
-                lowest, lower = cost, at
+    for (direction, at, promised), cost in zip(around, costs, strict=True):
+        if cost - base < _DOUBTFUL * promised:
+            part = direction / np.where(errors > 0, errors, np.inf)
+            doubtful |= {(int(k), int(np.sign(part[k]))) for k in np.flatnonzero(asked & (np.abs(part) > _PART))}
+        if cost < lowest:
+            lowest, lower = float(cost), at
     robots = sorted(one for one in doubtful if "." not in structure.names[one[0]])
     effects = sorted(doubtful.difference(robots))[: max(0, _MOST - len(robots))]
     for k, side in (*robots, *effects):

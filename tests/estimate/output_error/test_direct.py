@@ -20,6 +20,7 @@ from jaxid.estimate.output_error.direct import (
     simulated_now,
 )
 from jaxid.estimate.output_error.direct_costs import costs_directly, side_by_side
+from jaxid.estimate.output_error.evaluation import cost_at, costs_at
 from jaxid.estimate.output_error.laid_out import direct
 from jaxid.estimate.output_error.problem import CLOCK_OFFSET, Unknowns
 from jaxid.estimate.output_error.setup import build
@@ -48,6 +49,15 @@ def agree_apart(found, each):
     """Costs by experiment and of priors at many unknowns, against those at each."""
     agree(found.own, np.stack([np.asarray(own.own) for own in each]))
     agree(found.shared, [float(own.shared) for own in each])
+
+
+def test_costs_of_points_side_by_side_are_those_of_each(problem):
+    structure, numbers, there = problem
+    z, states = np.asarray(there.z), np.asarray(there.states)
+    points = [Unknowns(z * (1.0 + 0.05 * k), states - 0.1 * k) for k in range(5)]
+    expected = [float(by_xla.cost(structure, numbers, at)) for at in points]
+    agree(costs_at(structure, numbers, points), expected)
+    agree([cost_at(structure, numbers, at) for at in points], expected)
 
 
 def test_what_no_log_measured_is_neither_simulated_nor_weighed(problem):
