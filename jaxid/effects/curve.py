@@ -50,6 +50,19 @@ def rises_early(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) ->
     return bool(off[np.argmax(np.abs(off))] >= 0)
 
 
+_AT_ONCE = 1.0 / 3.0
+"""Share of the reach within which friction that rises towards standstill has fallen; a cube of the speed is farthest from a
+straight line at 0.58 of it."""
+
+
+def falls_at_once(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> bool:
+    """Whether a curve of the speed that begins at zero falls right after standstill and is level then, but for a straight line:
+    friction that rises towards standstill, of which the Coulomb friction took the level."""
+    off = heights - heights[-1] * x / x[-1]
+    farthest = int(np.argmax(np.abs(off)))
+    return bool(off[farthest] < 0 and x[farthest] < _AT_ONCE * x[-1])
+
+
 @dataclass(frozen=True)
 class Curve(Effect):
     """A mechanism's curve, or one of each of several things (`each`): heights `at_1`, `at_2` ... at `places`, shares of the

@@ -246,8 +246,8 @@ def judge(
         sizes = _listed([_times(every) + f" (on one log {_times(most)})" * several for every, most in slow.values()])
         sentences.append(
             f"Neighbouring residuals of {_listed(list(slow))} differ by white noise alone; what is slow in them, {sizes} times "
-            "the noise, is then hardly the sensor's, but motion that the model does not make: dynamics that it lacks, inputs "
-            "that were not those, or disturbances."
+            "the noise, is then rather motion that the model does not make (dynamics that it lacks, inputs that were not "
+            "those, disturbances), unless the sensor has slow noise beside its white one."
         )
     alone = [c for c in coloured if c not in follows and c not in slow]
     # So large that it is the sensor's only if it is as even as a sensor's noise.

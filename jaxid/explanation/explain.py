@@ -26,6 +26,7 @@ from .even_stamps import on_even_stamps
 from .explanation import Explanation
 from .finer_curves import hangs_on_forms
 from .hinging import by_name, hinging, with_the_rest
+from .in_common import delays_in_common
 from .in_some_logs import in_some_of, sorted_logs, unsorted
 from .level import FALSE_ALARM, keeps_level
 from .localise import localise, without_place
@@ -285,6 +286,7 @@ def explain(
                 *hangs_on_forms(final),
                 *shared_lines(final),
                 open_gain(final),
+                delays_in_common(final),
                 hinges,
                 still,
                 unusable,

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from ..effects.curve import SHAPE
 from ..estimate.result import Fit
 from ..robots.effect import in_words
 from ..robots.robot import Robot
@@ -62,15 +63,21 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
 def by_name(effect: NamedEffect, step: Step) -> dict[str, Robot]:
     """The models by the names that the data cannot tell from the effect's, by these names in words."""
     # Prescribed angles suit one of two names alone: what the other's model makes of them says nothing.
-    alike = (trial for trial in step.trials if trial.id in effect.equivalent_to and not trial.angles)
+    # Nor does what has only a part in common with the effect, unless it is a curve that is the same function.
+    names = {name for name in effect.equivalent_to if name in step.equivalent or effect.law == SHAPE}
+    alike = (trial for trial in step.trials if trial.id in names and not trial.angles)
     return {in_words(trial.id): trial.robot for trial in alike}
 
 
 def with_the_rest(others: Mapping[str, Robot], identifier: str, final: Fit) -> dict[str, Robot]:
-    """Those of the models in the place of one effect that have all else that `final` has: of others, what is missing there has
-    moved the robot's own parameters, too."""
-    rest = _ids(final.robot) - {identifier}
-    return {title: robot for title, robot in others.items() if rest <= _ids(robot)}
+    """Those of the models in the place of one effect that have all else that `final` has, by the same laws: of others, what is
+    missing there has moved the robot's own parameters, too."""
+
+    def laws(robot: Robot) -> set[tuple[str, str]]:
+        return {(effect.id, effect.law) for effect in robot.effects}
+
+    rest = {(name, law) for name, law in laws(final.robot) if name != identifier}
+    return {title: robot for title, robot in others.items() if rest <= laws(robot)}
 
 
 def _ids(robot: Robot) -> set[str]:

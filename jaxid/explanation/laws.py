@@ -147,25 +147,34 @@ def with_its_other_laws(
 
 
 def by_where_they_bend(mechanisms: Sequence[list[Trial]], base: Trial) -> list[list[Trial]]:
-    """The mechanisms, best first; where the best curve is rather that of another mechanism, of the same formula, which explains
-    the gap of `base`, too, that one first. Of several curves that are alike, a mechanism of fewer that explains the gap or
-    nearly as much comes first."""
-    best = mechanisms[0][0]
+    """The mechanisms, best first; where the best curve is rather that of another mechanism, which explains the gap of `base`,
+    too, that one first. Of several curves that are alike, a mechanism of fewer that explains the gap or nearly as much comes
+    first."""
+    ranked, passed = list(mechanisms), set[str]()
+    while (own := _rather(ranked, base)) is not None and own[0].id not in passed:
+        passed.add(ranked[0][0].id)
+        ranked = [own, *(other for other in ranked if other is not own)]
+    return ranked
+
+
+def _rather(ranked: Sequence[list[Trial]], base: Trial) -> list[Trial] | None:
+    """The mechanism that the first one's curve is rather of: of the same formula, with a curve that is its own or, where the
+    first says whose it is, by any law that explains as much."""
+    best = ranked[0][0]
     if not isinstance(best.effect, Curve) or best.effect.agrees(best.robot):
-        return list(mechanisms)
+        return None
     closed = current_policy().unexplained * base.fitted.gap
     nearly = best.fitted.gap + coarseness(True, base.fitted)
-    for own in mechanisms[1:]:
-        effect = own[0].effect
-        same = (
-            isinstance(effect, Curve)
-            and (effect.formula == best.effect.formula or effect.id == best.effect.rather)
-            and effect.agrees(own[0].robot)
-        )
-        gap = own[0].fitted.gap
+    for own in ranked[1:]:
+        effect, gap = own[0].effect, own[0].fitted.gap
+        named = effect is not None and effect.id == best.effect.rather
+        if isinstance(effect, Curve):
+            same = (named or effect.formula == best.effect.formula) and effect.agrees(own[0].robot)
+        else:
+            same = named
         if (same and gap < closed) or (kinds_alike(best, own[0]) and gap < max(closed, nearly)):
-            return [own, *(other for other in mechanisms if other is not own)]
-    return list(mechanisms)
+            return own
+    return None
 
 
 def best_first(own: Sequence[Trial]) -> list[Trial]:

@@ -8,6 +8,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from .in_common import common_delay
 from .named_effect import Evidence, NamedEffect, effect_parameters
 from .needed import sure_of
 from .policy import current_policy
@@ -48,7 +49,7 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
                     where=effect.where,
                     formula=effect.formula,
                     parameters=own,
-                    equivalent_to=_equivalent(effect, step, baseline.robot),
+                    equivalent_to=_equivalent(effect, step, baseline.robot, final),
                     evidence=_evidence(step),
                     identified=sure,
                     law=effect.law,
@@ -60,9 +61,11 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
 
 
-def _equivalent(effect: Effect, step: Step, bare: Robot) -> tuple[str, ...]:
-    """The names that the data cannot tell from the effect's, and those that are the same constants of the table."""
+def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit) -> tuple[str, ...]:
+    """The names that the data cannot tell from the effect's, those that are the same constants of the table, and the one that
+    makes everything as late as all are."""
     same = effects_that_are(effect.constants, bare) if isinstance(effect, TableConstants) else ()
+    same = same or ((effect.in_common,) if common_delay(effect, final) > 0.0 else ())
     return (*(name for name in step.equivalent if name not in same), *same)
 
 

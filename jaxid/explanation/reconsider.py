@@ -181,6 +181,40 @@ def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
     return sorted(rivals, key=lambda t: (t.id not in step.equivalent, t.score))[:_RIVALS]
 
 
+def with_rival(rival: Trial, instead_of: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
+    """The model with the effect of a rival in the place of another, refitted."""
+    owners = {
+        rival.id if effect.id == instead_of else effect.id: rival.robot if effect.id == instead_of else current.robot
+        for effect in current.robot.effects
+    }
+    swapped = refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
+    return replace(swapped, id=rival.id)
+
+
+def exchanged(
+    steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report
+) -> tuple[list[Step], Trial]:
+    """Earlier effects exchanged for rivals that came near them, where one explains more now that the last is there, too.
+
+    Else the next name would be looked for beside a wrong one, and stand for what that lacks.
+    """
+    revised = list(steps)
+    for place, step in enumerate(steps[:-1]):
+        present = {effect.id for effect in current.robot.effects}
+        if step.chosen.id not in present or current.angles or current.held_out.adequate:
+            continue
+        rivals = rivals_of(step, present)
+        for number, rival in enumerate(rivals, start=1):
+            say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
+        trials = [with_rival(rival, step.chosen.id, current, base, logs, held_out, noise) for rival in rivals]
+        best = min(trials, key=lambda trial: trial.score, default=current)
+        if best.score < current.score and told_apart_from(best, current):
+            say(f"{best.title} instead of {step.chosen.title}: held-out {best.held_out.normalised_rms:.3f} x noise")
+            ranked = sorted([*trials, replace(current, id=step.chosen.id)], key=lambda trial: trial.score)
+            revised[place], current = with_trials(step, ranked), replace(best, id=current.id)
+    return revised, current
+
+
 def _untried(step: Step, leading: Trial, present: Collection[str]) -> list[Candidate]:
     """What promised to explain like a rival that now comes first, and was not refitted, since another one led."""
     without = {trial.id for trial in step.trials} | set(present)
@@ -209,13 +243,7 @@ def reconsidered(
         anew = step.chosen.law != step.after.law and not final.angles
         for number, rival in enumerate(rivals, start=1):
             say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
-            owners = {effect.id: final.robot for effect in final.robot.effects}
-            owners = {
-                rival.id if i == step.chosen.id else i: rival.robot if i == step.chosen.id else r
-                for i, r in owners.items()
-            }
-            swapped = refitted_like(with_effects(base.robot, owners), final, logs, held_out, noise)
-            swapped = replace(swapped, id=rival.id)
+            swapped = with_rival(rival, step.chosen.id, final, base, logs, held_out, noise)
             if anew and rival.effect is not None:
                 others = _by_laws(rival.effect, bare, logs, held_out, noise, say)
                 swapped = best_first([swapped, *(other for other in others if other.law != swapped.law)])[0]

@@ -21,7 +21,8 @@ from .from_the_back import named_from_the_back, not_present
 from .heldout import held_out_state
 from .next_name import name_next, or_constants
 from .overrated import in_its_own_noise, small_after_all
-from .reconsider import by_laws_again, pruned, rather_by_curves, reconsidered
+from .plainer_laws import by_plainer_laws
+from .reconsider import by_laws_again, exchanged, pruned, rather_by_curves, reconsidered
 from .refit import Trial, refit
 from .rounding import within_rounding
 from .screen import Candidate
@@ -93,8 +94,11 @@ def search(
             current = replace(found.chosen, in_colour=None)
             if len(steps) > 1:
                 current = pruned(current, baseline, logs, held_out, noise, report)
+                names = _names(steps)
+                steps, current = exchanged(steps, current, baseline, logs, held_out, noise, report)
                 if not current.held_out.adequate:
-                    steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report)
+                    new = _names(steps) != names
+                    steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=new)
             left = small_after_all(current.held_out, held_out, rated)
             current = current.leaving(within_rounding(held_out, left))
             if not current.held_out.adequate:
@@ -111,6 +115,8 @@ def search(
         steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=True)
         if last or current.held_out.adequate or colour is not None:
             break
+    if current.held_out.adequate:
+        steps, current = by_plainer_laws(steps, current, baseline, logs, held_out, noise, report)
     if colour is not None:
         report(f"what is left is coloured noise: {colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)

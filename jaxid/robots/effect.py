@@ -68,6 +68,9 @@ class Effect:
     """Whether it is tried by itself; else only where another law of the mechanism, whose `denser` it is, leaves something."""
     only_later: ClassVar[bool] = False
     """Whether all it does is that the same motion is seen later."""
+    in_common: ClassVar[str] = ""
+    """Of a law with a delay for each of several things: the id of the effect that makes them all as late as the least of them
+    is, which no data tells apart."""
     late: ClassVar[bool] = False
     """Whether it is a delay or a lag, so that the motion between samples tells it from others."""
     otherwise: ClassVar[str] = ""

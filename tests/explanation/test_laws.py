@@ -210,6 +210,23 @@ def test_a_curve_for_either_way_that_is_one_both_ways_is_no_asymmetry(identifier
     assert by_where_they_bend([[followed(ways, 100.0, **alike)], [unexplained]], base)[0][0].id == ways.id
 
 
+def test_a_bend_that_is_rather_stribeck_friction_gives_way_to_any_of_its_laws_that_explains_the_gap():
+    axis, falls = Axis(), [-0.7, -0.95, -1.0, -1.0]
+    bend = effect_by_id(axis, "sublinear_viscous_friction", "shape")
+    gap = replace(STATE, normalised_rms=2.0)
+    base = replace(trial(axis, bend, 1.0), fitted=gap)
+
+    def of(effect, rms, heights=()):
+        own = trial(axis, effect, 1e4 * rms)
+        values = {bend.key(f"at_{k}"): height for k, height in enumerate(heights, 1)}
+        return replace(own, robot=own.robot.with_values(**values), fitted=replace(own.fitted, normalised_rms=rms))
+
+    formula = effect_by_id(axis, "stribeck_friction", "exponential")
+    for heights, rms, first in ((falls, 1.01, formula), (falls, 1.8, bend), ([0.7, 0.95, 1.0, 1.0], 1.01, bend)):
+        ranked = by_where_they_bend([[of(bend, 1.005, heights)], [of(formula, rms)]], base)
+        assert ranked[0][0].id == first.id
+
+
 def test_a_curve_that_falls_towards_standstill_is_rather_a_bend_of_the_viscous_friction():
     axis = Axis()
     law = effect_by_id(axis, "stribeck_friction", "shape")
@@ -234,6 +251,15 @@ def test_a_bend_that_falls_at_once_is_rather_friction_that_rises_towards_standst
         heights = {law.height(k): float(bend(law.places[k])) for k in law.varying}
         robot = (axis + law).with_values(**heights, **{law.key("reach"): reach})
         assert law.agrees(robot) is agrees
+
+
+def test_drag_that_falls_at_once_is_rather_friction_that_rises_towards_standstill():
+    axis = Axis()
+    law = effect_by_id(axis, "quadratic_drag", "shape")
+    assert law.rather == "stribeck_friction"
+    for drag, agrees in ((lambda s: -(1.0 - np.exp(-8.0 * s)), False), (lambda s: s**2, True), (lambda s: s**3, True)):
+        heights = {law.height(k): float(drag(law.places[k])) for k in law.varying}
+        assert law.agrees((axis + law).with_values(**heights)) is agrees
 
 
 @pytest.mark.parametrize("seed", [31095, 31145])

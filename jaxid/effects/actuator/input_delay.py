@@ -65,6 +65,7 @@ class DelayOfEach(InputDelay):
 
     law: ClassVar[str] = "per_input"
     formula: ClassVar[str] = "u_i'(t) = u_i(t - delay_i)"
+    in_common: ClassVar[str] = "sensor_delay"
     needs: ClassVar[tuple[str, ...]] = ("several_drives",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -6,11 +6,12 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
-from ..curve import Curve
+from ..curve import Curve, falls_at_once
 from ..effect_parameters import positive, shape, signed
 
 _SQUARE = 2.0
@@ -160,6 +161,13 @@ class DragCurve(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|v|"
+    rather: ClassVar[str] = "stribeck_friction"
+
+    def agrees(self, robot: Robot) -> bool:
+        """Whether it grows with the speed, and is no friction that rises towards standstill."""
+        speeds, numbers = np.linspace(0.0, robot.parameters[self.key("reach")].value, 101), robot.parameters.numbers
+        parts = [self.of(part) for part in robot.translations] if self.apart else [""]
+        return not falls_at_once(speeds, np.sum([np.asarray(self.at(speeds, numbers, part)) for part in parts], axis=0))
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return robot.velocities if robot.translations else ()

@@ -102,6 +102,18 @@ class Lorentzian(StribeckFriction):
 
 
 @dataclass(frozen=True)
+class Hyperbolic(StribeckFriction):
+    """The excess falls off as 1 / (1 + |s| / speed), with a long tail (Popp and Stelter, Philosophical Transactions of the
+    Royal Society A 332, 1990)."""
+
+    law: ClassVar[str] = "hyperbolic"
+    formula: ClassVar[str] = "C' = C + amplitude / (1 + |s| / speed)"
+
+    def left(self, share: Scalar) -> Scalar:
+        return 1.0 / (1.0 + jnp.abs(share))
+
+
+@dataclass(frozen=True)
 class StretchedExponential(StribeckFriction):
     """The excess falls off as exp(-sqrt(|s| / speed)): Bo and Pavelescu's law with exponent 1/2."""
 
@@ -196,6 +208,7 @@ LAWS: tuple[Effect, ...] = (
     StribeckFriction(),
     Exponential(),
     Lorentzian(),
+    Hyperbolic(),
     StretchedExponential(),
     Relative(),
     OfEachAxis(),

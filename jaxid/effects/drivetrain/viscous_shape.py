@@ -12,7 +12,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
-from ..curve import Curve
+from ..curve import Curve, falls_at_once
 from ..effect_parameters import axis_names, positive, shape, signed
 from .by_axis import at_rims, on_drive_axes
 
@@ -113,11 +113,6 @@ class AddedPower(Effect):
         return on_drive_axes(robot, resistance, at_rims(robot, p, bends), operator.add)
 
 
-_AT_ONCE = 1.0 / 3.0
-"""Share of the reach within which friction that rises towards standstill has fallen; a cube of the speed is farthest from a
-straight line at 0.58 of it."""
-
-
 @dataclass(frozen=True)
 class ViscousCurve(Curve):
     """How far the friction of every drive axis is from a straight line, as a curve of its speed at the rim.
@@ -135,15 +130,12 @@ class ViscousCurve(Curve):
     rather: ClassVar[str] = "stribeck_friction"
 
     def agrees(self, robot: Robot) -> bool:
-        """Whether it bends with the speed: what falls right after standstill and is level then is friction that rises towards
-        standstill, of which the Coulomb friction took the level."""
+        """Whether it bends with the speed, and is no friction that rises towards standstill."""
         parts = self.parts(robot) if self.apart else ("",)
         speeds = np.linspace(0.0, robot.parameters[self.key("reach")].value, 101)
         numbers = robot.parameters.numbers
         bend = np.sum([np.asarray(self.at(speeds, numbers, self.of(part))) for part in parts], axis=0)
-        off = bend - bend[-1] * speeds / speeds[-1]
-        farthest = int(np.argmax(np.abs(off)))
-        return not (off[farthest] < 0 and speeds[farthest] < _AT_ONCE * speeds[-1])
+        return not falls_at_once(speeds, bend)
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return axis_names(robot)

@@ -67,6 +67,7 @@ class SensorDelayOfEach(SensorDelay):
 
     law: ClassVar[str] = "per_channel"
     formula: ClassVar[str] = "y_i'(t) = y_i(t - delay_i)"
+    in_common: ClassVar[str] = "input_delay"
 
     def refusal(self, robot: Robot) -> str | None:
         return (

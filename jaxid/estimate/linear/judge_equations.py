@@ -134,8 +134,8 @@ def _left(
     slow = {name: sizes for name, sizes in slow.items() if sizes[0] > LEFT or sizes[1] > LEFT_IN_ONE}
     for name, (every, _) in slow.items():
         sentences.append(
-            f"What is slow in the residual of {name}, {every:.2g} times the noise, is hardly the sensor's: its neighbours "
-            "differ by white noise alone."
+            f"What is slow in the residual of {name}, {every:.2g} times the noise, is hardly the sensor's, unless that has "
+            "slow noise beside its white one: neighbours differ by white noise alone."
         )
     alone = [name for name in coloured if name not in follows and name not in slow]
     if alone:
