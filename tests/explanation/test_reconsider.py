@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id, laws_of
-from jaxid.explanation.reconsider import by_laws_again, rather_by_curves, reconsidered, rivals_of
+from jaxid.explanation.plainer_laws import by_plainer_laws
+from jaxid.explanation.reconsider import by_laws_again, exchanged, rather_by_curves, reconsidered, rivals_of
 from jaxid.explanation.refit import refit, refit_from_itself
 from jaxid.explanation.steps import Step
 from jaxid.logs import noise_scale
@@ -144,7 +146,9 @@ def test_laws_that_what_is_in_the_model_refuses_are_not_tried_again():
     base = step.before
 
     def with_one_more(before, identifier, law):
-        return refit_from_itself(before.robot + effect_by_id(base.robot, identifier, law), before, logs, held_out, noise)
+        return refit_from_itself(
+            before.robot + effect_by_id(base.robot, identifier, law), before, logs, held_out, noise
+        )
 
     delay = with_one_more(base, "sensor_delay", "constant")
     both = with_one_more(delay, "sensor_lag", "first_order")
@@ -183,6 +187,63 @@ def test_the_last_law_is_chosen_anew_where_an_earlier_one_has_changed():
     steps, found = by_laws_again([first, second], zone, base, logs, held_out, noise, lambda message: None)
     assert [own.chosen.law for own in steps] == ["constant", "subtractive"]
     assert found.held_out.normalised_rms < 1.1 < zone.held_out.normalised_rms
+
+
+def late_with_a_zone(u):
+    """The late command, less what a dead zone takes."""
+    return np.sign(late(u)) * np.maximum(np.abs(late(u)) - 1.0, 0.0)
+
+
+def two_effects(*added):
+    """Trials one upon the other on logs of a late command with a dead zone, and what to go on with. Each of `added` is an
+    effect, its law, and where its parameters start."""
+    logs, held_out = driven(late_with_a_zone, SEED)
+    noise, step, _ = found_of(logs, held_out)
+
+    def with_more(before, identifier, law, **sizes):
+        robot = before.robot + effect_by_id(before.robot, identifier, law)
+        start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        start |= {f"{identifier}.{name}": size for name, size in sizes.items()}
+        return refit(robot, [start], logs, held_out, noise, before.initial_states)
+
+    trials = [step.before]
+    for identifier, law, sizes in added:
+        trials.append(with_more(trials[-1], identifier, law, **sizes))
+    return trials, with_more, (logs, held_out, noise, lambda message: None)
+
+
+def test_an_earlier_effect_is_exchanged_for_the_rival_that_explains_more_beside_the_last():
+    """A lag was taken for the delay while the dead zone was missing; the next name would be looked for beside it."""
+    added = (
+        ("motor_lag", "first_order", {"time_constant": 0.05}),
+        ("actuator_dead_zone", "subtractive", {"threshold": 0.8}),
+    )
+    (base, lag, zone), with_more, rest = two_effects(*added)
+    delay = with_more(base, "input_delay", "constant", delay=0.04)
+    # As if the lag had come first by a little.
+    lag = replace(lag, squares=min(lag.squares, delay.squares - 20.0))
+    first = Step((lag, delay), (), (), base, lag, (lag,))
+    second = Step((zone,), (), (), lag, zone, (zone,))
+    assert zone.held_out.normalised_rms > 1.1
+    steps, found = exchanged([first, second], zone, base, *rest)
+    assert [own.chosen.id for own in steps] == ["input_delay", "actuator_dead_zone"]
+    assert found.id == "actuator_dead_zone" and found.held_out.normalised_rms < 1.1
+    assert steps[0].trials[1].id == "motor_lag"
+    again, same = exchanged(steps, found, base, *rest)
+    assert again == steps and same is found  # nothing but noise is left
+
+
+def test_a_curve_chosen_while_another_effect_was_missing_gives_way_to_its_formula():
+    (base, curve, delay), with_more, rest = two_effects(
+        ("actuator_dead_zone", "shape", {}), ("input_delay", "constant", {"delay": 0.04})
+    )
+    formula = with_more(base, "actuator_dead_zone", "subtractive", threshold=0.8)
+    first = Step((curve,), (), (), base, curve, (curve, formula))
+    second = Step((delay,), (), (), curve, delay, (delay,))
+    steps, found = by_plainer_laws([first, second], delay, base, *rest)
+    assert [own.chosen.law for own in steps] == ["subtractive", "constant"]
+    assert found.id == "input_delay" and found.held_out.normalised_rms < 1.1
+    assert found.robot.parameters["actuator_dead_zone.threshold"].value == pytest.approx(1.0, abs=0.02)
 
 
 def test_rivals_are_near_to_the_law_that_an_effect_has_now():
