@@ -20,7 +20,7 @@ import numpy as np
 from jaxid import AXIS, Axis, Log, LogSet, output_error
 from jaxid.explanation.explain import explain
 from jaxid.explanation.explanation import Explanation
-from jaxid.explanation.missing_force import missing_force
+from jaxid.explanation.where.missing_force import missing_force
 from jaxid.robots.effect import Effect
 from jaxid.robots.robot import Robot
 

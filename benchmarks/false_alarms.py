@@ -22,10 +22,10 @@ from benchmarks.cases.robots import families as every_family
 from benchmarks.false_alarms_page import write
 from benchmarks.sensor_noise import KINDS, Exact
 from benchmarks.silent import append, code_version, rows_of
-from jaxid.explanation.heldout import held_out_state
+from jaxid.explanation.left.heldout import held_out_state
 from jaxid.explanation.level import FALSE_ALARM, at_level
-from jaxid.explanation.search import search
-from jaxid.explanation.steps import Search
+from jaxid.explanation.search.search import search
+from jaxid.explanation.search.steps import Search
 
 RESULTS = Path(__file__).parent / "results" / "false_alarms.jsonl"
 PAGE = Path(__file__).parents[1] / "docs" / "false_alarms.md"

@@ -87,7 +87,7 @@ def remember_everything() -> None:
         importlib.import_module(f"jaxid.explanation.{name}") for name in ("explain", "refit", "search")
     )
     from jaxid.explanation.policy import current_policy
-    from jaxid.explanation.screen import screen
+    from jaxid.explanation.screening.screen import screen
 
     def of_refit(robot, starts, logs, held_out, noise, initial_states, max_steps=25, rival=float("inf"), angles=None):
         own = tuple(_numbers(start) for start in starts)

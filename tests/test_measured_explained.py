@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.measured_sets import bam, bam_ladder, bam_loop, husky
-from jaxid.explanation.conditions import motions, straight, turning_left, turning_right
+from jaxid.explanation.where.conditions import motions, straight, turning_left, turning_right
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "../shared/data"

@@ -9,7 +9,7 @@ import jaxid
 from benchmarks.sindy.model import library
 from benchmarks.sindy.readings import read
 from benchmarks.sindy.regression import Setting, identify
-from jaxid.explanation.heldout import held_out_state
+from jaxid.explanation.left.heldout import held_out_state
 from jaxid.robots.axis import Axis
 from reference.axis import AXIS
 from reference.logs import simulate_log

@@ -84,7 +84,7 @@ def shell(monkeypatch):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=by_name)
 def test_notebook_runs(path, less_data, shell, monkeypatch):
     monkeypatch.setattr(demo, "folder", less_data.joinpath)
-    searching = importlib.import_module("jaxid.explanation.from_the_back")
+    searching = importlib.import_module("jaxid.explanation.search.from_the_back")
     monkeypatch.setattr(
         searching, "catalogue", lambda robot: [effect for effect in catalogue(robot) if effect.id in EFFECTS]
     )

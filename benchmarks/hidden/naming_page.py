@@ -328,8 +328,8 @@ A case counts as named if the verdict is `named` or `ambiguous`, every hidden ef
 set, and nothing else is. Single and outside effects count where they show (held-out RMS above 1.1; {hidden_well}
 did not: what the baseline absorbs cannot be found). Intervals are Wilson's, 95 %.
 Parameter coverage and the gap closed are of the cases named right. With a torque ripple the wheels' angles are prescribed,
-smoothed from the measured speeds, where a free simulation loses its way (`jaxid/explanation/smoothed_angles.py`): which notch a
-wheel comes to rest in hangs on less than the noise.
+smoothed from the measured speeds, where a free simulation loses its way (`jaxid/explanation/refits/smoothed_angles.py`):
+which notch a wheel comes to rest in hangs on less than the noise.
 {times()}
 ![Confusion matrix](naming/confusion.png)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import jaxid
-from jaxid.explanation.heldout import held_out_state
+from jaxid.explanation.left.heldout import held_out_state
 from reference.effects import EFFECTS, NOT_FOR
 
 from .cases import MODEL, STRENGTHS, make

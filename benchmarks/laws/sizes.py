@@ -15,7 +15,7 @@ import numpy as np
 
 import jaxid
 from benchmarks.hidden.cases import CHECK, FIT, MODEL, NOISE, SAMPLES, SAMPLING, STRENGTHS
-from jaxid.explanation.heldout import held_out_state
+from jaxid.explanation.left.heldout import held_out_state
 from reference import excitation
 from reference.law_table import LAWS
 from reference.logs import simulate

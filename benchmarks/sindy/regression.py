@@ -10,7 +10,7 @@ import pysindy
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import savgol_filter
 
-from jaxid.explanation.heldout import HeldOut, held_out_state
+from jaxid.explanation.left.heldout import HeldOut, held_out_state
 from jaxid.logs import Log, LogSet
 from jaxid.robots.robot import Robot
 

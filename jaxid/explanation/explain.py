@@ -20,30 +20,30 @@ from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect, in_words
 from ..robots.given import given_logs
-from .between_logs import changed_between
-from .doubtful_logs import doubtful_logs
-from .even_stamps import on_even_stamps
+from .certainty.finer_curves import hangs_on_forms
+from .certainty.hinging import by_name, hinging, with_the_rest
+from .certainty.in_common import delays_in_common
+from .certainty.straight_shares import open_gain, shared_lines
 from .explanation import Explanation
-from .finer_curves import hangs_on_forms
-from .hinging import by_name, hinging, with_the_rest
-from .in_common import delays_in_common
-from .in_some_logs import in_some_of, sorted_logs, unsorted
+from .left.between_logs import changed_between
+from .left.doubtful_logs import doubtful_logs
+from .left.even_stamps import on_even_stamps
+from .left.lost_inputs import with_inputs_put_back
+from .left.passing_jumps import without_passing_jumps
+from .left.usable_readings import on_usable_readings
 from .level import FALSE_ALARM, keeps_level
-from .localise import localise, without_place
 from .looked import Asked, looked
-from .lost_inputs import with_inputs_put_back
 from .named_effects import named_effects, or_the_same_curve
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
-from .passing_jumps import without_passing_jumps
 from .policy import Policy, current_policy, keeps_policy
-from .search import MOST_EFFECTS
-from .steps import Search
-from .straight_shares import open_gain, shared_lines
-from .table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
-from .telling_apart import differ, supersets
-from .usable_readings import on_usable_readings
+from .search.in_some_logs import in_some_of, sorted_logs, unsorted
+from .search.search import MOST_EFFECTS
+from .search.steps import Search
+from .search.table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
+from .search.telling_apart import differ, supersets
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
+from .where.localise import localise, without_place
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
 _WEAK = 100.0

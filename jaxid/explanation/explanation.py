@@ -14,12 +14,12 @@ from ..logs import LogSet
 from ..model_file import write_model
 from ..robots.effect import in_words
 from ..robots.robot import Robot
-from .coloured import OnlyColour
 from .display import displays
-from .heldout import HeldOut
+from .left.coloured import OnlyColour
+from .left.heldout import HeldOut
 from .named_effect import NamedEffect
 from .next_experiment import NextExperiment
-from .steps import Search
+from .search.steps import Search
 
 Verdict = Literal["named", "adequate", "ambiguous", "unexplained"]
 

@@ -25,7 +25,7 @@ from ..robots.robot import Robot
 from .explain import explain
 from .explanation import Explanation
 from .level import FALSE_ALARM
-from .search import MOST_EFFECTS
+from .search.search import MOST_EFFECTS
 
 _NAMED = ("named", "ambiguous")
 _SHOWN = 20

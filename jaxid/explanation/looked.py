@@ -11,21 +11,21 @@ from ..estimate.output_error.lost_inputs import with_lost_inputs
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
-from .by_chance import by_chance
-from .finer_curves import through_enough_points, widened_by_forms
-from .held_parameters import with_parameters_held
-from .heldout import HeldOut
+from .certainty.finer_curves import through_enough_points, widened_by_forms
+from .certainty.straight_shares import without_shared_lines
+from .left.heldout import HeldOut
+from .left.overrated import small_after_all
+from .left.rounding import within_rounding
+from .left.within_errors import hanging, within_errors
 from .named_effects import named_effects
-from .needed import only_needed
-from .overrated import small_after_all
-from .prescribed_angles import predicted
-from .reconsider import by_its_curve
-from .refit import Trial, in_full
-from .rounding import within_rounding
-from .search import search
-from .steps import Search
-from .straight_shares import without_shared_lines
-from .within_errors import hanging, within_errors
+from .refits.held_parameters import with_parameters_held
+from .refits.prescribed_angles import predicted
+from .refits.refit import Trial, in_full
+from .search.by_chance import by_chance
+from .search.needed import only_needed
+from .search.reconsider import by_its_curve
+from .search.search import search
+from .search.steps import Search
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from .._distributions import chi_squared_tail, normal_tail
 from ..estimate.result import Estimate, Fit
 from ..robots.effect import Effect, in_words
-from .shape import Shape
+from .where.shape import Shape
 
 TABLE_CONSTANTS = "table_constants"
 """What stands among the names that the data cannot tell from an effect where wrong constants of the table would do the same."""

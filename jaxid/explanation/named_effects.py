@@ -8,14 +8,14 @@ from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
-from .in_common import common_delay
+from .certainty.in_common import common_delay
 from .named_effect import Evidence, NamedEffect, effect_parameters
-from .needed import sure_of
 from .policy import current_policy
-from .same_curves import curves_that_are
-from .shape import shapes_of
-from .steps import Search, Step
-from .table_constants import Shares, changed_by, effects_that_are
+from .search.needed import sure_of
+from .search.same_curves import curves_that_are
+from .search.steps import Search, Step
+from .search.table_constants import Shares, changed_by, effects_that_are
+from .where.shape import shapes_of
 
 
 def _evidence(step: Step) -> Evidence:

@@ -7,10 +7,10 @@ from ..effects.curve import SHAPE, Curve
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.result import Fit
 from .explanation import Verdict
-from .heldout import HeldOut
+from .left.heldout import HeldOut
 from .named_effect import NamedEffect
 from .policy import current_policy
-from .steps import Search
+from .search.steps import Search
 
 
 def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: HeldOut) -> tuple[str, ...]:

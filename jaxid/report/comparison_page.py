@@ -7,7 +7,7 @@ import numpy as np
 from ..estimate.confidence.agreement import counted_channels
 from ..estimate.judge import POOR
 from ..estimate.result import Fit
-from ..explanation.localise import channel_name
+from ..explanation.where.localise import channel_name
 from ..logs import Log
 from ..robots.meanings import meanings_of
 from . import tables as tab

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..explanation.explanation import Explanation
-from ..explanation.localise import Localisation
 from ..explanation.next_experiment import NextExperiment
-from ..explanation.patterns import answering
+from ..explanation.where.localise import Localisation
+from ..explanation.where.patterns import answering
 from ..logs import LogSet
 from .chart import Chart, Panel, Trace, reach_of, stretches
 from .comparison_page import quantity

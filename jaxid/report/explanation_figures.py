@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from ..explanation.explanation import Explanation
-from ..explanation.heldout import HeldOut
+from ..explanation.left.heldout import HeldOut
 from ..explanation.next_experiment import NextExperiment
 from .own_clock import on_own_clock, own_interval, own_rows
 from .style import COLOURS, tidy

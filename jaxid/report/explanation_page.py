@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from .._atomic import replacing
 from ..explanation.explanation import Explanation
-from ..explanation.heldout import HeldOut
-from ..explanation.law_curves import LawCurve
+from ..explanation.left.heldout import HeldOut
+from ..explanation.where.law_curves import LawCurve
 from ..robots.effect import in_words
 from . import explanation_figures as draw
 from . import explanation_tables as tab

@@ -4,7 +4,7 @@ import math
 
 from ..estimate.result import Estimate, Fit
 from ..explanation.explanation import Explanation
-from ..explanation.localise import channel_name
+from ..explanation.where.localise import channel_name
 from ..robots.effect import in_words
 from .intervals import intervals
 from .tables import DOUBT, Cell, Table, number, percent, to_text, value_cell, with_error

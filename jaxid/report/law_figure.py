@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from ..explanation.explanation import Explanation
-from ..explanation.law_curves import LawCurve, law_curves
+from ..explanation.where.law_curves import LawCurve, law_curves
 from ..robots.effect import in_words
 from .explanation_figures import AFTER, BEFORE
 from .style import tidy

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..explanation.conditions import motions
 from ..explanation.explanation import Explanation
+from ..explanation.where.conditions import motions
 from .style import COLOURS, tidy
 
 Array = NDArray[np.float64]

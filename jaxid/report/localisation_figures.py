@@ -4,10 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..explanation.condition_shares import ConditionShare, power
-from ..explanation.localise import Localisation
-from ..explanation.missing_force import ForceHistory
-from ..explanation.patterns import Pattern, answering
+from ..explanation.where.condition_shares import ConditionShare, power
+from ..explanation.where.localise import Localisation
+from ..explanation.where.missing_force import ForceHistory
+from ..explanation.where.patterns import Pattern, answering
 from ..logs import Log, LogSet
 from .style import COLOURS, tidy
 

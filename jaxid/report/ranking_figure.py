@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from ..explanation.explanation import Explanation
-from ..explanation.steps import Step
+from ..explanation.search.steps import Step
 from ..robots.effect import in_words
 from .explanation_figures import AFTER, BEFORE
 from .style import tidy

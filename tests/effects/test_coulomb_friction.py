@@ -5,7 +5,7 @@ import pytest
 
 from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, explain, output_error
 from jaxid.effects.drivetrain import CoulombFriction, StribeckFriction
-from jaxid.explanation.from_the_back import not_present
+from jaxid.explanation.search.from_the_back import not_present
 from jaxid.robots.effect import EffectError
 
 WITHOUT = Axis().with_values(Fc=0.0).change("Fc", free=False)

@@ -10,7 +10,7 @@ pytest.importorskip("numba")
 from benchmarks.hidden.cases import MODEL, NOISE, REFERENCE  # noqa: E402
 from jaxid import Integrator, Log, LogSet
 from jaxid.effects import catalogue, effect_by_id, laws_of
-from jaxid.explanation.probes import standing_together
+from jaxid.explanation.screening.probes import standing_together
 from jaxid.simulation.simulate import simulate
 from reference import excitation  # noqa: E402
 from reference.logs import simulate_log  # noqa: E402

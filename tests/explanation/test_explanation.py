@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from jaxid import Axis, output_error, read_logs, simulate
-from jaxid.explanation.heldout import held_out_state
-from jaxid.explanation.localise import channel_name
+from jaxid.explanation.left.heldout import held_out_state
 from jaxid.explanation.next_experiment import NextExperiment
 from jaxid.explanation.verdict import still_doubted
+from jaxid.explanation.where.localise import channel_name
 from jaxid.model_file import read_model
 
 TRUTH = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from jaxid import DifferentialDrive, Log, LogSet, explain, output_error
-from jaxid.explanation.first_look import begun_at
+from jaxid.explanation.screening.first_look import begun_at
 
 M, J, FV, B = 9.3, 0.21, 4.1, 0.17
 SCRUB, KNEE = 0.5, 0.15

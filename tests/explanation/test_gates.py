@@ -9,12 +9,12 @@ import pytest
 from jaxid import Axis, Custom, Log, LogError, LogSet, Parameter, compare, explain, output_error
 from jaxid.effects.catalogue import effect_by_id
 from jaxid.estimate.result import Estimate
-from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.named_effect import Evidence, NamedEffect, differs_from_nothing
-from jaxid.explanation.needed import _between_samples
 from jaxid.explanation.policy import Policy
-from jaxid.explanation.refit import Trial
-from jaxid.explanation.steps import Search, Step
+from jaxid.explanation.refits.refit import Trial
+from jaxid.explanation.search.needed import _between_samples
+from jaxid.explanation.search.steps import Search, Step
 from jaxid.explanation.verdict import doubts_of, verdict_of
 from jaxid.logs import Channels
 from jaxid.report.files import fit_document

@@ -7,9 +7,9 @@ import pytest
 from scipy import signal
 
 from jaxid import AXIS, OMNI, Axis, Log, LogSet, Omni, explain, output_error
-from jaxid.explanation.absorbed import less_absorbed
-from jaxid.explanation.heldout import HeldOut, held_out_state, whiteness
+from jaxid.explanation.left.heldout import HeldOut, held_out_state, whiteness
 from jaxid.explanation.level import FALSE_ALARM, at_level, current_level
+from jaxid.explanation.screening.absorbed import less_absorbed
 
 SAMPLES = 300
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}

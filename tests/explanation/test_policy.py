@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jaxid import Axis
-from jaxid.explanation.heldout import HeldOut
+from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.policy import Policy, at_policy, current_policy, keeps_policy
-from jaxid.explanation.refit import Trial
-from jaxid.explanation.telling_apart import not_told_apart, told_apart
-from jaxid.explanation.worth import worth_it
+from jaxid.explanation.refits.refit import Trial
+from jaxid.explanation.search.telling_apart import not_told_apart, told_apart
+from jaxid.explanation.search.worth import worth_it
 
 
 def trial(residual, name=""):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from markupsafe import escape
 
-from jaxid.explanation.law_curves import LawCurve
 from jaxid.explanation.next_experiment import NextExperiment
-from jaxid.explanation.shape import Shape
+from jaxid.explanation.where.law_curves import LawCurve
+from jaxid.explanation.where.shape import Shape
 from jaxid.report import explanation_figures as draw
 from jaxid.report import explanation_tables as tab
 from jaxid.report.explanation_page import PICTURES, figures

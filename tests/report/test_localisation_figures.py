@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from jaxid import AXIS, Log, LogSet
-from jaxid.explanation.condition_shares import condition_shares
-from jaxid.explanation.localise import Localisation
-from jaxid.explanation.missing_force import ForceHistory
-from jaxid.explanation.patterns import Pattern
+from jaxid.explanation.where.condition_shares import condition_shares
+from jaxid.explanation.where.localise import Localisation
+from jaxid.explanation.where.missing_force import ForceHistory
+from jaxid.explanation.where.patterns import Pattern
 from jaxid.report import figures
 from jaxid.report.localisation_figures import localisation, worst_log
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jaxid import Channels, Custom, Log, LogSet, Parameter, ParameterTable
-from jaxid.explanation.conditions import motions
+from jaxid.explanation.where.conditions import motions
 from jaxid.simulation.reckoning import measured_velocities
 from jaxid.simulation.scaled import scales_of
 

@@ -20,7 +20,7 @@ from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.given import given_logs
 from ..level import FALSE_ALARM, checked_level
-from ..telling_apart import vuong
+from ..search.telling_apart import vuong
 from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look

@@ -20,8 +20,8 @@ from ...effects.curve import SHAPE
 from ...estimate.noise_colour import Colour
 from ...robots.effect import Effect
 from ...robots.robot import Robot
-from ..probed import probed
-from ..probes import seen_in, standing_together
+from ..screening.probed import probed
+from ..screening.probes import seen_in, standing_together
 from .candidates import Candidate, Side, mechanisms_of, of_mechanism
 from .joint import SIDES, STEP, Colours, Pair, block_sums, blocks_of, flat, numbers_on, project, stacked
 

@@ -14,8 +14,8 @@ from ...estimate.result import Fit
 from ...logs import LogSet, noise_level
 from ...robots.robot import Robot
 from ...simulation.scaled import scales_of
-from ..coloured import only_colour
-from ..heldout import HeldOut, held_out_state
+from ..left.coloured import only_colour
+from ..left.heldout import HeldOut, held_out_state
 from ..level import current_level
 from .candidates import Side
 from .change import POWER

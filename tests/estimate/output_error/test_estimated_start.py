@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("numba")
 from jaxid import Axis, Log, LogSet, Pioneer, compare, output_error, simulate
 from jaxid.estimate.output_error.estimated_start import estimated_start
-from jaxid.explanation.heldout import held_out_state
+from jaxid.explanation.left.heldout import held_out_state
 from reference import excitation  # noqa: E402
 from reference.axis import AXIS  # noqa: E402
 from reference.logs import simulate as reference  # noqa: E402

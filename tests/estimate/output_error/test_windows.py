@@ -23,7 +23,7 @@ from jaxid.estimate.output_error import output_error as module
 from jaxid.estimate.output_error import windows
 from jaxid.estimate.output_error.windows import Lost
 from jaxid.explanation.explain import without_windows
-from jaxid.explanation.heldout import held_out_state
+from jaxid.explanation.left.heldout import held_out_state
 from jaxid.logs.windows import in_windows
 
 SAMPLES = 300

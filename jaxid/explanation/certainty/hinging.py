@@ -1,0 +1,89 @@
+"""Numbers of the robot that hinge on which of several names or laws it is that is missing, where the data does not tell."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from ...effects.curve import SHAPE
+from ...estimate.result import Fit
+from ...robots.effect import in_words
+from ...robots.robot import Robot
+from ..named_effect import NamedEffect
+from ..refits.refit import Trial
+from ..search.steps import Step
+from .wider_errors import reaching_to
+
+_APART = 3.0
+"""Standard errors by which a parameter must be another one."""
+_MOST = 4
+"""Parameters that are told, those first that differ most."""
+
+
+class Hinging(NamedTuple):
+    """The final fit with standard errors that allow for the other names, and a sentence on what they would make of the robot's
+    own parameters, empty where that is nothing else."""
+
+    final: Fit
+    sentence: str
+
+
+def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
+    """What the robot's own parameters would be under the names of `others` (each with its model). `last` is the trial that
+    `final` is the fit in full of; where it has other effects than that, nothing is said."""
+    free = last.robot.parameters.free_names
+    held = any(name in final.parameters and final[name].status == "fixed" for name in free)
+    if held or _own(free) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
+        return Hinging(final, "")  # something was held, left out or added since
+    own = [name for name in final.free_names if "." not in name and final[name].status == "identified"]
+    said, reached = [], {}
+    for title, robot in others.items():
+        moved = {}
+        for name in own:
+            value, error = robot.parameters[name].value, final[name].std_error
+            by = value - last.robot.parameters[name].value
+            if abs(by) > _APART * error > 0.0:
+                moved[name] = abs(value - final[name].value) / error
+                reached[name] = max(reached.get(name, 0.0), abs(by))
+        worst = sorted(moved, key=lambda name: -moved[name])[:_MOST]
+        if worst:
+            unit = {name: f" {final[name].unit}".rstrip() for name in worst}
+            listed = ", ".join(
+                f"{name} {robot.parameters[name].value:.4g} instead of {final[name].value:.4g}{unit[name]}"
+                for name in worst
+            )
+            said.append(f"if it is {title}, {listed}")
+    if not said:
+        return Hinging(final, "")
+    return Hinging(
+        reaching_to(final, {name: (by, final[name].std_error) for name, by in reached.items()}),
+        f"Numbers of the robot hinge on the name or its law, which these logs leave open: {'; '.join(said)}. Their standard "
+        "errors allow for that.",
+    )
+
+
+def by_name(effect: NamedEffect, step: Step) -> dict[str, Robot]:
+    """The models by the names that the data cannot tell from the effect's, by these names in words."""
+    # Prescribed angles suit one of two names alone: what the other's model makes of them says nothing.
+    # Nor does what has only a part in common with the effect, unless it is a curve that is the same function.
+    names = {name for name in effect.equivalent_to if name in step.equivalent or effect.law == SHAPE}
+    alike = (trial for trial in step.trials if trial.id in names and not trial.angles)
+    return {in_words(trial.id): trial.robot for trial in alike}
+
+
+def with_the_rest(others: Mapping[str, Robot], identifier: str, final: Fit) -> dict[str, Robot]:
+    """Those of the models in the place of one effect that have all else that `final` has, by the same laws: of others, what is
+    missing there has moved the robot's own parameters, too."""
+
+    def laws(robot: Robot) -> set[tuple[str, str]]:
+        return {(effect.id, effect.law) for effect in robot.effects}
+
+    rest = {(name, law) for name, law in laws(final.robot) if name != identifier}
+    return {title: robot for title, robot in others.items() if rest <= laws(robot)}
+
+
+def _ids(robot: Robot) -> set[str]:
+    return {effect.id for effect in robot.effects}
+
+
+def _own(names: Iterable[str]) -> set[str]:
+    """Those that are the robot's own and not an effect's, of which the final fit may have a finer curve."""
+    return {name for name in names if "." not in name}

@@ -1,0 +1,28 @@
+"""A parameter of an effect held at zero where the others can all change together with it without being seen.
+
+What is lost of a force in proportion to it is a smaller gain of all that the force moves: a mass, its friction and its drag;
+and so is what several motors have alike. Where a first look from far off has not seen that an effect holds such a scale,
+nothing of the model is identified though it predicts well. With one number held there is one answer, of the same motion.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ...logs import LogSet
+from .candidate_refits import Report
+from .refit import Trial, continued, refit_from_itself
+
+
+def with_parameters_held(
+    trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float], say: Report = lambda message: None
+) -> Trial:
+    """The trial with what each of its effects `may_hold` held at zero, one number after another, where that is the likelier
+    model."""
+    for effect in trial.robot.effects if not trial.angles else ():
+        for name in effect.may_hold(trial.robot):
+            say(f"refitting with a parameter of {effect.title} held")
+            robot = trial.robot.with_values(**{name: 0.0}).change(name, free=False)
+            again = continued(refit_from_itself(robot, trial, logs, held_out, noise), logs, held_out, noise)
+            if again.score < trial.score:
+                trial = replace(again, id=trial.id)
+    return trial

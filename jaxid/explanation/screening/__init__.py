@@ -1,0 +1,1 @@
+"""The first look: what every candidate promises, before any is refitted."""

@@ -1,0 +1,170 @@
+"""Simulations with every candidate's probes, one program for each place in the signal path.
+
+All laws of a mechanism stand in one model, absent (zero) but for the one that a lane probes. Not all candidates do: a lane
+costs what its program computes, and together they are many times the robot.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._arrays import array
+from ..._compile import compiled
+from ...logs import LogSet
+from ...robots.effect import Effect
+from ...robots.probe import Probe, Seen
+from ...robots.robot import Robot
+from ...robots.traits import refusal
+from ...simulation.direct import machine_model, simulated_directly
+from ...simulation.integrated_angles import integrated_angles
+from ...simulation.records import on_records_alone
+from ...simulation.rollout import Integrator, rollout
+from ...simulation.simulate import integrator_for
+from ...simulation.start import initial_states
+from ..refits.smoothed_angles import Angles
+
+Pairs = Sequence[tuple[Effect, Effect]]
+"""Effects as candidates have them, each with itself as it stands beside the other laws of its mechanism."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """A probe of one law and the simulated `outputs` [strengths, E, T, ny] with each of its strengths.
+
+    `effect` is the law as candidates have it, while the probe's parameters are those of the law as it stands in `robot` beside
+    the mechanism's others (`standing`).
+    """
+
+    effect: Effect
+    standing: Effect
+    probe: Probe
+    robot: Robot
+    outputs: NDArray[np.float64]
+
+    def plain(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values by the names that the law's parameters have where it stands alone."""
+        there, alone = self.standing.key(""), self.effect.key("")
+        return {alone + n.removeprefix(there) if n.startswith(there) else n: value for n, value in values.items()}
+
+
+@partial(compiled, static_argnames=("robot", "integrator"))
+def _lanes(robot: Robot, integrator: Integrator, numbers, changes, start, inputs, dt, prescribed):
+    """Simulated outputs [P, E, T, ny] for parameters `numbers` with `changes` ([P] by name) put in."""
+
+    def one(change):
+        p = {**numbers, **change}
+        return jax.vmap(lambda s, u, d, k: rollout(robot, p, s, u, d, integrator, k))(start, inputs, dt, prescribed)
+
+    return jax.lax.map(one, changes, batch_size=16)
+
+
+def _simulate(
+    robot: Robot, integrator: Integrator, logs: LogSet, changes: Sequence[Mapping[str, float]], states, prescribed
+) -> NDArray[np.float64]:
+    """Simulated outputs [P, E, T, ny] with each of the changes, at the logs' measured places."""
+    batch = logs.batch()
+    base = robot.parameters.numbers
+    every = {name: np.array([change.get(name, value) for change in changes], float) for name, value in base.items()}
+    found = simulated_directly(robot, integrator, every, states, batch.inputs, batch.dt, prescribed)
+    if found is not None:
+        return found
+    padded = list(changes) + [{}] * (-len(changes) % 16)
+    # One number at least, for lanes that change nothing: the robot as it is.
+    names = sorted({name for change in changes for name in change}) or list(base)[:1]
+    columns = {name: array([change.get(name, base[name]) for change in padded]) for name in names}
+    numbers = {name: array(float(value)) for name, value in base.items()}
+    outputs = _lanes(robot.structure, integrator, numbers, columns, states, batch.inputs, batch.dt, prescribed)
+    return np.asarray(outputs)[: len(changes)]
+
+
+def _begun(robot: Robot, logs: LogSet, known: Mapping[str, Mapping[str, float]]) -> dict[str, jax.Array]:
+    """Initial states [E], those that were estimated put in."""
+    states = dict(initial_states(robot, logs).states)
+    for e, log in enumerate(logs):
+        for name, value in known.get(log.name, {}).items():
+            states[name][e] = value
+    return {name: array(value) for name, value in states.items()}
+
+
+def _with(robot: Robot, pairs: Iterable[tuple[Effect, Effect]]) -> Robot:
+    for _, standing in pairs:
+        robot = robot + standing
+    return robot
+
+
+def _apart(robot: Robot, integrator: Integrator, pairs: Pairs) -> list[Pairs]:
+    """The effects in sets, each for a program of its own: all in one where a program is XLA's and takes seconds to compile.
+
+    Else those of one place in the signal path together; but mechanisms apart that act on whole records, for which the
+    robot's own program serves, and those that have places or angles integrated, where they are looked for in many.
+    """
+    names = tuple(sorted(robot.parameters))
+    if machine_model(robot, names, integrator.friction) is None:
+        return _admitted(robot, pairs)
+    sets: dict[str, list[tuple[Effect, Effect]]] = {}
+    for pair in pairs:
+        effect = pair[0]
+        alone = on_records_alone(effect, robot) or {"pose", "wheel_angles"} & set(effect.needs)
+        sets.setdefault(effect.id if alone else effect.where, []).append(pair)
+    return [part for some in sets.values() for part in _admitted(robot, some)]
+
+
+def _admitted(robot: Robot, pairs: Pairs) -> list[Pairs]:
+    """The effects in as few sets as admit each other: stamps that are early stand beside nothing that comes late."""
+    sets: list[list[tuple[Effect, Effect]]] = []
+    full: list[Robot] = []
+    for pair in pairs:
+        standing = pair[1]
+        place = next((i for i, there in enumerate(full) if refusal(standing, there) is None), len(sets))
+        if place == len(sets):
+            sets.append([])
+            full.append(robot)
+        sets[place].append(pair)
+        full[place] = full[place] + standing
+    return list(sets)
+
+
+def probed(
+    robot: Robot,
+    logs: LogSet,
+    pairs: Pairs,
+    secants: Sequence[Mapping[str, float]],
+    seen: Seen,
+    known_states: Mapping[str, Mapping[str, float]],
+    angles: Angles | None,
+    report: Callable[[str], None] = lambda message: None,
+) -> tuple[NDArray[np.float64], list[Group], list[list[int]], dict]:
+    """Simulated outputs of the `robot` as it is and with each of `secants` [1 + secants, E, T, ny]; the probes of all effects
+    with theirs; the places of each group's outputs among those of all groups; and the wheels' angles that were prescribed.
+
+    `report` is called after each program."""
+    integrator = integrator_for(robot, logs)
+    columns = {str(name) for log in logs for name in log.extra.columns}
+    pairs = [pair for pair in pairs if pair[0].first_look and columns >= set(pair[0].from_columns)]
+    own = dict(angles or integrated_angles(robot, logs))
+    first = _simulate(robot, integrator, logs, [{}, *secants], _begun(robot, logs, known_states), own)
+    found: list[Group] = []
+    places: list[list[int]] = []
+    prescribed, count = dict(own), 0
+    sets = _apart(robot, integrator, pairs)
+    for number, some in enumerate(sets, start=1):
+        full = _with(robot, some)
+        probes = [(alone, there, probe) for alone, there in some for probe in there.probes(full, seen)]
+        changes = [{**probe.shape, name: value} for *_, probe in probes for name, value in probe.strengths.items()]
+        if not changes:
+            continue
+        fixed = dict(angles or integrated_angles(full, logs))
+        prescribed |= fixed
+        outputs = _simulate(full, integrator, logs, changes, _begun(full, logs, known_states), fixed)
+        at = 0
+        for alone, there, probe in probes:
+            n = len(probe.strengths)
+            found.append(Group(alone, there, probe, full, outputs[at : at + n]))
+            places.append(list(range(count, count + n)))
+            at, count = at + n, count + n
+        report(f"simulated with what may be missing: {number} of {len(sets)} groups of effects")
+    return first, found, places, prescribed

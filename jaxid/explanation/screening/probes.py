@@ -1,0 +1,45 @@
+"""What candidates may ask of the logs in a first look, and how the laws of a mechanism stand in one model."""
+
+from collections.abc import Iterable, Mapping
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...logs import LogSet
+from ...robots.effect import Effect
+from ...robots.probe import Seen
+from ...robots.robot import Robot
+from ..where.conditions import motions
+from .ripple_periods import ripple_periods
+
+
+def seen_in(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    known_states: Mapping[str, Mapping[str, float]],
+    repeating: Effect | None,
+) -> Seen:
+    """What effects ask of the logs. `robot` is the model without the candidates; `repeating` one of them that repeats with the
+    wheels, if any does."""
+
+    @cache
+    def path() -> NDArray[np.float64] | None:
+        paths = [motion.path for motion in motions(robot, logs) if motion.path is not None]
+        return np.concatenate(paths) if paths else None
+
+    @cache
+    def periods() -> tuple[tuple[float, ...], int]:
+        if repeating is None:
+            return (), 0
+        found = ripple_periods(robot + repeating, logs, noise, known_states)
+        return found.values, found.looked_at
+
+    duration = max(float(log.time[-1] - log.time[0]) for log in logs)
+    return Seen(max(float(np.max(np.abs(log.inputs))) for log in logs), duration, path, periods)
+
+
+def standing_together(effects: Iterable[Effect]) -> list[tuple[Effect, Effect]]:
+    """Each effect, and the same under a name of its own, so that all laws of a mechanism can stand in one model."""
+    return [(effect, effect.standing_as(f"{effect.id}:{effect.law}") if effect.law else effect) for effect in effects]

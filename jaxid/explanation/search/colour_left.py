@@ -1,0 +1,100 @@
+"""Whether all that a model leaves is coloured noise, and candidates ranked where it is."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..._distributions import chi_squared_beyond
+from ...estimate.output_error.estimated_start import estimated_start
+from ...logs import LogSet
+from ...robots.effect import Effect
+from ...simulation.scaled import scales_of
+from ..left.coloured import GATES, OnlyColour, colours_of, only_colour
+from ..left.heldout import HeldOut, held_out_state
+from ..level import current_level
+from ..policy import current_policy
+from ..refits.refit import Trial
+from ..screening.absorbed import less_absorbed
+from ..screening.screen import Candidate, screen
+from .in_colour import generalised, in_colour
+from .telling_apart import not_told_apart
+from .worth import matters, worth_in_colour
+
+_MOST_LEADING = 4
+"""Trials of which it is asked whether all that they leave is coloured noise."""
+
+
+def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> list[tuple[HeldOut, LogSet]]:
+    """What a model leaves, on the held-out and on the fitted logs."""
+    return [(trial.held_out, held_out), (held_out_state(trial.robot, logs, noise, trial.angles), logs)]
+
+
+def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
+    """The coloured noise that is all that `trial` leaves, as far as what drove the robot tells; None where it is not."""
+    scales = scales_of(trial.robot, logs)
+    states = _states(trial, logs, held_out, noise)
+    states = states if trial.angles else less_absorbed(trial.robot, states)
+    return only_colour(states, scales.time / scales.interval)
+
+
+def generalised_trial(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
+    """The trial's model estimated anew for coloured noise such as it leaves, to be screened."""
+    colours = colours_of([state for state, _ in _states(trial, logs, held_out, noise)])
+    return replace(trial, robot=generalised(trial.robot, logs, noise, colours, trial.angles))
+
+
+def ranked_in_colour(
+    base: Trial,
+    trials: Sequence[Trial],
+    first: Trial,
+    tried: int,
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+) -> tuple[list[Trial], tuple[str, ...], bool] | None:
+    """The trials ranked anew, those that cannot be told from the best, and whether that one is worth its price, where all that
+    the best leaves is coloured noise: samples of it are related, so that chi-squared promises too much. Else None. Where the
+    best explains next to nothing, it may follow that noise, and one of the next be right that leaves it."""
+    if trials[0].held_out.adequate:
+        return None
+    follows = trials[0].fitted.gap > (1.0 - current_policy().least_gain) * base.fitted.gap
+    leading = trials[: _MOST_LEADING if follows else 1]
+    only = next((trial for trial in leading if colour_left(trial, logs, held_out, noise) is not None), None)
+    if only is None:
+        return None
+    colours = colours_of([state for state, _ in _states(only, logs, held_out, noise)])
+    white = {trial.id: in_colour(trial, colours, logs, held_out, noise) for trial in trials}
+    ranked = sorted(trials, key=lambda trial: white[trial.id].score)
+    ranked = [replace(trial, in_colour=white[trial.id].score) for trial in ranked]
+    before, after = in_colour(base, colours, logs, held_out, noise), white[ranked[0].id]
+    worth = matters(base, ranked[0], first) and worth_in_colour(before, after, tried)
+    return ranked, not_told_apart([white[trial.id] for trial in ranked]), worth
+
+
+def explaining(screened: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates that explain more than chance of a coloured residual, best first; their number is accounted for."""
+    count = max(len(screened), 1)
+    price = 2.0 * float(np.log(count))
+    if screened:
+        # On short logs the usual price of a parameter, log samples, lets more pass by chance than the level has room for.
+        chance = current_level() / (2 * GATES * count)
+        price = max(price, float(chi_squared_beyond(chance, 1)) - float(np.log(screened[0].direction.size)))
+    return sorted((c for c in screened if c.in_colour > price), key=lambda c: -c.in_colour)
+
+
+def explained_somewhere(
+    base: Trial,
+    effects: Sequence[Effect],
+    screened: Sequence[Candidate],
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+) -> bool:
+    """Whether a candidate explains part of the whitened residual, on the fitted logs or on these and the held-out ones."""
+    if explaining(screened) or base.angles:
+        return bool(explaining(screened))
+    begun = estimated_start(base.robot, held_out, noise)
+    states = {log.name: {name: float(begun[name][e]) for name in begun} for e, log in enumerate(held_out)}
+    every = screen(base.robot, LogSet([*logs, *held_out]), effects, noise, {**base.initial_states, **states})
+    return bool(explaining(every))

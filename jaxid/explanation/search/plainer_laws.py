@@ -1,0 +1,53 @@
+"""Laws of fewer parameters in the place of those that were chosen while other effects were missing.
+
+A curve, or another law of many parameters, follows a part of what is still missing as well, and may have been best by that. Once
+everything is there, a plainer law of its mechanism may leave no more, beside parameters that the many leave open.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ...effects.curve import SHAPE
+from ...logs import LogSet
+from ..refits.candidate_refits import Report
+from ..refits.refit import Trial
+from .laws import best_first
+from .reconsider import with_rival
+from .steps import Step
+from .telling_apart import alike
+
+_MOST = 4
+"""Most laws of a mechanism that are tried."""
+
+
+def by_plainer_laws(
+    steps: Sequence[Step],
+    current: Trial,
+    base: Trial,
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+    say: Report,
+) -> tuple[list[Step], Trial]:
+    """The steps but the last by a law of fewer parameters of their mechanism, where the data cannot tell it from the one they
+    have in the model with all that was added later."""
+    revised = list(steps)
+    for place, step in enumerate(steps[:-1]):
+        effect = next((own for own in current.robot.effects if own.id == step.chosen.id), None)
+        if effect is None or current.angles:
+            continue
+        fewer = [law for law in step.laws if law.law not in (SHAPE, effect.law) and law.free < step.chosen.free]
+        plainer = fewer[:_MOST]
+        for law in plainer:
+            say(f"refitting with {law.title} instead of {effect.title}")
+        trials = [with_rival(law, effect.id, current, base, logs, held_out, noise) for law in plainer]
+        own = best_first([replace(current, id=effect.id), *trials])
+        if own[0].law == effect.law:
+            continue
+        say(f"{own[0].title} instead of {effect.title}: held-out {own[0].held_out.normalised_rms:.3f} x noise")
+        same = tuple(trial.law for trial in alike(own) if trial.law not in (SHAPE, effect.law))
+        then = next(trial for trial in step.laws if trial.law == own[0].law)
+        trials = (own[0], *step.trials[1:])
+        revised[place] = replace(step, trials=trials, laws=tuple(own), laws_alike=same, as_it_was=then)
+        current = replace(own[0], id=current.id)
+    return revised, current

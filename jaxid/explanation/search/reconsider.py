@@ -1,0 +1,272 @@
+"""What later effects make of earlier ones: not needed any more, by another law, or another's name."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ...effects import laws_of
+from ...effects.curve import SHAPE, Curve
+from ...effects.table_constants import TableConstants
+from ...logs import LogSet
+from ...robots.effect import Effect
+from ...robots.robot import Robot
+from ..refits.candidate_refits import Report, all_added
+from ..refits.refit import Trial, continued, refit, refit_from_itself
+from ..screening.screen import Candidate, alike_to, screen
+from .denser import densest
+from .laws import best_first, by_where_they_bend
+from .one_of_several import with_one_alone
+from .steps import Step
+from .table_constants import constants_instead
+from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
+
+_RIVALS = 3
+"""Most rivals of an effect that are looked at again."""
+_NEAR, _NEAR_A_CURVE = 0.2, 0.5
+"""Shares of what an effect gained when it was added that rivals may have lacked: more beside a curve, which followed a part of
+what was still missing as well, where a formula could not."""
+
+
+def with_effects(base: Robot, owners: Mapping[str, Robot]) -> Robot:
+    """`base` with the effects that `owners` names and it has not got, each as its owner has it: the values of its parameters,
+    and which of them vary (a curve's reach and some of its heights do not)."""
+    robot = base
+    present = {effect.id for effect in base.effects}
+    for identifier, owner in owners.items():
+        if identifier in present:
+            continue
+        robot = robot + next(effect for effect in owner.effects if effect.id == identifier)
+        for name in [name for name in robot.parameters if name.startswith(f"{identifier}.")]:
+            known = owner.parameters[name]
+            robot = robot.change(name, free=known.free).with_values(**{name: known.value})
+    return robot
+
+
+def refitted_like(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
+    """`robot` refitted from the numbers that it shares with the trial `like`, and from its own where it shares none."""
+    known = like.robot.parameters
+    own = {effect.id for effect in robot.effects} - {effect.id for effect in like.robot.effects}
+    start = {n: p.value for n, p in robot.parameters.items() if p.free}
+    start |= {n: known[n].value for n in start if n in known and n.split(".")[0] not in own}
+    angles = like.angles if robot.needs("wheel_angles") else None
+    return refit(robot, [start], logs, held_out, noise, like.initial_states, angles=angles)
+
+
+def pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report) -> Trial:
+    """Drop effects that later ones made superfluous."""
+    given = {effect.id for effect in base.robot.effects}
+    own = [effect.id for effect in current.robot.effects if effect.id not in given]
+    for identifier in own[:-1]:
+        say(f"refitting without {identifier}")
+        kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
+        trial = refitted_like(with_effects(base.robot, kept), current, logs, held_out, noise)
+        if trial.score < current.score + 10.0:
+            say(f"{identifier} is not needed any more")
+            current = trial
+    return current
+
+
+def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
+    """The model without one of its effects, refitted."""
+    owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
+    return refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
+
+
+def _by_laws(effect: Effect, bare: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
+    """The model `bare` with the mechanism of `effect`, by each of its laws that stand beside what is in it."""
+    laws = [law.blurred for law in laws_of(bare.robot, effect.id)]
+    screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles)
+    candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
+    laws = [law for law in candidates if law.gain > 0]
+    trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, laws, logs, held_out, noise, say)]
+    return [
+        densest(trial, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise)) for trial in trials
+    ]
+
+
+def by_its_curve(
+    identifier: str, current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+) -> Trial | None:
+    """The model with the curve of a mechanism in the place of its formula; None where it has none that explains anything."""
+    bare = without(identifier, current, base, logs, held_out, noise)
+    curves = [law for law in laws_of(bare.robot, identifier) if isinstance(law, Curve)]
+    screened = screen(bare.robot, logs, curves, noise, bare.initial_states, bare.angles) if curves else []
+    added = all_added(bare, [law for law in screened if law.gain > 0], logs, held_out, noise, say)
+    trials = [continued(trial, logs, held_out, noise) for trial in added]
+    return min(trials, key=lambda trial: trial.score, default=None)
+
+
+def by_laws_again(
+    steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report, last: bool = False
+) -> tuple[list[Step], Trial]:
+    """The laws of all effects but the last (or of that, too) chosen anew, now that the others are there: a law that was best
+    while another effect was missing may have been so by that effect's doing. The last one's was chosen beside the laws of the
+    others, and is chosen anew where one of these has changed."""
+    revised = list(steps)
+    for place, step in enumerate(steps):
+        if place == len(steps) - 1 and not last and revised == steps:
+            continue
+        effect = next((e for e in current.robot.effects if e.id == step.chosen.id), None)
+        if effect is None or len(laws_of(base.robot, step.chosen.id)) < 2 or current.held_out.adequate:
+            continue
+        say(f"the laws of {step.chosen.id} once more")
+        bare = without(effect.id, current, base, logs, held_out, noise)
+        trials = _by_laws(effect, bare, logs, held_out, noise, say)
+        # Its own law from where the others begin, too: they compare where all were fitted equally well.
+        again = next((trial for trial in trials if trial.law == effect.law), None)
+        if again is not None and again.score < current.score:
+            current = replace(again, id=current.id)
+        trials = [trial for trial in trials if trial.law != effect.law]
+        own = best_first([replace(current, id=effect.id), *trials])
+        if own[0].law == effect.law or not told_apart_from(own[0], current):
+            continue
+        say(f"{own[0].title} instead of {effect.title}: held-out {own[0].held_out.normalised_rms:.3f} x noise")
+        current = own[0]
+        same = tuple(trial.law for trial in alike(own))
+        then = next((trial for trial in step.laws if trial.law == own[0].law), None)
+        revised[place] = replace(
+            step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same, as_it_was=then
+        )
+    return revised, current
+
+
+def rather_by_curves(
+    steps: list[Step], found: Step, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+) -> tuple[list[Step], Trial] | None:
+    """The last of the `steps` by its mechanism's curve, one for each part of the robot, instead of a further name (`found`)
+    beside its formula: where one mechanism explains as much, a second name is what the formula had left. None where it does
+    not, or is a curve already."""
+    step = steps[-1]
+    effect = found.before.effect
+    curve = next((law for law in laws_of(step.before.robot, step.chosen.id) if isinstance(law, Curve)), None)
+    if (
+        effect is None
+        or effect.id != step.chosen.id
+        or isinstance(effect, Curve)
+        or curve is None
+        or found.before.angles
+    ):
+        return None
+    say(f"{curve.title} of every part instead of {effect.title} and {found.chosen.title}")
+    apart = len(curve.parts(step.before.robot)) > 1
+    robot = step.before.robot + (replace(curve, apart=True) if apart else curve)
+    trial = continued(refit_from_itself(robot, step.before, logs, held_out, noise), logs, held_out, noise)
+    if trial.score > found.chosen.score and told_apart_from(found.chosen, trial):
+        return None
+    say(f"{trial.title} instead: held-out {trial.held_out.normalised_rms:.3f} x noise")
+    others = tuple(other for other in step.trials if other.id != trial.id)
+    found_again = replace(step, trials=(trial, *others), after=trial, laws=(trial, *step.laws), laws_alike=())
+    return [*steps[:-1], found_again], trial
+
+
+def with_trials(step: Step, trials: list[Trial]) -> Step:
+    """The step with other trials first, best first; where another effect is now best, the laws are no longer of the chosen."""
+    others = tuple(trial for trial in step.trials if trial.id not in {own.id for own in trials})
+    same = trials[0].id == step.chosen.id
+    laws, alike_laws = (step.laws, step.laws_alike) if same else ((trials[0],), ())
+    equivalent = tuple(name for name in not_told_apart(trials, step.before) if name not in supersets(trials))
+    return replace(step, trials=(*trials, *others), equivalent=equivalent, laws=laws, laws_alike=alike_laws)
+
+
+def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
+    """The rivals of a step's effect that came near it and are not `present` themselves: those first that could not be told
+    from it, whatever else did better while later effects were missing."""
+    # What was chosen may since have got another law, beside later effects, which the rivals were refitted without; the law that
+    # was best then may have had a part of those effects, which rivals with no such law could not have.
+    chosen = step.after.score if step.as_it_was is None else max(step.after.score, step.as_it_was.score)
+    without = max(t.score for t in (*step.trials[1:], step.after, step.before) if np.isfinite(t.score))
+    least = chosen + (_NEAR_A_CURVE if step.chosen.law == SHAPE else _NEAR) * (without - chosen)
+    rivals = [t for t in step.trials[1:] if t.score < least and t.id not in present]
+    return sorted(rivals, key=lambda t: (t.id not in step.equivalent, t.score))[:_RIVALS]
+
+
+def with_rival(rival: Trial, instead_of: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
+    """The model with the effect of a rival in the place of another, refitted."""
+    owners = {
+        rival.id if effect.id == instead_of else effect.id: rival.robot if effect.id == instead_of else current.robot
+        for effect in current.robot.effects
+    }
+    swapped = refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
+    return replace(swapped, id=rival.id)
+
+
+def exchanged(
+    steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report
+) -> tuple[list[Step], Trial]:
+    """Earlier effects exchanged for rivals that came near them, where one explains more now that the last is there, too.
+
+    Else the next name would be looked for beside a wrong one, and stand for what that lacks.
+    """
+    revised = list(steps)
+    for place, step in enumerate(steps[:-1]):
+        present = {effect.id for effect in current.robot.effects}
+        if step.chosen.id not in present or current.angles or current.held_out.adequate:
+            continue
+        rivals = rivals_of(step, present)
+        for number, rival in enumerate(rivals, start=1):
+            say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
+        trials = [with_rival(rival, step.chosen.id, current, base, logs, held_out, noise) for rival in rivals]
+        best = min(trials, key=lambda trial: trial.score, default=current)
+        if best.score < current.score and told_apart_from(best, current):
+            say(f"{best.title} instead of {step.chosen.title}: held-out {best.held_out.normalised_rms:.3f} x noise")
+            ranked = sorted([*trials, replace(current, id=step.chosen.id)], key=lambda trial: trial.score)
+            revised[place], current = with_trials(step, ranked), replace(best, id=current.id)
+    return revised, current
+
+
+def _untried(step: Step, leading: Trial, present: Collection[str]) -> list[Candidate]:
+    """What promised to explain like a rival that now comes first, and was not refitted, since another one led."""
+    without = {trial.id for trial in step.trials} | set(present)
+    return [c for c in alike_to(leading.id, step.screened, without) if c.gain > 0][:_RIVALS]
+
+
+def reconsidered(
+    steps: list[Step], final: Trial, base: Trial, logs, held_out, noise, say: Report
+) -> tuple[list[Step], Trial]:
+    """Look again at the rivals of each of several effects, now that the others are there.
+
+    A name that came first while another effect was still missing may have won, or lost, by that effect's doing.
+    """
+    if len(steps) < 2 and not any(step.chosen.id == TableConstants.id for step in steps):
+        return steps, final
+    revised = []
+    for step in steps:
+        present = {effect.id for effect in final.robot.effects}
+        if step.chosen.id not in present:
+            revised.append(step)
+            continue
+        rivals = rivals_of(step, present)
+        trials = [replace(final, id=step.chosen.id)]
+        bare = without(step.chosen.id, final, base, logs, held_out, noise)
+        # What got another law beside later effects is compared with rivals by theirs, which the same effects may have changed.
+        anew = step.chosen.law != step.after.law and not final.angles
+        for number, rival in enumerate(rivals, start=1):
+            say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
+            swapped = with_rival(rival, step.chosen.id, final, base, logs, held_out, noise)
+            if anew and rival.effect is not None:
+                others = _by_laws(rival.effect, bare, logs, held_out, noise, say)
+                swapped = best_first([swapped, *(other for other in others if other.law != swapped.law)])[0]
+            trials.append(swapped)
+            say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
+        if TableConstants.id not in present:
+            right = constants_instead(bare, min(trials, key=lambda t: t.score), logs, held_out)
+            if right is not None:
+                say(
+                    f"other constants instead of {step.chosen.id}: held-out {right.held_out.normalised_rms:.3f} x noise"
+                )
+                trials.append(right)
+        leading = min(trials, key=lambda t: t.score)
+        trials = [t if t is leading else with_one_alone(t, leading, logs, held_out, noise) for t in trials]
+        leading = min(trials, key=lambda t: t.score)
+        if leading.id != step.chosen.id and not final.angles:
+            for other in _untried(step, leading, present):
+                laws = _by_laws(other.effect, bare, logs, held_out, noise, say)
+                trials += best_first(laws)[:1]
+        mechanisms = by_where_they_bend([[trial] for trial in sorted(trials, key=lambda t: t.score)], bare)
+        trials = simplest_first([own[0] for own in mechanisms])
+        final = trials[0]
+        if len(trials) > 1:
+            step = with_trials(step, trials)
+        revised.append(step)
+    return revised, final

@@ -1,0 +1,132 @@
+"""Naming: refit the shortlist, rank by likelihood on the fitted logs, go on until nothing but noise is left or nothing helps.
+
+Which names compare with which, and which is best, the fitted logs say alone. The held-out logs judge: whether anything is
+missing, and whether what ranked first is believed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ...estimate.result import Fit
+from ...logs import LogSet, noise_scale
+from ...robots.effect import Effect
+from ...simulation.scaled import scaled_to
+from ..left.heldout import held_out_state
+from ..left.overrated import in_its_own_noise, small_after_all
+from ..left.rounding import within_rounding
+from ..left.within_errors import within_errors
+from ..refits.candidate_refits import Report
+from ..refits.fine_steps import ranked_with_fine_steps
+from ..refits.refit import Trial, refit
+from ..screening.first_look import begun_at, first_look
+from ..screening.screen import Candidate
+from .between_rows import ranked_between_rows
+from .by_chance import rather_by_chance
+from .colour_left import colour_left, explained_somewhere, generalised_trial
+from .from_the_back import named_from_the_back, not_present
+from .next_name import name_next, or_constants
+from .plainer_laws import by_plainer_laws
+from .reconsider import by_laws_again, exchanged, pruned, rather_by_curves, reconsidered
+from .steps import Search, Step
+from .worth import could_matter
+
+MOST_EFFECTS = 3
+
+
+def search(
+    fit: Fit,
+    logs: LogSet,
+    held_out: LogSet,
+    *,
+    effects: Sequence[Effect] = (),
+    most: int = MOST_EFFECTS,
+    report: Report = lambda message: None,
+) -> Search:
+    """Add effects to a fitted model as long as they explain something. `effects` are further candidates."""
+    noise = rated = noise_scale(held_out, otherwise=logs)
+    fit = replace(fit, robot=scaled_to(fit.robot, logs))
+    state = in_its_own_noise(fit, held_out, held_out_state(fit.robot, held_out, noise))
+    noise = rated | state.noise
+    if not state.adequate:
+        state = within_rounding(held_out, within_errors(fit, held_out, state))
+    if state.adequate:
+        return Search(state, state, None, (), ())
+    report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
+    # With the same weights as the refits, so that likelihoods compare.
+    start = {name: fit.robot.parameters[name].value for name in fit.free_names}
+    baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
+    begun = begun_at(fit)
+    looked_at: tuple[Candidate, ...] = ()
+    steps: list[Step] = []
+    colour = None
+    for last in (False, True):
+        # Beside delays that scatter, a smaller effect may still show on the fitted logs.
+        while not current.held_out.adequate or current.held_out.by_chance:
+            colour = colour_left(current, logs, held_out, noise)
+            if not could_matter(current, baseline):
+                colour = None  # too little to be looked at any further
+                break
+            full = _added(current, baseline) >= most or len(steps) > most
+            if colour is None and full:
+                break
+            remaining = not_present(current.robot, effects)
+            count = len({effect.id for effect in remaining})
+            report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
+            shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
+            screened = first_look(shown, logs, remaining, noise, report, None if steps else begun)
+            looked_at = looked_at or tuple(screened)
+            if colour is not None and explained_somewhere(shown, remaining, screened, logs, held_out, noise):
+                colour = None
+            if full or colour is not None:
+                break
+            found = name_next(current, baseline, screened, logs, held_out, noise, report)
+            found = or_constants(found, current, baseline, screened, logs, held_out, report)
+            if found is None:
+                break
+            found = ranked_with_fine_steps(found, logs, held_out, noise, report)
+            found = ranked_between_rows(found, logs, held_out, noise, report)
+            instead = rather_by_curves(steps, found, logs, held_out, noise, report) if steps else None
+            if instead is not None:
+                steps, current = instead
+                continue
+            # What was left out again may be found anew; its earlier step is no longer one.
+            steps = [*(step for step in steps if step.chosen.id != found.chosen.id), found]
+            current = replace(found.chosen, in_colour=None)
+            if len(steps) > 1:
+                current = pruned(current, baseline, logs, held_out, noise, report)
+                names = _names(steps)
+                steps, current = exchanged(steps, current, baseline, logs, held_out, noise, report)
+                if not current.held_out.adequate:
+                    new = _names(steps) != names
+                    steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=new)
+            left = small_after_all(current.held_out, held_out, rated)
+            current = current.leaving(within_rounding(held_out, left))
+            if not current.held_out.adequate:
+                steps, current = rather_by_chance(steps, current, baseline, logs, held_out, noise, report)
+            report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
+        names = _names(steps)
+        if colour is None:
+            steps, current = named_from_the_back(steps, current, baseline, effects, logs, held_out, noise, report)
+        if _names(steps) != names:
+            current = pruned(current, baseline, logs, held_out, noise, report)
+        steps, current = reconsidered(steps, current, baseline, logs, held_out, noise, report)
+        if _names(steps) == names or current.held_out.adequate:
+            break
+        steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=True)
+        if last or current.held_out.adequate or colour is not None:
+            break
+    if current.held_out.adequate:
+        steps, current = by_plainer_laws(steps, current, baseline, logs, held_out, noise, report)
+    if colour is not None:
+        report(f"what is left is coloured noise: {colour.phrase}")
+    return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
+
+
+def _added(current: Trial, baseline: Trial) -> int:
+    """How many effects the model has that the fitted one had not."""
+    return len(current.robot.effects) - len(baseline.robot.effects)
+
+
+def _names(steps: Sequence[Step]) -> list[str]:
+    """What the steps have added, in their order."""
+    return [step.chosen.id for step in steps]

@@ -1,0 +1,285 @@
+"""Constants of the table that are wrong, or that would do what a named effect does if they were.
+
+A mass, a gear ratio, a wheel radius or a supply voltage is taken as known; a wrong one, or two, are then named by what looks
+the same, such as a sensor's scale. Where no name reaches the noise, few constants are tried in its place (`constants_instead`):
+those whose changes, and changes of the fitted parameters with them, leave least of the residual to first order. Where one
+does, it is asked whether constants change the simulation like it (`constants_like`).
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...effects.catalogue import ALL
+from ...effects.curve import SHAPE
+from ...effects.table_constants import TableConstants
+from ...estimate.output_error.estimated_start import estimated_start
+from ...logs import LogSet
+from ...robots.effect import Effect, in_words
+from ...robots.robot import Robot
+from ...robots.traits import refusal
+from ...simulation.simulate import integrator_for, simulate_models
+from ..left.heldout import scaled_residuals
+from ..refits.refit import Trial, refit_from_itself
+from .telling_apart import told_apart_from
+
+_STEP = 1e-3
+"""Step of secants, in units of a parameter's magnitude."""
+_LIKE = 0.5
+"""Share of what the effect changed (chi-squared) that constants may lack to first order to be fitted: large changes bend."""
+_BENT = 0.1
+"""Share of what another candidate explains that constants may explain less, to first order, and are fitted all the same."""
+_NOTHING = 1e-6
+"""Share of a constant's change below which the fitted parameters are taken to do all of it."""
+_RANK = 1e-9
+"""Share of the largest below which a direction of changes is rounding."""
+_MOST = 6
+"""Most constants that are fitted one by one."""
+_TOGETHER = 3
+"""Most constants that are wrong together."""
+_FARTHEST = 0.5
+"""Share of its value by which nobody's table is wrong."""
+_BELIEVABLE = 0.15
+"""Share by which a table may be wrong that is not asked for by a name: what is farther off stands in for something else."""
+Array = NDArray[np.float64]
+Shares = Mapping[str, float]
+
+
+def _constants(robot: Robot) -> list[str]:
+    """The robot's own parameters that are taken as known and are something."""
+    own = robot.defaults()
+    return [name for name, p in robot.parameters.items() if name in own and not p.free and p.value != 0.0]
+
+
+def _outputs(models: list[Robot], logs: LogSet, noise: Mapping[str, float]) -> Array:
+    """Simulated outputs of models that differ in their numbers only, in units of the noise [models, samples]."""
+    start = estimated_start(models[0], logs, noise)
+    by_log = simulate_models(models, logs, start=start, integrator=integrator_for(models[0], logs))
+    every = [scaled_residuals(logs, [y[k] for y in by_log], noise) for k in range(len(models))]
+    return np.stack([np.nan_to_num(np.concatenate([r.ravel() for r in own])) for own in every])
+
+
+def _shortened(own: Array, constants: Mapping[str, Array], wanted: Array) -> tuple[Array, dict[str, Array], Array]:
+    """The same, turned so that all but the first few samples are zero and left out: lengths and angles are the same."""
+    every = np.column_stack([*own, *constants.values(), wanted])
+    if not np.isfinite(every).all():
+        return own, dict(constants), wanted
+    turned = np.asarray(np.linalg.qr(every, mode="r")).T
+    return turned[: len(own)], dict(zip(constants, turned[len(own) : -1], strict=True)), turned[-1]
+
+
+def _beyond(own: Array, constants: Mapping[str, Array], wanted: Array) -> tuple[list[str], Array, Array, float]:
+    """Which constants change something, their directions [constants, samples] of length one with the changes `own`
+    [n, samples] projected off, what of `wanted` these leave, and the whole of it (chi-squared)."""
+    own, columns, wanted = _shortened(own, constants, wanted)
+    basis = _basis(own)
+    kept = {}
+    for name, column in columns.items():
+        size = float(np.linalg.norm(column))
+        if not np.isfinite(size) or size == 0.0:
+            continue
+        beyond = column - basis @ (basis.T @ column)
+        length = float(np.linalg.norm(beyond))
+        if length > _NOTHING * size:  # else the fitted parameters do all that it does
+            kept[name] = beyond / length
+    left = wanted - basis @ (basis.T @ wanted)
+    directions = np.array(list(kept.values())) if kept else np.empty((0, len(wanted)))
+    return list(kept), directions, left, max(float(wanted @ wanted), 1e-300)
+
+
+def _basis(own: Array) -> Array:
+    """An orthonormal basis [samples, m] of the changes `own` [n, samples]."""
+    finite = own[np.isfinite(own).all(axis=1)]
+    sizes = np.linalg.norm(finite, axis=1, keepdims=True)
+    turned, values, _ = np.linalg.svd((finite[sizes[:, 0] > 0] / sizes[sizes > 0][:, None]).T, full_matrices=False)
+    return turned[:, values > _RANK * values.max(initial=0.0)]
+
+
+def _best_of(number: int, directions: Array, left: Array) -> tuple[float, tuple[int, ...]]:
+    """Of all sets of so many `directions` [constants, samples] that which leaves least of `left`, and what it leaves: chosen
+    one by one, the first would stand for two that are meant."""
+    sets = np.array(list(combinations(range(len(directions)), number)))
+    products, along = directions @ directions.T, directions @ left
+    own = products[sets[:, :, None], sets[:, None, :]]
+    wanted = along[sets]
+    inverse = np.linalg.pinv(own, rcond=_RANK, hermitian=True)
+    explained = np.einsum("sa,sab,sb->s", wanted, inverse, wanted)
+    best = int(np.argmax(explained))
+    return float(left @ left - explained[best]), tuple(int(k) for k in sets[best])
+
+
+def _likely(
+    own: Array, constants: Mapping[str, Array], wanted: Array
+) -> tuple[list[tuple[str, ...]], dict[str, tuple[str, ...]]]:
+    """Which constants, alone and together, may do what is wanted: those alone best first, then of ever more of them the set
+    that does most. And of each constant those that do the same as it, beside the fitted parameters."""
+    names, directions, left, whole = _beyond(own, constants, wanted)
+    same = np.abs(directions @ directions.T) > 1.0 - _NOTHING
+    twins = {name: tuple(np.array(names)[same[k]].tolist()) for k, name in enumerate(names)}
+    alone = sorted(
+        (float(left @ left - (d @ left) ** 2) / whole, name) for name, d in zip(names, directions, strict=True)
+    )
+    sets: list[tuple[str, ...]] = []
+    sets += [(name,) for rest, name in alone if rest < _LIKE][:_MOST]
+    for number in range(2, min(_TOGETHER, len(names)) + 1):
+        rest, best = _best_of(number, directions, left)
+        if rest / whole < _LIKE:
+            sets.append(tuple(names[k] for k in best))
+    return sets, twins
+
+
+def _secants(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: LogSet) -> tuple[Array, Array, Array]:
+    """Residuals of a model on the logs [samples] in units of the noise, their changes with its free parameters and `names`
+    [parameters, samples], for small steps each, and those with other models of it, `after` [models, samples]."""
+    table = before.robot.parameters
+    every = (*table.free_names, *names)
+    sizes = [_STEP * (abs(table[name].value) or table[name].typical or 1.0) for name in every]
+    # Away from an upper bound.
+    full = [table[n].value + size > table[n].upper for n, size in zip(every, sizes, strict=True)]
+    sizes = [-size if over else size for size, over in zip(sizes, full, strict=True)]
+    moved = [before.robot.change(n, value=table[n].value + size) for n, size in zip(every, sizes, strict=True)]
+    noise = before.held_out.noise
+    outputs = _outputs([before.robot, *moved], logs, noise)
+    others = _outputs([*after], logs, noise) if after else np.empty((0, outputs.shape[1]))
+    return outputs[0], outputs[1:] - outputs[0], others - outputs[0]
+
+
+class Wrong(NamedTuple):
+    """Constants of the table by the shares of their values that they would be wrong by, and the robot with them right."""
+
+    shares: Shares
+    robot: Robot
+
+
+def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Wrong]:
+    """The constants of the table that explain what the last effect of `after` explains of `before`: each set of as few as do,
+    fitted in its place, with the shares of their values by which they then change; those that do worse by more than chance,
+    or by changes that no table is wrong by, are left out. An effect that is nothing but a constant of the table is that one."""
+    meant = _meant(after.effect, before.robot) if after.effect is not None else ()
+    if meant:
+        shares = changed_by(meant, before.robot, after.robot.parameters)
+        return [Wrong(shares, after.robot)] if max(map(abs, shares.values())) < _FARTHEST else []
+    freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
+    constants = [name for name in _constants(before.robot) if name not in freed]
+    if not constants or before.angles or after.angles:
+        return []
+    if before.fitted.diverged or after.fitted.diverged:
+        return []
+    _, secants, changes = _secants(before, [after.robot], constants, logs)
+    own = secants[: -len(constants)]
+    columns = dict(zip(constants, secants[-len(constants) :], strict=True))
+    found: list[Wrong] = []
+    while columns and not found:
+        sets, twins = _likely(own, columns, changes[0])
+        failed: set[str] = set()
+        too_far: set[str] = set()
+        for chosen in sets:
+            if found and len(chosen) > len(found[0].shares):
+                break  # fewer do
+            if len(chosen) == 1 and chosen[0] in failed:
+                continue
+            trial = _with_freed(before, chosen, logs, held_out)
+            shares = changed_by(chosen, before.robot, trial.robot.parameters)
+            if told_apart_from(after, trial):
+                failed |= set(twins[chosen[0]]) if len(chosen) == 1 else set()
+            elif max(map(abs, shares.values())) < _FARTHEST:
+                found.append(Wrong(shares, trial.robot))
+            else:
+                too_far |= {name for name, share in shares.items() if abs(share) >= _FARTHEST}
+        if not too_far:
+            break
+        # What those would have to be wrong by too much for, others may do by less.
+        columns = {name: column for name, column in columns.items() if name not in too_far}
+    return found
+
+
+def _meant(effect: Effect, robot: Robot) -> tuple[str, ...]:
+    """The constants of the robot's table that the effect frees, where it does nothing else; none where they are nothing."""
+    table, freed = robot.parameters, effect.frees(robot)
+    known = all(name in table and not table[name].free and table[name].value != 0.0 for name in freed)
+    return tuple(freed) if known and not effect.parameters(robot) else ()
+
+
+def effects_that_are(constants: Sequence[str], robot: Robot) -> tuple[str, ...]:
+    """The ids of the catalogue's effects that are nothing but other values of just these `constants`: one model by two
+    names."""
+    meant = {effect.id: _meant(effect, robot) for effect in ALL if refusal(effect, robot) is None}
+    return tuple(identifier for identifier, names in meant.items() if names and set(names) == set(constants))
+
+
+def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out: LogSet) -> Trial | None:
+    """`before` with few constants of the table right that explain more than the `best` effect does, by more than chance where
+    that is a formula; of ever more of them, the number that the Bayesian criterion prefers. None where there are none."""
+    constants = _constants(before.robot)
+    if not constants or before.angles or before.fitted.diverged:
+        return None
+    residual, secants, _ = _secants(before, [], constants, logs)
+    own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
+    names, directions, wanted, _ = _beyond(own, columns, -residual)
+    rival = best.squares if best is not None else before.squares
+    trials: list[Trial] = []
+    for number in range(1, min(_TOGETHER, len(names)) + 1):
+        left, places = _best_of(number, directions, wanted)
+        chosen = tuple(names[k] for k in places)
+        # To first order; what the fit finds may be less.
+        if left > rival + _BENT * (before.squares - rival):
+            continue
+        trial = _with_freed(before, chosen, logs, held_out)
+        shares = changed_by(chosen, before.robot, trial.robot.parameters)
+        if max(map(abs, shares.values())) < _BELIEVABLE:
+            trials.append(trial)
+        if trial.fitted.adequate:
+            break
+    found = min(trials, key=lambda trial: trial.score, default=None)
+    if found is None or best is None:
+        return found
+    # A curve follows many things; constants that do as well are the simpler answer.
+    better = found.score < best.score and (best.law == SHAPE or told_apart_from(found, best))
+    return found if better else None
+
+
+def changed_by(names: Sequence[str], robot: Robot, table: Mapping[str, Any]) -> Shares:
+    """By which share of their values in `robot` constants differ in another table (of parameters, or estimates)."""
+    return {name: float(table[name].value / robot.parameters[name].value - 1.0) for name in names}
+
+
+def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: LogSet) -> Trial:
+    """`before` refitted with these constants estimated."""
+    robot = before.robot + TableConstants(tuple(names))
+    return refit_from_itself(robot, before, logs, held_out, before.held_out.noise)
+
+
+def in_a_sentence(identifier: str, found: Sequence[Shares]) -> str:
+    """A sentence that names those constants, and that they may be meant by the effect `identifier`."""
+    listed = " or ".join(" and ".join(f"{n} ({100 * share:+.2g} %)" for n, share in own.items()) for own in found)
+    wrong = "a wrong constant" if len(found[0]) == 1 else f"{len(found[0])} wrong constants"
+    return (
+        f"What is called {in_words(identifier)} here may as well be {wrong} in the table: {listed} would do the same, as far "
+        "as these logs tell. Measure that first, or free it in a model file."
+    )
+
+
+def built_in(effects: Sequence[Effect], robot: Robot) -> tuple[str, ...]:
+    """Sentences on those of the named `effects`, which no constant of the table does as well, that may be a constant which the
+    model holds outside its table; none for a robot of this package, whose tables hold all of them."""
+    if _constants(robot) and not robot.declared:
+        return ()
+    return tuple(
+        f"What is called {in_words(effect.id)} here may as well be {effect.otherwise}: no known constant in the model's table "
+        "would do the same. Check those numbers in the model before the sensor is corrected: if one is wrong, so are the "
+        "parameters found here."
+        for effect in effects
+        if effect.otherwise
+    )
+
+
+def found_wrong(shares: Shares) -> str:
+    """A sentence that says which constants of the table the data contradicts, by how much."""
+    listed = " and ".join(f"{n} by {100 * share:+.2g} %" for n, share in shares.items())
+    return (
+        f"No effect of the catalogue but a wrong table explains this best: these logs contradict the value of {listed}. "
+        "Measure it, or keep the model as it is now."
+    )

@@ -1,0 +1,72 @@
+"""Whether an effect is worth adding: what it must close of the gap, beyond chance and beyond what another law had left."""
+
+import numpy as np
+
+from ..._distributions import normal_beyond
+from ...effects.curve import SHAPE
+from ..left.heldout import HeldOut
+from ..policy import current_policy
+from ..refits.refit import Trial
+from .telling_apart import told_apart
+
+
+def least_gain(before: Trial, first: Trial) -> float:
+    """The least drop of the held-out RMS that explains something.
+
+    After a first effect, less may be how far that one's law is from nature's: more so where it is a curve through few points.
+    """
+    added = before.robot.effects[len(first.robot.effects) :]
+    policy = current_policy()
+    least = max(policy.least_gain * before.held_out.gap, policy.least_of_first * first.held_out.gap)
+    return max(least, coarseness(any(effect.law == SHAPE for effect in added), first.held_out)) if added else least
+
+
+def coarseness(curve: bool, first: HeldOut) -> float:
+    """What of the `first` gap an added formula, or an added `curve` through few points, may have left of its own."""
+    policy = current_policy()
+    if curve:
+        return min(2.0 * policy.coarse_share * first.gap, policy.coarse_curve - 1.0)
+    return min(policy.coarse_share * first.gap, policy.coarse_law - 1.0)
+
+
+def _added(before: Trial, first: Trial) -> bool:
+    return len(before.robot.effects) > len(first.robot.effects)
+
+
+def could_matter(before: Trial, first: Trial) -> bool:
+    """Whether anything that is still missing could close enough of the gap to matter, beside what has been added already."""
+    return not _added(before, first) or before.held_out.gap >= least_gain(before, first)
+
+
+def matters(before: Trial, after: Trial, first: Trial) -> bool:
+    """Whether a further effect closes enough of the gap to be more than the imprecision of what was added before it."""
+    gain = before.held_out.normalised_rms - after.held_out.normalised_rms
+    return not _added(before, first) or gain >= least_gain(before, first)
+
+
+def worth_it(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
+    """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
+    policy = current_policy()
+    gain = before.held_out.normalised_rms - after.held_out.normalised_rms
+    # Where nearly all of the gap is closed, that was no chance, on however few stretches it was.
+    closed = (
+        after.held_out.gap < policy.unexplained * before.held_out.gap
+        or told_apart(after.held_out, before.held_out) > policy.separated
+    )
+    return gain >= least_gain(before, first) and closed and likelier(before, after, tried)
+
+
+def likelier(before: Trial, after: Trial, tried: int) -> bool:
+    """Whether an effect explains more of the fitted logs than chance does."""
+    price = (after.free - before.free) * np.log(before.fitted.samples) + 2 * np.log(tried)
+    return bool(before.squares - after.squares > price)
+
+
+def worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
+    """The same of whitened trials, whose chi-squared on the held-out logs, to which nothing was fitted, tells by itself.
+
+    Were there no such effect, what it changes there, of size D in whitened units, would cost D on average, with a standard
+    deviation of 2 sqrt(D). So a gain of g has at most the probability of sqrt(g) standard deviations, whatever D.
+    """
+    gained = before.held_out.squares - after.held_out.squares
+    return likelier(before, after, tried) and gained > float(normal_beyond(before.held_out.false_alarm / 2)) ** 2

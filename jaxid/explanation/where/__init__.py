@@ -1,0 +1,1 @@
+"""Where simulation and data disagree: the missing force, and what it follows."""

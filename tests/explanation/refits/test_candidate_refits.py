@@ -1,0 +1,35 @@
+"""A candidate is refitted from near the model without it, too, where its first guess leads to something worse than that."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import jaxid.explanation.refits.candidate_refits as under_test
+from jaxid import Axis, LogSet
+from jaxid.effects import effect_by_id
+from jaxid.explanation.screening.screen import Candidate
+
+
+@pytest.mark.parametrize(("led_to", "then", "kept"), [(900.0, [], 900.0), (5e6, [40.0], 40.0), (np.inf, [2e3], 2e3)])
+def test_a_first_guess_that_leads_astray_does_not_lose_the_effect(monkeypatch, axis_log, led_to, then, kept):
+    """Scales that the logs do not tell one by one: the first look found -98 %, and the search stayed far off."""
+    starts, found = [], iter([led_to, *then])
+
+    def refit(robot, given, *rest):
+        starts.append(given)
+        squares = next(found)
+        return SimpleNamespace(squares=squares, score=squares)
+
+    monkeypatch.setattr(under_test, "refit", refit)
+    monkeypatch.setattr(under_test, "compile_refits", lambda *given: None)
+    guess = {"sensor_scale.error_v": -0.98}
+    candidate = Candidate(
+        effect_by_id(Axis(), "sensor_scale"), 1.0, 1.0, (guess, {"M": 0.02, **guess}), np.zeros(0, np.float32)
+    )
+    base = SimpleNamespace(robot=Axis(), squares=1e3, initial_states={}, angles=None)
+    logs = LogSet([axis_log("run", np.ones(20))])
+    (trial,) = under_test.all_added(base, [candidate], logs, logs, {}, lambda text: None)
+    assert trial.squares == kept
+    assert [[sorted(start) for start in own] for own in starts[1:]] == [[["sensor_scale.error_v"]]] * len(then)
+    assert all(abs(start["sensor_scale.error_v"]) < 0.02 for own in starts[1:] for start in own)

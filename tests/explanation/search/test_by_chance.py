@@ -1,0 +1,99 @@
+"""jaxid/explanation/search/by_chance.py: delays that scatter leave more than noise, and no more than they leave is missing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
+from jaxid.effects import effect_by_id
+from jaxid.explanation.left.heldout import held_out_state
+from jaxid.explanation.search.by_chance import by_chance
+
+LONGEST, NOISE = 0.08, 0.03  # s, m/s
+AXIS_MODEL = Axis().change("Fc", free=False).with_values(Fc=0.0)
+
+
+def _run(seed, commands=False, samples=False, push=0.0):
+    """1 kg with 2 N s/m in steps of a millisecond: commands, or samples, that come late by times of their own."""
+    random = np.random.default_rng(seed)
+    count, each = 400, 20
+    u = np.repeat(random.uniform(-4.0, 4.0, count), each)
+    u = np.repeat(u.reshape(-1, 10 * each)[:, 0], 10 * each)  # held for 0.2 s
+    applied = u.copy()
+    if commands:
+        changes = 10 * each * np.arange(1, count // 10)
+        arrived = np.maximum.accumulate(changes + random.uniform(0.0, 1000.0 * LONGEST, len(changes)).astype(int))
+        for change, at in zip(changes, arrived, strict=True):
+            applied[change:at] = applied[change - 1]
+    v, fine = 0.0, []
+    for force in applied + push * np.sin(0.0015 * np.arange(len(applied))):
+        fine.append(v)
+        decay = np.exp(-0.002)
+        v = 0.5 * force + (v - 0.5 * force) * decay
+    at = each * np.arange(count)
+    seen = np.maximum(at - random.uniform(0.0, 1000.0 * LONGEST, count).astype(int), 0) if samples else at
+    outputs = {"v": np.array(fine)[seen] + NOISE * random.normal(size=count)}
+    return Log.from_arrays(f"run {seed}", 0.02 * np.arange(count), u[at][:, None], outputs, AXIS)
+
+
+def _logs(**how):
+    return LogSet(_run(seed, **how) for seed in range(3)), LogSet([_run(7, **how), _run(8, **how)])
+
+
+def _first(log, samples):
+    return Log.from_arrays(log.name, log.time[:samples], log.inputs[:samples], {"v": log.outputs[:samples, 0]}, AXIS)
+
+
+def _judged(law, fit_logs, held_out):
+    fit = output_error(AXIS_MODEL + effect_by_id(AXIS_MODEL, law, "jittering"), fit_logs)
+    return by_chance(fit, fit_logs, held_out, held_out_state(fit.robot, held_out, {"v": NOISE}))
+
+
+def test_commands_that_scatter_leave_what_draws_of_them_leave_and_no_draws_of_samples_do():
+    logs = _logs(commands=True)
+    state = _judged("input_delay", *logs)
+    assert state.normalised_rms > 1.3 and state.by_chance and state.adequate
+    assert not _judged("sensor_delay", *logs).adequate
+
+
+def test_samples_that_scatter_leave_what_draws_of_them_leave_and_no_draws_of_commands_do():
+    logs = _logs(samples=True)
+    state = _judged("sensor_delay", *logs)
+    assert state.normalised_rms > 1.3 and state.by_chance
+    assert not _judged("input_delay", *logs).adequate
+
+
+def test_what_is_missing_besides_is_not_left_by_chance():
+    assert not _judged("input_delay", *_logs(commands=True, push=0.4)).by_chance
+
+
+def test_what_is_missing_in_fitted_logs_alone_is_not_left_by_chance():
+    pushed, held_out = _logs(commands=True, push=1.0)[0], _logs(commands=True)[1]
+    assert _judged("input_delay", *_logs(commands=True)).by_chance
+    assert not _judged("input_delay", pushed, held_out).by_chance
+
+
+def test_a_model_without_such_a_law_is_judged_as_before():
+    fit_logs, held_out = _logs()
+    fit = output_error(AXIS_MODEL, fit_logs)
+    state = replace(held_out_state(fit.robot, held_out), normalised_rms=3.0)
+    assert by_chance(fit, fit_logs, held_out, state) is state
+
+
+def test_too_few_samples_for_autocorrelations_are_not_said_to_be_chance():
+    fit_logs, held_out = _logs(commands=True)
+    fit = output_error(AXIS_MODEL + effect_by_id(AXIS_MODEL, "input_delay", "jittering"), fit_logs)
+    short = LogSet([_first(held_out[0], 60)])
+    state = held_out_state(fit.robot, short, {"v": NOISE / 10.0})
+    assert not state.adequate and not by_chance(fit, fit_logs, short, state).by_chance
+
+
+def test_late_commands_are_named_though_no_model_foretells_them():
+    fit_logs, held_out = _logs(commands=True)
+    found = explain(output_error(AXIS_MODEL, fit_logs), fit_logs, held_out)
+    assert found.verdict == "named" and [(e.id, e.law) for e in found.effects] == [("input_delay", "jittering")]
+    assert found.effects[0].equivalent_to == () and "each of them by chance" in found.sentence
+    assert found.noise_floor == found.after.normalised_rms and found.gap_closed == pytest.approx(1.0)
+    delay = found.effects[0].parameters["delay"]
+    assert delay.value == pytest.approx(LONGEST / 2, abs=4.0 * delay.std_error)

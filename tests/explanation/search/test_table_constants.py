@@ -1,0 +1,216 @@
+"""jaxid/explanation/search/table_constants.py: a wrong constant of the table beside the name of what looks the same."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxid import Channels, Custom, Log, LogSet, Parameter, Pioneer, explain, output_error
+from jaxid.effects import effect_by_id
+from jaxid.explanation.left.heldout import HeldOut
+from jaxid.explanation.refits.refit import Trial
+from jaxid.explanation.search.table_constants import _likely, constants_like, effects_that_are
+from jaxid.model_file import read_model
+
+DT, NOISE = 0.02, 0.005
+
+
+def dynamics(state, inputs, p):
+    return {"v": (p["radius"] * inputs["spin"] - state["v"]) / p["T"]}
+
+
+def drive(radius):
+    """A drive that is told how fast its wheels are to spin, and follows with a lag; the radius is known from the table."""
+    return Custom(
+        dynamics=dynamics,
+        state_names=("v",),
+        own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
+        table={"T": Parameter(0.3, "s", lower=0.0, free=True), "radius": Parameter(radius, "m")},
+    )
+
+
+def log(name, seed, robot, curve=0.0):
+    """In closed form: the speed goes exponentially to 0.1 m times the spin, each held; `curve` bends the command."""
+    rng = np.random.default_rng(seed)
+    spin = np.repeat(rng.uniform(-10.0, 10.0, 20), 15)
+    acting, v, seen = 0.1 * spin * (1.0 - curve * np.abs(spin) / 10.0), 0.0, []
+    for final in acting:
+        seen.append(v)
+        v = final + (v - final) * np.exp(-DT / 0.3)
+    outputs = np.array(seen) + NOISE * rng.normal(size=300)
+    return Log.from_arrays(name, DT * np.arange(300), spin[:, None], outputs[:, None], robot.channels)
+
+
+def explained(radius, curve=0.0):
+    robot = drive(radius)
+    fitted = LogSet([log("a", 0, robot, curve), log("b", 1, robot, curve)])
+    return explain(output_error(robot, fitted), fitted, LogSet([log("held", 2, robot, curve)]))
+
+
+@pytest.mark.parametrize("radius", [0.104, 0.07])
+def test_a_wrong_radius_is_named_beside_the_sensors_scale_with_its_error(radius):
+    found = explained(radius)
+    assert [effect.id for effect in found.effects] == ["sensor_scale"]
+    (said,) = [note for note in found.notes if "a wrong constant in the table" in note]
+    share = float(said.partition("radius (")[2].partition(" %")[0])
+    assert share == pytest.approx(100 * (0.1 / radius - 1.0), abs=0.5)
+
+
+@pytest.mark.parametrize("known", [{}, {"drag": Parameter(1e-3, "1/m")}], ids=["no constant", "another constant"])
+def test_a_length_that_is_written_into_the_model_is_said_beside_the_sensors_scale(known):
+    """The radius is no parameter, so that nothing of the table does as well in the sensor's place."""
+    own = Custom(
+        dynamics=lambda state, inputs, p: {
+            "v": (0.104 * inputs["spin"] - state["v"]) / p["T"] - (p["drag"] * state["v"] ** 3 if known else 0.0)
+        },
+        state_names=("v",),
+        own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
+        table={"T": Parameter(0.3, "s", lower=0.0, free=True), **known},
+    )
+    fitted = LogSet([log("a", 0, own), log("b", 1, own)])
+    found = explain(output_error(own, fitted), fitted, LogSet([log("held", 2, own)]))
+    assert [effect.id for effect in found.effects] == ["sensor_scale"]
+    assert any("built in wrongly" in note for note in found.notes)
+
+
+def test_where_the_table_holds_the_wrong_constant_no_number_outside_it_is_blamed():
+    assert not any("built in wrongly" in note for note in explained(0.104).notes)
+
+
+def test_what_no_constant_does_is_called_by_its_name_alone():
+    found = explained(0.1, curve=0.3)
+    assert found.effects and not any("wrong constant" in note for note in found.notes)
+
+
+def slowing(state, inputs, p):
+    """What drives it wanes with its speed: gone at the `limit`, which the table holds."""
+    speed = state["v"]
+    return {"v": (0.1 * inputs["spin"] * (1.0 - (speed / p["limit"]) ** 2) - speed) / p["T"]}
+
+
+def slowed(name, seed, limit):
+    """By SciPy, the command held for 0.3 s each."""
+    rng = np.random.default_rng(seed)
+    levels, at, seen = rng.uniform(-15.0, 15.0, 20), 0.0, []
+    for level in levels:
+        span = DT * np.arange(16)
+        way = solve_ivp(
+            lambda _, v, u=level: (0.1 * u * (1.0 - (v / limit) ** 2) - v) / 0.3,
+            (0.0, 0.3),
+            [at],
+            t_eval=span,
+            rtol=1e-9,
+        )
+        seen += list(way.y[0, :15])
+        at = way.y[0, 15]
+    spin, outputs = np.repeat(levels, 15), np.array(seen) + NOISE * rng.normal(size=300)
+    return Log.from_arrays(name, DT * np.arange(300), spin[:, None], outputs[:, None], SLOWED.channels)
+
+
+SLOWED = Custom(
+    dynamics=slowing,
+    state_names=("v",),
+    own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
+    table={"T": Parameter(0.3, "s", lower=0.0, free=True), "limit": Parameter(1.65, "m/s")},
+)
+
+
+def test_an_effect_that_is_nothing_but_a_constant_of_the_table_is_that_one():
+    assert effects_that_are(["L"], Pioneer()) == ("effective_track",)
+    assert effects_that_are(["R"], Pioneer()) == effects_that_are(["L", "R"], Pioneer()) == ()
+    # A centre of mass on the axis of symmetry is nothing that a table has wrong.
+    assert effects_that_are(["xm"], Pioneer().with_values(xm=0.0)) == ()
+    state = HeldOut(1.0, {"eta1": 1.0}, (np.ones((10, 1)),), {"eta1": 1.0}, 0.5)
+    before = Trial("", Pioneer(), 100.0, 8, state, lambda: state, {})
+    wider = (Pioneer() + effect_by_id(Pioneer(), "effective_track")).with_values(L=1.05 * 0.1689)
+    after = Trial("effective_track", wider, 10.0, 9, state, lambda: state, {})
+    some = LogSet([slowed("a", 0, 1.5)])  # not looked at
+    ((shares, _),) = constants_like(before, after, some, some)
+    assert shares == {"L": pytest.approx(0.05)}
+
+
+def test_a_wrong_constant_that_no_effect_stands_for_is_itself_what_is_found(tmp_path):
+    fitted = LogSet([slowed("a", 0, 1.5), slowed("b", 1, 1.5)])
+    found = explain(output_error(SLOWED, fitted), fitted, LogSet([slowed("held", 2, 1.5)]))
+    assert [effect.id for effect in found.effects] == ["table_constants"] and found.verdict == "named"
+    (effect,) = found.effects
+    assert effect.parameters["limit"].ci95[0] < 1.5 < effect.parameters["limit"].ci95[1]
+    assert effect.constants[0]["limit"] == pytest.approx(1.5 / 1.65 - 1.0, abs=0.01)
+    assert any("limit by -9" in note for note in found.notes)
+    assert found.sentence.startswith("Missing was the right value of limit:")
+    found.save(tmp_path)
+    again = read_model(tmp_path / "model.toml", SLOWED)
+    assert again.parameters["limit"].value == effect.parameters["limit"].value
+
+
+def braked(state, inputs, p):
+    """Drag and a wind beside a rolling resistance; `excess` makes all three those of another wheel: push and wind by as much
+    more as the drag is less."""
+    speed, more = state["v"], 1.0 + p["excess"]
+    driving = more * (p["push"] * inputs["spin"] - p["wind"])
+    return {"v": (driving - speed - p["drag"] / more * speed * jnp.abs(speed)) / p["T"]}
+
+
+BRAKED = Custom(
+    dynamics=braked,
+    state_names=("v",),
+    own_channels=Channels(("spin",), ("v",), (), {"spin": "rad/s", "v": "m/s"}),
+    table={
+        "T": Parameter(0.3, "s", lower=0.0, free=True),
+        "excess": Parameter(0.01, ""),
+        "push": Parameter(0.1 / 1.0504, "m"),
+        "wind": Parameter(0.5 / 1.0504, "m/s"),
+        "drag": Parameter(0.4 * 1.0504, "s/m"),
+    },
+)
+
+
+def braked_log(name, seed):
+    """By SciPy, of a push of 0.1 m, a wind of 0.5 m/s and a drag of 0.4 s/m, the command held for 0.3 s each."""
+    rng = np.random.default_rng(seed)
+    levels, at, seen = rng.uniform(-20.0, 20.0, 20), 0.0, []
+    for level in levels:
+        rate = lambda _, v, u=level: (0.1 * u - 0.5 - v - 0.4 * v * np.abs(v)) / 0.3  # noqa: E731
+        way = solve_ivp(rate, (0.0, 0.3), [at], t_eval=DT * np.arange(16), rtol=1e-9)
+        seen, at = [*seen, *way.y[0, :15]], way.y[0, 15]
+    spin, outputs = np.repeat(levels, 15), np.array(seen) + NOISE * rng.normal(size=300)
+    return Log.from_arrays(name, DT * np.arange(300), spin[:, None], outputs[:, None], BRAKED.channels)
+
+
+def test_where_one_constant_would_have_to_be_wrong_by_too_much_others_together_are_found():
+    fitted = LogSet([braked_log("a", 0), braked_log("b", 1)])
+    found = explain(output_error(BRAKED, fitted), fitted, LogSet([braked_log("held", 2)]))
+    assert [effect.id for effect in found.effects] == ["sensor_scale"]
+    (said,) = [note for note in found.notes if "3 wrong constants in the table" in note]
+    shares = {name: float(said.partition(f"{name} (")[2].partition(" %")[0]) for name in ("push", "wind", "drag")}
+    assert shares == {
+        "push": pytest.approx(4.0, abs=0.6),
+        "wind": pytest.approx(4.0, abs=1.5),
+        "drag": pytest.approx(-3.8, abs=1.5),
+    }
+
+
+def test_two_constants_are_found_where_a_third_alone_does_more_than_either():
+    """Chosen one by one, what is nearly the sum of two comes first, and with any one of these the answer is worse."""
+    rng = np.random.default_rng(5)
+    own, one, other, far = np.linalg.qr(rng.normal(size=(500, 4)))[0].T
+    columns = {
+        "a": 3.0 * one + 2.0 * own,
+        "b": 0.1 * other - own,
+        "between": one + other + 0.4 * far,
+        "nothing": 5.0 * own,
+    }
+    sets, twins = _likely(own[None], columns, one + other + 0.7 * own)
+    assert ("between",) in sets and ("a", "b") in sets
+    assert not any("nothing" in chosen for chosen in sets)  # the fitted parameters do all that it does
+    assert twins["a"] == ("a",)
+
+
+def test_constants_that_do_the_same_are_known_for_it():
+    """A mass and a resistance that scale one force: which of them it is, no log says."""
+    rng = np.random.default_rng(6)
+    own, one, other = np.linalg.qr(rng.normal(size=(500, 3)))[0].T
+    columns = {"mass": one + 3.0 * own, "resistance": -2.0 * one + own, "length": other}
+    sets, twins = _likely(own[None], columns, one)
+    assert set(twins["mass"]) == {"mass", "resistance"} and twins["length"] == ("length",)
+    assert sets[:2] == [("mass",), ("resistance",)] or sets[:2] == [("resistance",), ("mass",)]
