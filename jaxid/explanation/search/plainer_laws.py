@@ -1,7 +1,7 @@
 """Laws of fewer parameters in the place of those that were chosen while other effects were missing.
 
-A curve, or another law of many parameters, follows a part of what is still missing as well, and may have been best by that. Once
-everything is there, a plainer law of its mechanism may leave no more, beside parameters that the many leave open.
+A curve, or another law of many parameters, follows a part of what is still missing as well, and may have been best by that.
+Once everything is there, a plainer law of its mechanism may leave no more, beside parameters that the many leave open.
 """
 
 from collections.abc import Sequence
@@ -29,10 +29,10 @@ def by_plainer_laws(
     noise: dict[str, float],
     say: Report,
 ) -> tuple[list[Step], Trial]:
-    """The steps but the last by a law of fewer parameters of their mechanism, where the data cannot tell it from the one they
-    have in the model with all that was added later."""
+    """The steps by a law of fewer parameters of their mechanism, where the data cannot tell it from the one they have in the
+    model with all that was added. The last one's, too, which was chosen beside laws and names that may since be others."""
     revised = list(steps)
-    for place, step in enumerate(steps[:-1]):
+    for place, step in enumerate(steps if len(steps) > 1 else ()):
         effect = next((own for own in current.robot.effects if own.id == step.chosen.id), None)
         if effect is None or current.angles:
             continue
