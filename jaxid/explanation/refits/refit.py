@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -57,6 +57,31 @@ _FASTER, _FASTEST = 2.0, 128
 motions so fast that nothing in the logs tells how fast."""
 
 
+@dataclass(eq=False)
+class Prediction:
+    """What a model leaves of logs that it was not fitted to: worked out once, when it is first asked for."""
+
+    robot: Robot
+    logs: LogSet
+    noise: Mapping[str, float]
+    left: HeldOut | None = None
+
+    def __call__(self) -> HeldOut:
+        if self.left is None:
+            self.left = predicted(self.robot, self.logs, self.noise)
+        return self.left
+
+
+@dataclass(frozen=True)
+class Known:
+    """The same, where it is known."""
+
+    left: HeldOut
+
+    def __call__(self) -> HeldOut:
+        return self.left
+
+
 @dataclass(frozen=True)
 class Trial:
     """A model refitted with its effects.
@@ -77,14 +102,14 @@ class Trial:
     angles: Angles | None = None
     in_colour: float | None = None
 
-    @cached_property
+    @property
     def held_out(self) -> HeldOut:
         """What it leaves of the logs that it was not fitted to."""
         return self.predicts()
 
     def leaving(self, held_out: HeldOut) -> "Trial":
         """The same, of which is known what it leaves of the logs that it was not fitted to."""
-        return replace(self, predicts=lambda: held_out)
+        return replace(self, predicts=Known(held_out))
 
     @property
     def effect(self) -> Effect | None:
@@ -198,7 +223,7 @@ def refit(
         squares=squares,
         free=len(structure.names) - len(unseen),
         fitted=_fitted(structure, problem, optimum, logs, free),
-        predicts=partial(predicted, found, held_out, noise),
+        predicts=Prediction(found, held_out, noise),
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         angles=problem.prescribed or None,
     )

@@ -36,8 +36,8 @@ def by_plainer_laws(
         effect = next((own for own in current.robot.effects if own.id == step.chosen.id), None)
         if effect is None or current.angles:
             continue
-        fewer = [law for law in step.laws if law.law not in (SHAPE, effect.law) and law.free < step.chosen.free]
-        plainer = fewer[:_MOST]
+        others = [law for law in step.laws if law.id == effect.id and law.law not in (SHAPE, effect.law)]
+        plainer = [law for law in others if law.free < step.chosen.free][:_MOST]
         for law in plainer:
             say(f"refitting with {law.title} instead of {effect.title}")
         trials = [with_rival(law, effect.id, current, base, logs, held_out, noise) for law in plainer]
