@@ -84,7 +84,7 @@ def _states(states) -> tuple:
 def remember_everything() -> None:
     """Let `explain` look up refits and first looks that it has made before of a case's logs."""
     explain_module, refit_module, search_module = (
-        importlib.import_module(f"jaxid.explanation.{name}") for name in ("explain", "refit", "search")
+        importlib.import_module(f"jaxid.explanation.{name}") for name in ("explain", "refits.refit", "search.search")
     )
     from jaxid.explanation.policy import current_policy
     from jaxid.explanation.screening.screen import screen
