@@ -24,6 +24,8 @@ _NEIGHBOURS = 9
 """Samples of the parabola."""
 _STEPS = 6
 _RANK = 1e-8
+_ROUNDED = 1e-9
+"""Share of a state below which what is left open of it is the rounding of what is not."""
 _FAINT = 0.1
 """Share of what outputs or slopes show of a state elsewhere in the log below which they say nothing of it: at standstill a yaw
 rate is no steering angle, however large one its noise takes there."""
@@ -153,6 +155,10 @@ def _by_outputs(
         level = np.linalg.pinv(slopes[:, :ny], rcond=_RANK)  # [W, s, ny]
         first = np.einsum("wij,wj->wi", level, error[:, :ny])
         open_ = np.eye(len(names)) - level @ slopes[:, :ny]
+        # Rounding is no way to go, which the next pseudo-inverse would take it for: it is seen in the states' own sizes.
+        sizes = np.linalg.norm(slopes, axis=1)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        open_ = np.where(np.abs(open_) * sizes[:, :, None] > _ROUNDED * sizes[:, None, :], open_, 0.0)
         rest = error[:, ny:] - np.einsum("wij,wj->wi", slopes[:, ny:], first)
         rate = np.linalg.pinv(slopes[:, ny:] @ open_, rcond=_RANK)
         moved = first + (np.einsum("wij,wj->wi", open_ @ rate, rest) if steps else 0.0)
