@@ -43,11 +43,17 @@ def curve(x: Scalar, knots: Sequence[float], heights: Sequence[Scalar], reach: S
     return found
 
 
+def _farthest(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> tuple[float, float]:
+    """Where a curve that begins at zero is farthest from a straight line to its end, and by how much."""
+    off = heights - heights[-1] * x / x[-1]
+    at = np.argmax(np.abs(off))
+    return float(x[at]), float(off[at])
+
+
 def rises_early(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> bool:
     """Whether a curve that begins at zero rises before it is level rather than after: by its farthest point from a straight
     line to its end, since a share of `x` itself may be another thing's."""
-    off = heights - heights[-1] * x / x[-1]
-    return bool(off[np.argmax(np.abs(off))] >= 0)
+    return _farthest(x, heights)[1] >= 0
 
 
 _AT_ONCE = 1.0 / 3.0
@@ -58,9 +64,8 @@ straight line at 0.58 of it."""
 def falls_at_once(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> bool:
     """Whether a curve of the speed that begins at zero falls right after standstill and is level then, but for a straight line:
     friction that rises towards standstill, of which the Coulomb friction took the level."""
-    off = heights - heights[-1] * x / x[-1]
-    farthest = int(np.argmax(np.abs(off)))
-    return bool(off[farthest] < 0 and x[farthest] < _AT_ONCE * x[-1])
+    place, off = _farthest(x, heights)
+    return off < 0 and place < _AT_ONCE * x[-1]
 
 
 @dataclass(frozen=True)

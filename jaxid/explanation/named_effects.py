@@ -65,7 +65,8 @@ def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit) -> tuple[st
     """The names that the data cannot tell from the effect's, those that are the same constants of the table, and the one that
     makes everything as late as all are."""
     same = effects_that_are(effect.constants, bare) if isinstance(effect, TableConstants) else ()
-    same = same or ((effect.in_common,) if common_delay(effect, final) > 0.0 else ())
+    common = common_delay(effect, final)
+    same = (*same, common.other) if common is not None else same
     return (*(name for name in step.equivalent if name not in same), *same)
 
 

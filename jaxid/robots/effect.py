@@ -68,9 +68,6 @@ class Effect:
     """Whether it is tried by itself; else only where another law of the mechanism, whose `denser` it is, leaves something."""
     only_later: ClassVar[bool] = False
     """Whether all it does is that the same motion is seen later."""
-    in_common: ClassVar[str] = ""
-    """Of a law with a delay for each of several things: the id of the effect that makes them all as late as the least of them
-    is, which no data tells apart."""
     late: ClassVar[bool] = False
     """Whether it is a delay or a lag, so that the motion between samples tells it from others."""
     otherwise: ClassVar[str] = ""
@@ -101,6 +98,11 @@ class Effect:
     def sharper(self) -> "Effect":
         """The effect a step nearer to `sharp`: where samples close to the edge alone say where it is, it is followed there."""
         return self.sharp
+
+    def in_common(self, robot: "Robot") -> str:
+        """Of a law with a delay for each of several things: the id of the effect that makes all as late as the least of them
+        is, which no data tells apart; empty where something else of the robot would be late then, too."""
+        return ""
 
     def elsewhere(self, robot: "Robot") -> Mapping[str, float]:
         """Other values of its parameters from which a search that has ended at those of `robot` may end better; often none."""

@@ -15,7 +15,7 @@ from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
 from ..scattered import changes_late, rows_late
-from .drives import drive_names, each_drive, on_drives
+from .drives import drive_names, each_drive, on_drives, other_inputs
 
 _LEAST = 1e-6
 """Share of a step that is always shown."""
@@ -65,8 +65,10 @@ class DelayOfEach(InputDelay):
 
     law: ClassVar[str] = "per_input"
     formula: ClassVar[str] = "u_i'(t) = u_i(t - delay_i)"
-    in_common: ClassVar[str] = "sensor_delay"
     needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def in_common(self, robot: Robot) -> str:
+        return "" if other_inputs(robot) else "sensor_delay"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}

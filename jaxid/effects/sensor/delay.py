@@ -67,7 +67,6 @@ class SensorDelayOfEach(SensorDelay):
 
     law: ClassVar[str] = "per_channel"
     formula: ClassVar[str] = "y_i'(t) = y_i(t - delay_i)"
-    in_common: ClassVar[str] = "input_delay"
 
     def refusal(self, robot: Robot) -> str | None:
         return (
@@ -75,6 +74,9 @@ class SensorDelayOfEach(SensorDelay):
             if len(robot.channels.outputs) > 1
             else f"{robot.name!r} measures one output, of which {self.id} has a law"
         )
+
+    def in_common(self, robot: Robot) -> str:
+        return "input_delay"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}

@@ -65,7 +65,7 @@ def cost_at(structure: Structure, problem: Problem, at: Unknowns) -> float:
 def costs_at(structure: Structure, problem: Problem, points: Sequence[Unknowns]) -> Float[np.ndarray, " k"]:
     """`problem.cost` at k points, side by side."""
     _, costs = simulations(structure, problem, points[0])
-    at = Unknowns(*(np.stack([np.asarray(own[i]) for own in points]) for i in range(2)))
+    at = Unknowns(np.stack([np.asarray(p.z) for p in points]), np.stack([np.asarray(p.states) for p in points]))
     with np.errstate(over="ignore", invalid="ignore"):
         found = costs(at)
         return np.asarray(found.own).sum(axis=1) + np.asarray(found.shared)

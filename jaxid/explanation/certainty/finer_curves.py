@@ -126,10 +126,11 @@ def _of_another_form(
         return _fitted(replace(trial, robot=with_freer_form(final.robot, effect)), effect.id, in_full)
     curves = [law for law in laws_of(step.before.robot, effect.id) if isinstance(law, Curve)]
     curve = curve_of(effect.id) if any(curve.begins_later or curve.ends for curve in curves) else None
-    # Through more points than it needs, so that what it lacks itself does not tell against the formula.
-    # With the steps that the formula was found to need: the curve would be found to need them anew.
-    robot = curve and replace(curve.robot, longest_step=final.robot.longest_step)
-    dense = _dense(curve, robot, effect.id) if curve and robot else None
+    if curve is None:
+        return None
+    # Through more points than it needs, so that what it lacks itself does not tell against the formula; with the integration
+    # steps that the formula was found to need, which would be found anew.
+    dense = _dense(curve, replace(curve.robot, longest_step=final.robot.longest_step), effect.id)
     return _fitted(dense, effect.id, in_full) if dense is not None else None
 
 

@@ -9,7 +9,7 @@ from ...robots.effect import in_words
 from ...robots.robot import Robot
 from ..named_effect import NamedEffect
 from ..refits.refit import Trial
-from ..search.steps import Step
+from ..search.steps import Step, laws_in
 from .wider_errors import reaching_to
 
 _APART = 3.0
@@ -72,12 +72,8 @@ def by_name(effect: NamedEffect, step: Step) -> dict[str, Robot]:
 def with_the_rest(others: Mapping[str, Robot], identifier: str, final: Fit) -> dict[str, Robot]:
     """Those of the models in the place of one effect that have all else that `final` has, by the same laws: of others, what is
     missing there has moved the robot's own parameters, too."""
-
-    def laws(robot: Robot) -> set[tuple[str, str]]:
-        return {(effect.id, effect.law) for effect in robot.effects}
-
-    rest = {(name, law) for name, law in laws(final.robot) if name != identifier}
-    return {title: robot for title, robot in others.items() if rest <= laws(robot)}
+    rest = laws_in(final.robot, identifier)
+    return {title: robot for title, robot in others.items() if rest <= laws_in(robot, identifier)}
 
 
 def _ids(robot: Robot) -> set[str]:

@@ -4,6 +4,8 @@ Sensors that are all late by some time, and commands that are late by it, are th
 is later than another is its own.
 """
 
+from typing import NamedTuple
+
 from ...estimate.result import Fit
 from ...robots.effect import Effect, in_words
 
@@ -11,24 +13,31 @@ _CERTAIN = 2.0
 """Standard errors by which the least of the delays differs from none."""
 
 
-def common_delay(effect: Effect, final: Fit) -> float:
-    """The delay [s] that everything has which the effect makes late; zero where one thing may have none, where the model has
-    the other mechanism, too, or where that has nothing in common with this one."""
-    other = any(own.id == effect.in_common for own in final.robot.effects)
-    if other or not effect.in_common:
-        return 0.0
+class Common(NamedTuple):
+    """The `delay` [s] that everything has which an effect makes late, and the id of the effect that it may be as well."""
+
+    delay: float
+    other: str
+
+
+def common_delay(effect: Effect, final: Fit) -> Common | None:
+    """What the delays of an effect have in common; None where one thing may have none, where the model has the other mechanism,
+    too, or where that has nothing in common with this one."""
+    other = effect.in_common(final.robot)
+    if not other or any(own.id == other for own in final.robot.effects):
+        return None
     delays = [delay for name, delay in final.parameters.items() if name.startswith(effect.key(""))]
     sure = bool(delays) and all(delay.value > _CERTAIN * delay.std_error for delay in delays)
-    return min(delay.value for delay in delays) if sure else 0.0
+    return Common(min(delay.value for delay in delays), other) if sure else None
 
 
 def delays_in_common(final: Fit) -> str:
     """A sentence on delays that are as well another mechanism's; empty where there are none."""
     for effect in final.robot.effects:
-        delay = common_delay(effect, final)
-        if delay > 0.0:
+        common = common_delay(effect, final)
+        if common is not None:
             return (
-                f"Of {effect.title} the {1e3 * delay:.3g} ms that all have in common may as well be "
-                f"{in_words(effect.in_common)}, or a part of them: only by how much one is later than another is its own."
+                f"Of {effect.title} the {1e3 * common.delay:.3g} ms that all have in common may as well be "
+                f"{in_words(common.other)}, or a part of them: only by how much one is later than another is its own."
             )
     return ""

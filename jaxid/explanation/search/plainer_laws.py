@@ -13,7 +13,7 @@ from ..refits.candidate_refits import Report
 from ..refits.refit import Trial
 from .laws import best_first
 from .reconsider import with_rival
-from .steps import Step
+from .steps import Step, laws_in
 from .telling_apart import alike
 
 _MOST = 4
@@ -30,11 +30,13 @@ def by_plainer_laws(
     say: Report,
 ) -> tuple[list[Step], Trial]:
     """The steps by a law of fewer parameters of their mechanism, where the data cannot tell it from the one they have in the
-    model with all that was added. The last one's, too, which was chosen beside laws and names that may since be others."""
+    model with all that was added. What was chosen beside just these laws of the others stays."""
     revised = list(steps)
-    for place, step in enumerate(steps if len(steps) > 1 else ()):
+    for place, step in enumerate(steps):
         effect = next((own for own in current.robot.effects if own.id == step.chosen.id), None)
         if effect is None or current.angles:
+            continue
+        if laws_in(step.before.robot, effect.id) == laws_in(current.robot, effect.id):
             continue
         others = [law for law in step.laws if law.id == effect.id and law.law not in (SHAPE, effect.law)]
         plainer = [law for law in others if law.free < step.chosen.free][:_MOST]

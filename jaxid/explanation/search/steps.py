@@ -3,10 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ...robots.robot import Robot
 from ..left.coloured import OnlyColour
 from ..left.heldout import HeldOut
 from ..refits.refit import Trial
 from ..screening.screen import Candidate
+
+
+def laws_in(robot: Robot, but: str) -> set[tuple[str, str]]:
+    """The effects that a model has but one of them, each by its law."""
+    return {(effect.id, effect.law) for effect in robot.effects if effect.id != but}
 
 
 @dataclass(frozen=True)

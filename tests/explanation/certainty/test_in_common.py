@@ -27,12 +27,12 @@ def test_the_least_of_the_delays_is_as_well_the_other_mechanisms(identifier, law
     times = [(0.045, 1e-4), *[(0.040, 1e-4)] * (len(names) - 1)]
     delays = {f"{identifier}.delay_{name}": time for name, time in zip(names, times, strict=True)}
     final = final_of(robot, delays)
-    assert common_delay(robot.effects[-1], final) == 0.040
+    assert common_delay(robot.effects[-1], final) == (0.040, other.replace(" ", "_"))
     assert f"40 ms that all have in common may as well be {other}" in delays_in_common(final)
     # Where one of them is not late, or may not be, nothing is in common; nor where the model has the other, too.
     one = final_of(robot, delays | {f"{identifier}.delay_{names[0]}": (1e-4, 1e-4)})
-    assert common_delay(robot.effects[-1], one) == 0.0 and delays_in_common(one) == ""
+    assert common_delay(robot.effects[-1], one) is None and delays_in_common(one) == ""
     both = robot + effect_by_id(robot, other.replace(" ", "_"), "constant")
-    assert common_delay(robot.effects[-1], final_of(both, delays)) == 0.0
+    assert common_delay(robot.effects[-1], final_of(both, delays)) is None
     plain = Omni() + effect_by_id(Omni(), identifier, "constant")
     assert delays_in_common(final_of(plain, {f"{identifier}.delay": (0.04, 1e-4)})) == ""

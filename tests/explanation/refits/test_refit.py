@@ -1,5 +1,7 @@
 """A refit that runs away is a bad trial and no error: the others go on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,20 @@ def test_a_model_that_cannot_be_simulated_is_as_bad_as_can_be(axis_law, monkeypa
     trial = refit(robot, [start], logs, held_out, noise_scale(held_out), {})
     assert trial.squares == trial.score == np.inf
     assert np.isfinite(trial.held_out.normalised_rms) and trial.robot.parameters["M"].value == start["M"]
+
+
+def test_what_a_refit_leaves_of_held_out_logs_is_worked_out_once_and_only_if_asked_for(axis_law, monkeypatch):
+    logs, held_out, asked = recorded(axis_law, 1), recorded(axis_law, 2), []
+    found = under_test.predicted
+    monkeypatch.setattr(under_test, "predicted", lambda *given: asked.append(given) or found(*given))
+    robot = Axis()
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    trial = refit(robot, [start], logs, held_out, noise_scale(held_out), {})
+    assert not asked
+    left = trial.held_out
+    assert replace(trial, id="another").held_out is trial.held_out is left and len(asked) == 1
+    known = trial.leaving(trial.fitted)
+    assert known.held_out is trial.fitted and len(asked) == 1
 
 
 def behind_a_lag(u, dt, lag, mass, seed):

@@ -244,6 +244,11 @@ def test_a_curve_chosen_while_another_effect_was_missing_gives_way_to_its_formul
     assert [own.chosen.law for own in steps] == ["subtractive", "constant"]
     assert found.id == "input_delay" and found.held_out.normalised_rms < 1.1
     assert found.robot.parameters["actuator_dead_zone.threshold"].value == pytest.approx(1.0, abs=0.02)
+    # Chosen beside just these laws of the others, nothing is tried again.
+    said = []
+    beside = replace(first, before=with_more(base, "input_delay", "constant", delay=0.04))
+    again, same = by_plainer_laws([beside], delay, base, *rest[:3], said.append)
+    assert not said and same is delay and again[0].chosen is curve
 
 
 def test_rivals_are_near_to_the_law_that_an_effect_has_now():
