@@ -23,6 +23,7 @@ from ..robots.given import given_logs
 from .certainty.finer_curves import hangs_on_forms
 from .certainty.hinging import by_name, hinging, with_the_rest
 from .certainty.in_common import delays_in_common
+from .certainty.nominal_one import with_another_nominal
 from .certainty.straight_shares import open_gain, shared_lines
 from .explanation import Explanation
 from .left.between_logs import changed_between
@@ -228,15 +229,18 @@ def explain(
                 wrong = constants_like(step.before, step.after, logs, held_out)
                 constants[effect.id] = [one.shares for one in wrong]
                 if last:
-                    others = {f"a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
+                    others = {f"it is a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
                     # A law of more parameters makes others of the rest by chance, and is none that was passed over.
                     same = (t for t in step.laws if t.law in effect.laws_alike and t.free <= step.after.free)
                     laws = (t for t in same if not t.angles)
-                    others |= {f"{effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
+                    others |= {f"it is {effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
             if found.final is not None:
                 others = with_the_rest(others | by_name(effect, step), effect.id, final)
                 final, sentence = hinging(final, found.final, others)
                 hinges = " ".join(filter(None, (hinges, sentence)))
+        if found.final is not None:
+            own = with_another_nominal(final, found.final, logs, held_out, found.before.noise, report)
+            final, hinges = own.final, " ".join(filter(None, (hinges, own.sentence)))
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = verdict_of(found, named, most, doubts)

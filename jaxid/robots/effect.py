@@ -116,6 +116,11 @@ class Effect:
         """Parameters of its own, each of which may be held at zero where the others can do all that it does; mostly none."""
         return ()
 
+    def either_nominal(self, robot: "Robot") -> Mapping[str, str]:
+        """Its shares, of which the data may tell only by how much they differ, each with what it means that it is none; mostly
+        none."""
+        return {}
+
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""
         return f"{self.stands_as or self.id}.{name}"

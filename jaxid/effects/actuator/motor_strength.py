@@ -36,6 +36,9 @@ class OfEach(Effect):
         middle = sorted(values, key=lambda name: values[name])[(len(values) - 1) // 2 :][:1]
         return middle if len(values) == len(names) else []
 
+    def either_nominal(self, robot: Robot) -> dict[str, str]:
+        return {self.key(f"{self.stem}_{name}"): f"the motor of {name} is nominal" for name in drive_names(robot)}
+
     def shares_of(self, p: Numbers, robot: Robot) -> list[Scalar]:
         return [p[self.key(f"{self.stem}_{name}")] for name in drive_names(robot)]
 

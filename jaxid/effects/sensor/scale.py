@@ -43,6 +43,9 @@ class SensorScale(Effect):
             return [min(values, key=lambda name: abs(values[name]))]
         return sorted(values, key=lambda name: values[name])[(len(values) - 1) // 2 :][:1]
 
+    def either_nominal(self, robot: Robot) -> dict[str, str]:
+        return {self.key(f"error_{name}"): f"{name} is to scale" for name in sensed(robot)}
+
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return outputs * (1.0 + each_channel(self, p, "error", robot))
 
@@ -57,6 +60,9 @@ class ScaleByDirection(SensorScale):
 
     def may_hold(self, robot: Robot) -> list[str]:
         return []
+
+    def either_nominal(self, robot: Robot) -> dict[str, str]:
+        return {}
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}

@@ -16,6 +16,7 @@ _APART = 3.0
 """Standard errors by which a parameter must be another one."""
 _MOST = 4
 """Parameters that are told, those first that differ most."""
+BY_NAME = "the name or its law, which these logs leave open"
 
 
 class Hinging(NamedTuple):
@@ -26,9 +27,8 @@ class Hinging(NamedTuple):
     sentence: str
 
 
-def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
-    """What the robot's own parameters would be under the names of `others` (each with its model). `last` is the trial that
-    `final` is the fit in full of; where it has other effects than that, nothing is said."""
+def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], on: str = BY_NAME) -> Hinging:
+    """What the robot's own parameters would be in the models of `others`, by what is so then, if these hinge `on` something. `last` is the trial that `final` is the fit in full of; where it has other effects than that, nothing is said."""
     free = last.robot.parameters.free_names
     held = any(name in final.parameters and final[name].status == "fixed" for name in free)
     if held or _own(free) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
@@ -50,23 +50,22 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot]) -> Hinging:
                 f"{name} {robot.parameters[name].value:.4g} instead of {final[name].value:.4g}{unit[name]}"
                 for name in worst
             )
-            said.append(f"if it is {title}, {listed}")
+            said.append(f"if {title}, {listed}")
     if not said:
         return Hinging(final, "")
     return Hinging(
         reaching_to(final, {name: (by, final[name].std_error) for name, by in reached.items()}),
-        f"Numbers of the robot hinge on the name or its law, which these logs leave open: {'; '.join(said)}. Their standard "
-        "errors allow for that.",
+        f"Numbers of the robot hinge on {on}: {'; '.join(said)}. Their standard errors allow for that.",
     )
 
 
 def by_name(effect: NamedEffect, step: Step) -> dict[str, Robot]:
-    """The models by the names that the data cannot tell from the effect's, by these names in words."""
+    """The models by the names that the data cannot tell from the effect's, by what it then is in words."""
     # Prescribed angles suit one of two names alone: what the other's model makes of them says nothing.
     # Nor does what has only a part in common with the effect, unless it is a curve that is the same function.
     names = {name for name in effect.equivalent_to if name in step.equivalent or effect.law == SHAPE}
     alike = (trial for trial in step.trials if trial.id in names and not trial.angles)
-    return {in_words(trial.id): trial.robot for trial in alike}
+    return {f"it is {in_words(trial.id)}": trial.robot for trial in alike}
 
 
 def with_the_rest(others: Mapping[str, Robot], identifier: str, final: Fit) -> dict[str, Robot]:

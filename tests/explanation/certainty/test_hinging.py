@@ -31,8 +31,8 @@ def test_a_number_that_another_name_makes_another_is_told():
     final, last = found(())
     same = last.robot
     heavier = same.with_values(M=1.3)
-    assert hinging(final, last, {"input delay": same}) == (final, "")
-    wider, said = hinging(final, last, {"input delay": same, "a wrong gain": heavier})
+    assert hinging(final, last, {"it is input delay": same}) == (final, "")
+    wider, said = hinging(final, last, {"it is input delay": same, "it is a wrong gain": heavier})
     assert "if it is a wrong gain, M 1.3 instead of" in said and "kg" in said
     assert "Fv" not in said and "delay" not in said
     # The interval holds the other value, too, and those of what does not hinge on it stay.
@@ -45,7 +45,7 @@ def test_a_number_that_another_name_makes_another_is_told():
 def test_nothing_is_said_where_the_last_trial_is_not_the_answer():
     final, last = found(())
     held = replace(last, robot=last.robot.change("M", free=False))
-    assert hinging(final, held, {"a wrong gain": last.robot.with_values(M=1.3)}) == (final, "")
+    assert hinging(final, held, {"it is a wrong gain": last.robot.with_values(M=1.3)}) == (final, "")
 
 
 def test_nothing_is_said_beside_a_model_in_which_a_number_of_the_effect_was_free():
@@ -54,7 +54,7 @@ def test_nothing_is_said_beside_a_model_in_which_a_number_of_the_effect_was_free
     name = "motor_lag.time_constant"
     fixed = replace(final.parameters[name], status="fixed")
     held = replace(final, parameters={**final.parameters, name: fixed})
-    other = {"a wrong gain": last.robot.with_values(M=1.3)}
+    other = {"it is a wrong gain": last.robot.with_values(M=1.3)}
     assert hinging(held, last, other) == (held, "") and hinging(final, last, other).sentence
 
 
