@@ -28,7 +28,10 @@ class Hinging(NamedTuple):
 
 
 def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], on: str = BY_NAME) -> Hinging:
-    """What the robot's own parameters would be in the models of `others`, by what is so then, if these hinge `on` something. `last` is the trial that `final` is the fit in full of; where it has other effects than that, nothing is said."""
+    """What the robot's own parameters would be in the models of `others`, by what is so then, if these hinge `on` something.
+
+    `last` is the trial that `final` is the fit in full of; where it has other effects than that, nothing is said.
+    """
     free = last.robot.parameters.free_names
     held = any(name in final.parameters and final[name].status == "fixed" for name in free)
     if held or _own(free) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
