@@ -159,7 +159,11 @@ def probed(
             continue
         fixed = dict(angles or integrated_angles(full, logs))
         prescribed |= fixed
-        outputs = _simulate(full, integrator, logs, changes, _begun(full, logs, known_states), fixed)
+        begun = _begun(full, logs, known_states)
+        outputs = _simulate(full, integrator, logs, changes, begun, fixed)
+        if not np.all(np.isfinite(outputs)) and (finer := integrator_for(full, logs)).substeps > integrator.substeps:
+            # A state of one effect that the robot's own steps do not follow spoils what stands beside it.
+            outputs = _simulate(full, finer, logs, changes, begun, fixed)
         at = 0
         for alone, there, probe in probes:
             n = len(probe.strengths)
