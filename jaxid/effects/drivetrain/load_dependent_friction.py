@@ -1,6 +1,8 @@
 """Friction that grows with the transmitted torque: friction models M3 to M6 of BAM (Rhoban, Better Actuator Models)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -9,7 +11,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import positive, still
+from ..effect_parameters import positive, shape, still
 
 _STILL = 0.01
 """Share of the robot's speed within which a gear is about to turn."""
@@ -47,6 +49,10 @@ class LoadDependentFriction(Effect):
     def refusal(self, robot: Robot) -> str | None:
         return None if robot.angles else f"{robot.name!r} does not say at which speed each drive torque acts (`angle`)"
 
+    @property
+    def freer(self) -> Effect | None:
+        return LoadOfAnyPower(stands_as=self.stands_as)
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "share", "", 0.1) | _still(self, robot)
 
@@ -59,11 +65,38 @@ class LoadDependentFriction(Effect):
 
 
 @dataclass(frozen=True)
+class LoadOfAnyPower(LoadDependentFriction):
+    """A loss that grows with any power of the torque: for the question whether the dry friction beside it hangs on that."""
+
+    law: ClassVar[str] = "any_power"
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"exponent": 1.0})
+    formula: ClassVar[str] = "torque' = torque - share |torque| (|torque| / largest)^(exponent - 1) sgn(speed)"
+
+    @property
+    def freer(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        exponent = Parameter(1.0, "", free=True, lower=0.5, upper=3.0, typical=1.0, source="form")
+        largest = shape(self, "largest", robot.torque_unit, robot.scales.torque, free=False)
+        return super().parameters(robot) | {self.key("exponent"): exponent} | largest
+
+    def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
+        logarithm = 0.5 * jnp.log((torque / p[self.key("largest")]) ** 2 + 1e-8)
+        grown = jnp.exp((p[self.key("exponent")] - 1.0) * logarithm)
+        return torque - p[self.key("share")] * jnp.abs(torque) * grown * way
+
+
+@dataclass(frozen=True)
 class TwoEfficiencies(LoadDependentFriction):
     """Another share while the wheel drives the motor than while the motor drives the wheel."""
 
     law: ClassVar[str] = "driving_and_driven"
     formula: ClassVar[str] = "torque' = torque (1 - driving) while it drives, torque (1 + driven) while it brakes"
+
+    @property
+    def freer(self) -> Effect | None:
+        return None
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "driving", "", 0.1) | positive(self, "driven", "", 0.1) | _still(self, robot)
