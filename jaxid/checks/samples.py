@@ -214,9 +214,13 @@ def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Ite
         found.append((int(start), int(length)))
     if found:
         start, length = max(found, key=lambda stretch: stretch[1])
+        # A wheel that sticks while the other turns reads zero, too, coming to it from a speed that counts make coarse.
+        stood = (
+            "" if position or values[start] else ", unless what it measures stood still, where nothing is to be done"
+        )
         text = (
             f"stays at exactly {values[start]:.4g} for {length + 1} samples while other channels change ({len(found)} "
-            "such stretch(es)), so the sensor was frozen; leave those cells empty or cut the log"
+            f"such stretch(es)), so the sensor was frozen{stood}; leave those cells empty or cut the log"
         )
         yield finding(log, name, start, "warning", "frozen_sensor", text)
 

@@ -1,6 +1,6 @@
 """Resistance of the body's translation that grows faster than its speed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
@@ -16,6 +16,8 @@ from ..effect_parameters import positive, shape, signed
 
 _SQUARE = 2.0
 """Exponent of quadratic drag."""
+_MUCH = 0.5
+"""Share of the largest height of all curves from which a step of one is more than what another's errors make."""
 
 
 def whole_speed(along: Scalars) -> Scalar:
@@ -169,6 +171,19 @@ class DragCurve(Curve):
         parts = [self.of(part) for part in robot.translations] if self.apart else [""]
         return not falls_at_once(speeds, np.sum([np.asarray(self.at(speeds, numbers, part)) for part in parts], axis=0))
 
+    def doubt(self, robot: Robot) -> str:
+        """What is there as soon as a speed is, and much of all that the curves say, is dry friction's: of an axis for which
+        that has no name, say."""
+        numbers, table = robot.parameters.numbers, robot.parameters
+        speeds = np.linspace(0.0, table[self.key("reach")].value, 101)
+        parts = self.parts(robot) if self.apart else ("",)
+        curves = {part: np.asarray(self.at(speeds, numbers, self.of(part) if part else "")) for part in parts}
+        largest = max(float(np.max(np.abs(curve))) for curve in curves.values())
+        falling = [
+            part for part, own in curves.items() if falls_at_once(speeds, own) and -np.min(own) > _MUCH * largest
+        ]
+        return f"its curve{_of(falling)} is a step at standstill, as dry friction is" if falling else ""
+
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return robot.velocities if robot.translations else ()
 
@@ -199,6 +214,11 @@ class DragCurve(Curve):
         speed = whole_speed(along)
         per_speed = self.at(speed, p) / (speed + 1e-9 * p[self.key("reach")])
         return robot.pushed(forces, tuple(-per_speed * one for one in along), p)
+
+
+def _of(parts: Sequence[str]) -> str:
+    names = " and ".join(part for part in parts if part)
+    return f" of {names}" if names else ""
 
 
 def _ahead(robot: Robot) -> str:
