@@ -42,6 +42,21 @@ def test_braking_takes_more_than_the_torque_and_then_it_stands(law):
     assert stops < 1.9 and abs(found[-1]) < 1e-9  # 1.2 N less a fifth is not enough to go back
 
 
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_another_power_loses_as_much_at_the_largest_torque(exponent):
+    """At half of it, by Newton's law, half of that to the power of the exponent."""
+    robot = Axis().with_values(M=MASS, Fv=0.0, Fc=COULOMB)
+    effect = LoadDependentFriction().freer
+    assert effect is not None and effect.freer is None
+    robot = robot + effect
+    largest = robot.parameters[effect.key("largest")].value
+    robot = robot.with_values(**{effect.key("share"): SHARE, effect.key("exponent"): exponent})
+    for force in (largest, 0.5 * largest):
+        rates = robot.rates({"v": 1.0}, (force,), (COULOMB,), robot.parameters.numbers)
+        lost = SHARE * largest * (force / largest) ** exponent
+        assert float(rates["v"]) == pytest.approx((force - lost - COULOMB) / MASS, rel=1e-6)
+
+
 def test_a_gear_takes_from_the_torque_and_never_adds_to_it():
     """Else a dead zone, which brakes less than it drives, has the name of a negative loss."""
     for law in (LoadDependentFriction(), TwoEfficiencies()):

@@ -27,7 +27,7 @@ from .input_delay import late
 _TINY = 1e-9
 """Share of a step below which a time constant is none."""
 _STABLE = 0.5
-"""Share of a sampling interval that a step of Runge and Kutta's fourth order over the whole of it follows; 0.36 is the least."""
+"""Share of a sampling interval that a step of Runge and Kutta of order four over the whole of it follows; 0.36 is the least."""
 
 
 def low_passed(inputs, dt, T):
