@@ -121,6 +121,12 @@ class Explanation:
                 part = (
                     f"{names} {explain} part of it on the fitted logs, but none here (then {after:.4g}), and the rest"
                 )
+            if names and self.colour is not None and not self.doubts:
+                return (
+                    f"{base}: the held-out error is {before:.4g} times the noise; {part} follows nothing that drove the robot "
+                    f"and looks like slow noise of {self.colour.phrase} or a disturbance of the motion. A log of the robot at "
+                    "rest tells them apart."
+                )
             why = f" No name is given, since {'; '.join(self.doubts)}." if names and self.doubts else ""
             few = ""
             if self.after.usual < ABOVE and after > TAILS * self.after.usual and not self.after.diverged:

@@ -17,7 +17,9 @@ def with_drag(resistance):
     return (ROBOT + LAW).with_values(**heights)
 
 
-@pytest.mark.parametrize("resistance", [lambda x: 0.0, lambda x: x**2, lambda x: x**3 - x, lambda x: 2.0 * x**1.5, np.sin])
+@pytest.mark.parametrize(
+    "resistance", [lambda x: 0.0, lambda x: x**2, lambda x: x**3 - x, lambda x: 2.0 * x**1.5, np.sin]
+)
 def test_what_grows_with_the_speed_is_drag_whatever_straight_line_another_has(resistance):
     assert LAW.doubt(with_drag(resistance)) == ""
 

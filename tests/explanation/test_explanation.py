@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 
 from jaxid import Axis, output_error, read_logs, simulate
+from jaxid.estimate.noise_colour import Colour
+from jaxid.explanation.left.coloured import OnlyColour
 from jaxid.explanation.left.heldout import held_out_state
 from jaxid.explanation.next_experiment import NextExperiment
 from jaxid.explanation.verdict import still_doubted
@@ -47,6 +49,13 @@ def test_where_a_name_is_doubted_and_nothing_is_left_no_rest_is_spoken_of(explai
     )
     gone_on = replace(explained, verdict="unexplained", doubts=doubted.doubts, after=explained.before)
     assert "fits no known effect" in gone_on.sentence
+
+
+def test_slow_noise_beside_a_name_is_told_as_what_it_may_be(explained):
+    slow = OnlyColour({"v": Colour((0.5, 0.3), 1.0, 0.7)}, simple=False, faster=False)
+    left = replace(explained, verdict="unexplained", colour=slow, after=explained.before)
+    assert "quadratic drag explains part of it" in left.sentence and "fits no known effect" not in left.sentence
+    assert "looks like slow noise of v (neighbours 0.70) or a disturbance of the motion" in left.sentence
 
 
 def test_the_json_file_is_as_agreed(explained, tmp_path):
