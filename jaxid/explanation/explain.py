@@ -22,7 +22,7 @@ from ..robots.effect import Effect, in_words
 from ..robots.given import given_logs
 from .certainty.finer_curves import hangs_on_forms
 from .certainty.hinging import by_name, hinging, with_the_rest
-from .certainty.in_common import delays_in_common
+from .certainty.in_common import delays_in_common, without_a_name
 from .certainty.nominal_one import with_another_nominal
 from .certainty.straight_shares import open_gain, shared_lines
 from .explanation import Explanation
@@ -291,6 +291,7 @@ def explain(
                 *shared_lines(final),
                 open_gain(final),
                 delays_in_common(final),
+                *without_a_name(final),
                 hinges,
                 still,
                 unusable,

@@ -72,6 +72,8 @@ class Effect:
     """Whether it is a delay or a lag, so that the motion between samples tells it from others."""
     otherwise: ClassVar[str] = ""
     """What of the robot itself does the same, in words, so that no log tells it apart where the table does not hold it."""
+    same_as: ClassVar[str] = ""
+    """What no effect has the name of and does the same, in words, with what would tell the two apart."""
     memoryless: ClassVar[bool] = False
     """Whether what it makes of a command depends on nothing but that command: not on earlier ones, and not on the time."""
     upon: ClassVar[str] = ""

@@ -16,6 +16,10 @@ from ..effect_parameters import positive
 
 _SHARES = (0.09, 0.14, 0.21, 0.3, 0.43, 0.6, 0.86, 1.2)
 """Limits of traction that are tried, in shares of the drive force at the largest input."""
+_CURRENT = (
+    "a limit of the motors' current, or torque, in their driver, which limits the same force: a wheel that turns faster than the "
+    "ground passes, or a current that is logged, tells them apart"
+)
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,7 @@ class TractionLimit(Effect):
     id: ClassVar[str] = "traction_limit"
     law: ClassVar[str] = "hard"
     where: ClassVar[str] = "ground contact"
+    same_as: ClassVar[str] = _CURRENT
     formula: ClassVar[str] = "f' = clip(f, -limit, limit), limit = 1 / inverse_limit"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
@@ -93,6 +98,7 @@ class TractionCurve(Curve):
 
     id: ClassVar[str] = "traction_limit"
     where: ClassVar[str] = "ground contact"
+    same_as: ClassVar[str] = _CURRENT
     formula: ClassVar[str] = "f' = f - lost(|f|) sgn f"
     needs: ClassVar[tuple[str, ...]] = ("torque",)
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.2, 0.4, 0.7, 1.0)

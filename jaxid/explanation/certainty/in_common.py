@@ -1,4 +1,4 @@
-"""What a law with a delay for each of several things has in common with another mechanism.
+"""What an effect has in common with another mechanism, or with something that has no name.
 
 Sensors that are all late by some time, and commands that are late by it, are the same motion seen later: only by how much one
 is later than another is its own.
@@ -41,3 +41,12 @@ def delays_in_common(final: Fit) -> str:
                 f"{in_words(common.other)}, or a part of them: only by how much one is later than another is its own."
             )
     return ""
+
+
+def without_a_name(final: Fit) -> tuple[str, ...]:
+    """Sentences on effects that may as well be something that has no name here."""
+    return tuple(
+        f"What is called {in_words(effect.id)} here may as well be {effect.same_as}."
+        for effect in final.robot.effects
+        if effect.same_as
+    )

@@ -6,7 +6,7 @@ import pytest
 
 from jaxid import Omni
 from jaxid.effects import effect_by_id
-from jaxid.explanation.certainty.in_common import common_delay, delays_in_common
+from jaxid.explanation.certainty.in_common import common_delay, delays_in_common, without_a_name
 
 
 def final_of(robot, delays):
@@ -36,3 +36,10 @@ def test_the_least_of_the_delays_is_as_well_the_other_mechanisms(identifier, law
     assert common_delay(robot.effects[-1], final_of(both, delays)) is None
     plain = Omni() + effect_by_id(Omni(), identifier, "constant")
     assert delays_in_common(final_of(plain, {f"{identifier}.delay": (0.04, 1e-4)})) == ""
+
+
+@pytest.mark.parametrize("law", ["hard", "shape"])
+def test_a_limit_of_traction_may_as_well_be_one_of_the_motors_current(law):
+    (said,) = without_a_name(final_of(Omni() + effect_by_id(Omni(), "traction_limit", law), {}))
+    assert said.startswith("What is called traction limit here may as well be a limit of the motors' current")
+    assert without_a_name(final_of(Omni() + effect_by_id(Omni(), "motor_lag"), {})) == ()
