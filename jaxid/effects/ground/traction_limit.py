@@ -17,8 +17,8 @@ from ..effect_parameters import positive
 _SHARES = (0.09, 0.14, 0.21, 0.3, 0.43, 0.6, 0.86, 1.2)
 """Limits of traction that are tried, in shares of the drive force at the largest input."""
 _CURRENT = (
-    "a limit of the motors' current, or torque, in their driver, which limits the same force: a wheel that turns faster than the "
-    "ground passes, or a current that is logged, tells them apart"
+    "a limit of the motors' current, or torque, in their driver, which limits the same force: a wheel that turns faster than "
+    "the ground passes, or a current that is logged, tells them apart"
 )
 
 
