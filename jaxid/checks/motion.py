@@ -30,16 +30,11 @@ def is_planar(log: Log) -> bool:
     return {"m/s", "rad/s"} <= units
 
 
-def _slope(log: Log, values: Array, width: int) -> Array:
+def _slope(log: Log, filled: Array, width: int) -> Array:
     """Derivative of a position by a straight line through `width` samples on either side of each."""
-    there = np.isfinite(values)
-    if there.sum() < 3:
-        return np.full_like(values, np.nan)
-    filled = np.interp(log.time, log.time[there], values[there])
     after = np.minimum(np.arange(len(log)) + width, len(log) - 1)
     before = np.maximum(np.arange(len(log)) - width, 0)
-    slope = (filled[after] - filled[before]) / (log.time[after] - log.time[before])
-    return np.where(there, slope, np.nan)
+    return (filled[after] - filled[before]) / (log.time[after] - log.time[before])
 
 
 def speed(log: Log, name: str) -> Array:
@@ -47,11 +42,15 @@ def speed(log: Log, name: str) -> Array:
     values = log.output(name)
     if not is_position(log, name):
         return values
+    there = np.isfinite(values)
+    if there.sum() < 3:
+        return np.full_like(values, np.nan)
+    filled = np.interp(log.time, log.time[there], values[there])  # a sensor may be slower than the log
     # The slope of noise falls with the width: wide enough for the slope to stand out, as far as the log is long.
     spread, width = white_level(values), 1
-    while width < len(log) // 50 and spread > 0.05 * np.nanstd(values[width:] - values[:-width]):
+    while width < len(log) // 50 and spread > 0.05 * np.std(filled[width:] - filled[:-width]):
         width *= 2
-    return _slope(log, values, width)
+    return np.where(there, _slope(log, filled, width), np.nan)
 
 
 def _halfway(values: Array) -> float:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxid import Log, LogSet, Pioneer
+from jaxid.checks.motion import speed
 
 STEP, TIME = 0.012, 0.02 * np.arange(1000)
 ROBOT = Pioneer(wheel_angles=True)
@@ -31,6 +32,20 @@ def logged(angles, volts=VOLTS):
 
 def warned(logs):
     return [f for f in logs.preflight() if f.severity != "note"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_encoder_that_is_slower_than_the_log_shows_the_speed_all_the_same():
+    """Read at every fifth row: neighbouring rows hold no difference of its own."""
+    turning = rates(VOLTS)[:, 0]
+    noisy = ANGLES + 0.005 * np.random.default_rng(3).normal(size=ANGLES.shape)
+    seldom = np.where((np.arange(len(TIME)) % 5 == 0)[:, None], noisy, np.nan)
+    for angles in (noisy, seldom):
+        (log,) = logged(angles)
+        shown = speed(log, ROBOT.measured_angles[0])
+        there = np.isfinite(shown)
+        assert np.array_equal(there, np.isfinite(angles[:, 0]))
+        assert np.std((shown - turning)[there]) < 0.25 * np.std(turning)
 
 
 def test_wheels_that_stand_and_creep_are_sound():
