@@ -52,6 +52,8 @@ def _others(robot: Robot, effect: Effect) -> Iterator[tuple[str, Robot]]:
         return
     for name in dict.fromkeys(chosen(free, key=lambda name: free[name]) for chosen in (min, max)):
         scale = 1.0 + free[name]
+        if not scale > 0.0:
+            continue  # dead, or the other way round: not what the others are measured by
         values = {other: (1.0 + value) / scale - 1.0 for other, value in {**free, held[0]: 0.0}.items()}
         other = robot.with_values(**values).change(held[0], free=True).change(name, free=False)
         yield words[name], other
