@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, EffectError, Integrator, Log, LogSet, Omni, Pioneer
+from jaxid import Axis, EffectError, Integrator, Log, LogSet, Omni, Pioneer, explain, output_error
 from jaxid.effects import effect_by_id
 from jaxid.effects.drivetrain.load_dependent_friction import LoadDependentFriction, LoadOfAxes, TwoEfficiencies
 from jaxid.simulation.simulate import simulate
@@ -95,3 +95,31 @@ def test_where_a_body_s_axes_rub_what_drives_them_is_lost_in_part():
 def test_an_axis_of_its_own_motor_has_the_gear_s_laws():
     with pytest.raises(EffectError, match="those of its motors"):
         Pioneer() + LoadOfAxes()
+
+
+def rounded_off(seed, samples=800, dt=0.02, fine=40):
+    """A log of an axis whose loss is in proportion to large forces and begins with the square of small ones, by small steps of
+    Euler's method that stop where dry friction does."""
+    random = np.random.default_rng(seed)
+    forces, found, v = np.repeat(random.uniform(-8, 8, samples // 25), 25), np.zeros(samples), 0.0
+    for k, force in enumerate(forces):
+        found[k] = v
+        lost = COULOMB + 0.09 * (np.hypot(force, 0.6) - 0.6)
+        for _ in range(fine):
+            pushed = v + dt / fine / MASS * (force - 3.0 * v)
+            v = np.sign(pushed) * max(abs(pushed) - dt / fine / MASS * lost, 0.0)
+    seen = found + 0.006 * random.normal(size=samples)
+    return Log.from_arrays(f"{seed}", dt * np.arange(samples), forces[:, None], seen[:, None], Axis())
+
+
+@pytest.mark.filterwarnings("ignore::jaxid.LogWarning")
+def test_dry_friction_beside_a_law_that_is_only_near_the_right_one_holds_the_truth():
+    """A share of all torque takes for its own what the rounded loss has not at small ones, and leaves less to dry friction."""
+    fit, held_out = LogSet([rounded_off(k) for k in range(4)]), LogSet([rounded_off(k) for k in (10, 11)])
+    robot = Axis().with_values(offset=0.0).change("offset", free=False)
+    story = explain(output_error(robot, fit), fit, held_out)
+    assert [(effect.id, effect.law) for effect in story.effects] == [("load_dependent_friction", "share_of_torque")]
+    assert any("another exponent" in note for note in story.notes)
+    for name, true in {"M": MASS, "Fv": 3.0, "Fc": COULOMB}.items():
+        estimate = story.final[name]
+        assert abs(estimate.value - true) < 2.0 * estimate.std_error < 0.06 * true, name

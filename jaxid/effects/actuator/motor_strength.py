@@ -31,7 +31,7 @@ class OfEach(Effect):
 
     def may_hold(self, robot: Robot) -> list[str]:
         """The share in the middle of all: what every motor has may be a constant's of the robot."""
-        names = [self.key(f"{self.stem}_{name}") for name in drive_names(robot)]
+        names = self.either_nominal(robot)
         values = {name: robot.parameters[name].value for name in names if robot.parameters[name].free}
         middle = sorted(values, key=lambda name: values[name])[(len(values) - 1) // 2 :][:1]
         return middle if len(values) == len(names) else []

@@ -176,12 +176,9 @@ class DragCurve(Curve):
         that has no name, say."""
         numbers, table = robot.parameters.numbers, robot.parameters
         speeds = np.linspace(0.0, table[self.key("reach")].value, 101)
-        parts = self.parts(robot) if self.apart else ("",)
-        curves = {part: np.asarray(self.at(speeds, numbers, self.of(part) if part else "")) for part in parts}
-        largest = max(float(np.max(np.abs(curve))) for curve in curves.values())
-        falling = [
-            part for part, own in curves.items() if falls_at_once(speeds, own) and -np.min(own) > _MUCH * largest
-        ]
+        curves = {name: np.asarray(self.at(speeds, numbers, name)) for name in self.each(robot)}
+        least = _MUCH * max(float(np.max(np.abs(curve))) for curve in curves.values())
+        falling = [name for name, own in curves.items() if falls_at_once(speeds, own) and -np.min(own) > least]
         return f"its curve{_of(falling)} is a step at standstill, as dry friction is" if falling else ""
 
     def parts(self, robot: Robot) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ class SensorScale(Effect):
     def may_hold(self, robot: Robot) -> list[str]:
         """The error in the middle of all, of two the smaller one: what all sensors read too much may be a constant's of the
         robot, such as its mass."""
-        names = [self.key(f"error_{name}") for name in sensed(robot)]
+        names = self.either_nominal(robot)
         values = {name: robot.parameters[name].value for name in names if robot.parameters[name].free}
         if len(values) < max(len(names), 2):
             return []
