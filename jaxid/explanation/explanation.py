@@ -74,7 +74,7 @@ class Explanation:
     def noise_floor(self) -> float:
         """The error that chance alone leaves, in units of the noise's white part: one, more where the noise is coloured or
         delays scatter."""
-        coloured = self.colour is not None and self.colour.simple
+        coloured = self.colour is not None and self.colour.of_sensors
         chance = self.after.by_chance or (self.after.within_errors and bool(self.after.hung_on_it))
         return max(self.after.normalised_rms, 1.0) if coloured or chance else 1.0
 
@@ -85,7 +85,9 @@ class Explanation:
         names = " and ".join(effect.title for effect in self.effects)
         if self.verdict == "adequate" and self.colour is not None:
             coloured = f"the noise of {self.colour.phrase} is coloured."
-            if not self.colour.faster:
+            if self.colour.at_rest:
+                coloured = f"what is left in {self.colour.phrase} is slow noise of the sensor, which is there while the robot stands, too."
+            elif not self.colour.faster:
                 coloured = (
                     f"what is left in {self.colour.phrase} is coloured noise of the sensor, or a disturbance of the motion "
                     "that is as slow (a log of the robot at rest tells them apart)."
@@ -99,8 +101,7 @@ class Explanation:
         if self.verdict == "unexplained" and self.colour is not None and not self.effects:
             return (
                 f"No effect explains what is left, and it follows nothing that drove the robot: the held-out error of "
-                f"{before:.4g} times the noise looks like slow noise of {self.colour.phrase} or a disturbance of the "
-                "motion. A log of the robot at rest tells them apart."
+                f"{before:.4g} times the noise {self._slow}"
             )
         if self.verdict == "adequate":
             return self._nothing_found
@@ -124,8 +125,7 @@ class Explanation:
             if names and self.colour is not None and not self.doubts:
                 return (
                     f"{base}: the held-out error is {before:.4g} times the noise; {part} follows nothing that drove the robot "
-                    f"and looks like slow noise of {self.colour.phrase} or a disturbance of the motion. A log of the robot at "
-                    "rest tells them apart."
+                    f"and {self._slow}"
                 )
             why = f" No name is given, since {'; '.join(self.doubts)}." if names and self.doubts else ""
             few = ""
@@ -150,6 +150,22 @@ class Explanation:
             return f"Missing was {sets}: {closed}, but this data does not tell these names apart.{self._chance}"
         left = f" What is left is coloured noise of {self.colour.phrase}." if self.colour is not None else ""
         return f"Missing was {names}: {closed}.{left}{self._chance}"
+
+    @property
+    def _slow(self) -> str:
+        """What noise as slow as the motion may be."""
+        colour = self.colour
+        if colour is None:
+            return ""
+        if colour.at_rest is False:
+            return (
+                f"is a disturbance of the motion, in {colour.phrase}: while the robot stands, held by dry friction, it is not "
+                "there (floor, slip, gears, or noise of the measured inputs)."
+            )
+        return (
+            f"looks like slow noise of {colour.phrase} or a disturbance of the motion. A log of the robot at rest tells them "
+            "apart."
+        )
 
     @property
     def _chance(self) -> str:

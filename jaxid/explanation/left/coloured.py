@@ -36,13 +36,20 @@ class OnlyColour:
 
     `p_value` of all tests together, those of the shape, on which `simple` hangs, included. `faster` where it changes faster
     than the robot's inertia would let any force make it; `simple` where it is forgotten soon, or where short autoregressions
-    leave nothing of it, as a sensor's filter makes it.
+    leave nothing of it, as a sensor's filter makes it; `at_rest` whether it is there while the robot stands (`at_rest.py`), None
+    where the logs do not tell.
     """
 
     colours: dict[str, Colour]
     simple: bool
     faster: bool
     p_value: float = 1.0
+    at_rest: bool | None = None
+
+    @property
+    def of_sensors(self) -> bool:
+        """Whether it is the sensors' noise: by its shape, or since it is there while the robot stands."""
+        return self.simple or self.at_rest is True
 
     @property
     def phrase(self) -> str:
@@ -58,7 +65,8 @@ class OnlyColour:
         channels = {
             name: {"correlation": colour.correlation, "order": colour.order} for name, colour in self.colours.items()
         }
-        return {"channels": channels, "simple": self.simple, "faster_than_any_force": self.faster}
+        own = {"channels": channels, "simple": self.simple, "faster_than_any_force": self.faster}
+        return own if self.at_rest is None else {**own, "while_the_robot_stands": self.at_rest}
 
 
 def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> float:

@@ -1,0 +1,142 @@
+"""Slow noise of a sensor, or a disturbance of the motion? What is left while the robot stands tells.
+
+Dry friction holds a robot that stands against every force that is smaller, so that a disturbance of the motion does not show
+there, while a sensor's noise does.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz, toeplitz
+
+from ..._float64 import in_float64
+from ...estimate.noise_colour import Colour
+from ...estimate.output_error.estimated_start import estimated_start
+from ...logs import LogSet
+from ...logs.noise import usual_size
+from ...robots.robot import Robot
+from ...simulation.scaled import Scales
+from ...simulation.simulate import integrator_for, simulate
+from ..level import current_level
+from .heldout import HeldOut
+
+Array = NDArray[np.float64]
+
+_STILL = 1e-9
+"""Speed as a share of the largest below which a simulated robot stands: held by dry friction it does exactly."""
+_SHORTEST, _LONGEST = 10, 400
+"""Samples of a rest that are looked at: of longer ones, in parts."""
+_STEP = 1e-6
+
+
+def shown_at_rest(
+    robot: Robot, states: Sequence[tuple[HeldOut, LogSet]], colours: Mapping[str, Colour], scales: Scales
+) -> bool | None:
+    """Whether the noise of the channels in `colours` is there while `robot` stands as it is while it moves (True: the sensors'),
+    or not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same of all channels.
+    """
+    rests: dict[str, list[Array]] = {name: [] for name in colours}
+    sizes: dict[str, list[Array]] = {name: [] for name in colours}
+    speeds = list(robot.channels.outputs)
+    for state, logs in states:
+        for still, residual in zip(_standing(robot, state, logs), state.residuals, strict=True):
+            for name in set(colours) & set(state.by_channel) & set(speeds):
+                own = residual[:, list(state.by_channel).index(name)]
+                sizes[name].append(own[~still] * state.noise[name])
+                for first, end in _runs(still):
+                    rests[name] += np.array_split(own[first:end], -(-(end - first) // _LONGEST))
+    held = dict(zip(speeds, held_rates(robot), strict=True))
+    said = set()
+    for name, colour in colours.items():
+        size = usual_size(np.concatenate([*sizes[name], np.empty(0)])) if sizes[name] else np.inf
+        # What makes so large a slow error works against viscous friction, and against inertia within its own memory.
+        needed = size * (1.0 / scales.time + 1.0 / (max(colour.memory, 1.0) * scales.interval))
+        said.add(_there(colour, rests[name]) if held.get(name, 0.0) > needed else None)
+    return said.pop() if len(said) == 1 else None
+
+
+def in_motion(robot: Robot, states: Sequence[tuple[HeldOut, LogSet]]) -> list[tuple[HeldOut, LogSet]]:
+    """The `states` without what is left while `robot` stands."""
+    found = []
+    for state, logs in states:
+        still = _standing(robot, state, logs)
+        moving = tuple(np.where(s[:, None], np.nan, r) for s, r in zip(still, state.residuals, strict=True))
+        found.append((replace(state, residuals=moving), logs))
+    return found
+
+
+def _standing(robot: Robot, state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
+    """Where the simulated `robot` stands [T], on every log."""
+    begun = estimated_start(robot, logs, state.noise)
+    speeds = len(robot.channels.outputs)
+    every = [y[:, :speeds] for y in simulate(robot, logs, start=begun, integrator=integrator_for(robot, logs))]
+    largest = np.nanmax([np.nanmax(np.abs(y), axis=0) for y in every], axis=0)
+    return [np.all(np.abs(y) <= _STILL * largest, axis=1) for y in every]
+
+
+@in_float64
+def held_rates(robot: Robot) -> Array:
+    """How quickly a force may change each output [ny] of the robot at rest that dry friction just holds, per second; zero where
+    none acts."""
+    bare = replace(robot.alone, effects=())
+    p = {name: np.float64(value) for name, value in bare.parameters.numbers.items()}
+    rest = bare.initial_state()
+    idle, axes = (0.0,) * len(bare.channels.inputs), len(bare.rubbing(rest, p))
+    outputs = len(bare.channels.outputs)
+
+    def seen(dry: tuple[float, ...]) -> Array:
+        rates = bare.rates(rest, idle, dry, p)
+        steps = [{name: rest[name] + sign * _STEP * rates[name] for name in rest} for sign in (1.0, -1.0)]
+        after, before = (np.array([float(np.asarray(y)) for y in bare.observe(own, idle, p)]) for own in steps)
+        return (after - before)[:outputs] / (2.0 * _STEP)
+
+    zero = (0.0,) * axes
+    if not axes:
+        return np.zeros(outputs)
+    with np.errstate(all="ignore"):
+        slopes = np.stack([seen(tuple(np.eye(axes)[j])) - seen(zero) for j in range(axes)], axis=1)
+        levels = np.array([min(abs(float(np.asarray(edge))) for edge in pair) for pair in bare.coulomb(rest, p)])
+        if not np.isfinite(slopes).all():
+            return np.zeros(outputs)
+        torques = np.linalg.pinv(slopes)  # [axes, outputs], of one unit of each output's rate
+        reached = np.diag(slopes @ torques) > 1.0 - _STEP
+        return np.where(reached, np.min(levels[:, None] / np.maximum(np.abs(torques), 1e-300), axis=0), 0.0)
+
+
+def _runs(still: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First sample and end of every rest."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _SHORTEST]
+
+
+def _there(colour: Colour, rests: Sequence[Array]) -> bool | None:
+    """Whether noise of this colour is there in `rests` [T]: by the likelihood ratio to white noise of any size."""
+    rests = [own[np.isfinite(own)] for own in rests]
+    rests = [own for own in rests if len(own) >= _SHORTEST]
+    if not rests:
+        return None
+    pooled = np.concatenate(rests)
+    white = max(float(np.mean(pooled**2)), 1e-300)
+    alone = -0.5 * len(pooled) * (np.log(white) + 1.0)
+    longest = max(map(len, rests))
+    response = colour.correlations[:longest]
+    variance = _variance(colour)
+    coloured = sum(_log_likelihood(own, variance * response[: len(own)]) for own in rests)
+    certain = -float(np.log(current_level()))
+    if abs(coloured - alone) < certain:
+        return None
+    return bool(coloured > alone)
+
+
+def _variance(colour: Colour) -> float:
+    """Of the stationary noise, by the innovations' and the response to them (Yule and Walker)."""
+    rho = colour.correlations[1 : colour.order + 1]
+    return colour.level**2 / max(1.0 - float(np.dot(colour.coefficients, rho)), 1e-12)
+
+
+def _log_likelihood(values: Array, covariances: Array) -> float:
+    """Of stationary Gaussian noise, without the constant."""
+    _, determinant = np.linalg.slogdet(toeplitz(covariances))
+    return -0.5 * float(values @ solve_toeplitz(covariances, values) + determinant)

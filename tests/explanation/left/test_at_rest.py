@@ -1,0 +1,77 @@
+"""Slow noise of a gyro or a disturbance of the motion: what is left while the robot stands tells. An axis by its own small steps."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, explain, output_error
+from jaxid.explanation.left.at_rest import held_rates
+
+DT, FINE, SAMPLES = 0.02, 20, 900
+M, FV, FC = 1.3, 2.1, 0.8
+
+
+def axis_motion(u, force):
+    """Speeds [T] of an axis with dry friction that sticks, under `u` and a disturbing `force` [T], by implicit Euler steps."""
+    v, found, h = 0.0, [], DT / FINE
+    for drive in u + force:
+        found.append(v)
+        for _ in range(FINE):
+            free = M * v + h * drive
+            v = np.sign(free) * max(abs(free) - h * FC, 0.0) / (M + h * FV)
+    return np.array(found)
+
+
+def wander(rng, memory):
+    """Slow noise of unit variance, forgotten within `memory` samples."""
+    rho = np.exp(-1.0 / memory)
+    return signal.lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], rng.normal(size=SAMPLES + 500))[500:]
+
+
+def explained(force, bias):
+    """The explanation of nine logs of a robot as it is, with a disturbing `force`, and a wandering `bias` of the sensor."""
+    logs = []
+    for seed in range(9):
+        rng = np.random.default_rng(300 + seed)
+        u = np.repeat(rng.uniform(1.2, 5.0, 18) * rng.choice([-1, 0, 0, 1], 18), SAMPLES // 18)
+        v = axis_motion(u, force * wander(rng, 30)) + bias * wander(rng, 30) + 0.02 * rng.normal(size=SAMPLES)
+        logs.append(Log.from_arrays(f"run {seed}", DT * np.arange(SAMPLES), u[:, None], {"v": v}, AXIS))
+    robot = Axis().with_values(M=1.0, Fv=1.5, Fc=0.5, offset=0.0).change("offset", free=False)
+    fit = output_error(robot, LogSet(logs[:6]))
+    return explain(fit, LogSet(logs[:6]), LogSet(logs[6:]))
+
+
+def test_a_sensor_that_wanders_is_no_alarm():
+    found = explained(0.0, 0.02)
+    assert found.verdict == "adequate" and not found.effects
+    assert found.colour is not None and not found.colour.simple and found.colour.at_rest
+    assert "slow noise of the sensor, which is there while the robot stands, too" in found.sentence
+    assert found.to_dict()["colour"]["while_the_robot_stands"] is True
+
+
+def test_a_disturbance_that_dry_friction_holds_is_told_as_one():
+    found = explained(0.05, 0.0)
+    assert found.verdict == "unexplained" and not found.effects
+    assert found.colour is not None and found.colour.at_rest is False
+    assert "is a disturbance of the motion" in found.sentence and "held by dry friction" in found.sentence
+
+
+def test_what_dry_friction_holds_is_coulomb_friction_over_inertia():
+    robot = Axis().with_values(M=1.3, Fv=2.1, Fc=0.8)
+    np.testing.assert_allclose(held_rates(robot), [0.8 / 1.3], rtol=1e-6)
+    assert held_rates(robot.with_values(Fc=0.0)).max() == 0.0
+
+
+def test_both_sides_of_a_drive_hold_it_against_turning():
+    robot = DifferentialDrive().with_values(M=10.0, J=0.5, b=0.2, Fc=2.0)
+    p = robot.parameters.numbers
+    forward, turning = held_rates(robot)
+    # A force F on each side: both forward make 2 F / M, one against the other 2 F b / J.
+    levels = [pair[0] for pair in robot.coulomb(robot.initial_state(), p)]
+    np.testing.assert_allclose([forward, turning], [2 * levels[0] / 10.0, 2 * levels[0] * 0.2 / 0.5], rtol=1e-6)
+
+
+@pytest.mark.parametrize("mass", [0.5, 40.0])
+def test_more_mass_is_held_against_less_change(mass):
+    robot = Axis().with_values(M=mass, Fv=1.0, Fc=2.0)
+    np.testing.assert_allclose(held_rates(robot) * mass, [2.0], rtol=1e-6)
