@@ -34,9 +34,8 @@ _STEP = 1e-6
 def shown_at_rest(
     robot: Robot, states: Sequence[tuple[HeldOut, LogSet]], colours: Mapping[str, Colour], scales: Scales
 ) -> bool | None:
-    """Whether the noise of the channels in `colours` is there while `robot` stands as it is while it moves (True: the sensors'),
-    or not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same of all channels.
-    """
+    """Whether the noise of the channels in `colours` is there while `robot` stands as while it moves (True: the sensors'), or
+    not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same of all channels."""
     rests: dict[str, list[Array]] = {name: [] for name in colours}
     sizes: dict[str, list[Array]] = {name: [] for name in colours}
     speeds = list(robot.channels.outputs)

@@ -36,8 +36,8 @@ class OnlyColour:
 
     `p_value` of all tests together, those of the shape, on which `simple` hangs, included. `faster` where it changes faster
     than the robot's inertia would let any force make it; `simple` where it is forgotten soon, or where short autoregressions
-    leave nothing of it, as a sensor's filter makes it; `at_rest` whether it is there while the robot stands (`at_rest.py`), None
-    where the logs do not tell.
+    leave nothing of it, as a sensor's filter makes it; `at_rest`: whether it is there while the robot stands (`at_rest.py`),
+    None where the logs do not tell.
     """
 
     colours: dict[str, Colour]

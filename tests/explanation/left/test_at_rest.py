@@ -1,4 +1,4 @@
-"""Slow noise of a gyro or a disturbance of the motion: what is left while the robot stands tells. An axis by its own small steps."""
+"""Slow noise of a sensor or a disturbance of the motion: what is left while the robot stands tells."""
 
 import numpy as np
 import pytest

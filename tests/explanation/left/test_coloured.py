@@ -146,7 +146,7 @@ def test_slow_noise_beside_white_noise_is_left_open_and_no_force_is_blamed(axis_
     logs = []
     for k in range(3):
         rng = np.random.default_rng([4, k])
-        u = np.repeat(rng.uniform(-4, 4, SAMPLES // 20), 20)
+        u = np.repeat(rng.uniform(1, 4, SAMPLES // 20) * rng.choice([-1, 1], SAMPLES // 20), 20)  # no rest between
         v, _ = axis_law(u, DT)
         y = v + 0.02 * rng.normal(size=SAMPLES) + 0.04 * first_order(0.96, SAMPLES, rng)
         logs.append(Log.from_arrays(f"run {k}", DT * np.arange(SAMPLES), u[:, None], {"v": y}, AXIS))
