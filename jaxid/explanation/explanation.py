@@ -86,8 +86,10 @@ class Explanation:
         if self.verdict == "adequate" and self.colour is not None:
             coloured = f"the noise of {self.colour.phrase} is coloured."
             if self.colour.at_rest:
-                coloured = f"what is left in {self.colour.phrase} is slow noise of the sensor, which is there while the robot "
-                    "stands, too."
+                coloured = (
+                    f"what is left in {self.colour.phrase} is slow noise of the sensor, which is there while the robot stands, "
+                    "too."
+                )
             elif not self.colour.faster:
                 coloured = (
                     f"what is left in {self.colour.phrase} is coloured noise of the sensor, or a disturbance of the motion "

@@ -156,6 +156,7 @@ class ExplainedChange:
     - `p_value`: of two sets this different if nothing had changed, all candidates accounted for.
     - `rms_unchanged` and `rms_separate`: error of one model for both sets and of two models, in units of the (whitened) noise.
     - `noticeable`: the smallest changes that would have been noticed; `unseen`: what these logs do not show at all.
+    - `lacked`: mechanisms that the model lacked in both sets; `before` and `after` are fits with them, and compared so.
     - `looked`: all candidates, the likeliest first. `held_out_gain`: drop of chi-squared on held-out logs by the change, NaN
       without.
     """
@@ -175,11 +176,19 @@ class ExplainedChange:
     held_out_gain: float = math.nan
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    lacked: tuple[str, ...] = ()
     origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def sentence(self) -> str:
-        """The verdict in one sentence."""
+        """The verdict in one sentence, and what both sets lacked in another."""
+        if not self.lacked:
+            return self._changed
+        names = " and ".join(map(in_words, self.lacked))
+        return f"{self._changed} The model lacked {names} in both sets: both were fitted again with it, and compared so."
+
+    @property
+    def _changed(self) -> str:
         if self.verdict == "unchanged":
             return f"Nothing changed that these logs show (p = {self.p_value:.2g})."
         fall = ""
@@ -286,7 +295,9 @@ class ExplainedChange:
                     {"id": c.id, "title": c.title, "gain": c.gain, "p_value": c.p_value} for c in self.looked
                 ],
                 "doubts": list(self.doubts),
+                "unsound": self.unsound,
                 "notes": list(self.notes),
+                "lacked": list(self.lacked),
             }
         )
 

@@ -18,15 +18,17 @@ from ..._origin import with_origin
 from ...estimate.result import Estimate, Fit, checked_fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
+from ...robots.effect import in_words
 from ...robots.given import given_logs
 from ..level import FALSE_ALARM, checked_level
 from ..search.telling_apart import vuong
 from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
+from .in_both import fitted_with, lacking_in_both
 from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
 from .judged import differ_at_all, follows_one_worse, noticed_from, predicted
-from .sides import side_of
+from .sides import SetOfLogs, side_of
 
 _MOST, _ALWAYS, _FEW = 8, 3, 3
 _PROMISING = 0.3
@@ -38,6 +40,8 @@ _NEAR = 16.0
 _APART = 2.0
 _LEFT = 0.03
 """Share of the difference that a change may leave, significant or not: how far the models themselves are from nature."""
+_IN_BOTH = 3
+"""Mechanisms that are tried in both sets, and how many are added to both."""
 _CLEAR, _NAMED = 4.0, 3
 """Standard errors from which another parameter of the two fits is said to differ, too, and how many of them are."""
 
@@ -192,9 +196,21 @@ def explain_change(
     if held_out_before is not None and held_out_after is not None:
         given = given_logs(before.robot, held_out_before), given_logs(after.robot, held_out_after)
         held_out = _HeldOut({"before": given[0], "after": given[1]})
-    pair = Pair.of(
-        before.robot, before.free_names, {"before": side_of(before, logs_before), "after": side_of(after, logs_after)}
-    )
+    return _explained(before, after, (logs_before, logs_after), held_out, level, report)
+
+
+def _explained(
+    before: Fit,
+    after: Fit,
+    logs: tuple[LogSet, LogSet],
+    held_out: _HeldOut | None,
+    level: float,
+    report: Callable[[str], None],
+    lacked: tuple[str, ...] = (),
+) -> ExplainedChange:
+    """`explain_change` of two fits to which what both sets lacked (`lacked`, mechanisms) has been added."""
+    sides: dict[Side, SetOfLogs] = {"before": side_of(before, logs[0]), "after": side_of(after, logs[1])}
+    pair = Pair.of(before.robot, before.free_names, sides)
     look = first_look(before.robot, pair, {"before": before.initial_states, "after": after.initial_states}, report)
     report("first look: " + ", ".join(f"{s.candidate.title} {s.gain:.0f}" for s in look.scores[:5]))
     null, colours = refit(pair, None, look.colours, look.theta), look.colours
@@ -204,15 +220,24 @@ def explain_change(
     likelier = chi_squared_tail(null.squares - _separate(pair, after, colours), len(pair.free))
     apart = max(differ_at_all(before, after), float(likelier))
     p = min(2.0 * by_name, 4.0 * apart, 4.0 * worse, 1.0)
-    best, equivalent, doubts, notes = None, [], [], ()
+    best, equivalent, doubts, notes = None, [], list[str](), ()
     if p < level:
         trials, null, colours = _refitted(pair, look, null, held_out, report)
         best, *equivalent = _simplest_first(trials)
+        mechanisms = [trial.joint for trial in trials if not trial.score.own][:_IN_BOTH]
+        lacking = lacking_in_both(pair, best.joint, mechanisms, colours)
+        if lacking is not None:
+            said = f"{in_words(_mechanism(lacking[0]))} explains more where both sets have it than any change does"
+            again = fitted_with(before, after, logs, *lacking) if len(lacked) < _IN_BOTH else None
+            if again is not None:
+                report(f"{said}; both fitted and compared with it")
+                return _explained(*again, logs, held_out, level, report, (*lacked, _mechanism(lacking[0])))
+            doubts = [f"{said}: the model lacks it"]
         worse, ratio = follows_one_worse(pair, best.joint.residuals)
     rows = sum(int(own.there.sum()) for own in pair.sides.values())
     separate = _separate(pair, after, colours)
     if best is not None:
-        doubts = _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
+        doubts += _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
     verdict: Verdict = "unchanged"
     if best is not None:
@@ -236,7 +261,13 @@ def explain_change(
         held_out_gain=gain,
         doubts=tuple(doubts),
         notes=notes,
+        lacked=lacked,
     )
+
+
+def _mechanism(joint: Joint) -> str:
+    """The mechanism that a refit lets appear or vanish."""
+    return joint.candidate.id if joint.candidate is not None else ""
 
 
 def _separate(pair: Pair, after: Fit, colours: Colours) -> float:
