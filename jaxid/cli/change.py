@@ -13,7 +13,7 @@ from ..robots import Robot
 from .arguments import UnusableInput, load_effects
 from .cache import keep_compiled_programs
 from .console import say, show, step
-from .findings import warn_of_findings
+from .findings import refuse_useless, warn_of_findings
 from .fit import estimate, identifiable
 from .folder import results_in
 
@@ -21,9 +21,7 @@ from .folder import results_in
 def _read(robot: Robot, paths: list[str], mapping: Path | None, intersample: Intersample) -> LogSet:
     """The logs of one set, looked over. Raises `UnusableInput` if none can be fitted."""
     logs = between_samples(read_logs(paths, robot, mapping=mapping), intersample)
-    useless = {finding.file: finding for finding in logs.preflight() if finding.severity == "error"}
-    if len(useless) == len(logs):
-        raise UnusableInput(next(iter(useless.values())).message)
+    refuse_useless(logs)
     return logs
 
 

@@ -1,6 +1,7 @@
 """What pre-flight finds, one line each."""
 
 from ..logs import LogSet
+from .arguments import UnusableInput
 from .console import say
 
 _STYLE = {"error": "bold yellow", "warning": "yellow"}
@@ -11,3 +12,10 @@ def warn_of_findings(*sets: LogSet | None) -> None:
     findings = [str(f) for logs in sets if logs for f in logs.preflight() if f.severity in _STYLE]
     for line in dict.fromkeys(findings):
         say(line, style=_STYLE[line.partition(":")[0]])
+
+
+def refuse_useless(logs: LogSet) -> None:
+    """Raise `UnusableInput` where pre-flight finds an error in every log, such as a robot that never moved."""
+    useless = {finding.file: finding for finding in logs.preflight() if finding.severity == "error"}
+    if len(useless) == len(logs):
+        raise UnusableInput(next(iter(useless.values())).message)

@@ -24,7 +24,7 @@ from ..robots.closed_loop import Controller, Law
 from .arguments import UnusableInput, for_logs, load_controller, load_effects, load_robot
 from .cache import keep_compiled_programs
 from .console import say, show, step
-from .findings import warn_of_findings
+from .findings import refuse_useless, warn_of_findings
 from .folder import results_in
 
 _SHOWN = 5
@@ -224,9 +224,7 @@ def read_case(robot: Robot, fit: list[str], held_out: list[str], mapping: Path |
     """Logs to fit and held-out ones, looked over. Raises `UnusableInput` if no log can be fitted."""
     fit_logs = read_logs(fit, robot, mapping=mapping)
     held_out_logs = read_logs(held_out, robot, mapping=mapping) if held_out else None
-    useless = {finding.file: finding for finding in fit_logs.preflight() if finding.severity == "error"}
-    if len(useless) == len(fit_logs):
-        raise UnusableInput(next(iter(useless.values())).message)
+    refuse_useless(fit_logs)
     say(f"{len(fit_logs)} logs to fit, {len(held_out_logs or ())} held out")
     warn_of_findings(fit_logs, held_out_logs)
     return fit_logs, held_out_logs

@@ -19,12 +19,14 @@ from ..estimate.output_error.fleet import fit_fleet
 from ..estimate.result import Fit
 from ..explanation.explain import explain
 from ..explanation.explanation import Explanation
+from ..explanation.fleet import unforeseen
 from ..logs import LogError, LogSet, LogWarning, read_logs
 from ..parameters import ParameterError
 from ..report.fleet_files import Row, member_row
 from ..robots import Robot
 from .arguments import UnusableInput
 from .cache import keep_compiled_programs
+from .findings import refuse_useless
 from .fit import identifiable
 
 _SHOWN = 10
@@ -108,6 +110,7 @@ def _read(robot: Robot, paths: Sequence[Path], work: Work) -> tuple[LogSet, LogS
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # they stand in the members' notes
         logs = read_logs(fit, robot, mapping=work.mapping)
+        refuse_useless(logs)
         return logs, read_logs(apart, robot, mapping=work.mapping) if apart else None
 
 
@@ -126,6 +129,8 @@ def _explained(fit: Fit, logs: LogSet, held_out: LogSet, work: Work) -> tuple[Ex
         return explain(fit, logs, held_out, **options), ""
     except (ParameterError, LogError) as error:
         return None, str(error)
+    except Exception as error:  # noqa: BLE001  one member's must not cost the others theirs
+        return None, unforeseen(error)
 
 
 def _with_findings(fit: Fit, logs: LogSet) -> Fit:

@@ -3,10 +3,12 @@
 One after another: as lanes of one batch, as fits are, they took as much processor time, and all of them memory at once.
 """
 
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -74,6 +76,15 @@ def effect_rows(member: str, found: Mapping[str, Any]) -> list[tuple[Any, ...]]:
 
 def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
+
+
+def unforeseen(failure: Exception) -> str:
+    """What is said of a member whose explanation ended with an exception that jaxid should not raise."""
+    last = traceback.extract_tb(failure.__traceback__)[-1]
+    return (
+        f"jaxid failed on it ({type(failure).__name__}: {failure}; {Path(last.filename).name}, line {last.lineno}), which is "
+        "an error of jaxid's: please report it. The other members are as they were."
+    )
 
 
 def _listed(members: Sequence[str]) -> str:
@@ -224,6 +235,8 @@ def explain_fleet(
             )
         except (ParameterError, LogError) as failure:
             failed[name] = str(failure)
+        except Exception as failure:  # noqa: BLE001  one member's must not cost the others theirs
+            failed[name] = unforeseen(failure)
         else:
             report(
                 f"{name}: {found[name].sentence} ({len(found) + len(failed)} of {len(fitted.fits) + len(fitted.failed)})"

@@ -155,6 +155,16 @@ def _causes(robot: Robot) -> list[Candidate]:
     return found
 
 
+def _of_added(robot: Robot) -> list[Candidate]:
+    """Each effect that the model has, all of its numbers together: friction that falls with speed and grew."""
+    found = []
+    for effect in robot.effects:
+        names = [name for name, p in effect.parameters(robot).items() if p.free and name in robot.parameters]
+        if len(names) > 1:
+            found.append(_of_parameters(robot, effect.id, in_words(effect.id), names))
+    return found
+
+
 def _parameters(robot: Robot) -> list[Candidate]:
     """Every number of the model, each by itself."""
     return [_of_parameters(robot, name, _worded(robot, name), [name]) for name in robot.parameters]
@@ -171,7 +181,7 @@ def of_mechanism(effect: Effect, robot: Robot, side: Side, start: Mapping[str, f
 def candidates_of(robot: Robot) -> list[Candidate]:
     """Everything but the catalogue's mechanisms, causes first; one of each set of coordinates."""
     found: dict[tuple[str, ...], Candidate] = {}
-    for candidate in (*_causes(robot), *_parameters(robot)):
+    for candidate in (*_causes(robot), *_of_added(robot), *_parameters(robot)):
         found.setdefault(tuple(c.name for c in candidate.coordinates), candidate)
     return list(found.values())
 

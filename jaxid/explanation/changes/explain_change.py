@@ -26,13 +26,16 @@ from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
 from .in_both import fitted_with, lacking_in_both
-from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
+from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, white, with_candidate
 from .judged import differ_at_all, follows_one_worse, noticed_from, predicted
 from .sides import SetOfLogs, side_of
 
 _MOST, _ALWAYS, _FEW = 8, 3, 3
 _PROMISING = 0.3
 """Share of the best candidate's promise below which mechanisms of the catalogue are not refitted, but for the first three."""
+_FAR_OFF, _MORE = 3.0, 8
+"""Times the noise from which the residual of one model for both is no noise of any colour: whitened, the difference itself
+would pass for noise. Candidates are then refitted by white noise at first, by so many steps."""
 _IN_THE_RUNNING, _FAR = 0.3, 100.0
 """Candidates that come so near to the best one's gain in a few steps are refitted to the end."""
 _NEAR = 16.0
@@ -139,8 +142,14 @@ def _named(pair: Pair, trial: _Trial, rows: int) -> NamedChange:
         shared = numbers[c.of] if c.of else 0.0
         found[c.name] = Difference(shared, shared + float(size), estimate)
     if candidate.side == "before":
-        found = {name: Difference(d.after, d.before, d.size) for name, d in found.items()}
+        found = {name: Difference(d.after, d.before, _negative(d.size)) for name, d in found.items()}
     return NamedChange(candidate.id, candidate.title, found, float(np.sqrt(joint.squares / rows)), trial.score.same)
+
+
+def _negative(size: Estimate) -> Estimate:
+    """The same with the other sign."""
+    low, high = size.ci95
+    return replace(size, value=-size.value, ci95=(-high, -low))
 
 
 def _noticeable(look: FirstLook, pair: Pair, chance: float) -> tuple[Noticeable, ...]:
@@ -287,11 +296,14 @@ def _refitted(
     """The shortlist refitted, the best first; the model without any change; the colours of the noise that the best leaves."""
     rows = float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
     joints: list[tuple[Score, Joint]] = []
+    far = _rms(pair, null) > _FAR_OFF
+    first_colours = white(pair) if far else look.colours
     for score in _shortlist(look):
-        start = score.delta if np.all(np.isfinite(score.delta)) else None
-        joints.append((score, refit(pair, score.candidate, look.colours, look.theta, start, steps=_FEW)))
+        start = score.delta if np.all(np.isfinite(score.delta)) and not far else None
+        steps = _MORE if far else _FEW
+        joints.append((score, refit(pair, score.candidate, first_colours, look.theta, start, steps=steps)))
     _, first = min(joints, key=lambda own: own[1].squares + rows * len(own[1].delta))
-    first = refit(pair, first.candidate, look.colours, first.theta, first.delta, first.states)
+    first = refit(pair, first.candidate, first_colours, first.theta, first.delta, first.states)
     colours = _colours_left(pair, first)
     nothing = weighed(pair, null, colours)
     reached = weighed(pair, first, colours)
@@ -317,6 +329,12 @@ def _refitted(
     for trial in trials:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
     return trials, refit(pair, None, colours, null.theta, None, null.states), colours
+
+
+def _rms(pair: Pair, joint: Joint) -> float:
+    """What a refit leaves, in units of the noise, not whitened."""
+    rows = sum(int(own.there.sum()) for own in pair.sides.values())
+    return float(np.sqrt(sum(float(np.sum(joint.residuals[side] ** 2)) for side in SIDES) / rows))
 
 
 def _simplest_first(trials: list[_Trial]) -> list[_Trial]:

@@ -17,13 +17,12 @@ from ..._distributions import chi_squared_tail
 from ...effects import laws_of
 from ...effects.actuator.motor_strength import OfEach
 from ...effects.curve import SHAPE
-from ...estimate.noise_colour import Colour
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ..screening.probed import probed
 from ..screening.probes import seen_in, standing_together
 from .candidates import Candidate, Side, mechanisms_of, of_mechanism
-from .joint import SIDES, STEP, Colours, Pair, block_sums, blocks_of, flat, numbers_on, project, stacked
+from .joint import SIDES, STEP, Colours, Pair, block_sums, blocks_of, flat, numbers_on, project, stacked, white
 
 Array = NDArray[np.float64]
 _UNSEEN = 1e-6
@@ -264,8 +263,7 @@ def first_look(
     for side in SIDES:
         own = pair.sides[side]
         states[side] = np.moveaxis(own.state_columns(pair.robot, own.nothing_moved, shared[side][0]), -1, 0)
-    white: Colours = {s: (Colour((), 1.0, 0.0),) * len(pair.sides[s].sigma) for s in SIDES}
-    plain = _Whitened(pair, shared, states, white)
+    plain = _Whitened(pair, shared, states, white(pair))
     best, worth = plain.left, -np.inf
     for change in changes:
         D = plain.directions(change)

@@ -293,6 +293,11 @@ def refit(
     return Joint(candidate, theta, delta, now, residuals, covariance, at)
 
 
+def white(pair: Pair) -> Colours:
+    """White noise of the size that the logs' noise has, in every channel of both sides."""
+    return {side: (Colour((), 1.0, 0.0),) * len(pair.sides[side].sigma) for side in SIDES}
+
+
 def weighed(pair: Pair, joint: Joint, colours: Colours) -> float:
     """The sum of a refit's squares, whitened for noise of other colours."""
     return _squares(pair, joint.residuals, colours)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...estimate.noise_colour import Colour, colour_of
 from ...estimate.output_error.setup import at_fit
 from ...estimate.result import Fit
-from ...logs import LogSet
+from ...logs import LogSet, noise_scale
 from ...logs.windows import in_windows
 from ...parameters import ParameterError
 from ...robots.robot import Robot
@@ -143,5 +143,15 @@ def side_of(fit: Fit, logs: LogSet) -> SetOfLogs:
         state_stiffness=np.sqrt(np.asarray(problem.state_precision, float)) * scale,
         measured=np.asarray(problem.outputs, float),
         there=_left_out(fit, logs, there),
-        sigma=np.where(np.asarray(problem.sigma) > 0, np.asarray(problem.sigma, float), 1.0),
+        sigma=_noise(fit, logs, np.where(np.asarray(problem.sigma) > 0, np.asarray(problem.sigma, float), 1.0)),
     )
+
+
+def _noise(fit: Fit, logs: LogSet, found: Float[np.ndarray, " ny"]) -> Float[np.ndarray, " ny"]:
+    """The noise of every channel: as the fit `found` it, which weighed by what it leaves; of one that does not follow its logs
+    at most what these show without a model, or what it lacks would pass for noise."""
+    if fit.judgement is None or fit.judgement.verdict not in ("poor", "failed"):
+        return found
+    shown = noise_scale(logs)
+    own = np.array([shown.get(name, np.inf) for name in logs.channels.measured])
+    return np.where(own > 0, np.minimum(found, own), found)

@@ -37,7 +37,9 @@ def seen_in(
         return found.values, found.looked_at
 
     duration = max(float(log.time[-1] - log.time[0]) for log in logs)
-    return Seen(max(float(np.max(np.abs(log.inputs))) for log in logs), duration, path, periods)
+    largest = max(float(np.max(np.abs(log.inputs))) for log in logs)
+    # Where all commands are zero, any size is one that none of them reaches.
+    return Seen(largest if largest > 0 else robot.scales.input, duration, path, periods)
 
 
 def standing_together(effects: Iterable[Effect]) -> list[tuple[Effect, Effect]]:

@@ -203,10 +203,11 @@ def _solved(columns: Array, rows: Array) -> tuple[Array, float, Array]:
     size = np.linalg.norm(columns, axis=0)
     size = np.where(size > 0, size, 1.0)
     left, values, right = np.linalg.svd(columns / size, full_matrices=False)
-    inverse = np.where(values > _SINGULAR * values[0], 1.0 / np.maximum(values, 1e-300), 0.0)
+    least = _SINGULAR * max(float(values[0]), 1e-100)
+    inverse = np.where(values > least, 1.0 / np.maximum(values, least), 0.0)
     step = -(right.T * inverse) @ (left.T @ rows) / size
     # What the rows do not tell is any value, and not zero for sure.
-    spread = right.T / np.maximum(values, _SINGULAR * values[0]) / size[:, None]
+    spread = right.T / np.maximum(values, least) / size[:, None]
     return step, float(np.sum((rows + columns @ step) ** 2)), spread @ spread.T
 
 
