@@ -76,6 +76,9 @@ def _size(robot: Robot, name: str) -> float:
 
 def _worded(robot: Robot, name: str) -> str:
     meaning = robot.parameters[name].meaning
+    effect, dot, own = name.rpartition(".")
+    if dot and not meaning:
+        return f"{own.replace('_', ' ')} of {in_words(effect)}"
     return f"{meaning} ({name})" if meaning else name
 
 

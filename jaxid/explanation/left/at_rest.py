@@ -16,6 +16,7 @@ from ...estimate.noise_colour import Colour
 from ...estimate.output_error.estimated_start import estimated_start
 from ...logs import LogSet
 from ...logs.noise import usual_size
+from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ...simulation.scaled import Scales
 from ...simulation.simulate import integrator_for, simulate
@@ -70,6 +71,8 @@ def _standing(robot: Robot, state: HeldOut, logs: LogSet) -> list[NDArray[np.boo
     """Where the simulated `robot` stands [T], on every log."""
     begun = estimated_start(robot, logs, state.noise)
     speeds = len(robot.channels.outputs)
+    # A sensor's bias is there at rest, too: the motion itself is looked at.
+    robot = replace(robot, effects=tuple(e for e in robot.effects if type(e).measure is Effect.measure))
     every = [y[:, :speeds] for y in simulate(robot, logs, start=begun, integrator=integrator_for(robot, logs))]
     largest = np.nanmax([np.nanmax(np.abs(y), axis=0) for y in every], axis=0)
     return [np.all(np.abs(y) <= _STILL * largest, axis=1) for y in every]
