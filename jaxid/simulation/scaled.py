@@ -15,12 +15,14 @@ from .reckoning import measured_states, measured_velocities, reckoned
 
 _FASTEST = 0.95
 """Quantile of a speed that counts as its largest."""
+_HARDLY_EXCEEDED = 0.998
+"""The same of what curves have to reach: logs that are faster than most have few samples and large forces."""
 
 
-def _level(values: Sequence[NDArray[np.float64]], otherwise: float) -> float:
+def _level(values: Sequence[NDArray[np.float64]], otherwise: float, quantile: float = _FASTEST) -> float:
     """What the magnitudes exceed in 5 % of the samples; `otherwise` where there is nothing to see."""
     pooled = np.abs(np.concatenate([v[np.isfinite(v)] for v in values])) if values else np.empty(0)
-    found = float(np.quantile(pooled, _FASTEST)) if pooled.size else 0.0
+    found = float(np.quantile(pooled, quantile)) if pooled.size else 0.0
     return found if found > 0 else otherwise
 
 
@@ -90,7 +92,9 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
             for log, v in zip(logs, velocities, strict=True)]  # fmt: skip
     measured = {n: _level([own[n] for own in seen], 0.0) for n in robot.channels.outputs}
     outputs = {name: level or max(measured.values()) or 1.0 for name, level in measured.items()}
-    speed = _level([rim.ravel() for rim in _rims(robot, velocities)], max(outputs.values()))
+    farthest = {n: _level([own[n] for own in seen], level, _HARDLY_EXCEEDED) for n, level in outputs.items()}
+    rims = [rim.ravel() for rim in _rims(robot, velocities)]
+    speed = _level(rims, max(outputs.values()))
     time = time_constant(robot)
     time = min(max(time, 2.0 * interval), 0.1 * duration)
     torque, force, friction = _efforts(robot, largest)
@@ -113,6 +117,8 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
             for k, name in enumerate(robot.channels.inputs)
             if k not in robot.drive_inputs
         },
+        fastest=_level(rims, speed, _HARDLY_EXCEEDED),
+        farthest=farthest,
     )
 
 

@@ -186,14 +186,14 @@ class DragCurve(Curve):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         name = _ahead(robot)
-        unit, fastest = robot.force_unit(name), robot.scales.output(name)
+        unit, fastest = robot.force_unit(name), robot.scales.reach(name)
         found = self.heights_and_reach(robot, unit, 0.01 * robot.scales.force, robot.velocity_unit(name), fastest)
         for part in (name for name in self.parts(robot) if self.apart and name not in robot.translations):
             typical, of = 0.01 * largest_force(robot, part), robot.velocity_unit(part)
             for place in self.varying:
                 height = self.height(place, self.of(part)).removeprefix(self.key(""))
                 found |= signed(self, height, robot.force_unit(part), typical)
-            found |= shape(self, f"reach_{part}", of, robot.scales.output(part), free=False)
+            found |= shape(self, f"reach_{part}", of, robot.scales.reach(part), free=False)
         return found
 
     def _apart(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:

@@ -87,7 +87,7 @@ class SidewaysCurve(Curve, _Across):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         name = sideways(robot)[0]
-        unit, fastest = robot.velocity_unit(name), robot.scales.output(name)
+        unit, fastest = robot.velocity_unit(name), robot.scales.reach(name)
         return self.heights_and_reach(robot, robot.force_unit(name), 0.02 * robot.scales.force, unit, fastest)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:

@@ -26,16 +26,15 @@ from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
 from .in_both import fitted_with, lacking_in_both
-from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, white, with_candidate
+from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
 from .judged import differ_at_all, follows_one_worse, noticed_from, predicted
 from .sides import SetOfLogs, side_of
 
 _MOST, _ALWAYS, _FEW = 8, 3, 3
 _PROMISING = 0.3
 """Share of the best candidate's promise below which mechanisms of the catalogue are not refitted, but for the first three."""
-_FAR_OFF, _MORE = 3.0, 8
-"""Times the noise from which the residual of one model for both is no noise of any colour: whitened, the difference itself
-would pass for noise. Candidates are then refitted by white noise at first, by so many steps."""
+_MORE = 8
+"""Steps of a refit where the difference is far beyond the noise."""
 _IN_THE_RUNNING, _FAR = 0.3, 100.0
 """Candidates that come so near to the best one's gain in a few steps are refitted to the end."""
 _NEAR = 16.0
@@ -233,6 +232,7 @@ def _explained(
     if p < level:
         trials, null, colours = _refitted(pair, look, null, held_out, report)
         best, *equivalent = _simplest_first(trials)
+        equivalent += _in_common(pair, best, [t for t in trials if t not in equivalent], null)
         mechanisms = [trial.joint for trial in trials if not trial.score.own][:_IN_BOTH]
         lacking = lacking_in_both(pair, best.joint, mechanisms, colours)
         if lacking is not None:
@@ -296,14 +296,15 @@ def _refitted(
     """The shortlist refitted, the best first; the model without any change; the colours of the noise that the best leaves."""
     rows = float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
     joints: list[tuple[Score, Joint]] = []
-    far = _rms(pair, null) > _FAR_OFF
-    first_colours = white(pair) if far else look.colours
     for score in _shortlist(look):
-        start = score.delta if np.all(np.isfinite(score.delta)) and not far else None
-        steps = _MORE if far else _FEW
-        joints.append((score, refit(pair, score.candidate, first_colours, look.theta, start, steps=steps)))
+        start = score.delta if np.all(np.isfinite(score.delta)) else None
+        # What large changes promise to first order may lead away from them.
+        starts = (start, None) if look.far and start is not None else (start,)
+        steps = _MORE if look.far else _FEW
+        tried = [refit(pair, score.candidate, look.colours, look.theta, own, steps=steps) for own in starts]
+        joints.append((score, min(tried, key=lambda joint: joint.squares)))
     _, first = min(joints, key=lambda own: own[1].squares + rows * len(own[1].delta))
-    first = refit(pair, first.candidate, first_colours, first.theta, first.delta, first.states)
+    first = refit(pair, first.candidate, look.colours, first.theta, first.delta, first.states)
     colours = _colours_left(pair, first)
     nothing = weighed(pair, null, colours)
     reached = weighed(pair, first, colours)
@@ -331,12 +332,6 @@ def _refitted(
     return trials, refit(pair, None, colours, null.theta, None, null.states), colours
 
 
-def _rms(pair: Pair, joint: Joint) -> float:
-    """What a refit leaves, in units of the noise, not whitened."""
-    rows = sum(int(own.there.sum()) for own in pair.sides.values())
-    return float(np.sqrt(sum(float(np.sum(joint.residuals[side] ** 2)) for side in SIDES) / rows))
-
-
 def _simplest_first(trials: list[_Trial]) -> list[_Trial]:
     """The best and those that the data cannot tell from it, the simplest first; none that says the same with more numbers."""
     best = trials[0]
@@ -353,6 +348,19 @@ def _simplest_first(trials: list[_Trial]) -> list[_Trial]:
         if not any(_says_the_same(own, trial) for own in simpler):
             kept.append(trial)
     return kept
+
+
+def _in_common(pair: Pair, best: _Trial, others: list[_Trial], null: Joint) -> list[_Trial]:
+    """Of the `others` the mechanism that makes the same of all channels as the best, as late commands do of late sensors, where
+    it leaves little of the difference: between two samples each is interpolated in its own way."""
+    names = {effect.in_common(pair.robot) for effect in best.score.candidate.effects} - {""}
+    left = best.joint.squares + _LEFT * (null.squares - best.joint.squares)
+    side = best.score.candidate.side
+    return [
+        trial
+        for trial in others
+        if trial.score.candidate.id in names and trial.score.candidate.side == side and trial.joint.squares < left
+    ]
 
 
 def _says_the_same(one: _Trial, other: _Trial) -> bool:

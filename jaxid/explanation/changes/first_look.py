@@ -25,6 +25,9 @@ from .candidates import Candidate, Side, mechanisms_of, of_mechanism
 from .joint import SIDES, STEP, Colours, Pair, block_sums, blocks_of, flat, numbers_on, project, stacked, white
 
 Array = NDArray[np.float64]
+_FAR_OFF = 3.0
+"""Times the noise from which what the best candidate leaves is no noise of any colour: whitened by itself, the difference would
+pass for noise."""
 _UNSEEN = 1e-6
 """Change of all samples together, in units of the noise, for a coordinate's magnitude, below which nothing shows it."""
 _ALIKE = 1e-6
@@ -63,14 +66,16 @@ class Score:
 @dataclass(frozen=True)
 class FirstLook:
     """The `scores`, the most worth first, one of each mechanism and of candidates that do the same; the `colours` that the best
-    leaves; how many candidates and shapes were `tried`; what no log shows (`unseen`, titles); the whitened `left` of each
-    side."""
+    leaves; how many candidates and shapes were `tried`; what no log shows (`unseen`,
+    titles); shared parameters `theta` to start from; whether the difference is `far` beyond the noise, so that white noise is
+    taken."""
 
     scores: tuple[Score, ...]
     colours: Colours
     tried: int
     unseen: tuple[str, ...]
     theta: Float[np.ndarray, " n"]
+    far: bool = False
 
 
 @dataclass(frozen=True)
@@ -271,7 +276,8 @@ def first_look(
         if gain - len(delta) * np.log(len(D)) > worth:
             best, worth = plain.left + D @ delta, gain - len(delta) * np.log(len(D))
     left = plain.shaped(best)
-    colours: Colours = {s: pair.sides[s].colours(left[s]) for s in SIDES}
+    far = float(np.sqrt(np.mean(np.square(np.concatenate([left[s][pair.sides[s].there] for s in SIDES]))))) > _FAR_OFF
+    colours: Colours = white(pair) if far else {s: pair.sides[s].colours(left[s]) for s in SIDES}
     view = _Whitened(pair, shared, states, colours)
     every = [(change, view.directions(change)) for change in changes]
     answers = [_answer(D, view.left, change.positive) for change, D in every]
@@ -302,7 +308,7 @@ def first_look(
     step = -np.linalg.lstsq(stacked(view.columns), stacked(view.residual) + every[k][1] @ answers[k][0], rcond=1e-8)[0]
     scores = _without_doubles(scores)
     return FirstLook(
-        tuple(_one_of_each(scores)), colours, len(scores), tuple(dict.fromkeys(unseen)), theta + step * pair.sizes()
+        tuple(_one_of_each(scores)), colours, len(scores), tuple(dict.fromkeys(unseen)), theta + step * pair.sizes(), far
     )
 
 

@@ -14,6 +14,7 @@ from ...estimate.result import Fit
 from ...logs import LogSet, noise_level
 from ...robots.robot import Robot
 from ...simulation.scaled import scales_of
+from ..left.at_rest import shown_at_rest
 from ..left.coloured import only_colour
 from ..left.heldout import HeldOut, held_out_state
 from ..level import current_level
@@ -83,7 +84,8 @@ def follows_one_worse(pair: Pair, residuals: Mapping[Side, Array]) -> tuple[floa
 
 
 def _filtered_noise(pair: Pair, side: Side, residual: Array) -> bool:
-    """Whether all that is left of one set, `residual` [E, T, ny] in units of the noise, is the noise of filtered sensors."""
+    """Whether all that is left of one set, `residual` [E, T, ny] in units of the noise, is the noise of filtered sensors, or is
+    there while the robot stands."""
     own = pair.sides[side]
     names = own.logs.channels.measured
     told = [i for i in range(len(names)) if own.there[:, :, i].any()]
@@ -100,7 +102,9 @@ def _filtered_noise(pair: Pair, side: Side, residual: Array) -> bool:
     )
     scales = scales_of(pair.robot, own.logs)
     found = only_colour([(state, own.logs)], scales.time / scales.interval)
-    return found is not None and found.simple and found.faster
+    if found is None or (found.simple and found.faster):
+        return found is not None
+    return shown_at_rest(pair.robot, [(state, own.logs)], found.colours, scales) is True
 
 
 def noticed_from(score: Score, chance: float) -> Array:
