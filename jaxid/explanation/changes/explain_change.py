@@ -232,7 +232,7 @@ def _explained(
     if p < level:
         trials, null, colours = _refitted(pair, look, null, held_out, report)
         best, *equivalent = _simplest_first(trials)
-        equivalent += _in_common(pair, best, [t for t in trials if t not in equivalent], null)
+        equivalent += _only_later(best, [t for t in trials if t is not best and t not in equivalent], null)
         mechanisms = [trial.joint for trial in trials if not trial.score.own][:_IN_BOTH]
         lacking = lacking_in_both(pair, best.joint, mechanisms, colours)
         if lacking is not None:
@@ -350,17 +350,15 @@ def _simplest_first(trials: list[_Trial]) -> list[_Trial]:
     return kept
 
 
-def _in_common(pair: Pair, best: _Trial, others: list[_Trial], null: Joint) -> list[_Trial]:
-    """Of the `others` the mechanism that makes the same of all channels as the best, as late commands do of late sensors, where
-    it leaves little of the difference: between two samples each is interpolated in its own way."""
-    names = {effect.in_common(pair.robot) for effect in best.score.candidate.effects} - {""}
+def _only_later(best: _Trial, others: list[_Trial], null: Joint) -> list[_Trial]:
+    """Of the `others` those that make the same motion later, as late commands do as well as late sensors, where the best does
+    and they leave little of the difference: between two samples each is interpolated in its own way."""
+    later = [t for t in (best, *others) if t.score.candidate.effects and all(e.only_later for e in t.score.candidate.effects)]
+    if best not in later:
+        return []
     left = best.joint.squares + _LEFT * (null.squares - best.joint.squares)
     side = best.score.candidate.side
-    return [
-        trial
-        for trial in others
-        if trial.score.candidate.id in names and trial.score.candidate.side == side and trial.joint.squares < left
-    ]
+    return [t for t in later[1:] if t.score.candidate.side == side and t.joint.squares < left]
 
 
 def _says_the_same(one: _Trial, other: _Trial) -> bool:

@@ -9,6 +9,9 @@ from ..policy import current_policy
 from ..refits.refit import Trial
 from .telling_apart import told_apart
 
+_MOST = 0.5
+"""Share of a gap on held-out logs, which chose nothing, that is most of it."""
+
 
 def least_gain(before: Trial, first: Trial) -> float:
     """The least drop of the held-out RMS that explains something.
@@ -48,11 +51,8 @@ def worth_it(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
     """Whether an effect explains something, the number of candidates tried (effects and their shapes) accounted for."""
     policy = current_policy()
     gain = before.held_out.normalised_rms - after.held_out.normalised_rms
-    # Where nearly all of the gap is closed, that was no chance, on however few stretches it was.
-    closed = (
-        after.held_out.gap < policy.unexplained * before.held_out.gap
-        or told_apart(after.held_out, before.held_out) > policy.separated
-    )
+    # Where most of the gap is closed on logs that chose nothing, that was no chance, on however few stretches it was.
+    closed = gain > _MOST * before.held_out.gap or told_apart(after.held_out, before.held_out) > policy.separated
     return gain >= least_gain(before, first) and closed and likelier(before, after, tried)
 
 
