@@ -92,6 +92,8 @@ class Curve(Effect):
     parameter's: what is limited loses nothing while it is small."""
     rather: ClassVar[str] = ""
     """The mechanism whose curve it is where it does not agree, if that has another formula."""
+    may_as_well: ClassVar[str] = ""
+    """The mechanism whose curve makes the same of a robot that makes forces of commands by one factor."""
     reaches: ClassVar[tuple[float, ...]] = (1.0,)
     """Reaches that a first look tries, in units of the usual one: where a curve bends within little of its variable."""
 

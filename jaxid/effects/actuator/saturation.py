@@ -93,6 +93,7 @@ class SaturationCurve(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     begins_later: ClassVar[bool] = True
+    may_as_well: ClassVar[str] = "traction_limit"
     variable: ClassVar[str] = "|u|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -105,6 +105,7 @@ class TractionCurve(Curve):
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     begins_later: ClassVar[bool] = True
     rather: ClassVar[str] = "actuator_dead_zone"
+    may_as_well: ClassVar[str] = "voltage_saturation"
     variable: ClassVar[str] = "|drive force|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -100,6 +100,7 @@ def with_the_same_curves(
     same = {own.id: law for law, own in curves if own.formula == best.formula}
     same |= {own.id: law for law, own in curves if own.id in single and len(own.kinds) < len(best.kinds)}
     same |= {own.id: law for law, own in curves if own.id == best.rather and not best.agrees(leading.robot)}
+    same |= {own.id: law for law, own in curves if own.id == best.may_as_well}
     further = [law for name, law in same.items() if (name, law.effect.law) not in tried]
     for trial in refits(further) if further else []:
         own = next((own for own in found if own[0].id == trial.id), None)

@@ -17,7 +17,7 @@ from ..screening.screen import Candidate, alike_to, screen
 from .denser import densest
 from .laws import best_first, by_where_they_bend
 from .one_of_several import with_one_alone
-from .steps import Step
+from .steps import Step, laws_in
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
 
@@ -239,8 +239,10 @@ def reconsidered(
         rivals = rivals_of(step, present)
         trials = [replace(final, id=step.chosen.id)]
         bare = without(step.chosen.id, final, base, logs, held_out, noise)
-        # What got another law beside later effects is compared with rivals by theirs, which the same effects may have changed.
-        anew = step.chosen.law != step.after.law and not final.angles
+        # What got another law beside later effects is compared with rivals by theirs, which the same effects may have changed;
+        # so is what rivals were refitted beside and has been exchanged since.
+        gone = laws_in(step.before.robot, "") - laws_in(final.robot, step.chosen.id)
+        anew = (step.chosen.law != step.after.law or bool(gone)) and not final.angles
         for number, rival in enumerate(rivals, start=1):
             say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
             swapped = with_rival(rival, step.chosen.id, final, base, logs, held_out, noise)

@@ -14,6 +14,8 @@ UNKNOWN_PAST = 10
 """First samples of a log, which show what was commanded before it began."""
 _INTERPOLATED = 0.01
 """Share of what a delay makes of a motion that interpolation between samples may get wrong of it."""
+_AS_MUCH = 1.02
+"""Ratio of what two curves of the same thing leave, with points at other places."""
 _BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
 
 
@@ -87,6 +89,13 @@ def _same_but_later(one: Trial, other: Trial, base: Trial | None) -> bool:
     return differ(one.fitted, other.fitted, UNKNOWN_PAST) < same
 
 
+def _by_one_factor(best: Trial, trial: Trial) -> bool:
+    """Whether both are curves of which a robot that makes forces of commands by one factor makes the same: their few points
+    stand at other places, and leave nearly as much."""
+    curves = isinstance(best.effect, Curve) and isinstance(trial.effect, Curve) and best.effect.may_as_well == trial.id
+    return curves and trial.fitted.normalised_rms < _AS_MUCH * best.fitted.normalised_rms
+
+
 def differ(one: HeldOut, other: HeldOut, skip: int = 0) -> float:
     """RMS difference of two models' outputs on the same logs, times the noise; the first samples of each log left out."""
     pairs = zip(one.residuals, other.residuals, strict=True)
@@ -96,7 +105,11 @@ def differ(one: HeldOut, other: HeldOut, skip: int = 0) -> float:
 def alike(trials: Sequence[Trial], base: Trial | None = None) -> list[Trial]:
     """Those that the data cannot tell from the first: about as likely on the fitted logs. `base` is the model without them."""
     best = trials[0]
-    return [trial for trial in trials[1:] if _same_but_later(best, trial, base) or not told_apart_from(best, trial)]
+    return [
+        trial
+        for trial in trials[1:]
+        if _same_but_later(best, trial, base) or _by_one_factor(best, trial) or not told_apart_from(best, trial)
+    ]
 
 
 def not_told_apart(trials: Sequence[Trial], base: Trial | None = None) -> tuple[str, ...]:
