@@ -120,6 +120,10 @@ def search(
         steps, current = with_a_sensor_besides(steps, current, effects, logs, held_out, noise, report)
     if current.held_out.adequate:
         steps, current = by_plainer_laws(steps, current, baseline, logs, held_out, noise, report)
+    if colour is None and steps and not current.held_out.adequate:
+        # What candidates still explain of it is worth none of them.
+        only = colour_left(current, logs, held_out, noise)
+        colour = only if only is not None and only.of_sensors else None
     if colour is not None:
         report(f"what is left is coloured noise: {colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
