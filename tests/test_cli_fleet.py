@@ -302,3 +302,28 @@ def test_fleets_of_bags(jaxid, without_dry_friction, tmp_path):
     # Every bag of one folder is a member of its own where no folder holds several.
     status, said, _ = jaxid(*arguments[:2], robots / "a", *arguments[3:], tmp_path / "alone")
     assert status == 0 and "2 of 2 members fitted" in said
+
+
+def test_a_member_that_never_moved_has_no_fit_and_one_without_commands_no_traceback(
+    jaxid, robots, without_dry_friction, tmp_path
+):
+    """Pre-flight refuses the one, alone as in a fleet; the other drives, and none of its commands was logged."""
+    for run in sorted((robots / "b").iterdir()):
+        table = pd.read_csv(run)
+        still = NOISE * np.random.default_rng(len(run.name)).normal(size=len(table))
+        for name, changed in (("still", table.assign(v=still)), ("silent", table.assign(u=0.0))):
+            (robots / name).mkdir(exist_ok=True)
+            changed.to_csv(robots / name / run.name, index=False)
+    out = tmp_path / "out"
+    held_out = ("--explain", "--held-out", "run_1*")
+    status, _, remarks = jaxid("fleet", "axis", robots, "--model", without_dry_friction, *held_out, "--out", out)
+    assert status == 0, remarks
+    members = pd.read_parquet(out / "members.parquet").set_index("member")
+    assert "did not move" in members.loc["still", "failure"] and not members.loc["still", "trustworthy"]
+    assert not members.loc["silent", "trustworthy"]
+    assert members.loc[list(MASSES), "trustworthy"].all()
+    explained = pd.read_parquet(out / "explanations.parquet").set_index("member")
+    assert set(explained.loc[list(MASSES), "verdict"]) == {"adequate"}
+    assert (
+        explained.loc["silent", "verdict"] == "unexplained" and "jaxid failed" not in explained.loc["silent", "failure"]
+    )

@@ -19,6 +19,8 @@ from .windows import Windows, excited, speed_windows
 
 Array = NDArray[np.float64]
 
+_PUSHED = 0.1
+"""Share of the largest that the inputs could drive an output by, from which they drove it."""
 _RELATED = 0.1
 """Share of a sensor's variance from which it is taken to follow what predicts it."""
 _RADIANS = {"rad": 1.0, "deg": np.pi / 180.0}
@@ -128,6 +130,13 @@ def _filled(values: Array, unit: str) -> tuple[Array, NDArray[np.bool_]]:
     return np.interp(rows, there, seen), apart <= 2 * usual
 
 
+def _pushed(log: Log, name: str) -> bool:
+    """Whether the inputs drove this output, by themselves: where nothing changes there are no windows to see it in."""
+    push = log.inputs @ np.asarray(log.channels.mixing[name])
+    most = np.abs(log.inputs) @ np.abs(log.channels.mixing[name])
+    return bool(np.std(push) > _PUSHED * np.sqrt(np.mean(most**2)) > 0)
+
+
 def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[Finding]:
     """Sensors that answer neither to the inputs nor to any other sensor although the robot was driven."""
     driven, units = {windows.name for windows in outputs if excited(windows)}, log.channels.units
@@ -140,10 +149,11 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
     if active.sum() < 60 or not np.ptp(log.inputs, axis=0).any():
         return
     for name, values in columns.items():
-        if name in log.channels.mixing and name not in driven:
-            continue
         there = np.isfinite(values)
-        if np.ptp(values[there]) == 0:
+        constant = np.ptp(values[there]) == 0
+        if name in log.channels.mixing and name not in driven and not (constant and _pushed(log, name)):
+            continue
+        if constant:
             text = (
                 "never changes although the robot was driven, so the sensor is dead; repair it or leave the column out"
             )

@@ -1,8 +1,11 @@
 """jaxid/explanation/fleet.py: every member gets what it gets alone; what a fleet's explanations have in common."""
 
+from dataclasses import replace
+
 import pytest
 
 from jaxid import Axis, LogError, explain_fleet, read_logs
+from jaxid.explanation import fleet
 from jaxid.explanation.fleet import summary
 
 
@@ -52,3 +55,17 @@ def test_who_differs_from_most_is_said():
         "Other than most, adequate: robot 6.",
     ]
     assert summary([("a", "", "", "no fit")]) == ["0 of 1 members explained."]
+
+
+def test_what_jaxid_should_not_raise_costs_one_member_alone(explained, logs, monkeypatch):
+    def broken(fit, *arguments, **options):
+        if fit is other:
+            raise ZeroDivisionError("division by zero")
+        return explained
+
+    other = replace(explained.baseline)
+    monkeypatch.setattr(fleet, "explain", broken)
+    fits = {"a": explained.baseline, "b": other}
+    found = explain_fleet(fits, dict.fromkeys(fits, logs), dict.fromkeys(fits, explained.held_out))
+    assert list(found.explanations) == ["a"] and "ZeroDivisionError" in found.failed["b"]
+    assert "report it" in found.failed["b"] and "test_explained_fleet.py, line " in found.failed["b"]
