@@ -42,7 +42,7 @@ from .search.in_some_logs import in_some_of, sorted_logs, unsorted
 from .search.search import MOST_EFFECTS
 from .search.steps import Search
 from .search.table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
-from .search.telling_apart import differ, supersets
+from .search.telling_apart import differ, same_but_later, supersets
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
 from .where.localise import localise, without_place
 
@@ -60,6 +60,8 @@ def _next(found: Search, logs: LogSet) -> NextExperiment | None:
         if not open_:
             continue
         other = open_[0]
+        if same_but_later(best, other, step.before):
+            continue  # the same motion, whatever is driven
         two = (best.id, best.robot), (other.id, other.robot)
         proposal = propose(*two, logs, best.held_out.noise, differ(best.held_out, other.held_out))
         if proposal:

@@ -77,7 +77,7 @@ def _delays(trial: Trial) -> bool:
     return any(vars(base).get("only_later", False) for base in type(trial.effect).__mro__)
 
 
-def _same_but_later(one: Trial, other: Trial, base: Trial | None) -> bool:
+def same_but_later(one: Trial, other: Trial, base: Trial | None) -> bool:
     """Whether both are one model by two names, the same motion later; but for what was commanded before a log began. `base` is
     the model that is not late."""
     if one.angles and other.angles and _delays(one) and _delays(other):
@@ -108,7 +108,7 @@ def alike(trials: Sequence[Trial], base: Trial | None = None) -> list[Trial]:
     return [
         trial
         for trial in trials[1:]
-        if _same_but_later(best, trial, base) or _by_one_factor(best, trial) or not told_apart_from(best, trial)
+        if same_but_later(best, trial, base) or _by_one_factor(best, trial) or not told_apart_from(best, trial)
     ]
 
 
