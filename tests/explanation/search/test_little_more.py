@@ -1,0 +1,47 @@
+"""A gyro's small bias beside friction that falls with speed by a law of no catalogue: a drive by its own small steps."""
+
+import numpy as np
+import pytest
+
+from jaxid import DifferentialDrive, Log, LogSet, explain, output_error
+
+DT, FINE, SAMPLES = 0.02, 20, 600
+HALF_MASS, LEVER, FV, FC = 1.3, 0.2, 2.1, 0.8
+BIAS = 0.01
+
+
+def side(u):
+    """Speeds [T] of one side, whose dry friction sticks, under the force `u` [T], by implicit Euler steps. With an inertia of
+    mass times lever squared the sides do not feel each other."""
+    v, found, h = 0.0, [], DT / FINE
+    for force in u:
+        found.append(v)
+        for _ in range(FINE):
+            dry = FC + 0.6 / np.cosh(v / 0.1) ** 0.7
+            free = HALF_MASS * v + h * force
+            v = np.sign(free) * max(abs(free) - h * dry, 0.0) / (HALF_MASS + h * FV)
+    return np.array(found)
+
+
+def recorded(seed, count):
+    logs = []
+    for k in range(count):
+        rng = np.random.default_rng([seed, k])
+        inputs = [np.repeat(rng.uniform(-4.0, 4.0, SAMPLES // 30), 30) for _ in range(2)]
+        right, left = map(side, inputs)
+        v = (right + left) / 2 + 0.01 * rng.normal(size=SAMPLES)
+        w = (right - left) / (2 * LEVER) + BIAS + 0.02 * rng.normal(size=SAMPLES)
+        time, channels = DT * np.arange(SAMPLES), DifferentialDrive().channels
+        logs.append(Log.from_arrays(f"run {seed}.{k}", time, np.stack(inputs, axis=1), {"v": v, "w": w}, channels))
+    return LogSet(logs)
+
+
+def test_a_bias_of_half_the_noise_is_named_beside_friction_whose_law_is_another():
+    robot = DifferentialDrive().with_values(M=2.0, J=0.1, Fv=1.5, Fc=0.5, b=LEVER, gain=1.0)
+    logs, held_out = recorded(5, 5), recorded(6, 3)
+    found = explain(output_error(robot, logs), logs, held_out)
+    assert found.verdict in ("named", "ambiguous") and found.after.normalised_rms < 1.03, found.sentence
+    first, second = found.effects
+    assert "stribeck_friction" in (first.id, *first.equivalent_to) and second.id == "sensor_bias"
+    bias = second.parameters["bias_w"]
+    assert bias.value == pytest.approx(BIAS, abs=4 * bias.std_error)
