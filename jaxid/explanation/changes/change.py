@@ -185,7 +185,9 @@ class ExplainedChange:
         if not self.lacked:
             return self._changed
         names = " and ".join(map(in_words, self.lacked))
-        return f"{self._changed} The model lacked {names} in both sets: both were fitted again with it, and compared so."
+        return (
+            f"{self._changed} The model lacked {names} in both sets: both were fitted again with it, and compared so."
+        )
 
     @property
     def _changed(self) -> str:

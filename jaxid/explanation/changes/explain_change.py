@@ -6,7 +6,7 @@ more of the difference than two separate models would, and follows both sets ali
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,60 +21,19 @@ from ...parameters import ParameterError
 from ...robots.effect import in_words
 from ...robots.given import given_logs
 from ..level import FALSE_ALARM, checked_level
-from ..search.telling_apart import vuong
 from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
-from .first_look import FirstLook, Score, first_look
+from .first_look import FirstLook, first_look
 from .in_both import fitted_with, lacking_in_both
-from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
-from .judged import differ_at_all, follows_one_worse, noticed_from, predicted
+from .joint import SIDES, Colours, Joint, Pair, refit, with_candidate
+from .judged import differ_at_all, follows_one_worse, noticed_from
 from .sides import SetOfLogs, side_of
+from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first
 
-_MOST, _ALWAYS, _FEW = 8, 3, 3
-_PROMISING = 0.3
-"""Share of the best candidate's promise below which mechanisms of the catalogue are not refitted, but for the first three."""
-_MORE = 8
-"""Steps of a refit where the difference is far beyond the noise."""
-_IN_THE_RUNNING, _FAR = 0.3, 100.0
-"""Candidates that come so near to the best one's gain in a few steps are refitted to the end."""
-_NEAR = 16.0
-"""Chi-squared by which two candidates must differ to be told apart, and standard errors of the difference."""
-_APART = 2.0
-_LEFT = 0.03
-"""Share of the difference that a change may leave, significant or not: how far the models themselves are from nature."""
 _IN_BOTH = 3
 """Mechanisms that are tried in both sets, and how many are added to both."""
 _CLEAR, _NAMED = 4.0, 3
 """Standard errors from which another parameter of the two fits is said to differ, too, and how many of them are."""
-
-
-@dataclass(frozen=True)
-class _HeldOut:
-    """Held-out logs of both sides."""
-
-    logs: dict[Side, LogSet]
-
-    def residuals(self, pair: Pair, joint: Joint, colours: Colours) -> list[np.ndarray]:
-        """Whitened residuals of a refit's prediction."""
-        found: list[np.ndarray] = []
-        robot = with_candidate(pair.robot, joint.candidate)
-        for side, logs in self.logs.items():
-            numbers = numbers_on(side, robot, pair.free, joint.candidate, joint.theta, joint.delta)
-            names = logs.channels.measured
-            sigma = dict(zip(names, map(float, pair.sides[side].sigma), strict=True))
-            found += predicted(robot.with_values(**numbers), logs, sigma, dict(zip(names, colours[side], strict=True)))
-        return found
-
-
-@dataclass(frozen=True)
-class _Trial:
-    """A refitted candidate: its first score, its refit, the `total` of its squares and its price, whitened residuals to
-    compare."""
-
-    score: Score
-    joint: Joint
-    total: float
-    compared: list[np.ndarray]
 
 
 def _checked(before: Fit, after: Fit) -> None:
@@ -111,25 +70,7 @@ def _two_sets(before: LogSet, after: LogSet) -> None:
         )
 
 
-def _colours_left(pair: Pair, joint: Joint) -> Colours:
-    return {side: pair.sides[side].colours(joint.residuals[side]) for side in SIDES}
-
-
-def _whitened(pair: Pair, joint: Joint, colours: Colours) -> list[np.ndarray]:
-    """Whitened residuals [T, ny] of every log."""
-    return [own for side in SIDES for own in pair.sides[side].whiten(joint.residuals[side], colours[side])]
-
-
-def _shortlist(look: FirstLook) -> list[Score]:
-    """The candidates worth a refit: all of the robot's own, since large changes are not what they promise to first order, and
-    the mechanisms that promise most."""
-    others = [score for score in look.scores if not score.own and score.gain > 0.0]
-    least = _PROMISING * max((score.gain for score in look.scores), default=0.0)
-    kept = [s for i, s in enumerate(others[:_MOST]) if i < _ALWAYS or s.gain > least]
-    return [*(score for score in look.scores if score.own), *kept]
-
-
-def _named(pair: Pair, trial: _Trial, rows: int) -> NamedChange:
+def _named(pair: Pair, trial: Trial, rows: int) -> NamedChange:
     """The change in words and numbers."""
     candidate, joint = trial.score.candidate, trial.joint
     robot = with_candidate(pair.robot, candidate)
@@ -203,7 +144,7 @@ def explain_change(
     held_out = None
     if held_out_before is not None and held_out_after is not None:
         given = given_logs(before.robot, held_out_before), given_logs(after.robot, held_out_after)
-        held_out = _HeldOut({"before": given[0], "after": given[1]})
+        held_out = HeldOutLogs({"before": given[0], "after": given[1]})
     return _explained(before, after, (logs_before, logs_after), held_out, level, report)
 
 
@@ -211,7 +152,7 @@ def _explained(
     before: Fit,
     after: Fit,
     logs: tuple[LogSet, LogSet],
-    held_out: _HeldOut | None,
+    held_out: HeldOutLogs | None,
     level: float,
     report: Callable[[str], None],
     lacked: tuple[str, ...] = (),
@@ -230,9 +171,9 @@ def _explained(
     p = min(2.0 * by_name, 4.0 * apart, 4.0 * worse, 1.0)
     best, equivalent, doubts, notes = None, [], list[str](), ()
     if p < level:
-        trials, null, colours = _refitted(pair, look, null, held_out, report)
-        best, *equivalent = _simplest_first(trials)
-        equivalent += _only_later(best, [t for t in trials if t is not best and t not in equivalent], null)
+        trials, null, colours = refitted(pair, look, null, held_out, report)
+        best, *equivalent = simplest_first(trials)
+        equivalent += only_later(best, [t for t in trials if t is not best and t not in equivalent], null)
         mechanisms = [trial.joint for trial in trials if not trial.score.own][:_IN_BOTH]
         lacking = lacking_in_both(pair, best.joint, mechanisms, colours)
         if lacking is not None:
@@ -290,84 +231,7 @@ def _separate(pair: Pair, after: Fit, colours: Colours) -> float:
     return total
 
 
-def _refitted(
-    pair: Pair, look: FirstLook, null: Joint, held_out: _HeldOut | None, report: Callable[[str], None]
-) -> tuple[list[_Trial], Joint, Colours]:
-    """The shortlist refitted, the best first; the model without any change; the colours of the noise that the best leaves."""
-    rows = float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
-    joints: list[tuple[Score, Joint]] = []
-    for score in _shortlist(look):
-        start = score.delta if np.all(np.isfinite(score.delta)) else None
-        # What large changes promise to first order may lead away from them.
-        starts = (start, None) if look.far and start is not None else (start,)
-        steps = _MORE if look.far else _FEW
-        tried = [refit(pair, score.candidate, look.colours, look.theta, own, steps=steps) for own in starts]
-        joints.append((score, min(tried, key=lambda joint: joint.squares)))
-    _, first = min(joints, key=lambda own: own[1].squares + rows * len(own[1].delta))
-    first = refit(pair, first.candidate, look.colours, first.theta, first.delta, first.states)
-    colours = _colours_left(pair, first)
-    nothing = weighed(pair, null, colours)
-    reached = weighed(pair, first, colours)
-    near = reached + max(_IN_THE_RUNNING * (nothing - reached), _FAR)
-
-    def again(joint: Joint) -> Joint:
-        squares = weighed(pair, joint, colours)
-        if squares < near:
-            return refit(pair, joint.candidate, colours, joint.theta, joint.delta, joint.states)
-        return replace(joint, squares=squares)
-
-    trials = []
-    for score, old in joints:
-        joint = again(old)
-        compared = held_out.residuals(pair, joint, colours) if held_out is not None else _whitened(pair, joint, colours)
-        total = joint.squares + rows * len(joint.delta)
-        total += sum(float(np.sum(r**2)) for r in compared) if held_out is not None else 0.0
-        trials.append(_Trial(score, joint, total, compared))
-    trials.sort(key=lambda trial: trial.total)
-    # Of a mechanism's laws the best.
-    first_of = {(t.score.candidate.id, t.score.candidate.side): t for t in reversed(trials)}
-    trials = [t for t in trials if first_of[t.score.candidate.id, t.score.candidate.side] is t]
-    for trial in trials:
-        report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
-    return trials, refit(pair, None, colours, null.theta, None, null.states), colours
-
-
-def _simplest_first(trials: list[_Trial]) -> list[_Trial]:
-    """The best and those that the data cannot tell from it, the simplest first; none that says the same with more numbers."""
-    best = trials[0]
-    near = [best]
-    for trial in trials[1:]:
-        behind = trial.total - best.total
-        # Of what is the same but for rounding a next to nothing may be many of its own standard errors.
-        if behind < _NEAR and (vuong(best.compared, trial.compared) < _APART or behind < _APART**2):
-            near.append(trial)
-    near.sort(key=lambda trial: (len(trial.joint.delta), trial.total))
-    kept: list[_Trial] = []
-    for trial in near:
-        simpler = (own for own in kept if len(own.joint.delta) < len(trial.joint.delta))
-        if not any(_says_the_same(own, trial) for own in simpler):
-            kept.append(trial)
-    return kept
-
-
-def _only_later(best: _Trial, others: list[_Trial], null: Joint) -> list[_Trial]:
-    """Of the `others` those that make the same motion later, as late commands do as well as late sensors, where the best does
-    and they leave little of the difference: between two samples each is interpolated in its own way."""
-    later = [t for t in (best, *others) if t.score.candidate.effects and all(e.only_later for e in t.score.candidate.effects)]
-    if best not in later:
-        return []
-    left = best.joint.squares + _LEFT * (null.squares - best.joint.squares)
-    side = best.score.candidate.side
-    return [t for t in later[1:] if t.score.candidate.side == side and t.joint.squares < left]
-
-
-def _says_the_same(one: _Trial, other: _Trial) -> bool:
-    """Whether two refits predict the same but for what their coordinates take up of the noise."""
-    apart = sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.compared, other.compared, strict=True))
-    return apart < _NEAR + len(other.joint.delta) + len(one.joint.delta)
-
-
-def _held_out_gain(pair: Pair, held_out: _HeldOut, null: Joint, joint: Joint, colours: Colours) -> float:
+def _held_out_gain(pair: Pair, held_out: HeldOutLogs, null: Joint, joint: Joint, colours: Colours) -> float:
     one, other = (held_out.residuals(pair, own, colours) for own in (null, joint))
     return float(sum(np.sum(a**2) - np.sum(b**2) for a, b in zip(one, other, strict=True)))
 
@@ -377,7 +241,7 @@ def _significant(left: float, level: float, free: int) -> bool:
     return left > float(chi_squared_beyond(level / 4.0, max(free, 1)))
 
 
-def _remainder(best: _Trial, null: Joint, separate: float, level: float, before: Fit, after: Fit) -> tuple[str, ...]:
+def _remainder(best: Trial, null: Joint, separate: float, level: float, before: Fit, after: Fit) -> tuple[str, ...]:
     """That the named change is not all, where what it leaves is little beside it and yet no chance."""
     left, gained = best.joint.squares - separate, null.squares - best.joint.squares
     if not _significant(left, level, len(before.free_names)):
@@ -407,15 +271,15 @@ def _apart(one: Estimate, other: Estimate) -> float:
 
 
 def _doubts(
-    best: _Trial, null: Joint, separate: float, worse: float, ratio: float, by_name: float, level: float,
-    held_out: _HeldOut | None, colours: Colours, pair: Pair,
+    best: Trial, null: Joint, separate: float, worse: float, ratio: float, by_name: float, level: float,
+    held_out: HeldOutLogs | None, colours: Colours, pair: Pair,
 ) -> list[str]:  # fmt: skip
     """Why the best candidate is not the answer, each reason in a sentence's part."""
     doubts = []
     if 2.0 * by_name >= level:
         doubts.append("no candidate stands out from chance by itself")
     left, gained = best.joint.squares - separate, null.squares - best.joint.squares
-    if _significant(left, level, len(pair.free)) and left > _LEFT * gained:
+    if _significant(left, level, len(pair.free)) and left > LEFT * gained:
         doubts.append(
             f"two separate models follow the logs better (chi-squared by {left:.0f}, of {gained:.0f} that it gains)"
         )

@@ -308,7 +308,12 @@ def first_look(
     step = -np.linalg.lstsq(stacked(view.columns), stacked(view.residual) + every[k][1] @ answers[k][0], rcond=1e-8)[0]
     scores = _without_doubles(scores)
     return FirstLook(
-        tuple(_one_of_each(scores)), colours, len(scores), tuple(dict.fromkeys(unseen)), theta + step * pair.sizes(), far
+        tuple(_one_of_each(scores)),
+        colours,
+        len(scores),
+        tuple(dict.fromkeys(unseen)),
+        theta + step * pair.sizes(),
+        far,
     )
 
 

@@ -1,0 +1,152 @@
+"""The candidates refitted to both sets of logs and ranked: the best one, and those that the logs cannot tell from it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...logs import LogSet
+from ..search.telling_apart import vuong
+from .candidates import Side
+from .first_look import FirstLook, Score
+from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
+from .judged import predicted
+
+_MOST, _ALWAYS, _FEW = 8, 3, 3
+_PROMISING = 0.3
+"""Share of the best candidate's promise below which mechanisms of the catalogue are not refitted, but for the first three."""
+_MORE = 8
+"""Steps of a refit where the difference is far beyond the noise."""
+_IN_THE_RUNNING, _FAR = 0.3, 100.0
+"""Candidates that come so near to the best one's gain in a few steps are refitted to the end."""
+_NEAR = 16.0
+"""Chi-squared by which two candidates must differ to be told apart, and standard errors of the difference."""
+_APART = 2.0
+LEFT = 0.03
+"""Share of the difference that a change may leave, significant or not: how far the models themselves are from nature."""
+
+
+@dataclass(frozen=True)
+class HeldOutLogs:
+    """Held-out logs of both sides."""
+
+    logs: dict[Side, LogSet]
+
+    def residuals(self, pair: Pair, joint: Joint, colours: Colours) -> list[np.ndarray]:
+        """Whitened residuals of a refit's prediction."""
+        found: list[np.ndarray] = []
+        robot = with_candidate(pair.robot, joint.candidate)
+        for side, logs in self.logs.items():
+            numbers = numbers_on(side, robot, pair.free, joint.candidate, joint.theta, joint.delta)
+            names = logs.channels.measured
+            sigma = dict(zip(names, map(float, pair.sides[side].sigma), strict=True))
+            found += predicted(robot.with_values(**numbers), logs, sigma, dict(zip(names, colours[side], strict=True)))
+        return found
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A refitted candidate: its first score, its refit, the `total` of its squares and its price, whitened residuals to
+    compare."""
+
+    score: Score
+    joint: Joint
+    total: float
+    compared: list[np.ndarray]
+
+
+def _colours_left(pair: Pair, joint: Joint) -> Colours:
+    return {side: pair.sides[side].colours(joint.residuals[side]) for side in SIDES}
+
+
+def _whitened(pair: Pair, joint: Joint, colours: Colours) -> list[np.ndarray]:
+    """Whitened residuals [T, ny] of every log."""
+    return [own for side in SIDES for own in pair.sides[side].whiten(joint.residuals[side], colours[side])]
+
+
+def _shortlist(look: FirstLook) -> list[Score]:
+    """The candidates worth a refit: all of the robot's own, since large changes are not what they promise to first order, and
+    the mechanisms that promise most."""
+    others = [score for score in look.scores if not score.own and score.gain > 0.0]
+    least = _PROMISING * max((score.gain for score in look.scores), default=0.0)
+    kept = [s for i, s in enumerate(others[:_MOST]) if i < _ALWAYS or s.gain > least]
+    return [*(score for score in look.scores if score.own), *kept]
+
+
+def refitted(
+    pair: Pair, look: FirstLook, null: Joint, held_out: HeldOutLogs | None, report: Callable[[str], None]
+) -> tuple[list[Trial], Joint, Colours]:
+    """The shortlist refitted, the best first; the model without any change; the colours of the noise that the best leaves."""
+    rows = float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
+    joints: list[tuple[Score, Joint]] = []
+    for score in _shortlist(look):
+        start = score.delta if np.all(np.isfinite(score.delta)) else None
+        # What large changes promise to first order may lead away from them.
+        starts = (start, None) if look.far and start is not None else (start,)
+        steps = _MORE if look.far else _FEW
+        tried = [refit(pair, score.candidate, look.colours, look.theta, own, steps=steps) for own in starts]
+        joints.append((score, min(tried, key=lambda joint: joint.squares)))
+    _, first = min(joints, key=lambda own: own[1].squares + rows * len(own[1].delta))
+    first = refit(pair, first.candidate, look.colours, first.theta, first.delta, first.states)
+    colours = _colours_left(pair, first)
+    nothing = weighed(pair, null, colours)
+    reached = weighed(pair, first, colours)
+    near = reached + max(_IN_THE_RUNNING * (nothing - reached), _FAR)
+
+    def again(joint: Joint) -> Joint:
+        squares = weighed(pair, joint, colours)
+        if squares < near:
+            return refit(pair, joint.candidate, colours, joint.theta, joint.delta, joint.states)
+        return replace(joint, squares=squares)
+
+    trials = []
+    for score, old in joints:
+        joint = again(old)
+        compared = held_out.residuals(pair, joint, colours) if held_out is not None else _whitened(pair, joint, colours)
+        total = joint.squares + rows * len(joint.delta)
+        total += sum(float(np.sum(r**2)) for r in compared) if held_out is not None else 0.0
+        trials.append(Trial(score, joint, total, compared))
+    trials.sort(key=lambda trial: trial.total)
+    # Of a mechanism's laws the best.
+    first_of = {(t.score.candidate.id, t.score.candidate.side): t for t in reversed(trials)}
+    trials = [t for t in trials if first_of[t.score.candidate.id, t.score.candidate.side] is t]
+    for trial in trials:
+        report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
+    return trials, refit(pair, None, colours, null.theta, None, null.states), colours
+
+
+def simplest_first(trials: list[Trial]) -> list[Trial]:
+    """The best and those that the data cannot tell from it, the simplest first; none that says the same with more numbers."""
+    best = trials[0]
+    near = [best]
+    for trial in trials[1:]:
+        behind = trial.total - best.total
+        # Of what is the same but for rounding a next to nothing may be many of its own standard errors.
+        if behind < _NEAR and (vuong(best.compared, trial.compared) < _APART or behind < _APART**2):
+            near.append(trial)
+    near.sort(key=lambda trial: (len(trial.joint.delta), trial.total))
+    kept: list[Trial] = []
+    for trial in near:
+        simpler = (own for own in kept if len(own.joint.delta) < len(trial.joint.delta))
+        if not any(_says_the_same(own, trial) for own in simpler):
+            kept.append(trial)
+    return kept
+
+
+def only_later(best: Trial, others: list[Trial], null: Joint) -> list[Trial]:
+    """Of the `others` those that make the same motion later, as late commands do as well as late sensors, where the best does
+    and they leave little of the difference: between two samples each is interpolated in its own way."""
+    later = [
+        t for t in (best, *others) if t.score.candidate.effects and all(e.only_later for e in t.score.candidate.effects)
+    ]
+    if best not in later:
+        return []
+    left = best.joint.squares + LEFT * (null.squares - best.joint.squares)
+    side = best.score.candidate.side
+    return [t for t in later[1:] if t.score.candidate.side == side and t.joint.squares < left]
+
+
+def _says_the_same(one: Trial, other: Trial) -> bool:
+    """Whether two refits predict the same but for what their coordinates take up of the noise."""
+    apart = sum(float(np.sum((a - b) ** 2)) for a, b in zip(one.compared, other.compared, strict=True))
+    return apart < _NEAR + len(other.joint.delta) + len(one.joint.delta)
