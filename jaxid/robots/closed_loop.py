@@ -159,6 +159,9 @@ class ClosedLoop(Robot):
     def wheel_radius(self) -> str:  # type: ignore[override]
         return self.plant.wheel_radius
 
+    def with_larger_wheels(self, numbers: Mapping[str, float], share: float) -> dict[str, float]:
+        return self.plant.with_larger_wheels(numbers, share)
+
     @property
     def wheel_sides(self) -> tuple[str, str]:  # type: ignore[override]
         return self.plant.wheel_sides

@@ -200,6 +200,14 @@ class DifferentialDrive(Robot):
         """Radii of the wheels over the nominal one."""
         return 1.0 + p["radius_mismatch"], 1.0 - p["radius_mismatch"]
 
+    def with_larger_wheels(self, numbers: Mapping[str, float], share: float) -> dict[str, float]:
+        """Torques are forces at the rim with the nominal radius: a larger wheel pushes less, and turns slower. Not known where
+        the wheels' speeds are what is measured."""
+        if self._wheels:
+            return {}
+        powers = {"gain": -1, "back_emf": -1, "Fc": -1, "Fv": -2}
+        return {name: numbers[name] * (1.0 + share) ** power for name, power in powers.items()}
+
     def rubbing(self, state: State, p: Numbers) -> Scalars:
         """Speeds of the wheels, as rim speeds with the nominal radius."""
         if self._wheels:

@@ -186,6 +186,13 @@ class Robot:
         added = dict(zip(self.translations, each, strict=True))
         return tuple(f + added[n] if n in added else f for n, f in zip(self.velocities, forces, strict=True))
 
+    def with_larger_wheels(self, numbers: Mapping[str, float], share: float) -> dict[str, float]:
+        """What differs from the `numbers` of its parameters where all driving wheels are larger by a share; nothing where that
+        is not known."""
+        if self.wheel_radius not in self.parameters:
+            return {}
+        return {self.wheel_radius: numbers[self.wheel_radius] * (1.0 + share)}
+
     @property
     def turns(self) -> bool:
         """Whether it says what its yaw rate is, so that a moment can act on it."""

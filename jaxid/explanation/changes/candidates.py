@@ -88,15 +88,14 @@ def _of_parameters(robot: Robot, identifier: str, title: str, names: Sequence[st
     return Candidate(identifier, title, coordinates, _added(names))
 
 
-def _one_side(radius: str, mismatch: str, sign: float) -> Move:
-    """One wheel's radius grows by a share d: radius (1 ± mismatch) of that wheel, the other's stays what it is."""
+def _one_side(robot: Robot, mismatch: str, sign: float) -> Move:
+    """The radius of one side, (1 ± mismatch) times the mean of both, grows by a share d; the other stays what it is."""
 
     def move(numbers: Numbers, d: Float[np.ndarray, " k"]) -> dict[str, float]:
-        r, m, share = numbers[radius], numbers[mismatch], float(d[0])
-        larger, smaller = r * (1.0 + m), r * (1.0 - m)
-        larger, smaller = (larger * (1.0 + share), smaller) if sign > 0 else (larger, smaller * (1.0 + share))
+        m, share = numbers[mismatch], float(d[0])
+        larger, smaller = (1.0 + m) * (1.0 + share * (sign > 0)), (1.0 - m) * (1.0 + share * (sign < 0))
         mean = 0.5 * (larger + smaller)
-        return {radius: mean, mismatch: larger / mean - 1.0}
+        return {**robot.with_larger_wheels(numbers, mean - 1.0), mismatch: larger / mean - 1.0}
 
     return move
 
@@ -140,10 +139,10 @@ def _causes(robot: Robot) -> list[Candidate]:
     if refusal(gain, robot) is None and robot.drive_inputs:
         found.append(_of_effects(robot, "command_gain", "supply or command gain", [gain]))
     mismatch = robot.mechanisms.get("wheel_radius_mismatch", ())
-    if robot.wheel_radius in table and len(mismatch) == 1:
+    if len(mismatch) == 1 and robot.with_larger_wheels(table.numbers, 0.1):
         for sign, side in zip((1.0, -1.0), robot.wheel_sides, strict=True):
             name = f"radius_of_{side.replace(' ', '_')}"
-            move = _one_side(robot.wheel_radius, mismatch[0], sign)
+            move = _one_side(robot, mismatch[0], sign)
             found.append(Candidate(name, f"radius of the {side}", (Coordinate(name, "", 1.0),), move))
     axes = robot.drive_axes
     every = _friction(robot, "friction", "friction of all drive axes", [axes]) if axes else None

@@ -156,7 +156,8 @@ class ExplainedChange:
     - `p_value`: of two sets this different if nothing had changed, all candidates accounted for.
     - `rms_unchanged` and `rms_separate`: error of one model for both sets and of two models, in units of the (whitened) noise.
     - `noticeable`: the smallest changes that would have been noticed; `unseen`: what these logs do not show at all.
-    - `lacked`: mechanisms that the model lacked in both sets; `before` and `after` are fits with them, and compared so.
+    - `lacked`: what the model lacks in both sets is much like these mechanisms; `before` and `after` are fits with them, and
+      compared so.
     - `looked`: all candidates, the likeliest first. `held_out_gain`: drop of chi-squared on held-out logs by the change, NaN
       without.
     """
@@ -186,7 +187,8 @@ class ExplainedChange:
             return self._changed
         names = " and ".join(map(in_words, self.lacked))
         return (
-            f"{self._changed} The model lacked {names} in both sets: both were fitted again with it, and compared so."
+            f"{self._changed} The model lacks something in both sets, much like {names}: both were fitted again with that, and "
+            "compared so. What it is, an explanation of one set says."
         )
 
     @property

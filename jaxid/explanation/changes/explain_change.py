@@ -31,7 +31,7 @@ from .sides import SetOfLogs, side_of
 from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first
 
 _IN_BOTH = 3
-"""Mechanisms that are tried in both sets, and how many are added to both."""
+"""Mechanisms that are added to both sets at most."""
 _CLEAR, _NAMED = 4.0, 3
 """Standard errors from which another parameter of the two fits is said to differ, too, and how many of them are."""
 
@@ -156,8 +156,10 @@ def _explained(
     level: float,
     report: Callable[[str], None],
     lacked: tuple[str, ...] = (),
+    gained: float = 0.0,
 ) -> ExplainedChange:
-    """`explain_change` of two fits to which what both sets lacked (`lacked`, mechanisms) has been added."""
+    """`explain_change` of two fits to which what both sets lacked (`lacked`, mechanisms, of which one `gained` so much in
+    chi-squared) has been added."""
     sides: dict[Side, SetOfLogs] = {"before": side_of(before, logs[0]), "after": side_of(after, logs[1])}
     pair = Pair.of(before.robot, before.free_names, sides)
     look = first_look(before.robot, pair, {"before": before.initial_states, "after": after.initial_states}, report)
@@ -174,14 +176,15 @@ def _explained(
         trials, null, colours = refitted(pair, look, null, held_out, report)
         best, *equivalent = simplest_first(trials)
         equivalent += only_later(best, [t for t in trials if t is not best and t not in equivalent], null)
-        mechanisms = [trial.joint for trial in trials if not trial.score.own][:_IN_BOTH]
-        lacking = lacking_in_both(pair, best.joint, mechanisms, colours)
+        tried = [trial.joint for trial in trials if not trial.score.own]
+        lacking = lacking_in_both(pair, look, tried, best.joint, colours) if len(lacked) <= _IN_BOTH else None
         if lacking is not None:
             said = f"{in_words(_mechanism(lacking[0]))} explains more where both sets have it than any change does"
             again = fitted_with(before, after, logs, *lacking) if len(lacked) < _IN_BOTH else None
             if again is not None:
                 report(f"{said}; both fitted and compared with it")
-                return _explained(*again, logs, held_out, level, report, (*lacked, _mechanism(lacking[0])))
+                names, gain = (*lacked, _mechanism(lacking[0])), null.squares - lacking[1].squares
+                return _explained(*again, logs, held_out, level, report, names, max(gain, gained))
             doubts = [f"{said}: the model lacks it"]
         worse, ratio = follows_one_worse(pair, best.joint.residuals)
     rows = sum(int(own.there.sum()) for own in pair.sides.values())
@@ -189,6 +192,9 @@ def _explained(
     if best is not None:
         doubts += _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
+    if best is not None and null.squares - best.joint.squares < LEFT * gained:
+        notes = (f"What still differs is as little as the laws of what both sets lacked may be off (p = {p:.2g}).",)
+        best, equivalent, doubts, p = None, [], [], 1.0
     verdict: Verdict = "unchanged"
     if best is not None:
         verdict = "unexplained" if doubts else "ambiguous" if equivalent else "named"

@@ -13,7 +13,11 @@ from ...estimate.output_error.output_error import output_error
 from ...estimate.result import Fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
+from .first_look import FirstLook
 from .joint import Colours, Joint, Pair, refit, with_candidate
+
+_MOST, _FEW = 8, 3
+"""Mechanisms that are tried in both sets, and steps of their refits in one."""
 
 
 def both_with(pair: Pair, joint: Joint, colours: Colours) -> Joint:
@@ -27,13 +31,25 @@ def both_with(pair: Pair, joint: Joint, colours: Colours) -> Joint:
 
 
 def lacking_in_both(
-    pair: Pair, best: Joint, mechanisms: Sequence[Joint], colours: Colours
+    pair: Pair, look: FirstLook, refitted: Sequence[Joint], best: Joint, colours: Colours
 ) -> tuple[Joint, Joint] | None:
-    """Of `mechanisms`, refits of what appeared or vanished, the one that explains more than the `best` change does where both
-    sets have it, and that refit; None where none does."""
-    found = [(joint, both_with(pair, joint, colours)) for joint in mechanisms]
-    found = [own for own in found if own[1].squares < best.squares]
-    return min(found, key=lambda own: own[1].squares) if found else None
+    """Of the mechanisms that appeared or vanished at the first `look` the one that explains most where both sets have it,
+    refitted in one (some are already) and in both; None where none explains more than the `best` change does."""
+    rows = float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
+    scores = [score for score in look.scores if not score.own and score.gain > 0.0]
+    first = {score.candidate.id: score for score in reversed(scores)}  # of both sides the likelier
+    joints = [joint for joint in refitted if joint.candidate is not None]
+    there = {joint.candidate.id for joint in joints if joint.candidate is not None}
+    for score in sorted(first.values(), key=lambda s: -s.gain)[:_MOST]:
+        if score.candidate.id not in there:
+            start = score.delta if np.all(np.isfinite(score.delta)) else None
+            joints.append(refit(pair, score.candidate, colours, best.theta, start, steps=_FEW))
+    found: list[tuple[float, Joint, Joint]] = []
+    for joint in joints:
+        both = both_with(pair, joint, colours)
+        if both.squares < best.squares:
+            found.append((both.squares + rows * len(joint.delta), joint, both))
+    return min(found, key=lambda own: own[0])[1:] if found else None
 
 
 def fitted_with(
