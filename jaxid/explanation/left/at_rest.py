@@ -39,18 +39,19 @@ def shown_at_rest(
     not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same of all channels."""
     rests: dict[str, list[Array]] = {name: [] for name in colours}
     sizes: dict[str, list[Array]] = {name: [] for name in colours}
-    speeds = list(robot.channels.outputs)
+    speeds = list(robot.alone.channels.outputs)
     for state, logs in states:
         for still, residual in zip(_standing(robot, state, logs), state.residuals, strict=True):
             for name in set(colours) & set(state.by_channel) & set(speeds):
                 own = residual[:, list(state.by_channel).index(name)]
-                sizes[name].append(own[~still] * state.noise[name])
+                sizes[name].append(own[~still & np.isfinite(own)] * state.noise[name])
                 for first, end in _runs(still):
                     rests[name] += np.array_split(own[first:end], -(-(end - first) // _LONGEST))
     held = dict(zip(speeds, held_rates(robot), strict=True))
     said = set()
     for name, colour in colours.items():
-        size = usual_size(np.concatenate([*sizes[name], np.empty(0)])) if sizes[name] else np.inf
+        moving = np.concatenate([*sizes[name], np.empty(0)])
+        size = usual_size(moving) if moving.size else np.inf
         # What makes so large a slow error works against viscous friction, and against inertia within its own memory.
         needed = size * (1.0 / scales.time + 1.0 / (max(colour.memory, 1.0) * scales.interval))
         said.add(_there(colour, rests[name]) if held.get(name, 0.0) > needed else None)
@@ -70,11 +71,11 @@ def in_motion(robot: Robot, states: Sequence[tuple[HeldOut, LogSet]]) -> list[tu
 def _standing(robot: Robot, state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
     """Where the simulated `robot` stands [T], on every log."""
     begun = estimated_start(robot, logs, state.noise)
-    speeds = len(robot.channels.outputs)
+    speeds = len(robot.alone.channels.outputs)
     # A sensor's bias is there at rest, too: the motion itself is looked at.
     robot = replace(robot, effects=tuple(e for e in robot.effects if type(e).measure is Effect.measure))
     every = [y[:, :speeds] for y in simulate(robot, logs, start=begun, integrator=integrator_for(robot, logs))]
-    largest = np.nanmax([np.nanmax(np.abs(y), axis=0) for y in every], axis=0)
+    largest = np.max([np.max(np.abs(y), axis=0) for y in every], axis=0)  # not a number where it diverges: it never stands
     return [np.all(np.abs(y) <= _STILL * largest, axis=1) for y in every]
 
 
