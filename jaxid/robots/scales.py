@@ -23,8 +23,8 @@ class Scales:
     wheel at the largest input, the `force` at the ground that it is, and the `friction` that would hold a drive axis against
     all of them; the robot's `time` constant; `acceleration`, speed over time constant; `interval` between samples and
     `duration` of a log; `length` of the driven path; `angle` through which one period of a ripple may go; `outputs`:
-    amplitude by channel. `fastest` and `farthest` are the speed at the rims and the magnitude by channel that hardly a sample
-    exceeds, as far as a curve has to reach (none: `speed`, `outputs`)."""
+    amplitude by channel. `farthest`: the magnitude by channel that hardly a sample exceeds, as far as a curve of
+    what grows quickly has to reach (none: `outputs`)."""
 
     input: float = 10.0
     speed: float = 1.0
@@ -39,12 +39,11 @@ class Scales:
     angle: float = 1.0
     outputs: Mapping[str, float] = field(default_factory=dict)
     inputs: Mapping[str, float] = field(default_factory=dict)
-    fastest: float = 0.0
     farthest: Mapping[str, float] = field(default_factory=dict)
 
-    def reach(self, channel: str = "") -> float:
-        """How far a curve over an output has to reach; over the speed at the rims without a name."""
-        return self.farthest.get(channel, self.output(channel)) if channel else self.fastest or self.speed
+    def reach(self, channel: str) -> float:
+        """How far a curve over an output has to reach."""
+        return self.farthest.get(channel, self.output(channel))
 
     def output(self, channel: str) -> float:
         """Amplitude of an output."""

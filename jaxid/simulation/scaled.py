@@ -93,8 +93,7 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
     measured = {n: _level([own[n] for own in seen], 0.0) for n in robot.channels.outputs}
     outputs = {name: level or max(measured.values()) or 1.0 for name, level in measured.items()}
     farthest = {n: _level([own[n] for own in seen], level, _HARDLY_EXCEEDED) for n, level in outputs.items()}
-    rims = [rim.ravel() for rim in _rims(robot, velocities)]
-    speed = _level(rims, max(outputs.values()))
+    speed = _level([rim.ravel() for rim in _rims(robot, velocities)], max(outputs.values()))
     time = time_constant(robot)
     time = min(max(time, 2.0 * interval), 0.1 * duration)
     torque, force, friction = _efforts(robot, largest)
@@ -117,7 +116,6 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
             for k, name in enumerate(robot.channels.inputs)
             if k not in robot.drive_inputs
         },
-        fastest=_level(rims, speed, _HARDLY_EXCEEDED),
         farthest=farthest,
     )
 
