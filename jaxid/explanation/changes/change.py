@@ -193,6 +193,11 @@ class ExplainedChange:
 
     @property
     def _changed(self) -> str:
+        if self.verdict == "unchanged" and self.lacked and self.p_value < self.false_alarm:
+            return (
+                f"What differs (p = {self.p_value:.2g}) is no more than the laws of what both sets lack may be off: so small a "
+                "change would not show."
+            )
         if self.verdict == "unchanged":
             return f"Nothing changed that these logs show (p = {self.p_value:.2g})."
         fall = ""

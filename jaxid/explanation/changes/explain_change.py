@@ -193,8 +193,7 @@ def _explained(
         doubts += _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
     if best is not None and null.squares - best.joint.squares < LEFT * gained:
-        notes = (f"What still differs is as little as the laws of what both sets lacked may be off (p = {p:.2g}).",)
-        best, equivalent, doubts, p = None, [], [], 1.0
+        best, equivalent, doubts, notes = None, [], [], ()
     verdict: Verdict = "unchanged"
     if best is not None:
         verdict = "unexplained" if doubts else "ambiguous" if equivalent else "named"

@@ -14,7 +14,7 @@ from ...estimate.result import Fit
 from ...logs import LogSet, noise_level
 from ...robots.robot import Robot
 from ...simulation.scaled import scales_of
-from ..left.at_rest import shown_at_rest
+from ..left.at_rest import shown_at_rest, standing
 from ..left.coloured import only_colour
 from ..left.heldout import HeldOut, held_out_state
 from ..level import current_level
@@ -104,7 +104,8 @@ def _filtered_noise(pair: Pair, side: Side, residual: Array) -> bool:
     found = only_colour([(state, own.logs)], scales.time / scales.interval)
     if found is None or (found.simple and found.faster):
         return found is not None
-    return shown_at_rest(pair.robot, [(state, own.logs)], found.colours, scales) is True
+    left = [(state, own.logs)]
+    return shown_at_rest(pair.robot, left, standing(pair.robot, left), found.colours, scales) is True
 
 
 def noticed_from(score: Score, chance: float) -> Array:

@@ -32,20 +32,29 @@ _SHORTEST, _LONGEST = 10, 400
 _STEP = 1e-6
 
 
+Still = list[NDArray[np.bool_]]
+"""Where a robot stands [T], of every log."""
+
+
 def shown_at_rest(
-    robot: Robot, states: Sequence[tuple[HeldOut, LogSet]], colours: Mapping[str, Colour], scales: Scales
+    robot: Robot,
+    states: Sequence[tuple[HeldOut, LogSet]],
+    still: Sequence[Still],
+    colours: Mapping[str, Colour],
+    scales: Scales,
 ) -> bool | None:
-    """Whether the noise of the channels in `colours` is there while `robot` stands as while it moves (True: the sensors'), or
-    not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same of all channels."""
+    """Whether the noise of the channels in `colours` is there while `robot` stands (`still`, of every state) as while it moves
+    (True: the sensors'), or not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same
+    of all channels."""
     rests: dict[str, list[Array]] = {name: [] for name in colours}
     sizes: dict[str, list[Array]] = {name: [] for name in colours}
     speeds = list(robot.alone.channels.outputs)
-    for state, logs in states:
-        for still, residual in zip(_standing(robot, state, logs), state.residuals, strict=True):
+    for (state, _), stands in zip(states, still, strict=True):
+        for stood, residual in zip(stands, state.residuals, strict=True):
             for name in set(colours) & set(state.by_channel) & set(speeds):
                 own = residual[:, list(state.by_channel).index(name)]
-                sizes[name].append(own[~still & np.isfinite(own)] * state.noise[name])
-                for first, end in _runs(still):
+                sizes[name].append(own[~stood & np.isfinite(own)] * state.noise[name])
+                for first, end in _runs(stood):
                     rests[name] += np.array_split(own[first:end], -(-(end - first) // _LONGEST))
     held = dict(zip(speeds, held_rates(robot), strict=True))
     said = set()
@@ -58,24 +67,29 @@ def shown_at_rest(
     return said.pop() if len(said) == 1 else None
 
 
-def in_motion(robot: Robot, states: Sequence[tuple[HeldOut, LogSet]]) -> list[tuple[HeldOut, LogSet]]:
-    """The `states` without what is left while `robot` stands."""
+def in_motion(states: Sequence[tuple[HeldOut, LogSet]], still: Sequence[Still]) -> list[tuple[HeldOut, LogSet]]:
+    """The `states` without what is left while the robot stands (`still`, of every state)."""
     found = []
-    for state, logs in states:
-        still = _standing(robot, state, logs)
-        moving = tuple(np.where(s[:, None], np.nan, r) for s, r in zip(still, state.residuals, strict=True))
+    for (state, logs), stands in zip(states, still, strict=True):
+        moving = tuple(np.where(s[:, None], np.nan, r) for s, r in zip(stands, state.residuals, strict=True))
         found.append((replace(state, residuals=moving), logs))
     return found
 
 
-def _standing(robot: Robot, state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
-    """Where the simulated `robot` stands [T], on every log."""
+def standing(robot: Robot, states: Sequence[tuple[HeldOut, LogSet]]) -> list[Still]:
+    """Where the simulated `robot` stands, on the logs of every state."""
+    return [_stands(robot, state, logs) for state, logs in states]
+
+
+def _stands(robot: Robot, state: HeldOut, logs: LogSet) -> Still:
     begun = estimated_start(robot, logs, state.noise)
     speeds = len(robot.alone.channels.outputs)
     # A sensor's bias is there at rest, too: the motion itself is looked at.
     robot = replace(robot, effects=tuple(e for e in robot.effects if type(e).measure is Effect.measure))
     every = [y[:, :speeds] for y in simulate(robot, logs, start=begun, integrator=integrator_for(robot, logs))]
-    largest = np.max([np.max(np.abs(y), axis=0) for y in every], axis=0)  # not a number where it diverges: it never stands
+    largest = np.max(
+        [np.max(np.abs(y), axis=0) for y in every], axis=0
+    )  # not a number where it diverges: it never stands
     return [np.all(np.abs(y) <= _STILL * largest, axis=1) for y in every]
 
 

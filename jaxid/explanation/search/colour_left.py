@@ -10,7 +10,7 @@ from ...estimate.output_error.estimated_start import estimated_start
 from ...logs import LogSet
 from ...robots.effect import Effect
 from ...simulation.scaled import scales_of
-from ..left.at_rest import held_rates, in_motion, shown_at_rest
+from ..left.at_rest import held_rates, in_motion, shown_at_rest, standing
 from ..left.coloured import GATES, OnlyColour, colours_of, only_colour
 from ..left.heldout import HeldOut, held_out_state
 from ..level import current_level
@@ -40,13 +40,14 @@ def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, f
     found = only_colour(states, memory)
     if trial.angles or (found is not None and found.simple):
         return found
-    if found is not None:
-        return replace(found, at_rest=shown_at_rest(trial.robot, states, found.colours, scales))
     if any(state.diverged for state, _ in states) or not held_rates(trial.robot).any():
-        return None
+        return found
+    still = standing(trial.robot, states)
+    if found is not None:
+        return replace(found, at_rest=shown_at_rest(trial.robot, states, still, found.colours, scales))
     # A disturbance that dry friction holds is not as large at rest as in motion.
-    found = only_colour(in_motion(trial.robot, states), memory)
-    if found is None or found.simple or shown_at_rest(trial.robot, states, found.colours, scales) is not False:
+    found = only_colour(in_motion(states, still), memory)
+    if found is None or found.simple or shown_at_rest(trial.robot, states, still, found.colours, scales) is not False:
         return None
     return replace(found, at_rest=False)
 
