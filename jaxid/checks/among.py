@@ -1,4 +1,4 @@
-"""What the other logs of a set say about a sensor that looks dead in one.
+"""What the other logs of a set say about one: that it is another's copy, and of a sensor that looks dead in it.
 
 A sensor that is unrelated to every input is dead, or the robot hardly moved that way: dry friction holds it against small
 commands. One log alone cannot tell which. Where the sensor answers to the inputs in the other logs, the relation learned there
@@ -60,10 +60,22 @@ def _says_nothing(log: Log, name: str, others: Sequence[Log]) -> bool:
 
 
 def among(logs: Sequence[Log], findings: Sequence[Sequence[Finding]]) -> Iterator[Finding]:
-    """The `findings` of each of `logs`, without dead sensors that the other logs show to be none."""
+    """The `findings` of each of `logs`, without dead sensors that the other logs show to be none, and with copies of logs."""
+    first: dict[str, str] = {}
     for log, own in zip(logs, findings, strict=True):
+        name = first.setdefault(log.sha256, log.name)
+        if name != log.name:
+            yield _copy(log, name)
         for found in own:
             silent = found.check == "dead_sensor" and UNRELATED in found.message
             others = [other for other in logs if other is not log]
             if not (silent and found.column and _says_nothing(log, found.column, others)):
                 yield found
+
+
+def _copy(log: Log, first: str) -> Finding:
+    message = (
+        f"{log.name} holds the same numbers as {first}, and counts as a second experiment, so that standard errors come out too "
+        "small; leave one of them out."
+    )
+    return Finding(log.name, None, None, "warning", "copy", message)

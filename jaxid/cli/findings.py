@@ -1,6 +1,7 @@
 """What pre-flight finds, one line each."""
 
 from ..logs import LogSet
+from ..logs.useless import useless
 from .arguments import UnusableInput
 from .console import say
 
@@ -16,6 +17,5 @@ def warn_of_findings(*sets: LogSet | None) -> None:
 
 def refuse_useless(logs: LogSet) -> None:
     """Raise `UnusableInput` where pre-flight finds an error in every log, such as a robot that never moved."""
-    useless = {finding.file: finding for finding in logs.preflight() if finding.severity == "error"}
-    if len(useless) == len(logs):
-        raise UnusableInput(next(iter(useless.values())).message)
+    if why := useless(logs):
+        raise UnusableInput(why)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-Verdict = Literal["sound", "coloured", "poor", "failed"]
+Verdict = Literal["sound", "coloured", "biased", "poor", "failed"]
 LOOK_FURTHER = "`explain` looks further."
 """What to do about a force that the residual shows."""
 
@@ -15,7 +15,8 @@ class Judgement:
 
     - `verdict`: "sound": nothing but the sensors' noise is left. "coloured": neighbouring residuals are related, but not
       to the motion; if that is the sensor's doing the estimates stand, with standard errors made for it (above twice the
-      noise the sentences say that this is open). "poor": the model leaves much more than the
+      noise the sentences say that this is open). "biased": what is left may be the sensors' noise alone, but that noise is in
+      the regressors of a linear fit, too, and has moved parameters (`biased`). "poor": the model leaves much more than the
       noise, or what it leaves follows the motion, bears the mark of a force that is not in it, is slow where the sensor's
       noise is white, or is above twice the noise and comes in bursts, on one log more than on another, or too slowly to be
       tested; the estimates may carry a bias that no standard error shows. "failed": the
@@ -39,9 +40,7 @@ class Judgement:
     @property
     def sentence(self) -> str:
         """All of it in one paragraph."""
-        if self.verdict == "sound" and self.biased:
-            text = f"Biased: {' '.join(self.sentences)}"
-        elif self.verdict == "sound":
+        if self.verdict == "sound":
             text = f"Sound: the residual is {self.normalised_rms:.2f} times the noise{' and white' * bool(self.white)}."
         else:
             text = f"{self.verdict.capitalize()}: {' '.join(self.sentences)}"
@@ -50,7 +49,7 @@ class Judgement:
     @property
     def trustworthy(self) -> bool:
         """Whether an identified parameter may be shown without a qualifier."""
-        return self.verdict in ("sound", "coloured") and not self.biased
+        return self.verdict in ("sound", "coloured")
 
     def doubted(self, sentence: str) -> "Judgement":
         """The same of a fit whose residual turned out to hold what `sentence` says: a poor one."""

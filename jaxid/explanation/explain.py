@@ -16,6 +16,7 @@ from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit, checked_fit
 from ..logs import LogError, LogSet
+from ..logs.useless import useless
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect, in_words
@@ -168,11 +169,13 @@ def explain(
     is explained without `localisation`. A fit in windows of a plant that is not unstable is repeated without
     (`without_windows`).
 
-    Raises `LogError` for logs of another robot and for a name that a fitted and a held-out log share, `ValueError` for a
-    `false_alarm` that is no share below a half, `TypeError` for a robot in the place of its fit.
+    Raises `LogError` for logs of another robot, for a name that a fitted and a held-out log share, and where pre-flight finds
+    an error in every fitted log (the robot never moved), `ValueError` for a `false_alarm` that is no share below a half, `TypeError` for a robot in the place of its fit.
     """
     logs, held_out = (given_logs(checked_fit(fit).robot, each) for each in (logs, held_out))
     apart(logs, held_out)
+    if why := useless(logs):
+        raise LogError(why)
     loss = loss_named(loss)
     fit = without_windows(fit, logs, report, loss=loss, covariance=covariance, windows=windows)
     placeless = without_place(fit.robot)

@@ -22,6 +22,7 @@ from .tables import Cell, Table
 _VERDICTS: dict[str, tuple[str, Tone]] = {
     "sound": ("Sound", "good"),
     "coloured": ("Sound, coloured noise", "good"),
+    "biased": ("Biased", "open"),
     "poor": ("Poor", "bad"),
     "failed": ("Failed", "bad"),
 }
@@ -39,8 +40,6 @@ def verdict_of(fit: Fit, predicted: float | None = None) -> tuple[str, Tone]:
     if fit.judgement is None:
         return "No verdict", "open"
     word, tone = _VERDICTS[fit.judgement.verdict]
-    if tone == "good" and fit.judgement.biased:
-        return "Biased", "open"
     if tone == "good" and predicted is not None and not predicted <= POOR:
         return "Does not predict", "bad"
     return word, tone

@@ -1,4 +1,4 @@
-"""A silent sensor among the other logs of its set: dead, or of a robot that dry friction held."""
+"""A log among the others of its set: a silent sensor that is dead, or of a robot that dry friction held; copies."""
 
 from dataclasses import replace
 
@@ -43,3 +43,10 @@ def test_a_dead_gyro_is_found_in_one_log_of_a_set_and_in_all(driven, crawl):
     assert ("driven_1.csv", "eta2") in dead(one)
     every = LogSet([silent(log, k) for k, log in enumerate([*driven, crawl])])
     assert dead(every) == [(log.name, "eta2") for log in every]
+
+
+def test_a_log_that_is_given_twice_is_said_to_be(driven):
+    again = replace(driven[0], name="again.csv")
+    (found,) = [f for f in LogSet([*driven, again]).preflight() if f.check == "copy"]
+    assert (found.file, found.severity) == ("again.csv", "warning") and "driven_0.csv" in found.message
+    assert not [f for f in LogSet(driven).preflight() if f.check == "copy"]

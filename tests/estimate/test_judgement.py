@@ -9,11 +9,14 @@ from jaxid import (
     Disturbance,
     Estimate,
     Log,
+    LogError,
     LogSet,
+    explain,
     fit_fleet,
     instrumental_variables,
     integral_least_squares,
     output_error,
+    prediction_error,
 )
 from jaxid.estimate.judge import judge, judged
 from jaxid.estimate.residual_tests import bursts, independent, relation, uneven
@@ -403,3 +406,17 @@ def test_what_a_controller_answers_to_noise_is_nothing_that_the_residual_follows
     # A drag that the model lacks is seen in the loop all the same.
     lacking = output_error(ROBOT, LogSet([in_a_loop(1, offset=0.3)]))
     assert lacking.judgement.verdict == "poor"
+
+
+@pytest.mark.parametrize("method", [output_error, prediction_error])
+def test_of_a_robot_that_never_moved_nothing_is_sound(axis_log, method):
+    rng = np.random.default_rng(3)
+    time = 0.02 * np.arange(SAMPLES)
+    logs = [
+        Log.from_arrays(f"still {k}", time, 0.05 * INPUTS[:, None], {"v": 0.01 * rng.normal(size=SAMPLES)}, "axis")
+        for k in range(3)
+    ]
+    fit = method(ROBOT, LogSet(logs[:2]))
+    assert fit.judgement.verdict == "poor" and "did not move" in fit.judgement.sentence, fit.judgement.sentence
+    with pytest.raises(LogError, match="did not move"):
+        explain(fit, LogSet(logs[:2]), LogSet(logs[2:]))

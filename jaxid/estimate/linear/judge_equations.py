@@ -42,6 +42,10 @@ _NOT_PREDICTED = (
     "Noise on the measured speeds also enters the regressors (errors in variables); how far that moves the estimate could not "
     "be predicted here, and the standard errors do not include it. Output error has no such bias."
 )
+_TELLS = (
+    "Output error tells by its residual what the equations leave: missing from the model, coloured noise of a sensor, or a "
+    "disturbance of the motion, which prediction error fits better."
+)
 _INNOCENT = "Take instrumental variables or output error, which it does not bias."
 
 
@@ -104,14 +108,13 @@ def judged_equations(
             if verdict == "sound"
             else "What the equations leave, if it is the sensors' noise,"
         )
+        better = "" if verdict == "sound" else _TELLS
+        verdict = "poor" if verdict == "poor" else "biased"
         sentences.insert(0, f"{what} is in the regressors, too, and moves the estimate: {moved} standard errors, so that "
                          "these intervals do not hold.")  # fmt: skip
-        better = _INNOCENT
-    if verdict != "sound":
-        better = (
-            f"{better} Output error tells by its residual what the equations leave: missing from the model, coloured noise "
-            "of a sensor, or a disturbance of the motion, which prediction error fits better."
-        ).strip()
+        better = f"{_INNOCENT} {better}".strip()
+    elif verdict != "sound":
+        better = _TELLS
     white = None if residual is None else not coloured
     judgement = Judgement(verdict, pooled, by_channel, white, tuple(sentences), better, dict(biased))
     return judged(replace(fit, standard_errors="scatter"), judgement)

@@ -14,6 +14,7 @@ from ...robots.robot import Robot
 from ..judge import judge, judged
 from ..judgement import LOOK_FURTHER
 from ..lacking import FALSE_ALARM
+from ..nothing_moved import where_nothing_moved
 from ..result import Fit
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at
@@ -151,7 +152,7 @@ def conclude(
         fit = replace(fit, notes=(*fit.notes, unknown))
     if begun is not None:
         fit, judgement = with_search(fit, judgement, begun)
-    return judged(fit, judgement)
+    return judged(fit, where_nothing_moved(fit, judgement, whole[0] if whole else logs))
 
 
 def _disagreement(names: Sequence[str], between: NDArray[np.float64], logs: int) -> str:

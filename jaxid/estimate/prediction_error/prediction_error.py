@@ -26,6 +26,7 @@ from ...simulation.rollout import Integrator
 from ..judge import judge, judged
 from ..linear.integral_least_squares import linear_estimate
 from ..output_error.setup import InitialStates, StartValues, start_values
+from ..nothing_moved import where_nothing_moved
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
 from .beside_output_error import contradiction
@@ -291,4 +292,4 @@ def prediction_error(
     if disturbed and judgement.verdict in ("sound", "coloured"):
         said = contradiction(fit, logs, initial_states, integrator, report)
         judgement = replace(judgement, verdict="poor", sentences=(said, *judgement.sentences)) if said else judgement
-    return judged(fit, judgement)
+    return judged(fit, where_nothing_moved(fit, judgement, logs))
