@@ -75,7 +75,7 @@ def among(logs: Sequence[Log], findings: Sequence[Sequence[Finding]]) -> Iterato
 
 def _copy(log: Log, first: str) -> Finding:
     message = (
-        f"{log.name} holds the same numbers as {first}, and counts as a second experiment, so that standard errors come out too "
-        "small; leave one of them out."
+        f"{log.name} holds the same numbers as {first}, and counts as a second experiment, so that standard errors come out "
+        "too small; leave one of them out."
     )
     return Finding(log.name, None, None, "warning", "copy", message)

@@ -170,7 +170,8 @@ def explain(
     (`without_windows`).
 
     Raises `LogError` for logs of another robot, for a name that a fitted and a held-out log share, and where pre-flight finds
-    an error in every fitted log (the robot never moved), `ValueError` for a `false_alarm` that is no share below a half, `TypeError` for a robot in the place of its fit.
+    an error in every fitted log (the robot never moved), `ValueError` for a `false_alarm` that is no share below a half,
+    `TypeError` for a robot in the place of its fit.
     """
     logs, held_out = (given_logs(checked_fit(fit).robot, each) for each in (logs, held_out))
     apart(logs, held_out)

@@ -25,8 +25,8 @@ from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..judge import judge, judged
 from ..linear.integral_least_squares import linear_estimate
-from ..output_error.setup import InitialStates, StartValues, start_values
 from ..nothing_moved import where_nothing_moved
+from ..output_error.setup import InitialStates, StartValues, start_values
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
 from .beside_output_error import contradiction
