@@ -309,7 +309,7 @@ def judge(
         # What follows the motion, is slow above white noise, or is uneven, is not the sensor's.
         doubtful = any(c not in follows and c not in slow and c not in bursty for c in wandering)
         better = _WANDERS_LIKE_A_SENSOR if doubtful else _WANDERS
-    return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better)
+    return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better, follows=follows)
 
 
 def with_integration(

@@ -27,6 +27,7 @@ class Judgement:
     - `better`: a sentence that names an estimator which suits this noise better, or what looks further; empty if there is none.
     - `biased`: parameters that noise in the regressors of a linear fit moves by more than half their standard error, with
       how many standard errors it is.
+    - `follows`: channels whose residual follows the motion, with what it follows most of all.
     """
 
     verdict: Verdict
@@ -36,6 +37,7 @@ class Judgement:
     sentences: tuple[str, ...] = ()
     better: str = ""
     biased: Mapping[str, float] = field(default_factory=dict)
+    follows: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:

@@ -4,7 +4,8 @@ Slow noise of a sensor looks like a disturbance of the motion to a filter, whose
 are white, and parameters that are wrong. A free simulation does not follow the sensors. Output error's estimates are
 consistent for noise of any colour, and under disturbances of the motion, too, as long as it is nearly linear in them;
 prediction error's are the sharper ones where its model of the noise is right. So the two differ by what their errors allow
-(Hausman 1978, Econometrica 46), or the noise is another one.
+(Hausman 1978, Econometrica 46), or the noise is another one. Where the innovations are not white, either, and what a free
+simulation leaves follows the motion, the model lacks something.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ import numpy as np
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...simulation.rollout import Integrator
+from ..judgement import LOOK_FURTHER
 from ..output_error.output_error import output_error
 from ..output_error.setup import InitialStates
 from ..result import Fit
@@ -31,9 +33,12 @@ def contradiction(
     initial: InitialStates,
     integrator: Integrator | None,
     report: Callable[[str], None] = lambda message: None,
+    *,
+    white: bool = True,
 ) -> str:
     """A sentence on the identified parameters that output error, from the `fit`'s own values, makes others than both errors
-    allow; empty where there is none, or where no free simulation follows the logs."""
+    allow, or on what its residual follows where the innovations are not `white`; empty where there is none, or where no free
+    simulation follows the logs."""
     report("compared with output error")
     try:
         other = output_error(fit.robot, logs, initial_states=initial, integrator=integrator)
@@ -44,7 +49,15 @@ def contradiction(
     both = [n for n in fit.free_names if fit[n].status == other[n].status == "identified"]
     apart = {name: _apart(fit, other, name) for name in both}
     worst = sorted((name for name in both if apart[name] > _APART), key=lambda name: -apart[name])
-    return _said(fit, other, worst[:3]) if worst else ""
+    if worst:
+        return _said(fit, other, worst[:3])
+    if white or other.judgement is None or not other.judgement.follows:
+        return ""
+    channel, driver = next(iter(other.judgement.follows.items()))
+    return (
+        f"Innovations are not white, and what a free simulation leaves in {channel} follows the motion (most of all {driver}): "
+        f"part of it is not in the model. {LOOK_FURTHER}"
+    )
 
 
 def _apart(fit: Fit, other: Fit, name: str) -> float:

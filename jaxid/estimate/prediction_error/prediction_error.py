@@ -290,6 +290,6 @@ def prediction_error(
     disturbed = told.p_value <= SIGNIFICANT
     judgement = replace(judgement, better="" if disturbed or doubt else _SOONER)
     if disturbed and judgement.verdict in ("sound", "coloured"):
-        said = contradiction(fit, logs, initial_states, integrator, report)
+        said = contradiction(fit, logs, initial_states, integrator, report, white=judgement.verdict == "sound")
         judgement = replace(judgement, verdict="poor", sentences=(said, *judgement.sentences)) if said else judgement
     return judged(fit, where_nothing_moved(fit, judgement, logs))
