@@ -90,6 +90,9 @@ class Curve(Effect):
     begins_later: ClassVar[bool] = False
     """Whether it is the first height that is held at zero, and not the last, where a share of the variable itself is another
     parameter's: what is limited loses nothing while it is small."""
+    settled_by_holding: ClassVar[bool] = False
+    """Whether a height is held at zero wherever the data does not tell it, since all heights together, as a sensor's scale, may
+    be other parameters'."""
     rather: ClassVar[str] = ""
     """The mechanism whose curve it is where it does not agree, if that has another formula."""
     may_as_well: ClassVar[str] = ""

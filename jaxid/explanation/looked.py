@@ -112,8 +112,8 @@ def _all_sure(found: Search, fit: Fit, final: Fit) -> bool:
 
 
 def _settled(final: Fit) -> bool:
-    """Whether the fit tells what its formulas might hold. Of a curve a height that is held says what its form is not to be,
-    which is done only where the data does not even tell that there is such an effect."""
-    formulas = (effect for effect in final.robot.effects if not isinstance(effect, Curve))
-    may = (name for effect in formulas for name in effect.may_hold(final.robot))
+    """Whether the fit tells what its formulas might hold. Of most curves a height that is held says what their form is not to
+    be, which is done only where the data does not even tell that there is such an effect."""
+    own = (effect for effect in final.robot.effects if not isinstance(effect, Curve) or effect.settled_by_holding)
+    may = (name for effect in own for name in effect.may_hold(final.robot))
     return not any(final[name].status == "not_identifiable" for name in may)

@@ -85,6 +85,7 @@ class ScaleCurves(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.1, 0.4, 0.9)
     free: ClassVar[tuple[int, ...]] = (0, 1, 2)
     variable: ClassVar[str] = "share of the channel's amplitude"
+    settled_by_holding: ClassVar[bool] = True
 
     def each(self, robot: Robot) -> tuple[str, ...]:
         return robot.channels.outputs

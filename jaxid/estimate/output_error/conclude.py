@@ -17,7 +17,7 @@ from ..lacking import FALSE_ALARM
 from ..nothing_moved import where_nothing_moved
 from ..result import Fit
 from .evaluation import simulated
-from .from_optimum import AtBounds, fit_at
+from .from_optimum import AtBounds, fit_at, known_spread
 from .impossible import without_impossible
 from .innovations import innovations
 from .lost_rows import lost_rows
@@ -134,7 +134,7 @@ def conclude(
     robust = covariance == "robust" or (covariance == "auto" and not (judgement.white and read is None))
     as_read = problem if read is None else replace(problem, outputs=read)
     found = robust_covariance(structure, as_read, inner.unknowns) if robust else None
-    matrix = bread**2 * found.covariance if found else None
+    matrix = bread**2 * found.with_lost(known_spread(problem, inner).covariance) if found else None
     fit = fit_at(robot, logs, structure, problem, inner, bounded, covariance=matrix, left_out=left_out, **others)
     fit = without_impossible(fit, structure, bounded.problem, optimum.unknowns)
     if found and np.any(found.between > 1.0):

@@ -123,11 +123,24 @@ class Robust(NamedTuple):
     """Covariance [n, n] of the physical parameters for coloured residuals; how much the logs disagree beyond it.
 
     `between` [n]: ratio of each parameter's scatter between logs to what the covariance expects, where that is more than
-    chance, else one. The covariance is widened by it.
+    chance, else one. The covariance is widened by it. `lost` [n, k]: orthonormal directions, of parameters in units of `unit`
+    [n], that the normal equations lose in rounding; it has no variance there.
     """
 
     covariance: NDArray[np.float64]
     between: NDArray[np.float64]
+    lost: NDArray[np.float64]
+    unit: NDArray[np.float64]
+
+    def with_lost(self, white: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The covariance, which in what it has lost is that of `white` residuals [n, n], of a Jacobian that tells more than
+        its square."""
+        within = self.lost.T @ (white / np.outer(self.unit, self.unit)) @ self.lost
+        return self.covariance + self.lost @ within @ self.lost.T * np.outer(self.unit, self.unit)
+
+
+def _unknown(n: int) -> Robust:
+    return Robust(np.full((n, n), np.nan), np.ones(n), np.zeros((n, 0)), np.ones(n))
 
 
 def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
@@ -167,7 +180,7 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
         J, r = jacobian[e], residual[e]
         H = np.einsum("tyi,tyj->ij", J, J)
         if not np.isfinite(H).all():
-            return Robust(np.full((n, n), np.nan), np.ones(n))
+            return _unknown(n)
         own_free = np.asarray(problem.state_free[e])
         local = H[n:, n:] + np.diag(np.where(own_free, state_prior, 1.0))
         # A state that the outputs do not show (all its sensitivities are zero) takes up nothing.
@@ -183,7 +196,7 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
     with np.errstate(over="ignore", invalid="ignore"):
         scaled = information * np.outer(scale, scale)
     if not np.isfinite(scaled).all():  # a simulation on the brink of diverging: there is no covariance
-        return Robust(np.full((n, n), np.nan), np.ones(n))
+        return _unknown(n)
     values, vectors = np.linalg.eigh(scaled)
     kept = values > _SINGULAR * values.max()
     inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T * np.outer(scale, scale)
@@ -201,4 +214,4 @@ def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns
         covariance = by_blocks
     used = np.asarray(mask.any(axis=(1, 2)))
     between = _between(np.stack([s.sum(axis=0) for s in by_blocks_of_log])[used], by_log[used], inverse, covariance)
-    return Robust(covariance * np.outer(between, between), between)
+    return Robust(covariance * np.outer(between, between), between, vectors[:, ~kept], scale)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Log, LogSet, output_error
+from jaxid.effects import laws_of
 from jaxid.estimate.output_error.robust_covariance import memory, stationary
 
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
@@ -96,3 +97,22 @@ def test_logs_of_different_robots_widen_the_standard_errors_and_those_of_one_rob
     # The mean of six masses is known to their scatter over the root of six.
     assert many["M"].std_error == pytest.approx(np.std(masses, ddof=1) / np.sqrt(6), rel=0.5)
     assert many["M"].std_error > 3 * one["M"].std_error
+
+
+def test_of_what_normal_equations_lose_in_rounding_the_errors_are_those_of_white_residuals(axis_log):
+    """A scale of the only sensor beside a mass and its friction: told by how little the noise is, if at all."""
+    (curve,) = (law for law in laws_of(ROBOT, "sensor_scale") if law.law == "shape")
+    inputs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 100)
+    clean = [axis_log(f"run {k}", np.roll(inputs, 100 * k), position=False, **TRUE) for k in range(2)]
+    rng = np.random.default_rng(8)
+    logs = LogSet(
+        [
+            Log.from_arrays(
+                log.name, log.time, log.inputs, {"v": log.output("v") + 4e-5 * coloured(rng, (len(log),), 0.8)}, "axis"
+            )
+            for log in clean
+        ]
+    )
+    white, robust = (output_error(ROBOT + curve, logs, covariance=covariance) for covariance in ("white", "robust"))
+    for name in ("M", "Fv"):
+        assert robust[name].std_error > 0.5 * white[name].std_error > 100 * abs(robust["Fc"].std_error)
