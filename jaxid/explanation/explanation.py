@@ -74,7 +74,7 @@ class Explanation:
     def noise_floor(self) -> float:
         """The error that chance alone leaves, in units of the noise's white part: one, more where the noise is coloured or
         delays scatter."""
-        coloured = self.colour is not None and self.colour.of_sensors
+        coloured = self.colour is not None and self.colour.only_noise
         chance = self.after.by_chance or (self.after.within_errors and bool(self.after.hung_on_it))
         return max(self.after.normalised_rms, 1.0) if coloured or chance else 1.0
 
@@ -85,6 +85,11 @@ class Explanation:
         names = " and ".join(effect.title for effect in self.effects)
         if self.verdict == "adequate" and self.colour is not None:
             coloured = f"the noise of {self.colour.phrase} is coloured."
+            if self.colour.of_inputs is not None:
+                return (
+                    f"Nothing is missing that these logs show: what is left is {self._by_inputs}. The held-out error is "
+                    f"{before:.2f} times the noise that neighbouring samples show, and follows nothing that drove the robot."
+                )
             if self.colour.at_rest:
                 coloured = (
                     f"what is left in {self.colour.phrase} is slow noise of the sensor, which is there while the robot stands, "
@@ -151,8 +156,21 @@ class Explanation:
                 for e in self.effects
             )
             return f"Missing was {sets}: {closed}, but this data does not tell these names apart.{self._chance}"
-        left = f" What is left is coloured noise of {self.colour.phrase}." if self.colour is not None else ""
+        left = (
+            f" What is left is {self._by_inputs or f'coloured noise of {self.colour.phrase}'}." if self.colour else ""
+        )
         return f"Missing was {names}: {closed}.{left}{self._chance}"
+
+    @property
+    def _by_inputs(self) -> str:
+        """Noise of the inputs, in words; empty where it is none."""
+        own = self.colour.of_inputs if self.colour is not None else None
+        if own is None:
+            return ""
+        return (
+            f"what noise of the inputs makes of the motion ({own.phrase}, by chance in every sample: as they were measured, or "
+            "as they acted)"
+        )
 
     @property
     def _slow(self) -> str:

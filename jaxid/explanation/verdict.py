@@ -54,7 +54,7 @@ def _more_than_imprecise(named: Sequence[NamedEffect], final: Fit, after: HeldOu
 
 def all_noise(found: Search) -> bool:
     """Whether what the search leaves is coloured noise such as a sensor's filter makes, and nothing else."""
-    return found.colour is not None and found.colour.of_sensors
+    return found.colour is not None and found.colour.only_noise
 
 
 def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: Sequence[str]) -> Verdict:

@@ -80,7 +80,7 @@ def channel_table(found: Explanation) -> Table:
     rows.append((Cell("all"), *total, Cell("1", "dim"), Cell("")))
     header = ("channel", *(("before", "after") if after else ("error",)), "noise floor", "one unit of noise is")
     notes = ("The noise is what neighbouring samples show; coloured noise is larger, so that its floor is above 1.",)
-    coloured = found.colour is not None and found.colour.of_sensors
+    coloured = found.colour is not None and found.colour.only_noise
     return Table("Error on held-out logs, in units of the noise (RMS)", header, tuple(rows), notes if coloured else ())
 
 

@@ -21,6 +21,7 @@ from ...logs import LogSet
 from ...logs.noise import usual_size
 from . import sensor_shape as shape_of
 from .heldout import HeldOut
+from .noisy_inputs import InputNoise
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ class OnlyColour:
     `p_value` of all tests together, those of the shape, on which `simple` hangs, included. `faster` where it changes faster
     than the robot's inertia would let any force make it; `simple` where it is forgotten soon, or where short autoregressions
     leave nothing of it, as a sensor's filter makes it; `at_rest`: whether it is there while the robot stands (`at_rest.py`),
-    None where the logs do not tell.
+    None where the logs do not tell. `of_inputs`: the noise of the inputs that makes all of it, where that is what it is.
     """
 
     colours: dict[str, Colour]
@@ -45,6 +46,12 @@ class OnlyColour:
     faster: bool
     p_value: float = 1.0
     at_rest: bool | None = None
+    of_inputs: InputNoise | None = None
+
+    @property
+    def only_noise(self) -> bool:
+        """Whether nothing is missing for it: noise of the sensors, or of the inputs."""
+        return self.of_sensors or self.of_inputs is not None
 
     @property
     def of_sensors(self) -> bool:
@@ -66,7 +73,8 @@ class OnlyColour:
             name: {"correlation": colour.correlation, "order": colour.order} for name, colour in self.colours.items()
         }
         own = {"channels": channels, "simple": self.simple, "faster_than_any_force": self.faster}
-        return own if self.at_rest is None else {**own, "while_the_robot_stands": self.at_rest}
+        own |= {} if self.at_rest is None else {"while_the_robot_stands": self.at_rest}
+        return own if self.of_inputs is None else {**own, "noise_of_inputs": self.of_inputs.to_dict()}
 
 
 def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> float:

@@ -13,6 +13,7 @@ from ...simulation.scaled import scales_of
 from ..left.at_rest import held_rates, in_motion, shown_at_rest, standing
 from ..left.coloured import GATES, OnlyColour, colours_of, only_colour
 from ..left.heldout import HeldOut, held_out_state
+from ..left.noisy_inputs import noise_of_inputs
 from ..level import current_level
 from ..policy import current_policy
 from ..refits.refit import Trial
@@ -32,6 +33,21 @@ def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float
 
 
 def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
+    """The noise that is all that `trial` leaves, as far as what drove the robot tells: coloured noise, or what noise of the
+    inputs makes; None where it is neither."""
+    found = coloured_left(trial, logs, held_out, noise)
+    if (found is not None and found.of_sensors) or trial.angles or trial.held_out.diverged:
+        return found
+    states = _states(trial, logs, held_out, noise)
+    level = trial.held_out.false_alarm / GATES
+    inputs = noise_of_inputs(trial.robot, states, noise, scales_of(trial.robot, logs), level)
+    if inputs is None:
+        return found
+    colours = {name: own for name, own in colours_of([state for state, _ in states]).items() if own.order}
+    return OnlyColour(colours, simple=False, faster=False, p_value=inputs.p_value, of_inputs=inputs)
+
+
+def coloured_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
     """The coloured noise that is all that `trial` leaves, as far as what drove the robot tells; None where it is not."""
     scales = scales_of(trial.robot, logs)
     states = _states(trial, logs, held_out, noise)
@@ -74,7 +90,7 @@ def ranked_in_colour(
         return None
     follows = trials[0].fitted.gap > (1.0 - current_policy().least_gain) * base.fitted.gap
     leading = trials[: _MOST_LEADING if follows else 1]
-    only = next((trial for trial in leading if colour_left(trial, logs, held_out, noise) is not None), None)
+    only = next((trial for trial in leading if coloured_left(trial, logs, held_out, noise) is not None), None)
     if only is None:
         return None
     colours = colours_of([state for state, _ in _states(only, logs, held_out, noise)])

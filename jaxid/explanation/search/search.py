@@ -68,7 +68,7 @@ def search(
                 colour = None  # too little to be looked at any further
                 break
             full = _added(current, baseline) >= most or len(steps) > most
-            if colour is None and full:
+            if (colour is None and full) or (colour is not None and colour.of_inputs):
                 break
             remaining = not_present(current.robot, effects)
             count = len({effect.id for effect in remaining})
@@ -123,9 +123,9 @@ def search(
     if colour is None and steps and not current.held_out.adequate:
         # What candidates still explain of it is worth none of them.
         only = colour_left(current, logs, held_out, noise)
-        colour = only if only is not None and only.of_sensors else None
+        colour = only if only is not None and only.only_noise else None
     if colour is not None:
-        report(f"what is left is coloured noise: {colour.phrase}")
+        report(f"what is left is noise: {colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
 
 
