@@ -3,7 +3,8 @@
 Pose columns (x, y, theta, beta) in a log give those states, and the columns that an effect reads (a payload) its own. A log
 whose first sample already moves (by more than a tenth of its largest speed), or shows another position than the origin, starts
 from what it measured, and that, with the states nobody measures, is then uncertain. So is the speed that nobody measures where
-a measured position changes from the first sample on. So is, within its step, a position that a counter tells: whoever reads 0
+a measured position changes from the first sample on; where a counter reads the same long enough, the robot stands, wherever
+that is. So is, within its step, a position that a counter tells: whoever reads 0
 may stand anywhere in a step, above it if the counter rounds down, on either side if it rounds to the nearest. What is measured
 need be no state: from outputs that the robot at rest would not show follow the nearest states that show them. What other values
 of the free parameters would make a robot at rest show says nothing of motion (`rest`). Where the model knows of a sensor's bias
@@ -42,6 +43,8 @@ _STILL = 0.1
 """Share of a speed's largest value below which a first sample may as well be a sensor's offset on a robot at rest."""
 
 
+_MANY_STEPS = 30
+"""Steps that a counter goes through, somewhere in a log, in as long as it stands still at the start of a robot at rest."""
 _FINE = 0.2
 """Step of a counter in units of the noise from which half of it is not lost among the noise."""
 _STEPS, _RANK = 8, 1e-8
@@ -51,10 +54,11 @@ _STEPS, _RANK = 8, 1e-8
 @dataclass(frozen=True)
 class InitialConditions:
     """Initial states of E logs: `states[name]` [E], and `uncertain` [E]: whether a log starts elsewhere, or was cut out of a
-    longer one."""
+    longer one; `standing` [E]: whether its counters, which alone show the motion, say that it starts at rest."""
 
     states: dict[str, NDArray[np.float64]]
     uncertain: NDArray[np.bool_]
+    standing: NDArray[np.bool_]
 
 
 @partial(compiled, static_argnames=("sensors",))
@@ -216,7 +220,8 @@ def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None =
                 there = states_at_samples(robot, logs[e], np.zeros(1, np.int64), begin)
                 for name in _unseen(robot, logs[e]):
                     states[name][e] = float(there[name][0])
-    return InitialConditions(states, uncertain)
+    standing = np.array([_stands(robot, log) for log in logs])
+    return InitialConditions(states, uncertain, standing)
 
 
 def _unseen(robot: Robot, log: Log) -> tuple[str, ...]:
@@ -224,6 +229,19 @@ def _unseen(robot: Robot, log: Log) -> tuple[str, ...]:
     shown = log.measured
     seen = any(name not in robot.states and not is_position(log, name) for name in shown)
     return () if seen else tuple(name for name in robot.velocities if name in robot.states and name not in shown)
+
+
+def _stands(robot: Robot, log: Log) -> bool:
+    """Whether the log begins with counters that read the same while they go through many steps in as long elsewhere: what they
+    read again says nothing to a fit, and a motion there would be free."""
+    unseen = not log.cut and bool(_unseen(robot, log))
+    counted = [log.output(name) for name in log.measured if unseen and is_position(log, name)]
+    for read in counted:
+        step, changed = counting_step(read), np.flatnonzero(read != read[0])
+        samples = int(changed[0]) if len(changed) else 0
+        if not step or samples < 2 or not _MANY_STEPS * step <= np.nanmax(np.abs(read[samples:] - read[:-samples])):
+            return False
+    return bool(counted)
 
 
 def _positions_move(log: Log, noise: Mapping[str, float]) -> bool:
@@ -263,8 +281,9 @@ def _at_rest(
 
 
 def free_states(robot: Robot, logs: LogSet, begin: InitialConditions) -> NDArray[np.bool_]:
-    """Which of the states that can be estimated are to be [E, estimated states]: all of a log that starts elsewhere,
-    positions that a counter tells, and wheels' angles, whose zero is arbitrary."""
+    """Which of the states that can be estimated are to be [E, estimated states]: all of a log that starts elsewhere (but the
+    speeds that nobody measures where it stands), positions that a counter tells, and wheels' angles, whose zero is arbitrary."""
     turned = np.isin(robot.estimated_states, robot.measured_angles)
     there = np.array([[name in log.measured for name in robot.estimated_states] for log in logs])
-    return begin.uncertain[:, None] & (there | ~turned) | turned & there | counted(robot, logs)
+    resting = np.isin(robot.estimated_states, robot.velocities) & ~there & begin.standing[:, None]
+    return begin.uncertain[:, None] & (there | ~turned) & ~resting | turned & there | counted(robot, logs)

@@ -199,6 +199,26 @@ def test_a_position_that_stands_at_first_is_at_rest_however_noisy(axis_law):
         assert initial_states(Axis(), logs).states["v"].tolist() == [0.0]
 
 
+def test_a_counter_that_stands_far_from_zero_begins_at_rest(axis_law):
+    """What it reads again says nothing to a fit: a motion before the first change would be free, and take the log with it."""
+    inputs = np.repeat([0.0, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
+
+    def log(v):
+        q = 0.37 + axis_law(inputs, 0.02, M=1.3, v=v)[1]
+        outputs = {"q": np.round(q / 1e-4) * 1e-4}
+        return LogSet([Log.from_arrays("counted", 0.02 * np.arange(360), inputs[:, None], outputs, Axis().channels)])
+
+    begin = initial_states(Axis(), log(0.0))
+    free = dict(zip(Axis().estimated_states, free_states(Axis(), log(0.0), begin)[0].tolist(), strict=True))
+    assert begin.standing.tolist() == [True] and free == {"q": True, "v": False}
+    fit = output_error(Axis(), log(0.0))
+    assert fit.initial_states["counted"]["v"] == 0.0
+    assert fit.initial_states["counted"]["q"] == pytest.approx(0.37, abs=1e-4)
+    assert fit.judgement.normalised_rms < 1.2
+    moving = initial_states(Axis(), log(0.3))
+    assert moving.standing.tolist() == [False] and free_states(Axis(), log(0.3), moving).all()
+
+
 def test_what_is_driven_from_rest_at_once_is_at_rest(axis_law):
     """The first slope of a parabola is not zero then; however fine the position, it is a small share of what follows."""
     inputs = np.repeat([4.0, -2.0, 4.0, 0.8, -4.0, 1.5, -1.2, 2.4], 45)
