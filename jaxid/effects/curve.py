@@ -169,10 +169,6 @@ class Curve(Effect):
         which it is several alike."""
         return True
 
-    def doubt(self, robot: Robot) -> str:
-        """Why the curve that `robot` has is none that this mechanism may have, in words; empty where it may."""
-        return ""
-
     def at(self, x: Scalar, p: Numbers, name: str = "") -> Scalar:
         """The curve (of `name`) at `x` >= 0."""
         heights = [p[self.height(k, name)] if k in self.varying else 0.0 for k in range(len(self.places))]

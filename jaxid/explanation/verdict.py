@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..effects.curve import SHAPE, Curve
+from ..effects.curve import SHAPE
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.result import Fit
 from .explanation import Verdict
@@ -32,14 +32,14 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
     for effect in named:
         if not effect.identified:
             doubts.append(f"the errors of {effect.title} do not exclude that there is none")
-    doubts += [f"{effect.title} is hardly it: {why}" for effect, why in _no_curves_of_theirs(final, named)]
+    doubts += [f"{effect.title} is hardly it: {why}" for effect, why in _none_of_theirs(final, named)]
     return tuple(doubts)
 
 
-def _no_curves_of_theirs(final: Fit, named: Sequence[NamedEffect]) -> list[tuple[NamedEffect, str]]:
-    """The names whose curves are none that they may have, and why."""
-    curves = {effect.id: effect for effect in final.robot.effects if isinstance(effect, Curve)}
-    every = [(effect, curves[effect.id].doubt(final.robot)) for effect in named if effect.id in curves]
+def _none_of_theirs(final: Fit, named: Sequence[NamedEffect]) -> list[tuple[NamedEffect, str]]:
+    """The names whose curves, or numbers, are none that they may have, and why."""
+    own = {effect.id: effect for effect in final.robot.effects}
+    every = [(effect, own[effect.id].doubt(final.robot)) for effect in named if effect.id in own]
     return [(effect, why) for effect, why in every if why]
 
 

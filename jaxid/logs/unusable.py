@@ -1,4 +1,5 @@
-"""Readings that tell nothing of the motion: at the end of a sensor's range, and of a sensor that is dead in one of the logs.
+"""Readings that tell nothing of the motion: at the end of a sensor's range, of a sensor that is dead in one of the logs, and of
+one that was frozen for a while.
 
 A reading at the end of the range says only that there was at least that much, and one that never changes nothing at all. Taken
 as measurements, a fit follows them rather than the robot.
@@ -16,6 +17,12 @@ _SHARE, _VISITS, _STAYS = 0.05, 3, 2
 """Share of a signal's samples at its extreme, and visits there of so many samples and more, from which it is clipped."""
 _FEWEST, _LEVELS = 20, 0.2
 """Samples elsewhere, and share of these that are levels of their own: of few levels it returns to its largest unclipped."""
+
+_FROZEN, _HOLDS = 50, 20.0
+"""Samples that a frozen sensor shows the same, and how often as many as it usually does."""
+_SETTLED, _DROPPED = 1e-4, 0.1
+"""Steps, as shares of the largest reading: one that is no jump but the end of a smooth approach, and one that is a drop-out
+where the reading is zero, which is the true one of a robot that stands."""
 
 
 def at_the_end(values: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -51,6 +58,29 @@ def _ends(logs: Sequence[Log], log: Log, name: str) -> NDArray[np.bool_]:
     return (np.abs(own) >= limit) | at_the_end(own)
 
 
+def _changes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where a signal differs from its sample before [T - 1]."""
+    return values[1:] != values[:-1]
+
+
+def _frozen(log: Log, name: str) -> NDArray[np.bool_]:
+    """Which samples of a speed repeat one that a sensor was frozen at, while others went on; none of a slower sensor's."""
+    values, found = log.output(name), np.zeros(len(log), dtype=bool)
+    largest = float(np.max(np.abs(np.nan_to_num(values)), initial=0.0))
+    if name in log.channels.positions or not largest:
+        return found
+    others = [_changes(log.output(other)) for other in log.measured if other != name]
+    edges = np.concatenate([[0], np.flatnonzero(_changes(values)) + 1, [len(values)]])
+    lengths = np.diff(edges)
+    enough = max(_FROZEN, _HOLDS * float(np.quantile(lengths, 0.95)))
+    for start, length in zip(edges[:-1][lengths >= enough], lengths[lengths >= enough], strict=True):
+        jump = abs(values[start] - values[start - 1]) / largest if start else 0.0
+        moves = any(own[start : start + length - 1].mean() > 0.5 for own in others)
+        if moves and jump >= (_SETTLED if values[start] else _DROPPED):
+            found[start + 1 : start + length] = True
+    return found
+
+
 def without_unusable(*sets: LogSet) -> tuple[tuple[LogSet, ...], list[str]]:
     """The sets with such readings taken for missing, and what was taken out, in words."""
     every, said = [log for logs in sets for log in logs], []
@@ -70,6 +100,12 @@ def without_unusable(*sets: LogSet) -> tuple[tuple[LogSet, ...], list[str]]:
                     f"{ends.mean():.0%} of {name} of {log.name}, at the end of its range ({np.nanmax(np.abs(values)):.4g} "
                     f"{unit}".rstrip()
                     + ")"
+                )
+            elif (frozen := _frozen(log, name)).any():
+                outputs[frozen, column] = np.nan
+                first = int(np.argmax(frozen))
+                said.append(
+                    f"{frozen.mean():.0%} of {name} of {log.name}, frozen at {values[first]:.4g} from {log.time[first]:.3g} s on"
                 )
         return replace(log, outputs=outputs) if not np.array_equal(outputs, log.outputs, equal_nan=True) else log
 

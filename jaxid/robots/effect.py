@@ -123,6 +123,11 @@ class Effect:
         none."""
         return {}
 
+    def doubt(self, robot: "Robot") -> str:
+        """Why the numbers, or the curve, that `robot` has of it are none that this mechanism may have, in words; empty where they
+        may be its own."""
+        return ""
+
     def key(self, name: str) -> str:
         """The name under which this effect's parameter stands in the model's table."""
         return f"{self.stands_as or self.id}.{name}"

@@ -282,7 +282,8 @@ def _at_rest(
 
 def free_states(robot: Robot, logs: LogSet, begin: InitialConditions) -> NDArray[np.bool_]:
     """Which of the states that can be estimated are to be [E, estimated states]: all of a log that starts elsewhere (but the
-    speeds that nobody measures where it stands), positions that a counter tells, and wheels' angles, whose zero is arbitrary."""
+    speeds that nobody measures where it stands), positions that a counter tells, and wheels' angles, whose zero
+    is arbitrary."""
     turned = np.isin(robot.estimated_states, robot.measured_angles)
     there = np.array([[name in log.measured for name in robot.estimated_states] for log in logs])
     resting = np.isin(robot.estimated_states, robot.velocities) & ~there & begin.standing[:, None]

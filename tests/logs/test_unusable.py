@@ -50,3 +50,23 @@ def test_clipped_readings_are_missing_with_their_share_and_limit():
         ends = np.abs(given.output("W")) == 0.5
         np.testing.assert_array_equal(np.isnan(own.output("W")), ends)
         assert sentence == f"{ends.mean():.0%} of W of {given.name}, at the end of its range (0.5 rad/s)"
+
+
+@pytest.mark.parametrize("level", [None, 0.0])
+def test_what_a_frozen_sensor_repeats_is_missing_and_what_a_robot_at_rest_reads_is_not(level):
+    """Frozen where it is, or dropped to zero in one jump; a robot that stands reads zero on all its sensors."""
+
+    def frozen(k, y):
+        stop = 150 + int(np.argmax(np.abs(y[150:250, 1])))
+        if k == 1:
+            y[stop:, 1] = y[stop, 1] if level is None else level
+        if k == 2:
+            y[-80:] = 0.0
+        return y
+
+    logs, held_out = driven(1, change=frozen)
+    (some, others), said = without_unusable(logs, held_out)
+    assert len(said) == 1 and "W of run 1, frozen at" in said[0], said
+    missing = ~np.isfinite(some[1].output("W"))
+    assert np.array_equal(missing, np.append(False, np.diff(logs[1].output("W")) == 0))
+    assert all(np.isfinite(own.outputs).all() for own in [some[0], *list(some)[2:], *others])

@@ -313,6 +313,12 @@ class StepResponse(Effect):
             found |= signed(self, f"share_{k}", "", 0.1)
         return found | shape(self, "spacing", "s", robot.scales.times_to_try[1], free=False)
 
+    def doubt(self, robot: Robot) -> str:
+        """A response that comes before the command on average is none that a motor has."""
+        p = robot.parameters.numbers
+        mean = p[self.key("spacing")] * sum(k * p[self.key(f"share_{k}")] for k in self.multiples)
+        return f"by its shares what acts comes {-mean:.2g} s before the command that was logged" if mean < 0.0 else ""
+
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         shares = jnp.stack([jnp.asarray(p[self.key(f"share_{k}")], float) for k in self.multiples])
         delays = jnp.array(self.multiples) * p[self.key("spacing")]
