@@ -43,7 +43,8 @@ _TOGETHER = 3
 _FARTHEST = 0.5
 """Share of its value by which nobody's table is wrong."""
 _BELIEVABLE = 0.15
-"""Share by which a table may be wrong that is not asked for by a name: what is farther off stands in for something else."""
+"""Share by which a table may be wrong that is not asked for by a name: what is farther off stands in for something else, but
+for one constant that leaves nothing."""
 Array = NDArray[np.float64]
 Shares = Mapping[str, float]
 
@@ -229,7 +230,8 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
             continue
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
-        if max(map(abs, shares.values())) < _BELIEVABLE:
+        alone = number == 1 and trial.fitted.adequate
+        if max(map(abs, shares.values())) < (_FARTHEST if alone else _BELIEVABLE):
             trials.append(trial)
         if trial.fitted.adequate:
             break
