@@ -104,9 +104,8 @@ def without_unusable(*sets: LogSet) -> tuple[tuple[LogSet, ...], list[str]]:
             elif (frozen := _frozen(log, name)).any():
                 outputs[frozen, column] = np.nan
                 first = int(np.argmax(frozen))
-                said.append(
-                    f"{frozen.mean():.0%} of {name} of {log.name}, frozen at {values[first]:.4g} from {log.time[first]:.3g} s on"
-                )
+                since = f"frozen at {values[first]:.4g} from {log.time[first]:.3g} s on"
+                said.append(f"{frozen.mean():.0%} of {name} of {log.name}, {since}")
         return replace(log, outputs=outputs) if not np.array_equal(outputs, log.outputs, equal_nan=True) else log
 
     return tuple(LogSet([cleared(log) for log in logs]) for logs in sets), said

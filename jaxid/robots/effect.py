@@ -124,8 +124,8 @@ class Effect:
         return {}
 
     def doubt(self, robot: "Robot") -> str:
-        """Why the numbers, or the curve, that `robot` has of it are none that this mechanism may have, in words; empty where they
-        may be its own."""
+        """Why the numbers, or the curve, that `robot` has of it are none that this mechanism may have, in words; empty where
+        they may be its own."""
         return ""
 
     def key(self, name: str) -> str:

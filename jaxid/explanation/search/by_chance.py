@@ -60,8 +60,12 @@ def _scatters(effect: Effect) -> bool:
 def _as_drawn(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut, no_more: bool = False) -> bool:
     """Whether the `state` is like draws of `effect` in one `way` of several: two tests, each of them from both sides; or that
     it is `no_more` than they are."""
+    draws = list(_draws(fit, effect, way, held_out, state))
+    where = [np.mean(np.square(own), axis=0) for own in zip(*draws, strict=True)]
     seen = np.array(_measures(state.residuals))
-    drawn = np.array([_measures(own) for own in _draws(fit, effect, way, held_out, state)])
+    drawn = np.array([_measures(own) for own in draws])
+    if not no_more and not _where_drawn(state.residuals, draws, where, state.false_alarm):
+        return False
     if not (np.all(seen > 0) and np.all(drawn > 0)):  # too few samples for autocorrelations
         return False
     seen, drawn = np.log(seen), np.log(drawn)
@@ -71,6 +75,20 @@ def _as_drawn(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldO
         return bool(2.0 * normal_tail((seen[0] - np.mean(drawn[:, 0])) / spread[0]) >= state.false_alarm)
     far = np.abs(seen - np.mean(drawn, axis=0)) / spread
     return bool(np.all(np.isfinite(far)) and all(4.0 * float(normal_tail(one)) >= state.false_alarm for one in far))
+
+
+def _where_drawn(seen: Sequence[NDArray[np.float64]], draws: Sequence[Residuals], where: Residuals, level: float) -> bool:
+    """Whether what is left is large `where` draws leave much, mean squares of each sample, as far as draws themselves are."""
+
+    def misplaced(residuals: Sequence[NDArray[np.float64]]) -> float:
+        r, v = (np.concatenate([own.ravel() for own in each]) for each in (residuals, where))
+        there = np.isfinite(r) & np.isfinite(v) & (v > 0.0)
+        # Of its own size: how large it is on the whole is another test's.
+        return float(np.mean(r[there] ** 2 / v[there]) / np.mean(r[there] ** 2) * np.mean(v[there]))
+
+    own = np.log([misplaced(each) for each in draws])
+    far = (np.log(misplaced(seen)) - np.mean(own)) / np.std(own, ddof=1)
+    return bool(4.0 * float(normal_tail(far)) >= level)
 
 
 def _measures(residuals: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
