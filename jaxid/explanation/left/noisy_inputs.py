@@ -37,6 +37,8 @@ _SIZES = np.geomspace(0.005, 0.6, 5)
 """Standard deviations that are tried, as shares of the usual input, or of what acts."""
 _FINER = np.geomspace(0.4, 2.5, 7)
 """Factors by which the best of them is tried again."""
+_SENSORS = np.geomspace(0.5, 1.3, 9)
+"""Factors of the sensors' noise that are tried: quick motion passes for noise in the differences of samples."""
 _KINDS = 3
 _WORTH, _MUCH = 20.0, 200.0
 """Twice the drop of -log L that a further kind of noise must bring, and all noise of the inputs together."""
@@ -97,7 +99,7 @@ def noise_of_inputs(
         return None
     white = _less_parameters(task, robot, usual, sensors, found)
     p_value = _as_foretold(white, logs, driving)
-    own, each, every = found.tolist()
+    own, each, every = found[:_KINDS].tolist()
     return InputNoise((own, each, every), p_value) if p_value >= level else None
 
 
@@ -130,17 +132,20 @@ def _follows(states: Sequence[tuple[HeldOut, LogSet]], driving: Mapping[str, Seq
 
 
 @partial(compiled, static_argnames=("model",))
-def _innovations(model: Model, numbers, records: Record, noise, usual: Float[Array, " nu"], sizes: Float[Array, "K 3"]):
-    """Innovations and their variances [K, E, T, ny] beside noise of the inputs of each of the `sizes`."""
+def _innovations(model: Model, numbers, records: Record, noise, usual: Float[Array, " nu"], sizes: Float[Array, "K n"]):
+    """Innovations and their variances [K, E, T, ny] beside noise of the inputs of each of the `sizes`, of which those behind
+    the kinds are factors of the sensors' `noise`."""
     m, nu = substeps(model.integrator), usual.shape[0]
 
     def one(record: Record, size):
         fine, nx = held_inputs(model, numbers, record), record.floor.shape[0]
+        # Of the samples on both sides: in proportion to what was measured in the sample itself, noise would weigh its own.
+        acts = fine[:, 0]
+        acts = (jnp.concatenate([acts[:1], acts[:-1]]) + jnp.concatenate([acts[1:], acts[-1:]])) / 2.0
         floor = jnp.concatenate([record.floor, (1e-9 * usual) ** 2])
 
         def propagate(moments: Moments, row):
-            inputs, interval = row
-            acting = inputs[0]
+            inputs, interval, acting = row
             spread = jnp.diag((size[0] * usual) ** 2 + (size[1] * acting) ** 2) + size[2] ** 2 * jnp.outer(
                 acting, acting
             )
@@ -157,14 +162,14 @@ def _innovations(model: Model, numbers, records: Record, noise, usual: Float[Arr
         def look(x, seen):
             return observe(model.robot, numbers, x, seen)[: record.outputs.shape[1]]
 
-        rows = ((fine, record.dt), fine[:, 0], record.outputs, record.there)
-        news = filter_pass(look, propagate, record.start, rows, noise)[4]
+        rows = ((fine, record.dt, acts), fine[:, 0], record.outputs, record.there)
+        news = filter_pass(look, propagate, record.start, rows, noise * size[_KINDS:])[4]
         return news.surprise, news.variance
 
     return jax.lax.map(lambda size: jax.vmap(lambda record: one(record, size))(records), sizes)
 
 
-def _filtered(task: Task, numbers, usual, sensors, sizes: Float[NDArray, "K 3"]):
+def _filtered(task: Task, numbers, usual, sensors, sizes: Float[NDArray, "K n"]):
     """Innovations and variances [K, E, T, ny], 0 and 1 where there are none."""
     records = task.problem.records
     seen = np.asarray(records.there) & np.isfinite(sensors)
@@ -175,9 +180,10 @@ def _filtered(task: Task, numbers, usual, sensors, sizes: Float[NDArray, "K 3"])
 
 
 def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | None:
-    """The likeliest sizes of the noise of the inputs [3], kind by kind; None where it brings too little."""
+    """The likeliest sizes of the noise of the inputs, kind by kind, and the factors of the sensors' [3 + ny]; None where noise
+    of the inputs brings too little."""
 
-    def costs(sizes: Float[NDArray, "K 3"]) -> Float[NDArray, " K"]:
+    def costs(sizes: Float[NDArray, "K n"]) -> Float[NDArray, " K"]:
         surprise, variance, seen = _filtered(task, numbers, usual, sensors, sizes)
         with np.errstate(all="ignore"):
             found = np.sum(np.where(seen, surprise**2 / variance + np.log(variance), 0.0), axis=(1, 2, 3))
@@ -189,7 +195,7 @@ def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | Non
         every = costs(rows)
         return float(every.min()), rows[int(every.argmin())]
 
-    at = np.zeros(_KINDS)
+    at = np.append(np.zeros(_KINDS), np.ones(len(sensors)))
     nothing = cost = float(costs(at[None])[0])
     left = list(range(_KINDS if len(usual) > 1 else _KINDS - 1))
     while left:
@@ -201,13 +207,15 @@ def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | Non
         cost, at = found[kind]
         for other in (kind, *(k for k in range(_KINDS) if at[k] and k != kind)):
             cost, at = best(other, at[other] * _FINER)
+        for sensor in _KINDS + np.flatnonzero(np.isfinite(sensors)):
+            cost, at = best(int(sensor), _SENSORS)
         if not nothing - cost > _MUCH:
             return None
         left = left if _KINDS - len(left) < 2 else []  # of two kinds a third is not told
-    return at if at.any() else None
+    return at if at[:_KINDS].any() else None
 
 
-def _less_parameters(task: Task, robot: Robot, usual, sensors, sizes: Float[NDArray, " 3"]) -> NDArray[np.float64]:
+def _less_parameters(task: Task, robot: Robot, usual, sensors, sizes: Float[NDArray, " n"]) -> NDArray[np.float64]:
     """Innovations [E, T, ny] in units of their own size, less what the free parameters can take up: weighted for noise of
     the sensors alone, they are off by more than innovations are."""
     numbers = dict(robot.parameters.numbers)
