@@ -9,11 +9,8 @@ from .result import Fit
 
 
 def where_nothing_moved(fit: Fit, judgement: Judgement, logs: LogSet) -> Judgement:
-    """The judgement; a poor one where the fit determines nothing and pre-flight finds every log unusable."""
-    known = [e for e in (*fit.parameters.values(), *fit.combinations.values()) if e.status == "identified"]
-    if known or not fit.free_names or not judgement.trustworthy:
-        return judgement
-    why = useless(logs)
+    """The judgement; a poor one where pre-flight finds every log unusable."""
+    why = useless(logs) if fit.free_names and judgement.trustworthy else ""
     if not why:
         return judgement
     said = f"These logs determine no parameter: {why}"

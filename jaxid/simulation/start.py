@@ -221,6 +221,9 @@ def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None =
                 for name in _unseen(robot, logs[e]):
                     states[name][e] = float(there[name][0])
     standing = np.array([_stands(robot, log) for log in logs])
+    for e in np.flatnonzero(standing):
+        for name in _unseen(robot, logs[int(e)]):
+            states[name][e] = default[name]
     return InitialConditions(states, uncertain, standing)
 
 

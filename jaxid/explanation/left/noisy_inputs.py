@@ -95,7 +95,9 @@ def noise_of_inputs(
     except (ParameterError, LogError):
         return None
     found = _likeliest(task, dict(robot.parameters.numbers), usual, sensors)
-    if found is None:
+    # On one channel slow noise of the sensor, or any force, may look as noise of a size of its own does.
+    seen = np.isfinite(sensors) & np.asarray(task.problem.records.there).any(axis=(0, 1))
+    if found is None or (seen.sum() < 2 and not found[1:_KINDS].any()):
         return None
     white = _less_parameters(task, robot, usual, sensors, found)
     p_value = _as_foretold(white, logs, driving)

@@ -33,21 +33,6 @@ def _states(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float
 
 
 def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
-    """The noise that is all that `trial` leaves, as far as what drove the robot tells: coloured noise, or what noise of the
-    inputs makes; None where it is neither."""
-    found = coloured_left(trial, logs, held_out, noise)
-    if (found is not None and found.of_sensors) or trial.angles or trial.held_out.diverged:
-        return found
-    states = _states(trial, logs, held_out, noise)
-    level = trial.held_out.false_alarm / GATES
-    inputs = noise_of_inputs(trial.robot, states, noise, scales_of(trial.robot, logs), level)
-    if inputs is None:
-        return found
-    colours = {name: own for name, own in colours_of([state for state, _ in states]).items() if own.order}
-    return OnlyColour(colours, simple=False, faster=False, p_value=inputs.p_value, of_inputs=inputs)
-
-
-def coloured_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
     """The coloured noise that is all that `trial` leaves, as far as what drove the robot tells; None where it is not."""
     scales = scales_of(trial.robot, logs)
     states = _states(trial, logs, held_out, noise)
@@ -66,6 +51,19 @@ def coloured_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str,
     if found is None or found.simple or shown_at_rest(trial.robot, states, still, found.colours, scales) is not False:
         return None
     return replace(found, at_rest=False)
+
+
+def inputs_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
+    """What `trial` leaves if noise of the inputs makes all of it; else None."""
+    if trial.angles or trial.held_out.diverged or trial.fitted.diverged:
+        return None
+    states = _states(trial, logs, held_out, noise)
+    level = trial.held_out.false_alarm / GATES
+    inputs = noise_of_inputs(trial.robot, states, noise, scales_of(trial.robot, logs), level)
+    if inputs is None:
+        return None
+    colours = {name: own for name, own in colours_of([state for state, _ in states]).items() if own.order}
+    return OnlyColour(colours, simple=False, faster=False, p_value=inputs.p_value, of_inputs=inputs)
 
 
 def generalised_trial(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
@@ -90,7 +88,7 @@ def ranked_in_colour(
         return None
     follows = trials[0].fitted.gap > (1.0 - current_policy().least_gain) * base.fitted.gap
     leading = trials[: _MOST_LEADING if follows else 1]
-    only = next((trial for trial in leading if coloured_left(trial, logs, held_out, noise) is not None), None)
+    only = next((trial for trial in leading if colour_left(trial, logs, held_out, noise) is not None), None)
     if only is None:
         return None
     colours = colours_of([state for state, _ in _states(only, logs, held_out, noise)])

@@ -11,6 +11,7 @@ from ...estimate.result import Fit
 from ...logs import LogSet, noise_scale
 from ...robots.effect import Effect
 from ...simulation.scaled import scaled_to
+from ..left.coloured import OnlyColour
 from ..left.heldout import held_out_state
 from ..left.overrated import in_its_own_noise, small_after_all
 from ..left.rounding import within_rounding
@@ -22,7 +23,7 @@ from ..screening.first_look import begun_at, first_look
 from ..screening.screen import Candidate
 from .between_rows import ranked_between_rows
 from .by_chance import rather_by_chance
-from .colour_left import colour_left, explained_somewhere, generalised_trial
+from .colour_left import colour_left, explained_somewhere, generalised_trial, inputs_left
 from .from_the_back import named_from_the_back, not_present
 from .little_more import with_a_sensor_besides
 from .next_name import name_next, or_constants
@@ -68,7 +69,7 @@ def search(
                 colour = None  # too little to be looked at any further
                 break
             full = _added(current, baseline) >= most or len(steps) > most
-            if (colour is None and full) or (colour is not None and colour.of_inputs):
+            if colour is None and full:
                 break
             remaining = not_present(current.robot, effects)
             count = len({effect.id for effect in remaining})
@@ -123,10 +124,30 @@ def search(
     if colour is None and steps and not current.held_out.adequate:
         # What candidates still explain of it is worth none of them.
         only = colour_left(current, logs, held_out, noise)
-        colour = only if only is not None and only.only_noise else None
+        colour = only if only is not None and only.of_sensors else None
+    if not current.held_out.adequate and not (colour is not None and colour.of_sensors):
+        steps, current, colour = _beside_noise_of_inputs(steps, current, baseline, colour, logs, held_out, noise)
     if colour is not None:
         report(f"what is left is noise: {colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
+
+
+def _beside_noise_of_inputs(
+    steps: list[Step],
+    current: Trial,
+    baseline: Trial,
+    colour: OnlyColour | None,
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+) -> tuple[list[Step], Trial, OnlyColour | None]:
+    """The first steps after which noise of the inputs makes all that is left, where no name reaches the sensors' noise: what
+    was added beyond them followed it. As they are where there are none."""
+    for count, trial in enumerate([baseline, *(step.after for step in steps)]):
+        found = inputs_left(trial, logs, held_out, noise)
+        if found is not None:
+            return steps[:count], trial, found
+    return steps, current, colour
 
 
 def _added(current: Trial, baseline: Trial) -> int:

@@ -28,8 +28,8 @@ def test_a_robot_that_never_moved_tells_nothing_alone_or_in_a_fleet(axis_log, st
             assert estimate.status == member[symbol].status
             if estimate.status == "at_bound":
                 assert estimate.value in (ROBOT.parameters[symbol].lower, ROBOT.parameters[symbol].upper)
-        assert f"{name} (M" in fleet.sentence
-    assert "the logs of 2 do not determine every parameter" in fleet.sentence and "moved" not in fleet.sentence
+        assert not alone.trustworthy and "did not move" in alone.judgement.sentence
+    assert "2 of these are poor or failed: still 0, still 1" in fleet.sentence and "moved" not in fleet.sentence
 
 
 def test_a_mass_whose_interval_reaches_nothing_is_not_identified_and_a_friction_is(axis_log):
