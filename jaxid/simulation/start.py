@@ -4,11 +4,10 @@ Pose columns (x, y, theta, beta) in a log give those states, and the columns tha
 whose first sample already moves (by more than a tenth of its largest speed), or shows another position than the origin, starts
 from what it measured, and that, with the states nobody measures, is then uncertain. So is the speed that nobody measures where
 a measured position changes from the first sample on; where a counter reads the same long enough, the robot stands, wherever
-that is. So is, within its step, a position that a counter tells: whoever reads 0
-may stand anywhere in a step, above it if the counter rounds down, on either side if it rounds to the nearest. What is measured
-need be no state: from outputs that the robot at rest would not show follow the nearest states that show them. What other values
-of the free parameters would make a robot at rest show says nothing of motion (`rest`). Where the model knows of a sensor's bias
-or scale, it is taken off before.
+that is. So is, within its step, a position that a counter tells: whoever reads 0 may stand anywhere in a step, above it if the
+counter rounds down, on either side if it rounds to the nearest. What is measured need be no state: from outputs that the robot
+at rest would not show follow the nearest states that show them. What other values of the free parameters would make a robot at
+rest show says nothing of motion (`rest`). Where the model knows of a sensor's bias or scale, it is taken off before.
 """
 
 from collections.abc import Mapping, Sequence

@@ -8,7 +8,7 @@ import pytest
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.left.heldout import held_out_state
-from jaxid.explanation.search.by_chance import by_chance
+from jaxid.explanation.search.by_chance import _where_drawn, by_chance
 
 LONGEST, NOISE = 0.08, 0.03  # s, m/s
 AXIS_MODEL = Axis().change("Fc", free=False).with_values(Fc=0.0)
@@ -55,6 +55,17 @@ def test_commands_that_scatter_leave_what_draws_of_them_leave_and_no_draws_of_sa
     state = _judged("input_delay", *logs)
     assert state.normalised_rms > 1.3 and state.by_chance and state.adequate
     assert not _judged("sensor_delay", *logs).adequate
+
+
+def test_what_is_left_elsewhere_than_where_draws_leave_it_is_no_chance():
+    """As large on the whole, and as slow, but not where commands change."""
+    random = np.random.default_rng(3)
+    size = np.where(np.arange(600) % 100 < 30, 4.0, 1.0)[:, None]
+    draws = [[size * random.normal(size=(600, 1))] for _ in range(60)]
+    where = [np.mean(np.square([own for (own,) in draws]), axis=0)]
+    seen = size * random.normal(size=(600, 1))
+    assert _where_drawn([seen], draws, where, 0.01)
+    assert not _where_drawn([np.roll(seen, 50, axis=0)], draws, where, 0.01)
 
 
 def test_samples_that_scatter_leave_what_draws_of_them_leave_and_no_draws_of_commands_do():
