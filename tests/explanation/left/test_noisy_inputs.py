@@ -85,7 +85,13 @@ def test_noise_of_the_inputs_is_told_with_its_size(noise, kind, size):
     assert np.hypot(*(own for k, own in enumerate(found.sizes) if k != kind)) < size / 2.0
 
 
-@pytest.mark.parametrize("law", [{"drag": 1.5}, {"push": 1.0}], ids=["drag", "a push that swings"])
+@pytest.mark.parametrize(
+    "law",
+    [
+        pytest.param({"drag": 1.5}, id="drag"),
+        pytest.param({"push": 1.0}, id="a push that swings", marks=pytest.mark.slow),
+    ],
+)
 def test_what_a_model_lacks_beside_it_is_not_taken_for_it(law):
     assert told(*logs(in_proportion(0.08), **law)) is None
 
