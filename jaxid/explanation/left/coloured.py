@@ -65,7 +65,7 @@ class OnlyColour:
         for name, colour in self.colours.items():
             kind = f"AR(1), {colour.correlation:.2f}" if colour.order == 1 else f"neighbours {colour.correlation:.2f}"
             each.append(f"{name} ({kind})")
-        return ", ".join(each[:-1]) + " and " * (len(each) > 1) + each[-1]
+        return ", ".join(each[:-1]) + " and " * (len(each) > 1) + each[-1] if each else "no channel"
 
     def to_dict(self) -> dict[str, Any]:
         """For explanation.json."""

@@ -210,7 +210,8 @@ def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | Non
         for other in (kind, *(k for k in range(_KINDS) if at[k] and k != kind)):
             cost, at = best(other, at[other] * _FINER)
         for sensor in _KINDS + np.flatnonzero(np.isfinite(sensors)):
-            cost, at = best(int(sensor), _SENSORS)
+            quieter = best(int(sensor), _SENSORS)
+            cost, at = quieter if quieter[0] < cost else (cost, at)
         if not nothing - cost > _MUCH:
             return None
         left = left if _KINDS - len(left) < 2 else []  # of two kinds a third is not told

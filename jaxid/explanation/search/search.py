@@ -128,7 +128,7 @@ def search(
     if not current.held_out.adequate and not (colour is not None and colour.of_sensors):
         steps, current, colour = _beside_noise_of_inputs(steps, current, baseline, colour, logs, held_out, noise)
     if colour is not None:
-        report(f"what is left is noise: {colour.phrase}")
+        report(f"what is left is noise: {colour.of_inputs.phrase if colour.of_inputs else colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
 
 

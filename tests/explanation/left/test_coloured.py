@@ -8,7 +8,7 @@ from scipy import signal
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.estimate.noise_colour import Colour
-from jaxid.explanation.left.coloured import only_colour, whitened
+from jaxid.explanation.left.coloured import OnlyColour, only_colour, whitened
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.search.in_colour import generalised
 
@@ -194,3 +194,8 @@ def test_slow_noise_alone_is_explained_by_no_effect(slow_noise):
     logs, check = slow_noise
     found = explain(output_error(ROBOT, logs), logs, check)
     assert found.verdict == "adequate" and found.colour.colours["v"].correlation == pytest.approx(0.95, abs=0.03)
+
+
+def test_noise_of_no_channel_has_words_all_the_same():
+    """What noise of the inputs makes need be no longer than a sample on any channel."""
+    assert OnlyColour({}, simple=False, faster=False).phrase == "no channel"
