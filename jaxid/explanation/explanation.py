@@ -245,6 +245,11 @@ class Explanation:
                 f"Nothing is missing that these logs show: {error}, with the structure that rounding to the sensors' steps "
                 f"makes of slow signals.{though}"
             )
+        if held.inputs_rounded:
+            return (
+                f"Nothing is missing that these logs show: {error}, with the structure that may be that of inputs which are "
+                f"logged in coarse steps; log them finer, or as they act, to see more.{though}"
+            )
         return (
             f"Nothing is missing that stands out from the noise: {error}. That error is not white (p = {held.p_white:.2g}): "
             f"the sensors' noise is coloured, or something smaller than the noise is missing.{though}"

@@ -239,6 +239,8 @@ def _excused(left: HeldOut) -> str:
         return "it is what the standard errors of the parameters let expect"
     if left.rounded:
         return "it is what rounding to the sensors' steps makes"
+    if left.inputs_rounded:
+        return "it is no more than what the rounding of the logged inputs makes"
     if left.unrelated:
         return "it is small and follows nothing that drove the robot"
     return "it is too small beside the noise to matter"

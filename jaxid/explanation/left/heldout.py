@@ -34,7 +34,8 @@ class HeldOut:
     is left is what the standard errors of the parameters let expect (`within_errors.py`), `hung_on_it` the logs whose whole
     motion hangs on less than these, and `steady_rms` what is left where these move as they may; `unrelated`: whether it is
     small and follows nothing that drove the robot (`overrated.py`); `by_chance`: whether it is what delays that scatter leave
-    (`by_chance.py`); `rounded`: whether it is what rounding to the sensors' steps makes (`rounding.py`).
+    (`by_chance.py`); `rounded`: whether it is what rounding to the sensors' steps makes (`rounding.py`), `inputs_rounded`
+    whether it is no more than the rounding of the logged inputs makes (`rounded_inputs.py`).
     `false_alarm`: how often a complete model may be called incomplete by it (`level.py`), `negligible` the RMS below which a
     gap matters to nobody (`policy.py`).
     """
@@ -53,6 +54,7 @@ class HeldOut:
     unrelated: bool = False
     by_chance: bool = False
     rounded: bool = False
+    inputs_rounded: bool = False
     false_alarm: float = field(default_factory=current_level)
     negligible: float = field(default_factory=lambda: current_policy().negligible)
 
@@ -76,6 +78,7 @@ class HeldOut:
             or self.unrelated
             or self.by_chance
             or self.rounded
+            or self.inputs_rounded
         )
 
     @property

@@ -14,8 +14,10 @@ from ...simulation.scaled import scaled_to
 from ..left.coloured import OnlyColour
 from ..left.heldout import held_out_state
 from ..left.overrated import in_its_own_noise, small_after_all
+from ..left.rounded_inputs import within_input_rounding
 from ..left.rounding import within_rounding
 from ..left.within_errors import within_errors
+from ..policy import current_policy
 from ..refits.candidate_refits import Report
 from ..refits.fine_steps import ranked_with_fine_steps
 from ..refits.refit import Trial, refit
@@ -51,6 +53,8 @@ def search(
     noise = rated | state.noise
     if not state.adequate:
         state = within_rounding(held_out, within_errors(fit, held_out, state))
+    if state.normalised_rms < current_policy().small:
+        state = within_input_rounding(fit.robot, held_out, state)
     if state.adequate:
         return Search(state, state, None, (), ())
     report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
@@ -125,11 +129,24 @@ def search(
         # What candidates still explain of it is worth none of them.
         only = colour_left(current, logs, held_out, noise)
         colour = only if only is not None and only.of_sensors else None
+    if not current.held_out.adequate and colour is None:
+        steps, current = _beside_rounded_inputs(steps, current, baseline, held_out)
     if not current.held_out.adequate and not (colour is not None and colour.of_sensors):
         steps, current, colour = _beside_noise_of_inputs(steps, current, baseline, colour, logs, held_out, noise)
     if colour is not None:
         report(f"what is left is noise: {colour.of_inputs.phrase if colour.of_inputs else colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)
+
+
+def _beside_rounded_inputs(
+    steps: list[Step], current: Trial, baseline: Trial, held_out: LogSet
+) -> tuple[list[Step], Trial]:
+    """The first steps after which the rounding of the logged inputs makes all that is left; as they are where there are none."""
+    for count, trial in enumerate([baseline, *(step.after for step in steps)]):
+        left = within_input_rounding(trial.robot, held_out, trial.held_out)
+        if left.inputs_rounded:
+            return steps[:count], trial.leaving(left)
+    return steps, current
 
 
 def _beside_noise_of_inputs(

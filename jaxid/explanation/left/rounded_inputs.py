@@ -1,0 +1,81 @@
+"""Is what a model leaves no more than what the rounding of its logged inputs makes?
+
+A duty that is logged in 1/255, a voltage with one decimal: what acted lies anywhere within half a step, for as long as the
+logged number stays the same. That is no noise: it moves the simulation for many samples in one direction. What it would do
+is drawn: simulations by inputs that the log would show as the same numbers.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy.typing import NDArray
+
+from ..._distributions import normal_tail
+from ...estimate.output_error.estimated_start import estimated_start
+from ...logs import LogSet
+from ...logs.noise import sensor_step
+from ...robots.robot import Robot
+from ...simulation.simulate import integrator_for, simulate
+from .heldout import HeldOut, scaled_residuals, structure
+
+_LEVELS = 48
+"""Different values from which an input was rounded to its step; fewer are what was commanded, as it was."""
+_SEEN = 0.02
+"""Root mean square, in units of the noise, from which what rounding makes is to be seen in a residual."""
+_DRAWS, _SEED = 24, 71
+
+
+def input_step(logs: LogSet, name: str) -> float:
+    """The step [the input's unit] to which an input was rounded before it was logged; zero where it was not."""
+    values = np.concatenate([log.input(name) for log in logs])
+    step = sensor_step(values)
+    return step if step and len(np.unique(np.round(values / step))) >= _LEVELS else 0.0
+
+
+def within_input_rounding(robot: Robot, held_out: LogSet, state: HeldOut) -> HeldOut:
+    """`state`, which `robot` leaves on the `held_out` logs, marked as `inputs_rounded` where it is neither larger nor of more
+    structure than inputs leave that are rounded to the steps of these."""
+    if state.adequate or state.diverged or state.simulated_freely is not None or not np.isfinite(state.normalised_rms):
+        return state
+    steps = {name: input_step(held_out, name) for name in held_out.channels.inputs}
+    if not any(steps.values()):
+        return state
+    rng = np.random.default_rng(_SEED)
+    moved = [
+        replace(log, name=f"{log.name} {k}", inputs=_as_it_may_have_been(log.inputs, list(steps.values()), rng))
+        for k in range(_DRAWS)
+        for log in held_out
+    ]
+    integrator = integrator_for(robot, held_out)
+    start = estimated_start(robot, held_out, state.noise)
+    every = {name: np.tile(np.asarray(own), _DRAWS) for name, own in start.items()}
+    logged = scaled_residuals(held_out, simulate(robot, held_out, start=start, integrator=integrator), state.noise)
+    acted = simulate(robot, LogSet(moved), start=every, integrator=integrator)
+    count, drawn = len(held_out), []
+    for k in range(_DRAWS):
+        own = scaled_residuals(held_out, acted[k * count : (k + 1) * count], state.noise)
+        drawn.append([a - b for a, b in zip(own, logged, strict=True)])
+    sizes = np.array([np.sqrt(np.nanmean(np.concatenate(own) ** 2)) for own in drawn])
+    if not np.mean(sizes) > _SEEN:
+        return state
+    noisy = [[d + rng.standard_normal(d.shape) for d in own] for own in drawn]
+    shapes = np.log([max(structure(own)[0], 1e-300) for own in noisy])
+    large = (np.log(state.normalised_rms) - np.mean(np.log1p(sizes**2)) / 2) / np.hypot(
+        np.std(np.log1p(sizes**2)) / 2, np.sqrt(state.noise_error**2 + 0.5 / max(state.samples, 1))
+    )
+    shaped = (np.log(max(structure(state.residuals)[0], 1e-300)) - np.mean(shapes)) / np.std(shapes, ddof=1)
+    likely = 2.0 * float(normal_tail(max(large, shaped)))
+    return replace(state, inputs_rounded=likely >= state.false_alarm)
+
+
+def _as_it_may_have_been(
+    inputs: Float[NDArray[np.float64], "T nu"], steps: list[float], rng: np.random.Generator
+) -> Float[NDArray[np.float64], "T nu"]:
+    """Inputs that rounding to the steps makes these of, off by as much for as long as they stay the same; what is zero is."""
+    found = np.array(inputs, float)
+    for i, step in enumerate(steps):
+        changed = np.append(True, np.diff(found[:, i]) != 0)
+        off = rng.uniform(-0.5, 0.5, changed.sum())[np.cumsum(changed) - 1]
+        found[:, i] += np.where(found[:, i] != 0, off * step, 0.0)
+    return found
