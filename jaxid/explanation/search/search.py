@@ -141,7 +141,7 @@ def search(
 def _beside_rounded_inputs(
     steps: list[Step], current: Trial, baseline: Trial, held_out: LogSet
 ) -> tuple[list[Step], Trial]:
-    """The first steps after which the rounding of the logged inputs makes all that is left; as they are where there are none."""
+    """The first steps after which rounding of the logged inputs makes all that is left; as they are where there are none."""
     for count, trial in enumerate([baseline, *(step.after for step in steps)]):
         left = within_input_rounding(trial.robot, held_out, trial.held_out)
         if left.inputs_rounded:
