@@ -15,6 +15,7 @@ from .certainty.finer_curves import through_enough_points, widened_by_forms
 from .certainty.straight_shares import without_shared_lines
 from .left.heldout import HeldOut
 from .left.overrated import small_after_all
+from .left.rounded_inputs import within_input_rounding
 from .left.rounding import within_rounding
 from .left.within_errors import hanging, within_errors
 from .named_effects import named_effects
@@ -78,6 +79,7 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         left = small_after_all(predicted(model.robot, held_out, noise), held_out, rated)
         left = by_chance(model, logs, held_out, left)
         left = left if left.adequate else within_errors(model, held_out, left)
+        left = within_input_rounding(model.robot, held_out, left) if found.after.inputs_rounded else left
         return hanging(model, held_out, within_rounding(held_out, left))
 
     final = finished(found.final)

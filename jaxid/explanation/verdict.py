@@ -12,6 +12,9 @@ from .named_effect import NamedEffect
 from .policy import current_policy
 from .search.steps import Search
 
+_MOST = 0.5
+"""Share of a gap, however small, of which a name that leaves more is no answer."""
+
 
 def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: HeldOut) -> tuple[str, ...]:
     """Why the names that were found are not the answer: each reason in a sentence; empty where they may be."""
@@ -65,7 +68,9 @@ def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: S
     if doubts:
         return "unexplained"
     policy = current_policy()
-    left = after.foretold - 1.0 > policy.unexplained * before.gap and after.foretold > policy.small
+    share = (after.foretold - 1.0) / max(before.gap, 1e-9)
+    # Little that is left is a law's imprecision only where the name has explained most of it.
+    left = share > policy.unexplained and (after.foretold > policy.small or share > _MOST)
     # As many effects as may be added and still more left than imprecise ones leave: they stand in for something else.
     used_up = len(named) >= most > 1 and after.foretold > policy.small
     if not named or (not enough and (left or used_up)):

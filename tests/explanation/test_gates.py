@@ -104,6 +104,13 @@ def test_a_name_that_leaves_many_times_the_noise_is_not_given(heavy_tailed):
     assert verdict(fit, 1000.0, Policy().many + 0.1, named())[0] == "unexplained"
 
 
+def test_a_name_that_explains_less_than_half_of_a_small_gap_is_not_given(heavy_tailed):
+    """What a soft contact left of a robot in another engine, 1.035 times the noise, was called a drag that left 1.029."""
+    _, fit, *_ = heavy_tailed
+    assert verdict(fit, 1.035, 1.029, named())[0] == "unexplained"
+    assert verdict(fit, 1.06, 1.029, named())[0] == "named"
+
+
 def test_three_names_leave_no_more_than_what_an_imprecise_effect_may(heavy_tailed):
     """As many as may be added: beyond what their own imprecision explains, they would stand in for something else."""
     _, fit, *_ = heavy_tailed

@@ -14,6 +14,10 @@ from ..line import beyond_line, line_parameters, lines_across
 
 GRAVITY = 9.81
 """Standard acceleration of free fall, rounded [m/s²]."""
+_PULLED = (
+    "a hose, a cable or a spring that pulls by the place: the height of a floor would be seen with a level, and such a pull is "
+    "gone once it is taken off"
+)
 _PLACES = (-1.0, -0.5, 0.0, 0.5, 1.0)
 """Where the heights of a profile stand, in units of its reach on either side of the line."""
 
@@ -49,6 +53,7 @@ class CurvedFloor(GroundSlope):
     """A slope that changes with the place, as on a bowl, a ridge or a ramp: the gradient of a quadratic height."""
 
     law: ClassVar[str] = "curved"
+    same_as: ClassVar[str] = _PULLED
     formula: ClassVar[str] = "slope_x' = slope_x + bend_xx x + bend_xy y, slope_y' = slope_y + bend_xy x + bend_yy y"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
@@ -114,6 +119,7 @@ class Profile(TwoPlanes):
     """Any slope along one direction: two planes and a smooth change besides, looked for where the planes leave something."""
 
     law: ClassVar[str] = "profile"
+    same_as: ClassVar[str] = _PULLED
     formula: ClassVar[str] = "slope' = two planes + a curve of x cos(angle) + y sin(angle) - offset, zero at the line"
     first_look: ClassVar[bool] = False
 
