@@ -46,6 +46,8 @@ def behind(r: Scalar, drop: Scalar, volts: Scalars, currents: Scalars, p: Number
 
 _ROUNDS = 3
 """Times that the drop is worked out from the currents that it leaves."""
+_RISES = 0.2
+"""Share of a curve's largest drop by which it may lie above the start, for imprecision."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,23 @@ class SagOverTime(Effect):
 
 
 @dataclass(frozen=True)
+class SagLevellingOff(SagOverTime):
+    """The same, quickly at first and less and less: a battery that settles under load, a drive that warms up."""
+
+    law: ClassVar[str] = "levelling_off"
+    formula: ClassVar[str] = "u_i' = u_i (1 - share (1 - exp(-t / time_constant)))"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        slow = shape(self, "time_constant", "s", 0.3 * robot.scales.duration)
+        return positive(self, "share", "", 0.05) | slow | shortest(self, 2.0 * robot.scales.interval)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        slow = jnp.maximum(p[self.key("time_constant")], p[self.key("shortest")])
+        left = jnp.maximum(1.0 + p[self.key("share")] * jnp.expm1(-time / slow), 0.0)
+        return on_drives(robot, inputs, inputs * left[:, None])
+
+
+@dataclass(frozen=True)
 class OtherBattery(InSomeLogs):
     """A supply that is lower (or higher) by a share throughout the logs whose column `other_battery` is 1."""
 
@@ -215,12 +234,45 @@ class SagCurve(Curve):
         return lowered(volts, share, robot)
 
 
+@dataclass(frozen=True)
+class SagTimeCurve(Curve):
+    """What a command makes falls with the time since the start of each log, by a curve."""
+
+    id: ClassVar[str] = "battery_sag"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u_i' = u_i (1 - share(t))"
+    knots: ClassVar[tuple[float, ...]] = (0.0, 0.2, 0.5, 1.0)
+    free: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    variable: ClassVar[str] = "time"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return SagOverTime().refusal(robot)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return self.heights_and_reach(robot, "", 0.05, "s", robot.scales.duration)
+
+    def may_hold(self, robot: Robot) -> list[str]:
+        return []  # it begins at zero: no constant of the robot's is a share of it
+
+    def doubt(self, robot: Robot) -> str:
+        values = [robot.parameters[self.height(k)].value for k in self.varying]
+        if min(values) < -_RISES * max(map(abs, values)):
+            return "the commands would make more later than at the start, which no battery does"
+        return ""
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        left = jnp.maximum(1.0 - self.at(time, p), 0.0)
+        return on_drives(robot, inputs, inputs * left[:, None])
+
+
 LAWS: tuple[Effect, ...] = (
     BatterySag(),
     SagBySum(),
     SagWithRecovery(),
     Discharge(),
     SagOverTime(),
+    SagLevellingOff(),
     OtherBattery(),
     SagCurve(),
+    SagTimeCurve(),
 )

@@ -191,27 +191,33 @@ def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | Non
             found = np.sum(np.where(seen, surprise**2 / variance + np.log(variance), 0.0), axis=(1, 2, 3))
         return np.where(np.isfinite(found), found, np.inf)
 
-    def best(kind: int, of: Float[NDArray, " k"]) -> tuple[float, NDArray[np.float64]]:
+    def best(at: NDArray[np.float64], kind: int, of: Float[NDArray, " k"]) -> tuple[float, NDArray[np.float64]]:
         rows = np.tile(at, (len(of), 1))
         rows[:, kind] = of
         every = costs(rows)
         return float(every.min()), rows[int(every.argmin())]
 
+    def with_sensors(cost: float, at: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        for sensor in _KINDS + np.flatnonzero(np.isfinite(sensors)):
+            likelier = best(at, int(sensor), _SENSORS)
+            cost, at = likelier if likelier[0] < cost else (cost, at)
+        return cost, at
+
     at = np.append(np.zeros(_KINDS), np.ones(len(sensors)))
-    nothing = cost = float(costs(at[None])[0])
+    # Sensors whose noise is rated too small are no noise of the inputs either.
+    cost, at = with_sensors(float(costs(at[None])[0]), at)
+    nothing = cost
     left = list(range(_KINDS if len(usual) > 1 else _KINDS - 1))
     while left:
-        found = {kind: best(kind, _SIZES) for kind in left}
+        found = {kind: best(at, kind, _SIZES) for kind in left}
         kind = min(found, key=lambda kind: found[kind][0])
         if not found[kind][0] < cost - _WORTH:
             break
         left.remove(kind)
         cost, at = found[kind]
         for other in (kind, *(k for k in range(_KINDS) if at[k] and k != kind)):
-            cost, at = best(other, at[other] * _FINER)
-        for sensor in _KINDS + np.flatnonzero(np.isfinite(sensors)):
-            quieter = best(int(sensor), _SENSORS)
-            cost, at = quieter if quieter[0] < cost else (cost, at)
+            cost, at = best(at, other, at[other] * _FINER)
+        cost, at = with_sensors(cost, at)
         if not nothing - cost > _MUCH:
             return None
         left = left if _KINDS - len(left) < 2 else []  # of two kinds a third is not told

@@ -17,7 +17,7 @@ from ..left.heldout import HeldOut
 from .condition_shares import ConditionShare, condition_shares, power
 from .conditions import Mask, conditions_of, motions
 from .missing_force import ForceHistory, NoVelocities, forced, missing_force
-from .patterns import Pattern, answering, patterns
+from .patterns import Pattern, answering, patterns, telling
 
 _MOSTLY = 0.6
 _MOST = 0.8
@@ -134,6 +134,9 @@ def _when(conditions: Sequence[ConditionShare], best: Sequence[Pattern], concent
         return f"{_percent(follows.share)} of the missing force {follows.phrase}{one}"
     if out:
         return f"{_percent(out.share)} of the missing force acts {out.phrase} ({_percent(out.time_share)} of the time)"
+    some = telling(best)
+    if some:
+        return f"{_percent(some.share)} of the missing force {some.phrase}"
     if concentrated < _BURSTS:
         return (
             f"the missing force comes in bursts, {_percent(_MOST)} of it in {_percent(concentrated)} of the time, and no "
