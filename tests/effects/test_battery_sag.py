@@ -31,8 +31,25 @@ def test_a_supply_that_runs_down_is_named_with_its_rate():
     assert found.final["M"].value == pytest.approx(1.0, rel=0.01)
 
 
+def test_a_supply_that_settles_is_named_with_how_far_and_how_fast():
+    """As of a battery under load, and not evenly: of 12 % in 8 s more than half is gone after 2 s."""
+    share, slow = 0.12, 2.5
+    fit, held_out = driven(lambda u: u * (1.0 - share * (1.0 - np.exp(-_held(TIME) / slow))), 5)
+    found = explain(output_error(Axis().change("Fc", free=False).with_values(Fc=0.0), fit), fit, held_out)
+    assert (found.verdict, [(e.id, e.law) for e in found.effects]) == ("named", [("battery_sag", "levelling_off")])
+    own = found.effects[0].parameters
+    for name, true in (("share", share), ("time_constant", slow)):
+        assert own[name].value == pytest.approx(true, abs=4.0 * own[name].std_error)
+        assert own[name].std_error < 0.1 * true
+    assert found.final["M"].value == pytest.approx(1.0, rel=0.01)
+
+
 def test_robots_with_motors_have_the_laws_of_what_is_drawn_and_others_this_one():
-    assert [law.law for law in laws_of(DifferentialDrive(), "battery_sag")] == ["over_time", "in_some_logs"]
+    assert [law.law for law in laws_of(DifferentialDrive(), "battery_sag")] == [
+        "over_time",
+        "levelling_off",
+        "in_some_logs",
+    ]
     assert "over_time" not in [law.law for law in laws_of(Omni(), "battery_sag")]
 
 

@@ -46,8 +46,6 @@ def behind(r: Scalar, drop: Scalar, volts: Scalars, currents: Scalars, p: Number
 
 _ROUNDS = 3
 """Times that the drop is worked out from the currents that it leaves."""
-_RISES = 0.2
-"""Share of a curve's largest drop by which it may lie above the start, for imprecision."""
 
 
 @dataclass(frozen=True)
@@ -234,37 +232,6 @@ class SagCurve(Curve):
         return lowered(volts, share, robot)
 
 
-@dataclass(frozen=True)
-class SagTimeCurve(Curve):
-    """What a command makes falls with the time since the start of each log, by a curve."""
-
-    id: ClassVar[str] = "battery_sag"
-    where: ClassVar[str] = "actuator"
-    formula: ClassVar[str] = "u_i' = u_i (1 - share(t))"
-    knots: ClassVar[tuple[float, ...]] = (0.0, 0.2, 0.5, 1.0)
-    free: ClassVar[tuple[int, ...]] = (1, 2, 3)
-    variable: ClassVar[str] = "time"
-
-    def refusal(self, robot: Robot) -> str | None:
-        return SagOverTime().refusal(robot)
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return self.heights_and_reach(robot, "", 0.05, "s", robot.scales.duration)
-
-    def may_hold(self, robot: Robot) -> list[str]:
-        return []  # it begins at zero: no constant of the robot's is a share of it
-
-    def doubt(self, robot: Robot) -> str:
-        values = [robot.parameters[self.height(k)].value for k in self.varying]
-        if min(values) < -_RISES * max(map(abs, values)):
-            return "the commands would make more later than at the start, which no battery does"
-        return ""
-
-    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        left = jnp.maximum(1.0 - self.at(time, p), 0.0)
-        return on_drives(robot, inputs, inputs * left[:, None])
-
-
 LAWS: tuple[Effect, ...] = (
     BatterySag(),
     SagBySum(),
@@ -274,5 +241,4 @@ LAWS: tuple[Effect, ...] = (
     SagLevellingOff(),
     OtherBattery(),
     SagCurve(),
-    SagTimeCurve(),
 )

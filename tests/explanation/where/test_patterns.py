@@ -46,7 +46,7 @@ def followed(force):
     histories = []
     for e, motion in enumerate(MOTIONS):
         rng = np.random.default_rng([53, e])
-        wrong = -0.8 * motion.ahead + 0.5 * np.sign(motion.ahead) + 0.03 * motion.inputs[:, 0]
+        wrong = -0.25 * motion.ahead + 0.1 * np.sign(motion.ahead) + 0.03 * motion.inputs[:, 0]
         one = force(motion, e) + wrong + 0.1 * rng.normal(size=SAMPLES)
         both = np.stack([one, 0.1 * rng.normal(size=SAMPLES)], axis=1)
         names, units = ("v", "w"), ("N", "N m")
@@ -62,7 +62,7 @@ def to_a_point(motion, e):
 @pytest.mark.parametrize(
     ("force", "name"),
     [
-        (lambda motion, e: 0.9 * np.exp(-motion.time / 6.0) * motion.ahead, "speed by time"),
+        (lambda motion, e: 2.0 * (np.exp(-motion.time / 12.0) - 0.43) * motion.ahead, "speed by time"),
         (lambda motion, e: 0.5 * np.sign(motion.ahead) * motion.path[:, 0], "direction of travel by place"),
         (to_a_point, "heading by place"),
         (lambda motion, e: [0.5, -0.6, 0.7, -0.4, 0.2][e] * np.sign(motion.ahead), "direction of travel by log"),
@@ -79,7 +79,7 @@ def test_what_the_force_is_a_function_of_comes_first(force, name):
     assert found[0].p_value < 0.01
     made = np.concatenate([force(motion, e) for e, motion in enumerate(MOTIONS)])
     drawn = np.concatenate([fitted[:, 0] for fitted in found[0].fitted])
-    wrong = np.concatenate([-0.8 * m.ahead + 0.5 * np.sign(m.ahead) + 0.03 * m.inputs[:, 0] for m in MOTIONS])
+    wrong = np.concatenate([-0.25 * m.ahead + 0.1 * np.sign(m.ahead) + 0.03 * m.inputs[:, 0] for m in MOTIONS])
     assert np.std(made + wrong - drawn) < 0.5 * np.std(made + wrong)
 
 
