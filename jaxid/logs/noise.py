@@ -1,13 +1,13 @@
 """The measurement noise, estimated from the data alone.
 
 Third differences (divided by the times between the samples, where these are uneven) remove what is smooth over four
-samples and leave white noise, amplified by a known factor. Samples around a change of the input are left out where enough
-remain, since a motion has a kink there. The estimate needs no model, so a model's residual can be judged by it. What a
-slower sensor repeats is counted once; where it leaves cells empty, its own samples are the neighbours; a signal that does
-not move says nothing, and no noise is finer than the sensor's step (its standard deviation over sqrt(12), Widrow and
-Kollar 2008). Noise that is correlated over several samples is
-underestimated (of first-order noise with a correlation of 0.8 a third is seen): from one log it cannot be told from motion,
-from the residual of a fit it can.
+samples and leave white noise, amplified by a known factor. Samples around a change of the input, the larger ones first,
+are left out where enough remain, since a motion has a kink there. The estimate needs no model, so a model's residual can
+be judged by it. What a slower sensor repeats is counted once; where it leaves cells empty, its own samples are the
+neighbours; a signal that does not move says nothing, and no noise is finer than the sensor's step (its
+standard deviation over sqrt(12), Widrow and Kollar 2008). Noise that is correlated over several samples is underestimated
+(of first-order noise with a correlation of 0.8 a third is seen): from one log it cannot be told from motion, from the
+residual of a fit it can.
 """
 
 from typing import NamedTuple
@@ -28,6 +28,8 @@ _FINE = 3.0
 """Typical change of a value, in the finest steps, above which repeats show the sensor's rate and not its step."""
 _FEWEST = 8
 """Differences of one log below which they are not counted."""
+_FEWEST_CALM, _ENOUGH = 60, 1000
+"""Differences without a change of the input from which others are left out, and from which no others are added."""
 _NOTHING = 1e-12  # noise of a channel that is zero throughout, of which nothing is known
 _LEAST = 1e-6
 """Noise in units of the signal's root mean square below which a channel counts as free of noise (a simulation)."""
@@ -101,18 +103,38 @@ def _third(y: NDArray[np.float64], time: NDArray[np.float64] | None = None) -> N
 
 
 def _differences(y: NDArray[np.float64], inputs: NDArray[np.float64], time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Third differences of one channel, those across an input change dropped where that leaves at least 60."""
-    switched = np.cumsum(np.append(0, np.any(np.diff(inputs, axis=0) != 0, axis=1)))
+    """Third differences of one channel. Those across an input change are left out where at least 60 remain, but for those
+    across the smallest changes where fewer than `_ENOUGH` remain: where these show hardly more than the error of the few
+    lets expect, they make the level surer."""
+    moved = np.cumsum(np.vstack([np.zeros(inputs.shape[1]), np.abs(np.diff(inputs, axis=0))]), axis=0)
     updates = np.flatnonzero(np.isfinite(y)) if _sparse(y) else _updates(y)
     if updates is not None:
-        y, switched, time = y[updates], switched[updates], time[updates]
+        y, moved, time = y[updates], moved[updates], time[updates]
     third = _third(y, time)
     still = (y[:-3] == y[1:-2]) & (y[1:-2] == y[2:-1]) & (y[2:-1] == y[3:])
     telling = np.isfinite(third) & ~still
-    change = np.diff(switched) != 0
-    calm = ~(change[:-2] | change[1:-1])  # a kink at one of the two inner samples
-    kept = third[telling & calm]
-    return kept if kept.size >= 60 else third[telling]
+    change = np.diff(moved, axis=0)
+    kink = np.maximum(change[:-2], change[1:-1])  # at one of the two inner samples
+    calm = telling & ~np.any(kink > 0, axis=1)
+    kept = third[calm]
+    if kept.size < _FEWEST_CALM:
+        return third[telling]
+    others = np.flatnonzero(telling & ~calm)
+    if kept.size < _ENOUGH and others.size:
+        size = np.linalg.norm(kink[others] / np.maximum(np.max(kink, axis=0), 1e-300), axis=1)
+        small = third[others[np.argsort(size, kind="stable")[: _ENOUGH - kept.size]]]
+        if usual_size(small) < usual_size(kept) * (1.0 + 1.5 * _error(kept.size)):
+            return np.concatenate([kept, small])
+    return kept
+
+
+def _error(count: int) -> float:
+    """Standard deviation, as a share, of a level that so many third differences show.
+
+    Of n third differences (1, -3, 3, -1) of white noise the variance has 1 + 2 (0.75^2 + 0.3^2 + 0.05^2) = 2.31 times the
+    uncertainty of independent samples, by their autocorrelations.
+    """
+    return float(np.sqrt(2.31 / 2.0 / count))
 
 
 def usual_size(values: NDArray[np.float64]) -> float:
@@ -188,18 +210,13 @@ def noise_level(logs: LogSet | Log) -> dict[str, float]:
 
 
 def noise_error(logs: LogSet | Log) -> dict[str, float]:
-    """Standard deviation of each channel's `noise_level` as a share of it, NaN where there is none.
-
-    Of n third differences (1, -3, 3, -1) of white noise the variance has 1 + 2 (0.75^2 + 0.3^2 + 0.05^2) = 2.31 times the
-    uncertainty of independent samples, by their autocorrelations. A hand on a joystick changes the inputs nearly all the time
-    and leaves few differences without.
-    """
+    """Standard deviation of each channel's `noise_level` as a share of it, NaN where there is none."""
     each = [logs] if isinstance(logs, Log) else list(logs)
     found = {}
     for index, channel in enumerate(each[0].channels.measured):
         counts = [_differences(log.outputs[:, index], log.inputs, log.time).size for log in each]
         used = sum(count for count in counts if count >= _FEWEST)
-        found[channel] = float(np.sqrt(2.31 / 2.0 / used)) if used else float("nan")
+        found[channel] = _error(used) if used else float("nan")
     return found
 
 
