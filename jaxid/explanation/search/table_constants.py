@@ -41,7 +41,9 @@ _MOST = 6
 _TOGETHER = 3
 """Most constants that are wrong together."""
 _FARTHEST = 0.5
-"""Share of its value by which nobody's table is wrong."""
+"""Share of their values by which no table has several constants wrong."""
+_TWICE = 2.2
+"""Factor by which no table has one wrong: a diameter for a radius, a half track for a track."""
 _BELIEVABLE = 0.15
 """Share by which a table may be wrong that is not asked for by a name: what is farther off stands in for something else, but
 for one constant that leaves nothing."""
@@ -186,15 +188,22 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
             shares = changed_by(chosen, before.robot, trial.robot.parameters)
             if told_apart_from(after, trial):
                 failed |= set(twins[chosen[0]]) if len(chosen) == 1 else set()
-            elif max(map(abs, shares.values())) < _FARTHEST:
+            elif not (far := _too_far(shares)):
                 found.append(Wrong(shares, trial.robot))
             else:
-                too_far |= {name for name, share in shares.items() if abs(share) >= _FARTHEST}
+                too_far |= far
         if not too_far:
             break
         # What those would have to be wrong by too much for, others may do by less.
         columns = {name: column for name, column in columns.items() if name not in too_far}
     return found
+
+
+def _too_far(shares: Shares) -> set[str]:
+    """Those of the constants that nobody's table has so wrong."""
+    if len(shares) == 1:
+        return {name for name, share in shares.items() if not 1.0 / _TWICE < 1.0 + share < _TWICE}
+    return {name for name, share in shares.items() if abs(share) >= _FARTHEST}
 
 
 def _meant(effect: Effect, robot: Robot) -> tuple[str, ...]:
@@ -231,7 +240,7 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
         alone = number == 1 and trial.fitted.adequate
-        if max(map(abs, shares.values())) < (_FARTHEST if alone else _BELIEVABLE):
+        if not (_too_far(shares) if alone else max(map(abs, shares.values())) >= _BELIEVABLE):
             trials.append(trial)
         if trial.fitted.adequate:
             break
