@@ -72,7 +72,9 @@ def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: S
     # Little that is left is a law's imprecision only where the name has explained most of it.
     left = share > policy.unexplained and (after.foretold > policy.small or share > _MOST)
     # As many effects as may be added and still more left than imprecise ones leave: they stand in for something else.
-    used_up = len(named) >= most > 1 and after.foretold > policy.small
+    # What is left of the first gap is less than any further effect has to close.
+    little = after.foretold <= policy.small or share <= policy.least_of_first
+    used_up = len(named) >= most > 1 and not little
     if not named or (not enough and (left or used_up)):
         return "unexplained"
     return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"

@@ -77,7 +77,9 @@ def _as_drawn(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldO
     return bool(np.all(np.isfinite(far)) and all(4.0 * float(normal_tail(one)) >= state.false_alarm for one in far))
 
 
-def _where_drawn(seen: Sequence[NDArray[np.float64]], draws: Sequence[Residuals], where: Residuals, level: float) -> bool:
+def _where_drawn(
+    seen: Sequence[NDArray[np.float64]], draws: Sequence[Residuals], where: Residuals, level: float
+) -> bool:
     """Whether what is left is large `where` draws leave much, mean squares of each sample, as far as draws themselves are."""
 
     def misplaced(residuals: Sequence[NDArray[np.float64]]) -> float:

@@ -1,7 +1,8 @@
 """Laws of fewer parameters in the place of those that were chosen while other effects were missing.
 
 A curve, or another law of many parameters, follows a part of what is still missing as well, and may have been best by that.
-Once everything is there, a plainer law of its mechanism may leave no more, beside parameters that the many leave open.
+Once everything is there, a plainer law of its mechanism may leave no more, beside parameters that the many leave open; and
+where nothing helps beside such a law, something may beside a plainer one.
 """
 
 from collections.abc import Sequence
@@ -53,3 +54,20 @@ def by_plainer_laws(
         revised[place] = replace(step, trials=trials, laws=tuple(own), laws_alike=same, as_it_was=then)
         current = replace(own[0], id=current.id)
     return revised, current
+
+
+def with_a_plainer_law(steps: Sequence[Step]) -> tuple[list[Step], Trial] | None:
+    """The last of the steps by the best of its mechanism's laws of fewer parameters, to go on from where nothing helps beside
+    the law that it has: with many parameters that one may have taken up, on the fitted logs alone, what the next is for."""
+    if not steps:
+        return None
+    step = steps[-1]
+    plainer = [
+        law for law in step.laws if law.id == step.chosen.id and law.free < step.chosen.free and law.law != SHAPE
+    ]
+    if not plainer or step.after.angles:
+        return None
+    trial = min(plainer, key=lambda law: law.score)
+    others = tuple(law for law in step.laws if law is not trial)
+    again = replace(step, trials=(trial, *step.trials[1:]), after=trial, laws=(trial, *others), laws_alike=())
+    return [*steps[:-1], again], trial

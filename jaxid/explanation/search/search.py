@@ -29,7 +29,7 @@ from .colour_left import colour_left, explained_somewhere, generalised_trial, in
 from .from_the_back import named_from_the_back, not_present
 from .little_more import with_a_sensor_besides
 from .next_name import name_next, or_constants
-from .plainer_laws import by_plainer_laws
+from .plainer_laws import by_plainer_laws, with_a_plainer_law
 from .reconsider import by_laws_again, exchanged, pruned, rather_by_curves, reconsidered
 from .steps import Search, Step
 from .worth import could_matter
@@ -64,6 +64,7 @@ def search(
     begun = begun_at(fit)
     looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
+    stuck: tuple[list[Step], Trial] | None = None
     colour = None
     for last in (False, True):
         # Beside delays that scatter, a smaller effect may still show on the fitted logs.
@@ -88,7 +89,12 @@ def search(
             found = name_next(current, baseline, screened, logs, held_out, noise, report)
             found = or_constants(found, current, baseline, screened, logs, held_out, report)
             if found is None:
-                break
+                plainer = with_a_plainer_law(steps) if current.held_out.foretold > current_policy().many else None
+                if plainer is None or stuck is not None:
+                    break
+                report(f"nothing helps beside {current.title}; {plainer[1].title} instead, and once more")
+                stuck, (steps, current) = (steps, current), plainer
+                continue
             found = ranked_with_fine_steps(found, logs, held_out, noise, report)
             found = ranked_between_rows(found, logs, held_out, noise, report)
             instead = rather_by_curves(steps, found, logs, held_out, noise, report) if steps else None
@@ -110,6 +116,8 @@ def search(
             if not current.held_out.adequate:
                 steps, current = rather_by_chance(steps, current, baseline, logs, held_out, noise, report)
             report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
+        if stuck is not None and not current.score < stuck[1].score:
+            steps, current = stuck
         names = _names(steps)
         if colour is None:
             steps, current = named_from_the_back(steps, current, baseline, effects, logs, held_out, noise, report)
