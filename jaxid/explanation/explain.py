@@ -242,11 +242,12 @@ def explain(
                     others |= {f"it is {effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
             if found.final is not None:
                 others = with_the_rest(others | by_name(effect, step), effect.id, final)
-                final, sentence = hinging(final, found.final, others)
+                final, sentence = hinging(final, found.final, others, effect.id)
                 hinges = " ".join(filter(None, (hinges, sentence)))
         if found.final is not None:
             own = with_another_nominal(final, found.final, logs, held_out, found.before.noise, report)
             final, hinges = own.final, " ".join(filter(None, (hinges, own.sentence)))
+        named = tuple(effect.as_in(final) for effect in named)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = verdict_of(found, named, most, doubts)

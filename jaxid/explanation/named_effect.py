@@ -62,6 +62,11 @@ class NamedEffect:
     shapes: tuple[Shape, ...] = ()
     constants: tuple[Mapping[str, float], ...] = ()
 
+    def as_in(self, final: Fit) -> "NamedEffect":
+        """The same with the estimates of a fit whose standard errors have become wider."""
+        effect = next(own for own in final.robot.effects if own.id == self.id)
+        return replace(self, parameters=effect_parameters(self.id, effect.frees(final.robot), final.parameters))
+
     def or_constants(self, found: Sequence[Mapping[str, float]]) -> "NamedEffect":
         """The same, not told apart from wrong `constants` of the table where any are found: by how much, as shares."""
         others = (*self.equivalent_to, TABLE_CONSTANTS) if found else self.equivalent_to

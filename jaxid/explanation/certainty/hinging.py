@@ -1,4 +1,5 @@
-"""Numbers of the robot that hinge on which of several names or laws it is that is missing, where the data does not tell."""
+"""Numbers of the robot, and of other effects, that hinge on which of several names or laws it is that is missing, where the
+data does not tell."""
 
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
@@ -27,8 +28,9 @@ class Hinging(NamedTuple):
     sentence: str
 
 
-def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], on: str = BY_NAME) -> Hinging:
-    """What the robot's own parameters would be in the models of `others`, by what is so then, if these hinge `on` something.
+def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], of: str, on: str = BY_NAME) -> Hinging:
+    """What the robot's own parameters, and those of all effects but the one `of` which it is asked, would be in the models of
+    `others`, by what is so then, if these hinge `on` something.
 
     `last` is the trial that `final` is the fit in full of; where it has other effects than that, nothing is said.
     """
@@ -36,11 +38,13 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], on: str = BY_N
     held = any(name in final.parameters and final[name].status == "fixed" for name in free)
     if held or _own(free) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
         return Hinging(final, "")  # something was held, left out or added since
-    own = [name for name in final.free_names if "." not in name and final[name].status == "identified"]
+    own = [name for name in final.free_names if name.split(".")[0] != of and final[name].status == "identified"]
     said, reached = [], {}
     for title, robot in others.items():
         moved = {}
         for name in own:
+            if name not in robot.parameters or name not in last.robot.parameters:
+                continue  # of a finer curve
             value, error = robot.parameters[name].value, final[name].std_error
             by = value - last.robot.parameters[name].value
             if abs(by) > _APART * error > 0.0:
@@ -58,7 +62,7 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], on: str = BY_N
         return Hinging(final, "")
     return Hinging(
         reaching_to(final, {name: (by, final[name].std_error) for name, by in reached.items()}),
-        f"Numbers of the robot hinge on {on}: {'; '.join(said)}. Their standard errors allow for that.",
+        f"Numbers of the model hinge on {on}: {'; '.join(said)}. Their standard errors allow for that.",
     )
 
 

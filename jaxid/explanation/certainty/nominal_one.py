@@ -27,8 +27,8 @@ def with_another_nominal(
     noise: Mapping[str, float],
     say: Report = lambda message: None,
 ) -> Hinging:
-    """`final` with standard errors of the robot's own parameters that allow for each other motor, or sensor, being the nominal
-    one, with a sentence. `last` is the trial that `final` is the fit in full of."""
+    """`final` with standard errors of all other parameters that allow for each other motor, or sensor, being the nominal one,
+    with a sentence. `last` is the trial that `final` is the fit in full of."""
     said = []
     for effect in last.robot.effects if not last.angles else ():
         others = {}
@@ -37,7 +37,7 @@ def with_another_nominal(
             again = refit_from_itself(robot, last, logs, held_out, noise)
             if not told_apart_from(last, replace(again, id=last.id)):
                 others[words] = again.robot
-        final, sentence = hinging(final, last, others, f"what is nominal: of {in_words(effect.id)} {_TELLS}")
+        final, sentence = hinging(final, last, others, effect.id, f"what is nominal: of {in_words(effect.id)} {_TELLS}")
         said.append(sentence)
     return Hinging(final, " ".join(filter(None, said)))
 
