@@ -19,10 +19,10 @@ from ..logs import LogError, LogSet
 from ..logs.useless import useless
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
-from ..robots.effect import Effect, in_words
+from ..robots.effect import Effect
 from ..robots.given import given_logs
 from .certainty.finer_curves import hangs_on_forms
-from .certainty.hinging import by_name, hinging, with_the_rest
+from .certainty.hinging import by_law, by_name, hinging, shapes_alone, with_the_rest
 from .certainty.in_common import delays_in_common, without_a_name
 from .certainty.nominal_one import with_another_nominal
 from .certainty.straight_shares import open_gain, shared_lines
@@ -236,13 +236,11 @@ def explain(
                 constants[effect.id] = [one.shares for one in wrong]
                 if last:
                     others = {f"it is a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
-                    # A law of more parameters makes others of the rest by chance, and is none that was passed over.
-                    same = (t for t in step.laws if t.law in effect.laws_alike and t.free <= step.after.free)
-                    laws = (t for t in same if not t.angles)
-                    others |= {f"it is {effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
+                    others |= by_law(effect, step)
             if found.final is not None:
                 others = with_the_rest(others | by_name(effect, step), effect.id, final)
-                final, sentence = hinging(final, found.final, others, effect.id)
+                own_effect = next(e for e in final.robot.effects if e.id == effect.id)
+                final, sentence = hinging(final, found.final, others, shapes_alone(own_effect, final.robot))
                 hinges = " ".join(filter(None, (hinges, sentence)))
         if found.final is not None:
             own = with_another_nominal(final, found.final, logs, held_out, found.before.noise, report)

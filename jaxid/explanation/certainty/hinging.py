@@ -1,14 +1,18 @@
 """Numbers of the robot, and of other effects, that hinge on which of several names or laws it is that is missing, where the
 data does not tell."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
+
+import numpy as np
 
 from ...effects.curve import SHAPE
 from ...estimate.result import Fit
-from ...robots.effect import in_words
+from ...robots.effect import Effect, in_words
 from ...robots.robot import Robot
 from ..named_effect import NamedEffect
+from ..policy import current_policy
 from ..refits.refit import Trial
 from ..search.steps import Step, laws_in
 from .wider_errors import reaching_to
@@ -17,7 +21,7 @@ _APART = 3.0
 """Standard errors by which a parameter must be another one."""
 _MOST = 4
 """Parameters that are told, those first that differ most."""
-BY_NAME = "the name or its law, which these logs leave open"
+BY_NAME = "the name or its law, where another leaves hardly more"
 
 
 class Hinging(NamedTuple):
@@ -28,9 +32,11 @@ class Hinging(NamedTuple):
     sentence: str
 
 
-def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], of: str, on: str = BY_NAME) -> Hinging:
-    """What the robot's own parameters, and those of all effects but the one `of` which it is asked, would be in the models of
-    `others`, by what is so then, if these hinge `on` something.
+def hinging(
+    final: Fit, last: Trial, others: Mapping[str, Robot], but: Collection[str] = (), on: str = BY_NAME
+) -> Hinging:
+    """What the model's parameters, `but` some, would be in the models of `others`, by what is so then, if these hinge `on`
+    something.
 
     `last` is the trial that `final` is the fit in full of; where it has other effects than that, nothing is said.
     """
@@ -38,7 +44,7 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], of: str, on: s
     held = any(name in final.parameters and final[name].status == "fixed" for name in free)
     if held or _own(free) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
         return Hinging(final, "")  # something was held, left out or added since
-    own = [name for name in final.free_names if name.split(".")[0] != of and final[name].status == "identified"]
+    own = [name for name in final.free_names if name not in but and final[name].status == "identified"]
     said, reached = [], {}
     for title, robot in others.items():
         moved = {}
@@ -54,7 +60,7 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], of: str, on: s
         if worst:
             unit = {name: f" {final[name].unit}".rstrip() for name in worst}
             listed = ", ".join(
-                f"{name} {robot.parameters[name].value:.4g} instead of {final[name].value:.4g}{unit[name]}"
+                f"{_said(name)} {robot.parameters[name].value:.4g} instead of {final[name].value:.4g}{unit[name]}"
                 for name in worst
             )
             said.append(f"if {title}, {listed}")
@@ -64,6 +70,27 @@ def hinging(final: Fit, last: Trial, others: Mapping[str, Robot], of: str, on: s
         reaching_to(final, {name: (by, final[name].std_error) for name, by in reached.items()}),
         f"Numbers of the model hinge on {on}: {'; '.join(said)}. Their standard errors allow for that.",
     )
+
+
+def shapes_alone(effect: Effect, robot: Robot) -> set[str]:
+    """The effect's own parameters that say where or how it acts, and mean another thing by another law: all but its strengths,
+    which begin at zero."""
+    bare = replace(robot, effects=tuple(other for other in robot.effects if other.id != effect.id))
+    return {name for name, parameter in effect.parameters(bare).items() if parameter.value != 0.0}
+
+
+def by_law(effect: NamedEffect, step: Step) -> dict[str, Robot]:
+    """The models by the laws that the data cannot tell from the effect's, or whose predictions differ from its by less than
+    matters: nature's law may be another one still. A law of more parameters makes others of the rest by chance, and is none
+    that was passed over."""
+    best = step.after.fitted.normalised_rms
+    most = np.sqrt(best**2 + current_policy().negligible ** 2 - 1.0)
+
+    def near(trial: Trial) -> bool:
+        return trial.law in effect.laws_alike or (trial.law != SHAPE and trial.fitted.normalised_rms < most)
+
+    laws = (t for t in step.laws if t.law != effect.law and t.free <= step.after.free and not t.angles and near(t))
+    return {f"it is {effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
 
 
 def by_name(effect: NamedEffect, step: Step) -> dict[str, Robot]:
@@ -80,6 +107,12 @@ def with_the_rest(others: Mapping[str, Robot], identifier: str, final: Fit) -> d
     missing there has moved the robot's own parameters, too."""
     rest = laws_in(final.robot, identifier)
     return {title: robot for title, robot in others.items() if rest <= laws_in(robot, identifier)}
+
+
+def _said(name: str) -> str:
+    """A parameter for a sentence: the robot's own by its symbol, an effect's in words."""
+    effect, _, own = name.partition(".")
+    return f"{own.replace('_', ' ')} of {in_words(effect)}" if own else name
 
 
 def _ids(robot: Robot) -> set[str]:

@@ -37,7 +37,8 @@ def with_another_nominal(
             again = refit_from_itself(robot, last, logs, held_out, noise)
             if not told_apart_from(last, replace(again, id=last.id)):
                 others[words] = again.robot
-        final, sentence = hinging(final, last, others, effect.id, f"what is nominal: of {in_words(effect.id)} {_TELLS}")
+        own = {name for name in final.free_names if name.startswith(effect.key(""))}
+        final, sentence = hinging(final, last, others, own, f"what is nominal: of {in_words(effect.id)} {_TELLS}")
         said.append(sentence)
     return Hinging(final, " ".join(filter(None, said)))
 
