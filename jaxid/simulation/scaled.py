@@ -55,7 +55,9 @@ def _rims(robot: Robot, speeds: list[dict[str, NDArray[np.float64]]]) -> list[ND
 def _efforts(robot: Robot, largest: float) -> tuple[float, float, float]:
     """Drive torque of a wheel, force at the ground, and friction that would hold a drive axis, at the largest input."""
     bare = replace(robot, effects=())
-    p, rest = bare.parameters.numbers, bare.initial_state()
+    # In NumPy, a parameter at its bound that something is divided by is no error.
+    p = {name: np.float64(number) for name, number in bare.parameters.numbers.items()}
+    rest = bare.initial_state()
     count = len(bare.channels.inputs)
     full = tuple(largest if i in bare.drive_inputs else 0.0 for i in range(count))
     torques = bare.drive_torques(full, rest, p)
@@ -71,10 +73,12 @@ def _efforts(robot: Robot, largest: float) -> tuple[float, float, float]:
         rates = {name: np.float64(rate) for name, rate in bare.rates(rest, inputs, none, p).items()}
         return float(np.asarray(bare.rubbing_rates({n: np.float64(v) for n, v in rest.items()}, rates, p)[axis]))
 
-    idle = pulled((0.0,) * count)
-    each = (pulled(tuple(u if i == j else 0.0 for i, u in enumerate(full))) - idle for j in range(count))
-    own = float(np.asarray(bare.compliance(rest, p)[axis][axis]))
-    return torque, force, sum(map(abs, each)) / own if own > 0 else 0.0
+    with np.errstate(all="ignore"):
+        idle = pulled((0.0,) * count)
+        each = (pulled(tuple(u if i == j else 0.0 for i, u in enumerate(full))) - idle for j in range(count))
+        own = float(np.asarray(bare.compliance(rest, p)[axis][axis]))
+        friction = sum(map(abs, each)) / own if own > 0 else 0.0
+    return torque, force, friction if np.isfinite(friction) else 0.0
 
 
 def scales_of(robot: Robot, logs: LogSet) -> Scales:

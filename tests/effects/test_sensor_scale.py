@@ -36,3 +36,9 @@ def test_what_all_sensors_have_alike_may_be_held_as_another_s():
     assert scale.may_hold(held) == []
     pair = effect_by_id(Axis(), "sensor_scale", "by_direction")
     assert pair.may_hold(Axis() + pair) == []
+
+
+def test_a_curve_of_a_scale_is_no_other_unit():
+    """Of a car that understeers, sensors that show four times the speed at all speeds, and a mass four times as large."""
+    robot = with_scale(lambda share: 3.3 - 0.4 * share)
+    assert LAW.doubt(robot).startswith("v would be in another unit, by a curve")

@@ -13,6 +13,9 @@ from ..curve import Curve
 from ..effect_parameters import shape, signed
 from .outputs import each_channel, sensed
 
+_OTHER_UNIT = 0.5
+"""Error of a scale beyond which a sensor reads in another unit."""
+
 
 @dataclass(frozen=True)
 class SensorScale(Effect):
@@ -64,6 +67,15 @@ class ScaleByDirection(SensorScale):
     def either_nominal(self, robot: Robot) -> dict[str, str]:
         return {}
 
+    def doubt(self, robot: Robot) -> str:
+        table = robot.parameters
+        both = {
+            name: (table[self.key(f"error_{name}")], table[self.key(f"error_backward_{name}")])
+            for name in robot.channels.outputs
+        }
+        other = [name for name, own in both.items() if min(abs(p.value) for p in own) > _OTHER_UNIT]
+        return f"{' and '.join(other)} would be in another unit for either way" if other else ""
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
         for name in robot.channels.outputs:
@@ -99,7 +111,14 @@ class ScaleCurves(Curve):
         return found
 
     def doubt(self, robot: Robot) -> str:
-        """A sensor shows more of more: a curve by which it does not stands for something that depends on the output, too."""
+        """A sensor shows more of more: a curve by which it does not stands for something that depends on the output, too. And
+        what shows half as much again of everything has another unit, which is no curve."""
+        heights = {
+            name: [robot.parameters[self.height(k, name)].value for k in self.varying] for name in self.each(robot)
+        }
+        other = [name for name, own in heights.items() if min(map(abs, own)) > _OTHER_UNIT]
+        if other:
+            return f"{' and '.join(other)} would be in another unit, by a curve, and the robot's own parameters with it"
         numbers, shares = robot.parameters.numbers, np.linspace(0.0, 1.0, 201)
         names = [
             name
