@@ -22,7 +22,7 @@ def test_a_sensor_that_is_nonlinear_shows_more_of_more(error):
 
 
 def test_one_that_stands_for_something_else_may_show_less():
-    falling = with_scale(lambda x: 5.0 if x < 0.2 else -0.6)
+    falling = with_scale(lambda x: 2.0 if x < 0.2 else -0.45)
     assert LAW.doubt(falling) == "by its curve v would show less of more"
 
 
