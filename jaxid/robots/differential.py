@@ -5,11 +5,13 @@ axle, heading 0 is world +x. A command u drives its side with
 
     F = gain (u - back_emf s),        resisted by Fv s + Fc sgn s,
 
-so that with `back_emf = 0` and `gain = 1` the commands are forces. With the centre of mass `xc` ahead of the axle's middle
-and `yc` to its left, J about the centre of mass (Newton's laws in the turning frame, no slip sideways):
+so that with `back_emf = 0` and `gain = 1` the commands are forces. Of M, `Mr` is no mass but the inertia of what turns with
+the wheels, behind gears mostly the motors' rotors: m = M - Mr is what has weight and an offset. With its centre `xc` ahead of
+the axle's middle and `yc` to its left, J about it and with what the turning parts add (Newton's laws in the turning frame, no
+slip sideways; kinetic energy m |v_c|^2 / 2 + J w^2 / 2 + Mr v^2 / 2):
 
-    M dv/dt - M yc dw/dt - M xc w^2 = F_r + F_l
-    (J + M (xc^2 + yc^2)) dw/dt - M yc dv/dt + M xc v w = b (F_r - F_l)
+    M dv/dt - m yc dw/dt - m xc w^2 = F_r + F_l
+    (J + m (xc^2 + yc^2)) dw/dt - m yc dv/dt + m xc v w = b (F_r - F_l)
 """
 
 from collections.abc import Iterable, Mapping
@@ -90,6 +92,7 @@ class DifferentialDrive(Robot):
                 "back_emf": parameter(0.0, "unit of u s/m", "command that a side's speed costs", "commands are forces"),
                 "xc": parameter(0.0, "m", "centre of mass ahead of the axle", "nominal", positive=False, typical=0.02),
                 "yc": parameter(0.0, "m", "centre of mass to the left", "nominal", positive=False, typical=0.02),
+                "Mr": parameter(0.0, "kg", "part of M that is what turns with the wheels: no weight, no offset", "nominal"),
                 "radius_mismatch": parameter(
                     0.0,
                     "",
@@ -243,24 +246,29 @@ class DifferentialDrive(Robot):
         if not self._wheels:
             ahead, turn = ahead + forces[0], turn + forces[1]
         v, _, w = self.planar(state, p)
-        dv, dw = self._solve(ahead + p["M"] * p["xc"] * w * w, turn - p["M"] * p["xc"] * v * w, p)
+        carried = p["M"] - p["Mr"]
+        dv, dw = self._solve(ahead + carried * p["xc"] * w * w, turn - carried * p["xc"] * v * w, p)
         if not self._wheels:
             return {"v": dv, "w": dw}
         larger, smaller = self._radii(p)
         return {"v_right": (dv + p["b"] * dw) / larger, "v_left": (dv - p["b"] * dw) / smaller}
 
     def _solve(self, ahead: Scalar, turn: Scalar, p: Numbers) -> tuple[Scalar, Scalar]:
-        """Accelerations: [[M, -M yc], [-M yc, J + M (xc² + yc²)]] solved for (ahead, turn)."""
-        dw = (turn + p["yc"] * ahead) / (p["J"] + p["M"] * p["xc"] * p["xc"])
-        return ahead / p["M"] + p["yc"] * dw, dw
+        """Accelerations: [[M, -m yc], [-m yc, J + m (xc² + yc²)]] solved for (ahead, turn)."""
+        carried = p["M"] - p["Mr"]
+        across = carried / p["M"] * p["yc"]
+        inertia = p["J"] + carried * p["xc"] * p["xc"] + across * p["Mr"] * p["yc"]
+        dw = (turn + across * ahead) / inertia
+        return ahead / p["M"] + across * dw, dw
 
     def angle_rates(self, state: State, p: Numbers) -> Scalars:
         return self.rubbing(state, p)
 
     def field_force(self, field: tuple[Scalar, Scalar], state: State, p: Numbers) -> Scalars:
         sine, cosine = sincos(state["theta"])
-        along = p["M"] * (cosine * field[0] + sine * field[1])
-        across = p["M"] * (cosine * field[1] - sine * field[0])
+        carried = p["M"] - p["Mr"]
+        along = carried * (cosine * field[0] + sine * field[1])
+        across = carried * (cosine * field[1] - sine * field[0])
         turn = p["xc"] * across - p["yc"] * along
         if not self._wheels:
             return along, turn

@@ -11,7 +11,9 @@ from jaxid.effects.ground.turning_friction import LAWS as SCRUBBING
 
 
 def constrained(state, u, p, dry):
-    """dv/dt and dw/dt from Newton's laws of the body in world coordinates, the axle kept from slipping by a multiplier."""
+    """dv/dt and dw/dt from Newton's laws of the body in world coordinates, the axle kept from slipping by a multiplier, and of
+    rotors that take their share of each rim's force: Mr / 2 times the rim's acceleration."""
+    carried, rotor = p["M"] - p["Mr"], p["Mr"] / 2
     theta, v, w = state["theta"], state["v"], state["w"]
     along, left = np.array([np.cos(theta), np.sin(theta)]), np.array([-np.sin(theta), np.cos(theta)])
     radii = np.array([1 + p["radius_mismatch"], 1 - p["radius_mismatch"]])
@@ -22,12 +24,16 @@ def constrained(state, u, p, dry):
     # Unknowns: acceleration of the axle's middle (2), dw/dt, sideways force of the axle.
     A, b = np.zeros((4, 4)), np.zeros(4)
     across = np.array([-arm[1], arm[0]])
-    A[:2, :2], A[:2, 2], A[:2, 3] = p["M"] * np.eye(2), p["M"] * across, -left
-    b[:2] = rims.sum() * along + p["M"] * w**2 * arm
+    A[:2, :2], A[:2, 2], A[:2, 3] = carried * np.eye(2) + 2 * rotor * np.outer(along, along), carried * across, -left
+    b[:2] = rims.sum() * along + carried * w**2 * arm
     # About the centre of mass: J dw/dt = moment of the rims' forces and of the sideways one.
     forces = [(p["b"] * -left, rims[0]), (p["b"] * left, rims[1])]
-    moment = sum((s - arm)[0] * f * along[1] - (s - arm)[1] * f * along[0] for s, f in forces)
-    A[2, 2], A[2, 3], b[2] = p["J"], arm[0] * left[1] - arm[1] * left[0], moment
+    levers = np.array([(s - arm)[0] * along[1] - (s - arm)[1] * along[0] for s, _ in forces])
+    moment = sum(lever * f for lever, (_, f) in zip(levers, forces, strict=True))
+    # J holds what the rotors add about the axle's middle; about the centre of mass the body has the rest.
+    A[2, :2] = rotor * levers.sum() * along
+    A[2, 2] = p["J"] - 2 * rotor * p["b"] ** 2 + rotor * p["b"] * (levers[0] - levers[1])
+    A[2, 3], b[2] = arm[0] * left[1] - arm[1] * left[0], moment
     A[3, :2], b[3] = left, v * w  # no sideways speed: left . a = v w
     a = np.linalg.solve(A, b)
     return along @ a[:2], a[2]
@@ -39,6 +45,7 @@ def cases(n=20):
         p = {k: v * np.exp(rng.uniform(-1, 1)) for k, v in DifferentialDrive().parameters.numbers.items()}
         p |= {"xc": rng.uniform(-0.2, 0.2), "yc": rng.uniform(-0.1, 0.1), "back_emf": rng.uniform(0, 2)}
         p["radius_mismatch"] = rng.uniform(-0.1, 0.1)
+        p["Mr"] = rng.uniform(0, 0.5) * p["M"]
         state = {"theta": rng.uniform(-3, 3), "v": rng.normal(), "w": rng.normal(), "x": 0.0, "y": 0.0}
         yield state, tuple(rng.normal(size=2) * 5), tuple(rng.normal(size=2)), p
 
