@@ -40,6 +40,7 @@ from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .policy import Policy, current_policy, keeps_policy
 from .search.in_some_logs import in_some_of, sorted_logs, unsorted
+from .search.reconsider import as_in_the_end
 from .search.search import MOST_EFFECTS
 from .search.steps import Search
 from .search.table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
@@ -232,7 +233,8 @@ def explain(
             # Where another name was found better later on, the step's own models are not this effect's.
             own = step.after.id == effect.id
             if effect.id != TableConstants.id and own:
-                wrong = constants_like(step.before, step.after, logs, held_out)
+                bare, with_it = as_in_the_end(step, found, logs, held_out)
+                wrong = constants_like(bare, with_it, logs, held_out)
                 constants[effect.id] = [one.shares for one in wrong]
                 if last:
                     others = {f"it is a wrong {' and '.join(one.shares)}": one.robot for one in wrong}

@@ -92,7 +92,9 @@ class DifferentialDrive(Robot):
                 "back_emf": parameter(0.0, "unit of u s/m", "command that a side's speed costs", "commands are forces"),
                 "xc": parameter(0.0, "m", "centre of mass ahead of the axle", "nominal", positive=False, typical=0.02),
                 "yc": parameter(0.0, "m", "centre of mass to the left", "nominal", positive=False, typical=0.02),
-                "Mr": parameter(0.0, "kg", "part of M that is what turns with the wheels: no weight, no offset", "nominal"),
+                "Mr": parameter(
+                    0.0, "kg", "part of M that is what turns with the wheels: no weight, no offset", "nominal"
+                ),
                 "radius_mismatch": parameter(
                     0.0,
                     "",

@@ -17,7 +17,7 @@ from ..screening.screen import Candidate, alike_to, screen
 from .denser import densest
 from .laws import best_first, by_where_they_bend
 from .one_of_several import with_one_alone
-from .steps import Step, laws_in
+from .steps import Search, Step, laws_in
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
 
@@ -71,6 +71,18 @@ def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise)
     """The model without one of its effects, refitted."""
     owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
     return refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
+
+
+def as_in_the_end(step: Step, found: Search, logs: LogSet, held_out: LogSet) -> tuple[Trial, Trial]:
+    """The models without and with the step's effect: those of the step, or where others have since got other laws or names,
+    those of the end, since what stood for them has moved the effect as well."""
+    final = found.final
+    if final is None or laws_in(step.before.robot, "") <= laws_in(final.robot, step.chosen.id):
+        return step.before, step.after
+    noise = found.before.noise
+    return without(step.chosen.id, final, found.steps[0].before, logs, held_out, noise), replace(
+        final, id=step.chosen.id
+    )
 
 
 def _by_laws(effect: Effect, bare: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
