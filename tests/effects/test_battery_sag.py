@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from jaxid import Axis, Channels, Custom, DifferentialDrive, Omni, Parameter, explain, output_error
 from jaxid.effects import catalogue, effect_by_id, laws_of
@@ -48,6 +49,8 @@ def test_robots_with_motors_have_the_laws_of_what_is_drawn_and_others_this_one()
     assert [law.law for law in laws_of(DifferentialDrive(), "battery_sag")] == [
         "over_time",
         "levelling_off",
+        "by_load",
+        "by_power",
         "in_some_logs",
     ]
     assert "over_time" not in [law.law for law in laws_of(Omni(), "battery_sag")]
@@ -73,3 +76,23 @@ def test_only_drive_inputs_fall():
 def test_what_a_robot_without_motors_cannot_be_tried_for_is_said_with_its_law():
     assert "battery sag (duty times current) (`motor_currents=`" in not_looked_for(_car())
     assert "battery_sag" in [effect.id for effect in catalogue(Axis())]
+
+
+@pytest.mark.parametrize(
+    ("law", "drawn"),
+    [
+        ("by_load", lambda volts, currents: np.sum(np.abs(currents))),
+        ("by_power", lambda volts, currents: max(np.sum(volts * currents), 0.0)),
+    ],
+)
+def test_a_supply_without_constants_falls_with_what_is_drawn_from_it(law, drawn):
+    """Of a differential drive whose motors turn, by SciPy's root of the fall that the currents behind it leave."""
+    effect = effect_by_id(DifferentialDrive(), "battery_sag", law)
+    slope = {"by_load": 0.012, "by_power": 0.0011}[law]
+    model = (DifferentialDrive() + effect).with_values(back_emf=7.0, b=0.2, **{effect.key("slope"): slope})
+    p, volts, state = model.parameters.numbers, np.array([11.0, -4.0]), {"v": 0.5, "w": 1.5}
+    behind = 7.0 * np.array([0.5 + 0.2 * 1.5, 0.5 - 0.2 * 1.5])
+    share = brentq(lambda s: 1.0 - slope * drawn(volts, volts * s - behind) - s, 0.0, 1.0)
+    found = effect.supply(tuple(volts), tuple(volts - behind), state, p, model)
+    assert 0.05 < 1.0 - share < 0.3
+    np.testing.assert_allclose(np.array(found) / volts, share, atol=0.003)

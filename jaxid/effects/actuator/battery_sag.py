@@ -12,7 +12,7 @@ from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import positive, shape, shortest, signed
 from ..in_some_logs import InSomeLogs
-from .drives import on_drives
+from .drives import input_unit, on_drives
 
 
 def nominal_voltage(p: Numbers, robot: Robot) -> Any:
@@ -183,6 +183,52 @@ class SagLevellingOff(SagOverTime):
 
 
 @dataclass(frozen=True)
+class SagByLoad(Effect):
+    """What all commands make falls with what the motors draw together, in units of the commands: a supply with inner resistance
+    of a robot whose constants of motors and supply are not known."""
+
+    id: ClassVar[str] = "battery_sag"
+    law: ClassVar[str] = "by_load"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u_i' = u_i (1 - slope * sum(|u_j' - back-EMF_j|))"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def refusal(self, robot: Robot) -> str | None:
+        return SagOverTime().refusal(robot)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        every = len(robot.drive_inputs) * robot.scales.input
+        return positive(self, "slope", f"1/({input_unit(robot)})", 0.05 / every)
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        before, share = robot.motor(volts, state, p), 1.0
+        for _ in range(_ROUNDS):
+            after = robot.motor(lowered(volts, share, robot), state, p)
+            now = tuple(i + a - b for i, a, b in zip(currents, after, before, strict=True))
+            share = jnp.maximum(1.0 - p[self.key("slope")] * self.drawn(volts, now, robot), 0.0)
+        return lowered(volts, share, robot)
+
+    def drawn(self, volts: Scalars, now: Scalars, robot: Robot) -> Scalar:
+        """What the motors, whose currents are `now` so large in units of the commands, draw together."""
+        return sum(jnp.abs(now[k]) for k in robot.drive_inputs)
+
+
+@dataclass(frozen=True)
+class SagByPower(SagByLoad):
+    """The same behind choppers, whose duty times its current a motor draws."""
+
+    law: ClassVar[str] = "by_power"
+    formula: ClassVar[str] = "u_i' = u_i (1 - slope * sum(u_j (u_j' - back-EMF_j)))"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        every = len(robot.drive_inputs) * robot.scales.input**2
+        return positive(self, "slope", f"1/({input_unit(robot)})^2", 0.05 / every)
+
+    def drawn(self, volts: Scalars, now: Scalars, robot: Robot) -> Scalar:
+        return jnp.maximum(sum(volts[k] * now[k] for k in robot.drive_inputs), 0.0)
+
+
+@dataclass(frozen=True)
 class OtherBattery(InSomeLogs):
     """A supply that is lower (or higher) by a share throughout the logs whose column `other_battery` is 1."""
 
@@ -239,6 +285,8 @@ LAWS: tuple[Effect, ...] = (
     Discharge(),
     SagOverTime(),
     SagLevellingOff(),
+    SagByLoad(),
+    SagByPower(),
     OtherBattery(),
     SagCurve(),
 )

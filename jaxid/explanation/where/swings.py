@@ -34,20 +34,19 @@ def swing(
     whole = sum(float(np.sum(force**2)) for force in forces)
     if not (highest > lowest * _BAND and whole > 0):
         return None
-    middles = np.geomspace(lowest, highest, _BANDS)
+    middles = np.asarray(np.geomspace(lowest, highest, _BANDS))
     # Of each log: frequencies [F], and powers of the force and of what drove it [F].
     at = [np.fft.rfftfreq(len(force), dt) for force, dt in zip(forces, intervals, strict=True)]
     inside = [(np.abs(np.log(np.maximum(f, 1e-12)[:, None] / middles)) < np.log(_BAND)).astype(float) for f in at]
     power = [_power(force) for force in forces]
-    shares = sum(own @ band for own, band in zip(power, inside, strict=True)) / sum(own.sum() for own in power)
+    in_band = np.sum([own @ band for own, band in zip(power, inside, strict=True)], axis=0)
+    shares = in_band / float(np.sum([own.sum() for own in power]))
     rng, like = np.random.default_rng(_SEED), [_power(own) for own in drove]
     if not sum(own.sum() for own in like) > 0:
         return None
     drawn = [own * rng.exponential(size=(_DRAWS, len(own))) for own in like]
-    chance = (
-        sum(own @ band for own, band in zip(drawn, inside, strict=True))
-        / sum(own.sum(axis=1) for own in drawn)[:, None]
-    )
+    in_band = np.sum([own @ band for own, band in zip(drawn, inside, strict=True)], axis=0)
+    chance = in_band / np.sum([own.sum(axis=1) for own in drawn], axis=0)[:, None]
     best = int(np.argmax(shares))
     largest = chance.max(axis=1)
     parts = []
