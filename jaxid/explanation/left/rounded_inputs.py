@@ -17,6 +17,7 @@ from ...logs import LogSet
 from ...logs.noise import sensor_step
 from ...robots.robot import Robot
 from ...simulation.simulate import integrator_for, simulate
+from ..policy import current_policy
 from .heldout import HeldOut, scaled_residuals, structure
 
 _LEVELS = 48
@@ -35,8 +36,12 @@ def input_step(logs: LogSet, name: str) -> float:
 
 def within_input_rounding(robot: Robot, held_out: LogSet, state: HeldOut) -> HeldOut:
     """`state`, which `robot` leaves on the `held_out` logs, marked as `inputs_rounded` where it is neither larger nor of more
-    structure than inputs leave that are rounded to the steps of these."""
-    if state.adequate or state.diverged or state.simulated_freely is not None or not np.isfinite(state.normalised_rms):
+    structure than inputs leave that are rounded to the steps of these.
+
+    Of a gap that matters nobody is told so: commands may be on a grid as they act.
+    """
+    small = state.normalised_rms < current_policy().coarse_law
+    if state.adequate or state.diverged or state.simulated_freely is not None or not small:
         return state
     steps = {name: input_step(held_out, name) for name in held_out.channels.inputs}
     if not any(steps.values()):

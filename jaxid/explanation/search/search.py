@@ -53,8 +53,7 @@ def search(
     noise = rated | state.noise
     if not state.adequate:
         state = within_rounding(held_out, within_errors(fit, held_out, state))
-    if state.normalised_rms < current_policy().small:
-        state = within_input_rounding(fit.robot, held_out, state)
+    state = within_input_rounding(fit.robot, held_out, state)
     if state.adequate:
         return Search(state, state, None, (), ())
     report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
@@ -117,7 +116,8 @@ def search(
                 steps, current = rather_by_chance(steps, current, baseline, logs, held_out, noise, report)
             report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
         if stuck is not None and not current.score < stuck[1].score:
-            steps, current = stuck
+            steps, current = stuck  # nothing came of it
+        stuck = None
         names = _names(steps)
         if colour is None:
             steps, current = named_from_the_back(steps, current, baseline, effects, logs, held_out, noise, report)

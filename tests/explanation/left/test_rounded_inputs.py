@@ -10,7 +10,7 @@ from jaxid.explanation.left.rounded_inputs import input_step, within_input_round
 from jaxid.simulation.scaled import scaled_to
 
 DT, FINE, SAMPLES = 0.02, 20, 1000
-M, FV, FC, NOISE = 7.0, 9.0, 4.0, 0.001
+M, FV, FC, NOISE = 7.0, 9.0, 4.0, 0.0016
 STEP = 40.0 / 255
 
 
@@ -59,7 +59,7 @@ def test_what_rounding_of_the_inputs_leaves_is_nothing_missing():
     assert "coarse steps" in found.sentence
 
 
-@pytest.mark.parametrize("law", [{"drag": 6.0}])
+@pytest.mark.parametrize("law", [{"drag": 0.1}, {"drag": 6.0}])
 def test_a_force_beside_rounded_inputs_is_more_than_rounding(law):
     assert not left(*logs(rounded, **law))[1].inputs_rounded
 
