@@ -76,7 +76,11 @@ def _values(effect, robot):
     return {name: p.typical or p.value or 0.1 for name, p in effect.parameters(robot).items()}
 
 
-@pytest.mark.parametrize("robot", [jaxid.Axis(), jaxid.Omni()], ids=lambda robot: robot.name)
+@pytest.mark.parametrize(
+    "robot",
+    [pytest.param(jaxid.Axis(), marks=pytest.mark.slow), jaxid.Omni()],
+    ids=lambda robot: robot.name,
+)
 def test_every_law_on_commands_and_sensors_against_xla(robot):
     """Values and derivatives, on uneven clocks, of every law of every mechanism that acts on whole records."""
     rng, E, T, tried = np.random.default_rng(3), 2, 30, 0

@@ -33,12 +33,14 @@ from ...simulation.rollout import Integrator
 from ...simulation.scaled import Scales
 from .heldout import HeldOut
 
-_SIZES = np.geomspace(0.005, 0.6, 5)
+_SIZES = np.geomspace(0.005, 0.6, 7)
 """Standard deviations that are tried, as shares of the usual input, or of what acts."""
 _FINER = np.geomspace(0.4, 2.5, 7)
 """Factors by which the best of them is tried again."""
-_SENSORS = np.geomspace(0.5, 1.3, 9)
+_SENSORS = np.geomspace(0.5, 1.3, 7)
 """Factors of the sensors' noise that are tried: quick motion passes for noise in the differences of samples."""
+_LAST = np.geomspace(0.87, 1.15, 7)
+"""Factors by which all are tried once more, beside each other."""
 _KINDS = 3
 _WORTH, _MUCH = 20.0, 200.0
 """Twice the drop of -log L that a further kind of noise must bring, and all noise of the inputs together."""
@@ -186,10 +188,12 @@ def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | Non
     of the inputs brings too little."""
 
     def costs(sizes: Float[NDArray, "K n"]) -> Float[NDArray, " K"]:
-        surprise, variance, seen = _filtered(task, numbers, usual, sensors, sizes)
+        # As many at a time, whatever is tried, for one program.
+        padded = np.concatenate([sizes, np.repeat(sizes[-1:], len(_SIZES) - len(sizes), axis=0)])
+        surprise, variance, seen = _filtered(task, numbers, usual, sensors, padded)
         with np.errstate(all="ignore"):
             found = np.sum(np.where(seen, surprise**2 / variance + np.log(variance), 0.0), axis=(1, 2, 3))
-        return np.where(np.isfinite(found), found, np.inf)
+        return np.where(np.isfinite(found), found, np.inf)[: len(sizes)]
 
     def best(at: NDArray[np.float64], kind: int, of: Float[NDArray, " k"]) -> tuple[float, NDArray[np.float64]]:
         rows = np.tile(at, (len(of), 1))
@@ -197,9 +201,11 @@ def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | Non
         every = costs(rows)
         return float(every.min()), rows[int(every.argmin())]
 
+    own = [int(sensor) for sensor in _KINDS + np.flatnonzero(np.isfinite(sensors))]
+
     def with_sensors(cost: float, at: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        for sensor in _KINDS + np.flatnonzero(np.isfinite(sensors)):
-            likelier = best(at, int(sensor), _SENSORS)
+        for sensor in own:
+            likelier = best(at, sensor, _SENSORS)
             cost, at = likelier if likelier[0] < cost else (cost, at)
         return cost, at
 
@@ -221,7 +227,11 @@ def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | Non
         if not nothing - cost > _MUCH:
             return None
         left = left if _KINDS - len(left) < 2 else []  # of two kinds a third is not told
-    return at if at[:_KINDS].any() else None
+    if not at[:_KINDS].any():
+        return None
+    for place in (*own, *np.flatnonzero(at[:_KINDS]), *own):
+        cost, at = best(at, int(place), at[int(place)] * _LAST)
+    return at
 
 
 def _less_parameters(task: Task, robot: Robot, usual, sensors, sizes: Float[NDArray, " n"]) -> NDArray[np.float64]:

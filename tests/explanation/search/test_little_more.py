@@ -36,6 +36,7 @@ def recorded(seed, count):
     return LogSet(logs)
 
 
+@pytest.mark.slow
 def test_a_bias_of_half_the_noise_is_named_beside_friction_whose_law_is_another():
     robot = DifferentialDrive().with_values(M=2.0, J=0.1, Fv=1.5, Fc=0.5, b=LEVER, gain=1.0)
     logs, held_out = recorded(5, 5), recorded(6, 3)
