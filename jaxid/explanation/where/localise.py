@@ -134,14 +134,14 @@ def _when(conditions: Sequence[ConditionShare], best: Sequence[Pattern], concent
         return f"{_percent(follows.share)} of the missing force {follows.phrase}{one}"
     if out:
         return f"{_percent(out.share)} of the missing force acts {out.phrase} ({_percent(out.time_share)} of the time)"
-    some = telling(best)
-    if some:
-        return f"{_percent(some.share)} of the missing force {some.phrase}"
     if concentrated < _BURSTS:
         return (
             f"the missing force comes in bursts, {_percent(_MOST)} of it in {_percent(concentrated)} of the time, and no "
             "condition stands out"
         )
+    some = telling(best)
+    if some:
+        return f"{_percent(some.share)} of the missing force {some.phrase}"
     near = next((c for c in conditions if c.notable), None)
     if near:
         return (

@@ -51,7 +51,7 @@ def _place(motion: Motion) -> NDArray | None:
 
 def _time(motion: Motion) -> NDArray:
     share = (motion.time - motion.time[0]) / max(motion.time[-1] - motion.time[0], 1e-300)
-    return np.column_stack([share**0, share, share**2])
+    return np.column_stack([share, share**2])
 
 
 def _input(motion: Motion) -> NDArray:
@@ -121,19 +121,19 @@ PRODUCTS: tuple[tuple[str, tuple[str, str], str, Functions], ...] = (
         "direction of travel by time",
         ("direction of travel", "time"),
         "has the sign of the direction of travel and changes over the run, as dry friction does that warms up",
-        _product(lambda motion: _time(motion)[:, 1:], _direction),
+        _product(lambda motion: _time(motion), _direction),
     ),
     (
         "speed by time",
         ("speed", "time"),
         "goes with the speed and changes over the run, as viscous friction does that warms up",
-        _product(lambda motion: _time(motion)[:, 1:], _speeds),
+        _product(lambda motion: _time(motion), _speeds),
     ),
     (
         "input by time",
         ("input", "time"),
         "goes with the input and changes over the run, as of a battery that runs down",
-        _product(lambda motion: _time(motion)[:, 1:], _inputs),
+        _product(lambda motion: _time(motion), _inputs),
     ),
 )
 """Names of two things one of which changes what the other makes, those two, their phrase, and the functions."""

@@ -99,6 +99,8 @@ def patterns(forces: Sequence[ForceHistory], seen: Sequence[Motion]) -> tuple[Pa
     def judged(name: str, phrase: str, columns: Sequence[NDArray], parts: Sequence[str]) -> Pattern:
         own = {other for part in parts for other in _OWN.get(part, (part,))}
         besides = [of_parameters(motion, sorted(own)) for motion in seen]
+        if "time" in parts:  # what is the same all the time does not change over the run
+            besides = [np.column_stack([other, np.ones(len(other))]) for other in besides]
         return _pattern(name, phrase, columns, besides, values, scale)
 
     def known(of: Functions) -> list[NDArray] | None:
