@@ -90,7 +90,9 @@ def named(sure=True):
 
 
 def verdict(fit, before, after, *effects):
-    without, with_it = (Trial("", fit.robot, 0.0, 1, state(rms), lambda rms=rms: state(rms), {}) for rms in (before, after))
+    without, with_it = (
+        Trial("", fit.robot, 0.0, 1, state(rms), lambda rms=rms: state(rms), {}) for rms in (before, after)
+    )
     found = Search(state(before), state(after), None, (Step((with_it,), (), (), without, with_it),), ())
     doubts = doubts_of(found, fit, effects, found.after)
     return verdict_of(found, effects, 3, doubts), doubts

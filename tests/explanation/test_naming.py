@@ -40,6 +40,7 @@ def test_a_hidden_effect_is_named_and_closes_the_gap(effect, size):
         assert abs(value - true) < 4 * std_error, name
 
 
+@pytest.mark.slow
 def test_a_delay_of_input_or_sensor_is_one_set():
     """Zero-order hold and a robot at rest: on one axis the two are the same but for the first samples."""
     found = explained({"input_delay": 0.03})

@@ -26,7 +26,7 @@ def explained():
         logs.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(len(u)), u[:, None], outputs, AXIS))
     fitted, held_out = LogSet(logs[:3]), LogSet(logs[3:])
     robot = Axis().with_values(Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
-    return explain(output_error(robot, fitted), fitted, held_out)
+    return explain(output_error(robot, fitted), fitted, held_out, most=1)
 
 
 def test_a_curve_of_what_is_lost_takes_no_share_of_the_forces_that_are_not(explained):

@@ -74,10 +74,8 @@ def of_the_supply(size):
     return lambda u, rng: u * (1.0 + size * rng.normal(size=(len(u), 1)))
 
 
-@pytest.mark.parametrize(
-    ("noise", "kind", "size"),
-    [(in_proportion(0.08), 1, 0.08), pytest.param(of_the_supply(0.06), 2, 0.06, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("noise", "kind", "size"), [(in_proportion(0.08), 1, 0.08), (of_the_supply(0.06), 2, 0.06)])
 def test_noise_of_the_inputs_is_told_with_its_size(noise, kind, size):
     found = told(*logs(noise))
     assert found is not None

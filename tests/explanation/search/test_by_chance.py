@@ -100,6 +100,7 @@ def test_too_few_samples_for_autocorrelations_are_not_said_to_be_chance():
     assert not state.adequate and not by_chance(fit, fit_logs, short, state).by_chance
 
 
+@pytest.mark.slow
 def test_late_commands_are_named_though_no_model_foretells_them():
     fit_logs, held_out = _logs(commands=True)
     found = explain(output_error(AXIS_MODEL, fit_logs), fit_logs, held_out)

@@ -14,7 +14,9 @@ from jaxid.explanation.search.telling_apart import differ, not_told_apart, simpl
 
 def trial(name: str, residual: np.ndarray) -> Trial:
     held_out = HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 0.01}, 0.5)
-    return Trial(name, Axis() + effect_by_id(Axis(), name), float(2 * np.sum(residual**2)), 5, held_out, lambda: held_out, {})
+    return Trial(
+        name, Axis() + effect_by_id(Axis(), name), float(2 * np.sum(residual**2)), 5, held_out, lambda: held_out, {}
+    )
 
 
 @pytest.fixture
