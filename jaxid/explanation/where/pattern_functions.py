@@ -121,19 +121,19 @@ PRODUCTS: tuple[tuple[str, tuple[str, str], str, Functions], ...] = (
         "direction of travel by time",
         ("direction of travel", "time"),
         "has the sign of the direction of travel and changes over the run, as dry friction does that warms up",
-        _product(lambda motion: _time(motion), _direction),
+        _product(_time, _direction),
     ),
     (
         "speed by time",
         ("speed", "time"),
         "goes with the speed and changes over the run, as viscous friction does that warms up",
-        _product(lambda motion: _time(motion), _speeds),
+        _product(_time, _speeds),
     ),
     (
         "input by time",
         ("input", "time"),
         "goes with the input and changes over the run, as of a battery that runs down",
-        _product(lambda motion: _time(motion), _inputs),
+        _product(_time, _inputs),
     ),
 )
 """Names of two things one of which changes what the other makes, those two, their phrase, and the functions."""

@@ -143,9 +143,8 @@ def _swinging(
 ) -> list[Pattern]:
     """The pattern of a force that swings by itself, if there is a band of frequencies that could be one."""
     edges = np.cumsum([len(v) for v in values])[:-1]
-    others, whole = _orthonormal(np.concatenate(besides)), np.concatenate(values)
-    makes = others @ (others.T @ whole)
-    found = swing(np.split(whole - makes, edges), besides, [motion.time for motion in seen])
+    makes, rest = _parted(_orthonormal(np.concatenate(besides)), np.concatenate(values))
+    found = swing(np.split(rest, edges), besides, [motion.time for motion in seen])
     if found is None:
         return []
     phrase = (
@@ -168,13 +167,12 @@ def _pattern(
     `besides` do."""
     rng = np.random.default_rng(_SEED)
     edges = np.cumsum([len(v) for v in values])[:-1]
-    others, whole = _orthonormal(np.concatenate(besides)), np.concatenate(values)
-    makes = others @ (others.T @ whole)
+    others = _orthonormal(np.concatenate(besides))
+    makes, rest = _parted(others, np.concatenate(values))
     pattern = np.concatenate(columns)
     size = np.linalg.norm(pattern, axis=0)
-    pattern = pattern - others @ (others.T @ pattern)
+    pattern = _parted(others, pattern)[1]
     pattern = pattern[:, np.linalg.norm(pattern, axis=0) > _LEFT * size]
-    rest = whole - makes
     left = float(np.sum(rest**2))
     if not pattern.shape[1] or not left > 0:
         return Pattern(name, phrase, 0.0, 1.0, tuple(np.split(makes * scale, edges)))
@@ -187,6 +185,12 @@ def _pattern(
     share = float((squares[0] - chance) / max(1 - chance, 1e-9))
     fitted = (makes + basis @ products) * scale
     return Pattern(name, phrase, share, float(p_value), tuple(np.split(fitted, edges)))
+
+
+def _parted(basis: NDArray, values: NDArray) -> tuple[NDArray, NDArray]:
+    """What an orthonormal basis makes of values [T, n], and the rest."""
+    made = basis @ (basis.T @ values)
+    return made, values - made
 
 
 def _orthonormal(columns: NDArray) -> NDArray:
