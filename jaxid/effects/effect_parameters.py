@@ -55,3 +55,10 @@ def still(effect: Effect, unit: str, value: float) -> dict[str, Parameter]:
 def shortest(effect: Effect, value: float) -> dict[str, Parameter]:
     """The fixed time below which a time constant counts as this one, since shorter ones take finer steps; see `still`."""
     return shape(effect, "shortest", "s", value, free=False)
+
+
+def per_speed(force: str, speed: str, power: int = 1) -> str:
+    """Unit of a force [`force`] over a power of a speed [`speed`], such as "N s/m" of "N" and "m/s", "mN m/rpm" of "rpm"."""
+    length, _, time = speed.partition("/")
+    exponent = f"^{power}" if power > 1 else ""
+    return f"{force} {time}{exponent}/{length}{exponent}" if time else f"{force}/{length}{exponent}"

@@ -23,7 +23,7 @@ from ..robots.effect import Effect
 from ..robots.given import given_logs
 from .certainty.finer_curves import hangs_on_forms
 from .certainty.hinging import by_law, by_name, hinging, shapes_alone, with_the_rest
-from .certainty.in_common import delays_in_common, without_a_name
+from .certainty.in_common import by_weight, delays_in_common, without_a_name
 from .certainty.nominal_one import with_another_nominal
 from .certainty.straight_shares import open_gain, shared_lines
 from .explanation import Explanation
@@ -251,8 +251,8 @@ def explain(
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         verdict = verdict_of(found, named, most, doubts)
-    tables = tuple(in_a_sentence(identifier, sets) for identifier, sets in constants.items() if sets)
-    tables += tuple(found_wrong(effect.constants[0]) for effect in named if effect.id == TableConstants.id)
+    tables = tuple(in_a_sentence(identifier, sets, fit.robot) for identifier, sets in constants.items() if sets)
+    tables += tuple(found_wrong(effect.constants[0], fit.robot) for effect in named if effect.id == TableConstants.id)
     if verdict in ("named", "ambiguous"):
         alone = {effect.id for effect in named if not constants.get(effect.id)}
         tables += built_in([effect for effect in final.robot.effects if effect.id in alone], fit.robot)
@@ -299,6 +299,7 @@ def explain(
                 open_gain(final),
                 delays_in_common(final),
                 *without_a_name(final),
+                *by_weight(final),
                 hinges,
                 still,
                 unusable,

@@ -117,9 +117,15 @@ class Custom(Declared):
             friction[i] = friction[i] - (changed - own)
         own_state, given = self._own(state), self._inputs(volts)
         if self._axes and takes_friction(self.dynamics):
+            if self._through_friction and self._acts("force"):
+                pushing, pushed_axes = dict(zip(self.velocities, forces, strict=True)), set()
+                for i, (_, axis) in enumerate(self._axes):
+                    if axis.speed not in pushed_axes:  # two that rub at one speed are pushed once
+                        friction[i] = friction[i] - pushing.get(axis.speed, 0.0)
+                        pushed_axes.add(axis.speed)
             resisted = dict(zip([a for a, _ in self._axes], friction, strict=True))
             rates = dict(_asked(self.dynamics, own_state, given, p, resisted))
-            pushed = self._acts("force")
+            pushed = self._acts("force") and bool(self.forces)
         else:
             rates = dict(_asked(self.dynamics, own_state, given, p))
             forces = self._with_friction(forces, friction, state, p)

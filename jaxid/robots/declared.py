@@ -198,9 +198,16 @@ class Declared(Robot):
         found = {"dry"} if self._axes else set()
         found |= {"viscous"} if any(axis.viscous for _, axis in self._axes) else set()
         found |= {"torque"} if driven and all(axis.torque is not None for axis in driven) else set()
-        found |= {"force"} if self.forces and self.velocities else set()
+        found |= {"force"} if self.velocities and (self.forces or self._through_friction) else set()
         found |= {"supply"} if self.motor_currents is not None else set()
         return frozenset(found)
+
+    @property
+    def _through_friction(self) -> bool:
+        """Whether dynamics that take the axes' friction let a force on any of the velocities in that way, where `forces` says
+        no other: friction is one."""
+        rubbed = {axis.speed for _, axis in self._axes}
+        return not self.forces and takes_friction(self.dynamics) and rubbed >= set(self.velocities)
 
     @property
     def drive_axes(self) -> tuple[int, ...]:  # type: ignore[override]

@@ -58,6 +58,7 @@ class DifferentialDrive(Robot):
         {"v": "forward speed", "w": "yaw rate", "v_right": "right wheel's speed", "v_left": "left wheel's speed"}
         | {"way_right": "right wheel's position", "way_left": "left wheel's position"}
     )
+    parts: ClassVar[Mapping[str, str]] = MappingProxyType({"Mr": "M"})
     driving_modes: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {"straight": (1.0, 1.0), "on the spot": (1.0, -1.0), "in curves": (1.0, 0.5)}
     )

@@ -106,6 +106,10 @@ class Effect:
         is, which no data tells apart; empty where something else of the robot would be late then, too."""
         return ""
 
+    def same_on(self, robot: "Robot") -> str:
+        """The id of the effect that does just the same to `robot`, whatever it does, but for how it is worked out; mostly empty."""
+        return ""
+
     def elsewhere(self, robot: "Robot") -> Mapping[str, float]:
         """Other values of its parameters from which a search that has ended at those of `robot` may end better; often none."""
         return {}

@@ -7,7 +7,9 @@ world +x); motor currents i1..i4 [A] with `inductance=True`. Inputs u1..u4 [V].
     M (dVn/dt + c W V ) = f1 - f3 - Bvn Vn - Cvn sgn Vn
     J dW/dt = b (f1 + f2 + f3 + f4) - Bw W - Cw sgn W
 
-with c = `coriolis`: 1 for the turning frame's own terms (default), 0 for equations 1-3 as printed.
+with c = `coriolis`: 1 for the turning frame's own terms (default), 0 for equations 1-3 as printed. Of M, `Mr` is no mass but the
+inertia of what turns with the wheels, behind gears mostly the motors' rotors: only m = M - Mr has weight, an offset and, in
+c W V and c W Vn, a momentum that turns with the robot (kinetic energy m |v_c|^2 / 2 + J W^2 / 2 + Mr (V^2 + Vn^2) / 2).
 """
 
 from collections.abc import Mapping
@@ -74,6 +76,7 @@ class Omni(Robot):
             "payload_change": ("M", "J", "xc", "yc"),
         }
     )
+    parts: ClassVar[Mapping[str, str]] = MappingProxyType({"Mr": "M"})
     wheel_radius: ClassVar[str] = "r"
     wheel_sides: ClassVar[tuple[str, str]] = ("wheels 1 and 2", "wheels 3 and 4")
     words: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -109,6 +112,9 @@ class Omni(Robot):
                 "Ra": parameter(0.6, "ohm", "armature resistance", assumed),
                 "La": parameter(1.0e-4, "H", "armature inductance", assumed),
                 "supply": parameter(24.0, "V", "supply voltage: the largest motor voltage", assumed),
+                "Mr": parameter(
+                    0.0, "kg", "part of M that is what turns with the wheels: no weight, no offset", "nominal"
+                ),
                 "coriolis": parameter(1.0, "", "1: turning frame's own terms, 0: equations 1-3 as printed", "derived"),
                 "radius_mismatch": parameter(
                     0.0,
@@ -171,12 +177,13 @@ class Omni(Robot):
         V, Vn, W = state["V"], state["Vn"], state["W"]
         driving = body_forces(self.drive_forces(torques, p), p)
         Q = [driving[i] + forces[i] - resisting[i] for i in range(3)]
-        # A centre of mass at (xc, yc) adds its centrifugal terms and couples the accelerations.
-        c, M, xc, yc = p["coriolis"], p["M"], p["xc"], p["yc"]
+        # The momentum of what is carried turns with the robot; that of rotors does not. A centre of mass at (xc, yc) adds its
+        # centrifugal terms and couples the accelerations.
+        c, carried, xc, yc = p["coriolis"], p["M"] - p["Mr"], p["xc"], p["yc"]
         a, b, turn = self._solve(
-            Q[0] + c * M * W * Vn + M * xc * W * W,
-            Q[1] - c * M * W * V + M * yc * W * W,
-            Q[2] - c * M * W * (xc * V + yc * Vn),
+            Q[0] + carried * W * (c * Vn + xc * W),
+            Q[1] - carried * W * (c * V - yc * W),
+            Q[2] - c * carried * W * (xc * V + yc * Vn),
             p,
         )
         currents = dict.fromkeys(("i1", "i2", "i3", "i4"), 0.0) if self.inductance else {}  # advanced by `settle`
@@ -195,10 +202,12 @@ class Omni(Robot):
         return body_forces(self.drive_forces(torques, p), p)
 
     def _solve(self, Q1, Q2, Q3, p: Numbers):
-        """Accelerations: [[M, 0, -M yc], [0, M, M xc], [-M yc, M xc, J + M (xc² + yc²)]] solved for (Q1, Q2, Q3)."""
-        # Schur complement: the inertia about the centre of mass is J by definition.
-        turn = (Q3 + p["yc"] * Q1 - p["xc"] * Q2) / p["J"]
-        return Q1 / p["M"] + p["yc"] * turn, Q2 / p["M"] - p["xc"] * turn, turn
+        """Accelerations: [[M, 0, -m yc], [0, M, m xc], [-m yc, m xc, J + m (xc² + yc²)]] solved for (Q1, Q2, Q3)."""
+        # Schur complement: the inertia about the centre of mass is J by definition, where all of M is carried.
+        share = (p["M"] - p["Mr"]) / p["M"]
+        ahead, left = share * p["xc"], share * p["yc"]
+        turn = (Q3 + left * Q1 - ahead * Q2) / (p["J"] + p["Mr"] * (ahead * p["xc"] + left * p["yc"]))
+        return Q1 / p["M"] + left * turn, Q2 / p["M"] - ahead * turn, turn
 
     def compliance(self, state: State, p: Numbers) -> tuple[Scalars, ...]:
         columns = [self._solve(*unit, p) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
@@ -209,8 +218,9 @@ class Omni(Robot):
 
     def field_force(self, field, state: State, p: Numbers) -> Scalars:
         sin_t, cos_t = sincos(state["theta"])
-        along = p["M"] * (cos_t * field[0] + sin_t * field[1])
-        across = p["M"] * (cos_t * field[1] - sin_t * field[0])
+        carried = p["M"] - p["Mr"]
+        along = carried * (cos_t * field[0] + sin_t * field[1])
+        across = carried * (cos_t * field[1] - sin_t * field[0])
         return along, across, p["xc"] * across - p["yc"] * along
 
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:

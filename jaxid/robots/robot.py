@@ -101,6 +101,8 @@ class Robot:
     mechanisms: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     """Effect id -> the robot's own parameters that are this mechanism, which the effect frees (of a payload: those that it
     changes, the mass first)."""
+    parts: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Parameters that are parts of another, which may be none of it: part -> whole."""
     wheel_radius: ClassVar[str] = ""
     """The parameter that is the radius which `wheel_radius_mismatch` makes larger on the first of `wheel_sides` and smaller on
     the second."""

@@ -107,10 +107,17 @@ def none(angle, rate):
     return 0.0
 
 
-@pytest.mark.parametrize("dynamics", [pendulum, smooth_pendulum], ids=["friction argument", "by forces"])
-def test_force_and_friction_act_as_scipy_says(dynamics):
-    """Both ways into the dynamics: a friction argument of theirs, or forces over a declared inertia."""
-    model = robot(dynamics=dynamics, forces={"rate": "inertia"})
+WAYS_IN = {
+    "both": {"forces": {"rate": "inertia"}},
+    "friction argument": {},
+    "forces": {"forces": {"rate": "inertia"}, "dynamics": smooth_pendulum},
+}
+
+
+@pytest.mark.parametrize("way", WAYS_IN)
+def test_force_and_friction_act_as_scipy_says(way):
+    """The ways into the dynamics: a friction argument of theirs, forces over a declared inertia, or both."""
+    model = robot(**WAYS_IN[way])
     plain = exact(coulomb, none)
     np.testing.assert_allclose(ours(model), plain, atol=5e-4)
 
@@ -183,8 +190,16 @@ def test_every_effect_acts_on_a_users_axis_as_on_the_built_in_one():
     np.testing.assert_allclose(outputs[1], outputs[0], atol=1e-10)
 
 
+def test_two_axes_that_rub_at_one_speed_are_pushed_once():
+    def two(state, u, p, friction):
+        return pendulum(state, u, p, {"bearing": friction["bearing"] + friction["seal"]})
+
+    axes = {"bearing": DriveAxis("rate", "coulomb", "damping"), "seal": DriveAxis("rate", driven=False)}
+    np.testing.assert_allclose(ours(robot(dynamics=two, axes=axes) + Wind()), ours(robot() + Wind()), atol=1e-9)
+
+
 def test_what_cannot_act_is_refused_in_a_sentence():
-    bare = robot()
+    bare = robot(dynamics=smooth_pendulum, axes={}, velocities=("rate",))
     with pytest.raises(EffectError, match="'pendulum' cannot have the effect 'wind': it does not say .*`forces=`"):
         bare + Wind()
     with pytest.raises(KeyError, match="how it moves in the plane"):
@@ -194,8 +209,8 @@ def test_what_cannot_act_is_refused_in_a_sentence():
 
         bare + MotorGainMismatch()
     names = {effect.id for effect in catalogue(bare)}
-    assert {"stribeck_friction", "asymmetric_viscous_friction", "sensor_lag"} <= names
-    assert not names & {"quadratic_drag", "cogging_torque", "traction_limit", "motor_heating"}
+    assert {"input_delay", "sensor_lag"} <= names
+    assert not names & {"stribeck_friction", "quadratic_drag", "cogging_torque", "traction_limit", "motor_heating"}
     with pytest.raises(ParameterError, match="has no way into the dynamics; let them take a fourth argument"):
         robot(dynamics=smooth_pendulum)
 

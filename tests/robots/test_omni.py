@@ -126,8 +126,31 @@ def test_coupled_robot_obeys_lagranges_equations_with_an_offset_centre_of_mass()
     assert largest > 1.0  # the paper's equations are another model as soon as the robot turns while it moves
 
 
+def test_rotors_take_their_share_of_each_rims_force_and_have_no_momentum_that_turns_with_the_robot():
+    """Newton's laws of a body and four rotors: each rim passes on its force less Mr / 2 times its own acceleration."""
+    largest = 0.0
+    for state, u, dry, p in random_cases(10):
+        p["Mr"] = 0.4 * p["M"]
+        p["J"] += 2 * p["b"] ** 2 * p["Mr"]
+        _, directions, f = traction(state, u, p)
+        levers = np.column_stack([directions, np.full(4, p["b"])])  # of each rim, for V, Vn and W
+        B = np.array([p["Bv"], p["Bvn"], p["Bw"]])
+        force = levers.T @ f - B * [state[name] for name in SPEEDS] - dry
+        body = p | {"M": p["M"] - p["Mr"], "J": p["J"] - 2 * p["b"] ** 2 * p["Mr"]}
+        at_rest = np.array(world_acceleration(state, jnp.zeros(3), body))
+        answers = np.column_stack([world_acceleration(state, jnp.eye(3)[k], body) - at_rest for k in range(3)])
+        rotors = p["Mr"] / 2 * levers.T @ levers
+        expected = np.linalg.solve(np.eye(3) + answers @ rotors, at_rest + answers @ force)
+        rates = Omni(pose=True).rates(state, u, dry, p)
+        np.testing.assert_allclose([rates[name] for name in SPEEDS], expected, rtol=1e-9, atol=1e-9)
+        whole = Omni(pose=True).rates(state, u, dry, p | {"Mr": 0.0})
+        largest = max(largest, *(abs(float(whole[name] - rates[name])) for name in SPEEDS))
+    assert largest > 1.0
+
+
 def test_compliance_is_the_accelerations_answer_to_friction():
     for state, _, _, p in random_cases(5):
+        p["Mr"] = 0.3 * p["M"]
         general = super(Omni, Omni()).compliance(state, p)
         np.testing.assert_allclose(
             np.array(Omni().compliance(state, p), float), np.array(general, float), rtol=1e-10, atol=1e-14

@@ -12,7 +12,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve, falls_at_once
-from ..effect_parameters import positive, shape, signed
+from ..effect_parameters import per_speed, positive, shape, signed
 
 _SQUARE = 2.0
 """Exponent of quadratic drag."""
@@ -234,8 +234,7 @@ def largest_force(robot: Robot, name: str) -> float:
 def drag_unit(robot: Robot, name: str = "") -> str:
     """Unit of a force over a speed squared, for one of the robot's velocities (the first translation)."""
     name = name or _ahead(robot)
-    per = robot.velocity_unit(name).split("/")[0].split(" or ")[0] or "m"
-    return f"{robot.force_unit(name)} s^2/{per}^2"
+    return per_speed(robot.force_unit(name), robot.velocity_unit(name).split(" or ")[0] or "m/s", 2)
 
 
 LAWS: tuple[Effect, ...] = (QuadraticDrag(), DragOfEach(), DragCurve())

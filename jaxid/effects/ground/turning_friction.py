@@ -10,7 +10,7 @@ from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import shape, signed, still
+from ..effect_parameters import per_speed, shape, signed, still
 
 _STILL = 0.004
 """Share of the largest yaw rate within which scrubbing wheels begin to slide."""
@@ -47,7 +47,8 @@ class TurningFriction(_OnTurning):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         typical, rate, (unit, of) = 0.02 * _moment(robot), robot.largest_yaw_rate, _units(robot)
-        found = signed(self, "coulomb", unit, typical) | signed(self, "viscous", f"{unit} s", typical / rate)
+        viscous = per_speed(unit, of or "rad/s").removesuffix("/rad")  # a radian is no unit of a moment's
+        found = signed(self, "coulomb", unit, typical) | signed(self, "viscous", viscous, typical / rate)
         return found | still(self, of, _STILL * rate)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:

@@ -50,3 +50,16 @@ def without_a_name(final: Fit) -> tuple[str, ...]:
         for effect in final.robot.effects
         if effect.same_as
     )
+
+
+def by_weight(final: Fit) -> tuple[str, ...]:
+    """Sentences on effects that pull at the weight of a robot whose table has none of a part of its mass without weight."""
+    table = final.robot.parameters
+    none = [(part, whole) for part, whole in final.robot.parts.items() if table[part].value == 0.0]
+    return tuple(
+        f"The numbers of {in_words(effect.id)} take all of {whole} for weight: where a part {part} of it is rotors that turn with the "
+        f"wheels, they are larger by {whole} / ({whole} - {part})."
+        for effect in final.robot.effects
+        if "weight" in effect.needs
+        for part, whole in none
+    )

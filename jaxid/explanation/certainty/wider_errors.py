@@ -6,18 +6,25 @@ from dataclasses import replace
 import numpy as np
 
 from ...estimate.result import Estimate, Fit
+from ...estimate.uncertainty import PRACTICAL
 
 
 def reaching_to(final: Fit, others: Mapping[str, tuple[float, float]]) -> Fit:
     """`final` with standard errors of parameters that reach to what they are in another model: by parameter how far that is
-    and what its standard error is there. None becomes smaller."""
+    and what its standard error is there. None becomes smaller, and what is larger than the parameter no longer tells it."""
     wider = {name: max(float(np.hypot(error, by)) / final[name].std_error, 1.0) for name, (by, error) in others.items()}
     estimates = {
-        n: Estimate.of(e.value, e.std_error * wider[n], e.unit, e.status) if n in wider else e
+        n: _widened(e, wider[n], final.robot.parameters[n].typical or 0.0) if n in wider else e
         for n, e in final.parameters.items()
     }
     scale = np.array([wider.get(name, 1.0) for name in final.free_names])
     return replace(final, parameters=estimates, covariance=final.covariance * np.outer(scale, scale))
+
+
+def _widened(estimate: Estimate, by: float, typical: float) -> Estimate:
+    error = estimate.std_error * by
+    lost = by > 1.0 and estimate.status == "identified" and error > PRACTICAL * max(abs(estimate.value), typical)
+    return Estimate.of(estimate.value, error, estimate.unit, "not_identifiable" if lost else estimate.status)
 
 
 def not_told(final: Fit, names: Iterable[str]) -> Fit:

@@ -52,9 +52,19 @@ Shares = Mapping[str, float]
 
 
 def _constants(robot: Robot) -> list[str]:
-    """The robot's own parameters that are taken as known and are something."""
+    """The robot's own parameters that are taken as known and are something, or a part of something."""
     own = robot.defaults()
-    return [name for name, p in robot.parameters.items() if name in own and not p.free and p.value != 0.0]
+    return [
+        name
+        for name, p in robot.parameters.items()
+        if name in own and not p.free and (p.value != 0.0 or name in robot.parts)
+    ]
+
+
+def _measure(name: str, robot: Robot) -> float:
+    """What changes of a constant are shares of: its own value, or the whole's that it is none of so far."""
+    table = robot.parameters
+    return table[name].value or table[robot.parts[name]].value
 
 
 def _outputs(models: list[Robot], logs: LogSet, noise: Mapping[str, float]) -> Array:
@@ -139,7 +149,10 @@ def _secants(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: 
     [parameters, samples], for small steps each, and those with other models of it, `after` [models, samples]."""
     table = before.robot.parameters
     every = (*table.free_names, *names)
-    sizes = [_STEP * (abs(table[name].value) or table[name].typical or 1.0) for name in every]
+    magnitudes = [_measure(name, before.robot) if name in names else table[name].value for name in every]
+    sizes = [
+        _STEP * (abs(magnitude) or table[name].typical or 1.0) for name, magnitude in zip(every, magnitudes, strict=True)
+    ]
     # Away from an upper bound.
     full = [table[n].value + size > table[n].upper for n, size in zip(every, sizes, strict=True)]
     sizes = [-size if over else size for size, over in zip(sizes, full, strict=True)]
@@ -160,11 +173,14 @@ class Wrong(NamedTuple):
 def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Wrong]:
     """The constants of the table that explain what the last effect of `after` explains of `before`: each set of as few as do,
     fitted in its place, with the shares of their values by which they then change; those that do worse by more than chance,
-    or by changes that no table is wrong by, are left out. An effect that is nothing but a constant of the table is that one."""
+    or by changes that no table is wrong by, are left out. An effect that is nothing but a constant of the table is that one,
+    or a part of another that the table has none of."""
     meant = _meant(after.effect, before.robot) if after.effect is not None else ()
     if meant:
         shares = changed_by(meant, before.robot, after.robot.parameters)
-        return [Wrong(shares, after.robot)] if max(map(abs, shares.values())) < _FARTHEST else []
+        itself = [Wrong(shares, after.robot)] if max(map(abs, shares.values())) < _FARTHEST else []
+        parts = _none_of(before.robot)
+        return itself + [wrong for part in parts for wrong in _as_well(before, after, part, logs, held_out)]
     freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
     constants = [name for name in _constants(before.robot) if name not in freed]
     if not constants or before.angles or after.angles:
@@ -188,7 +204,7 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
             shares = changed_by(chosen, before.robot, trial.robot.parameters)
             if told_apart_from(after, trial):
                 failed |= set(twins[chosen[0]]) if len(chosen) == 1 else set()
-            elif not (far := _too_far(shares)):
+            elif not (far := _too_far(shares, before.robot)):
                 found.append(Wrong(shares, trial.robot))
             else:
                 too_far |= far
@@ -199,11 +215,26 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
     return found
 
 
-def _too_far(shares: Shares) -> set[str]:
-    """Those of the constants that nobody's table has so wrong."""
-    if len(shares) == 1:
-        return {name for name, share in shares.items() if not 1.0 / _TWICE < 1.0 + share < _TWICE}
-    return {name for name, share in shares.items() if abs(share) >= _FARTHEST}
+def _none_of(robot: Robot) -> tuple[str, ...]:
+    """The constants of the table that are no part of their whole, and might be."""
+    return tuple(n for n in robot.parts if robot.parameters[n].value == 0.0 and not robot.parameters[n].free)
+
+
+def _as_well(before: Trial, after: Trial, constant: str, logs: LogSet, held_out: LogSet) -> list[Wrong]:
+    """That constant in the place of the last effect of `after`, where it does what that does."""
+    trial = _with_freed(before, (constant,), logs, held_out)
+    shares = changed_by((constant,), before.robot, trial.robot.parameters)
+    alike = not _too_far(shares, before.robot) and not told_apart_from(after, trial)
+    return [Wrong(shares, trial.robot)] if alike else []
+
+
+def _too_far(shares: Shares, robot: Robot) -> set[str]:
+    """Those of the constants of the robot's table that nobody's table has so wrong."""
+    least, most = (1.0 / _TWICE - 1.0, _TWICE - 1.0) if len(shares) == 1 else (-_FARTHEST, _FARTHEST)
+    parts = _none_of(robot)
+    return {
+        name for name, share in shares.items() if not (0.0 < share < 1.0 if name in parts else least < share < most)
+    }
 
 
 def _meant(effect: Effect, robot: Robot) -> tuple[str, ...]:
@@ -240,7 +271,7 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
         alone = number == 1 and trial.fitted.adequate
-        if not (_too_far(shares) if alone else max(map(abs, shares.values())) >= _BELIEVABLE):
+        if not (_too_far(shares, before.robot) if alone else max(map(abs, shares.values())) >= _BELIEVABLE):
             trials.append(trial)
         if trial.fitted.adequate:
             break
@@ -253,8 +284,11 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
 
 
 def changed_by(names: Sequence[str], robot: Robot, table: Mapping[str, Any]) -> Shares:
-    """By which share of their values in `robot` constants differ in another table (of parameters, or estimates)."""
-    return {name: float(table[name].value / robot.parameters[name].value - 1.0) for name in names}
+    """By which share of their values in `robot` constants differ in another table (of parameters, or estimates); of the whole's
+    value where they are parts of it that were none."""
+    return {
+        name: float((table[name].value - robot.parameters[name].value) / _measure(name, robot)) for name in names
+    }
 
 
 def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: LogSet) -> Trial:
@@ -263,9 +297,17 @@ def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: Log
     return refit_from_itself(robot, before, logs, held_out, before.held_out.noise)
 
 
-def in_a_sentence(identifier: str, found: Sequence[Shares]) -> str:
-    """A sentence that names those constants, and that they may be meant by the effect `identifier`."""
-    listed = " or ".join(" and ".join(f"{n} ({100 * share:+.2g} %)" for n, share in own.items()) for own in found)
+def _by_how_much(name: str, share: float, robot: Robot) -> str:
+    """By which share of its value in `robot` a constant is wrong."""
+    value = robot.parameters[name].value
+    return f"{100 * share:+.2g} %" if value else f"{100 * share:.2g} % of {robot.parts[name]} in place of none"
+
+
+def in_a_sentence(identifier: str, found: Sequence[Shares], robot: Robot) -> str:
+    """A sentence that names those constants of the robot, and that they may be meant by the effect `identifier`."""
+    listed = " or ".join(
+        " and ".join(f"{n} ({_by_how_much(n, share, robot)})" for n, share in own.items()) for own in found
+    )
     wrong = "a wrong constant" if len(found[0]) == 1 else f"{len(found[0])} wrong constants"
     return (
         f"What is called {in_words(identifier)} here may as well be {wrong} in the table: {listed} would do the same, as far "
@@ -287,9 +329,9 @@ def built_in(effects: Sequence[Effect], robot: Robot) -> tuple[str, ...]:
     )
 
 
-def found_wrong(shares: Shares) -> str:
-    """A sentence that says which constants of the table the data contradicts, by how much."""
-    listed = " and ".join(f"{n} by {100 * share:+.2g} %" for n, share in shares.items())
+def found_wrong(shares: Shares, robot: Robot) -> str:
+    """A sentence that says which constants of the robot's table the data contradicts, by how much."""
+    listed = " and ".join(f"{n} by {_by_how_much(n, share, robot)}" for n, share in shares.items())
     return (
         f"No effect of the catalogue but a wrong table explains this best: these logs contradict the value of {listed}. "
         "Measure it, or keep the model as it is now."
