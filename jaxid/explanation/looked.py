@@ -116,6 +116,10 @@ def _all_sure(found: Search, fit: Fit, final: Fit) -> bool:
 def _settled(final: Fit) -> bool:
     """Whether the fit tells what its formulas might hold. Of most curves a height that is held says what their form is not to
     be, which is done only where the data does not even tell that there is such an effect."""
-    own = (effect for effect in final.robot.effects if not isinstance(effect, Curve) or effect.settled_by_holding)
-    may = (name for effect in own for name in effect.may_hold(final.robot))
-    return not any(final[name].status == "not_identifiable" for name in may)
+    every = final.robot.effects
+    own = (effect for effect in every if not isinstance(effect, Curve) or effect.settled_by_holding)
+    may = [name for effect in own for name in effect.may_hold(final.robot)]
+    # The places of a curve's points are in units of what it is a curve of: to another scale of all, it is another curve, and
+    # nearer to nature's by chance.
+    by_places = any(isinstance(effect, Curve) for effect in every) and any(name in final.free_names for name in may)
+    return not by_places and not any(final[name].status == "not_identifiable" for name in may)

@@ -63,12 +63,13 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
 
 def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit) -> tuple[str, ...]:
     """The names that the data cannot tell from the effect's, those that are the same constants of the table, the one that makes
-    everything as late as all are, and one that does the same to the robot where it was not refitted to see that."""
+    everything as late as all are, and one that does the same to the robot where it was not refitted to see that, or is a
+    formula beside a curve."""
     same = effects_that_are(effect.constants, bare) if isinstance(effect, TableConstants) else ()
     common = common_delay(effect, final)
     same = (*same, common.other) if common is not None else same
-    other = effect.same_on(bare)
-    same = (*same, other) if other and other not in {trial.id for trial in step.trials} else same
+    other, refitted = effect.same_on(final.robot), {trial.id for trial in step.trials}
+    same = (*same, other) if other and (effect.law == SHAPE or other not in refitted) else same
     return (*(name for name in step.equivalent if name not in same), *same)
 
 

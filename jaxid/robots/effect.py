@@ -107,7 +107,8 @@ class Effect:
         return ""
 
     def same_on(self, robot: "Robot") -> str:
-        """The id of the effect that does just the same to `robot`, whatever it does, but for how it is worked out; mostly empty."""
+        """The id of the effect that does just the same to `robot`, by its numbers there, but for how it is worked out; mostly
+        empty."""
         return ""
 
     def elsewhere(self, robot: "Robot") -> Mapping[str, float]:

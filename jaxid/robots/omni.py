@@ -7,9 +7,10 @@ world +x); motor currents i1..i4 [A] with `inductance=True`. Inputs u1..u4 [V].
     M (dVn/dt + c W V ) = f1 - f3 - Bvn Vn - Cvn sgn Vn
     J dW/dt = b (f1 + f2 + f3 + f4) - Bw W - Cw sgn W
 
-with c = `coriolis`: 1 for the turning frame's own terms (default), 0 for equations 1-3 as printed. Of M, `Mr` is no mass but the
-inertia of what turns with the wheels, behind gears mostly the motors' rotors: only m = M - Mr has weight, an offset and, in
-c W V and c W Vn, a momentum that turns with the robot (kinetic energy m |v_c|^2 / 2 + J W^2 / 2 + Mr (V^2 + Vn^2) / 2).
+with c = `coriolis`: 1 for the turning frame's own terms (default), 0 for equations 1-3 as printed. Of M, `Mr` is no mass but
+the inertia of what turns with the wheels, behind gears mostly the motors' rotors: only m = M - Mr has weight, an offset and,
+in c W V and c W Vn, a momentum that turns with the robot (kinetic energy
+m |v_c|^2 / 2 + J W^2 / 2 + Mr (V^2 + Vn^2) / 2).
 """
 
 from collections.abc import Mapping

@@ -55,6 +55,10 @@ def ramped(inputs, dt, away, back=None):
     return after + first * (0.5 * (before + turn) - after) + second * 0.5 * (turn - after)
 
 
+_NEXT_TO_NONE = 0.05
+"""Share of a response that is as good as none of it."""
+
+
 @dataclass(frozen=True)
 class MotorLag(Effect):
     """First-order lag between command and torque: `T du'/dt = u - u'`, its exact mean over every integration step."""
@@ -318,6 +322,14 @@ class StepResponse(Effect):
         p = robot.parameters.numbers
         mean = p[self.key("spacing")] * sum(k * p[self.key(f"share_{k}")] for k in self.multiples)
         return f"by its shares what acts comes {-mean:.2g} s before the command that was logged" if mean < 0.0 else ""
+
+    def same_on(self, robot: Robot) -> str:
+        """All of a command that comes by two neighbouring delays at most is one that is late by a time between these."""
+        p = robot.parameters.numbers
+        shares = [p[self.key(f"share_{k}")] for k in self.multiples]
+        each = [1.0 - sum(shares), *shares]
+        pairs = (each[:k] + each[k + 2 :] for k in range(len(each) - 1))
+        return "input_delay" if any(max(map(abs, others)) < _NEXT_TO_NONE for others in pairs) else ""
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         shares = jnp.stack([jnp.asarray(p[self.key(f"share_{k}")], float) for k in self.multiples])

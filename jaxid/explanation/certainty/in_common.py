@@ -57,8 +57,8 @@ def by_weight(final: Fit) -> tuple[str, ...]:
     table = final.robot.parameters
     none = [(part, whole) for part, whole in final.robot.parts.items() if table[part].value == 0.0]
     return tuple(
-        f"The numbers of {in_words(effect.id)} take all of {whole} for weight: where a part {part} of it is rotors that turn with the "
-        f"wheels, they are larger by {whole} / ({whole} - {part})."
+        f"The numbers of {in_words(effect.id)} take all of {whole} for weight: where a part {part} of it is rotors that turn "
+        f"with the wheels, they are larger by {whole} / ({whole} - {part})."
         for effect in final.robot.effects
         if "weight" in effect.needs
         for part, whole in none

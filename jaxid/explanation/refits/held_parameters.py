@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ...logs import LogSet
+from ..policy import current_policy
 from .candidate_refits import Report
 from .refit import Trial, continued, refit_from_itself
 
@@ -17,12 +18,16 @@ def with_parameters_held(
     trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float], say: Report = lambda message: None
 ) -> Trial:
     """The trial with what each of its effects `may_hold` held at zero, one number after another, where that is the likelier
-    model."""
+    model, or leaves nothing that is to be explained of the logs fitted."""
     for effect in trial.robot.effects if not trial.angles else ():
         for name in effect.may_hold(trial.robot):
             say(f"refitting with a parameter of {effect.title} held")
             robot = trial.robot.with_values(**{name: 0.0}).change(name, free=False)
             again = continued(refit_from_itself(robot, trial, logs, held_out, noise), logs, held_out, noise)
-            if again.score < trial.score:
+            if (
+                again.score < trial.score
+                or again.fitted.adequate
+                or again.fitted.normalised_rms < current_policy().small
+            ):
                 trial = replace(again, id=trial.id)
     return trial

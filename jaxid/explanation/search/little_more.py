@@ -22,8 +22,8 @@ from .worth import likelier
 _TRIED = 2
 """Mechanisms that are refitted."""
 _UNDONE = 0.99
-"""Share of what an error of a sensor does that the refitted parameters of the rest undo, from which on it is another unit of the
-same motion, such as one scale of all sensors, rather than an error: what little it explains, the rest explains."""
+"""Share of what an error of a sensor does that the refitted parameters of the rest undo, from which on it is another unit of
+the same motion, such as one scale of all sensors, rather than an error: what little it explains, the rest explains."""
 
 
 def with_a_sensor_besides(

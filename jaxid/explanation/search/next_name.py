@@ -67,6 +67,14 @@ def _as_near(trials: Sequence[Trial], base: Trial) -> list[str]:
     return [trial.id for trial in trials[1:] if trial.fitted.normalised_rms < far]
 
 
+def _by_what_holds(laws: list[Trial], base: Trial) -> list[Trial]:
+    """The trials of a mechanism's laws, first the best by which it predicts held-out logs better than without it, where the
+    first does not: a curve that follows the fitted logs may lead anywhere on others, and hides no law that holds there."""
+    holding = (trial for trial in laws if trial.held_out.normalised_rms < base.held_out.normalised_rms)
+    first = next((trial for trial in holding if not trial.held_out.diverged), laws[0])
+    return [first, *(trial for trial in laws if trial is not first)]
+
+
 def _untried(trials: Sequence[Trial], likely: Sequence[Candidate]) -> list[Candidate]:
     """The candidates that explain like the first of the trials and were not refitted, since another one led until last."""
     return alike_to(trials[0].id, likely, {trial.id for trial in trials})[:_MOST_ALIKE]
@@ -129,6 +137,7 @@ def name_next(
         )
     mechanisms = with_its_other_laws(by_where_they_bend(mechanisms, base), screened, added)
     mechanisms = with_the_same_law(mechanisms, screened, added)
+    mechanisms = sorted((_by_what_holds(own, base) for own in mechanisms), key=lambda own: own[0].score)
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])
     in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)

@@ -13,7 +13,7 @@ from ...logs import LogSet
 from ..refits.candidate_refits import Report
 from ..refits.refit import Trial
 from .laws import best_first
-from .reconsider import with_rival
+from .reconsider import with_rivals
 from .steps import Step, laws_in
 from .telling_apart import alike
 
@@ -41,9 +41,7 @@ def by_plainer_laws(
             continue
         others = [law for law in step.laws if law.id == effect.id and law.law not in (SHAPE, effect.law)]
         plainer = [law for law in others if law.free < step.chosen.free][:_MOST]
-        for law in plainer:
-            say(f"refitting with {law.title} instead of {effect.title}")
-        trials = [with_rival(law, effect.id, current, base, logs, held_out, noise) for law in plainer]
+        trials = with_rivals(plainer, effect.id, current, base, logs, held_out, noise, say)
         own = best_first([replace(current, id=effect.id), *trials])
         if own[0].law == effect.law:
             continue

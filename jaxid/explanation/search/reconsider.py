@@ -1,6 +1,7 @@
 """What later effects make of earlier ones: not needed any more, by another law, or another's name."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from ...effects import laws_of
 from ...effects.curve import SHAPE, Curve
 from ...effects.table_constants import TableConstants
 from ...logs import LogSet
-from ...robots.effect import Effect
+from ...robots.effect import Effect, EffectError
 from ...robots.robot import Robot
 from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued, refit, refit_from_itself
@@ -193,14 +194,26 @@ def rivals_of(step: Step, present: Collection[str]) -> list[Trial]:
     return sorted(rivals, key=lambda t: (t.id not in step.equivalent, t.score))[:_RIVALS]
 
 
-def with_rival(rival: Trial, instead_of: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
-    """The model with the effect of a rival in the place of another, refitted."""
-    owners = {
-        rival.id if effect.id == instead_of else effect.id: rival.robot if effect.id == instead_of else current.robot
-        for effect in current.robot.effects
-    }
-    swapped = refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
-    return replace(swapped, id=rival.id)
+def with_rivals(
+    rivals: Iterable[Trial], instead_of: str, current: Trial, base: Trial, logs, held_out, noise, say: Report
+) -> list[Trial]:
+    """The model with the effect of each of the rivals in the place of another, refitted; without those that cannot stand
+    beside its other effects, such as two that make the same friction one of each axis."""
+    models: list[tuple[Trial, Robot]] = []
+    for rival in rivals:
+        owners = {
+            rival.id if effect.id == instead_of else effect.id: rival.robot
+            if effect.id == instead_of
+            else current.robot
+            for effect in current.robot.effects
+        }
+        with suppress(EffectError):
+            models.append((rival, with_effects(base.robot, owners)))
+    trials = []
+    for number, (rival, model) in enumerate(models, start=1):
+        say(f"refitting with {rival.title} instead of {instead_of}, {number} of {len(models)}")
+        trials.append(replace(refitted_like(model, current, logs, held_out, noise), id=rival.id))
+    return trials
 
 
 def exchanged(
@@ -216,9 +229,7 @@ def exchanged(
         if step.chosen.id not in present or current.angles or current.held_out.adequate:
             continue
         rivals = rivals_of(step, present)
-        for number, rival in enumerate(rivals, start=1):
-            say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
-        trials = [with_rival(rival, step.chosen.id, current, base, logs, held_out, noise) for rival in rivals]
+        trials = with_rivals(rivals, step.chosen.id, current, base, logs, held_out, noise, say)
         best = min(trials, key=lambda trial: trial.score, default=current)
         if best.score < current.score and told_apart_from(best, current):
             say(f"{best.title} instead of {step.chosen.title}: held-out {best.held_out.normalised_rms:.3f} x noise")
@@ -255,14 +266,12 @@ def reconsidered(
         # so is what rivals were refitted beside and has been exchanged since.
         gone = laws_in(step.before.robot, "") - laws_in(final.robot, step.chosen.id)
         anew = (step.chosen.law != step.after.law or bool(gone)) and not final.angles
-        for number, rival in enumerate(rivals, start=1):
-            say(f"refitting with {rival.title} instead of {step.chosen.title}, {number} of {len(rivals)}")
-            swapped = with_rival(rival, step.chosen.id, final, base, logs, held_out, noise)
-            if anew and rival.effect is not None:
-                others = _by_laws(rival.effect, bare, logs, held_out, noise, say)
+        for swapped in with_rivals(rivals, step.chosen.id, final, base, logs, held_out, noise, say):
+            if anew and swapped.effect is not None:
+                others = _by_laws(swapped.effect, bare, logs, held_out, noise, say)
                 swapped = best_first([swapped, *(other for other in others if other.law != swapped.law)])[0]
             trials.append(swapped)
-            say(f"{rival.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
+            say(f"{swapped.id} instead of {step.chosen.id}: held-out {swapped.held_out.normalised_rms:.3f} x noise")
         if TableConstants.id not in present:
             right = constants_instead(bare, min(trials, key=lambda t: t.score), logs, held_out)
             if right is not None:
