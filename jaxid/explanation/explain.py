@@ -30,6 +30,7 @@ from .explanation import Explanation
 from .left.between_logs import changed_between
 from .left.doubtful_logs import doubtful_logs
 from .left.even_stamps import on_even_stamps
+from .left.holes import cut_at_holes
 from .left.lost_inputs import with_inputs_put_back
 from .left.passing_jumps import without_passing_jumps
 from .left.usable_readings import on_usable_readings
@@ -152,7 +153,8 @@ def explain(
     from their neighbours and come back are left out of the search, in the fitted and in the held-out logs
     (`passing_jumps`). Readings at the end of a sensor's range, and those of one that is dead in a log, are left out where they
     make much of the gap (`usable_readings`). Stamps that scatter about an even clock are evened where that predicts better
-    (`even_stamps`), and rows in which an input changed unseen are put back (`lost_inputs`). `windows`: "auto" keeps those of
+    (`even_stamps`), rows in which an input changed unseen are put back (`lost_inputs`), and logs in which many are missing are
+    explained in parts (`holes`). `windows`: "auto" keeps those of
     an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something is done. Of compiled
     programs no more are kept than `_memory.MOST_PROGRAMS`.
 
@@ -184,6 +186,7 @@ def explain(
     if placeless:
         report(placeless)
     fit, logs, held_out, unusable = on_usable_readings(fit, logs, held_out, report, loss=loss, covariance=covariance)
+    fit, logs, held_out, parts = cut_at_holes(fit, logs, held_out, report, loss=loss, covariance=covariance)
     fit, logs, held_out, evened = on_even_stamps(fit, logs, held_out, report, loss=loss, covariance=covariance)
     logs, held_out, was_sorted = sorted_logs(fit, logs, held_out, report)
     with_gaps = logs, held_out
@@ -303,6 +306,7 @@ def explain(
                 hinges,
                 still,
                 unusable,
+                parts,
                 evened,
                 unlike,
                 put_back,

@@ -49,7 +49,7 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
                     where=effect.where,
                     formula=effect.formula,
                     parameters=own,
-                    equivalent_to=_equivalent(effect, step, baseline.robot, final),
+                    equivalent_to=_equivalent(effect, step, baseline.robot, final, found.after.by_chance),
                     evidence=_evidence(step),
                     identified=sure,
                     law=effect.law,
@@ -61,15 +61,17 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
 
 
-def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit) -> tuple[str, ...]:
+def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit, by_chance: bool) -> tuple[str, ...]:
     """The names that the data cannot tell from the effect's, those that are the same constants of the table, the one that makes
-    everything as late as all are, and one that does the same to the robot where it was not refitted to see that, or is a
-    formula beside a curve."""
+    everything as late as all are, and one that does the same to the robot: where it was not refitted to see that, is a formula
+    beside a curve, or is what a chance that does not show (`by_chance`) comes to on average."""
     same = effects_that_are(effect.constants, bare) if isinstance(effect, TableConstants) else ()
     common = common_delay(effect, final)
     same = (*same, common.other) if common is not None else same
     other, refitted = effect.same_on(final.robot), {trial.id for trial in step.trials}
-    same = (*same, other) if other and (effect.law == SHAPE or other not in refitted) else same
+    scatters = bool(effect.draws(final.robot.parameters.numbers, final.robot))
+    alike = not by_chance if scatters else effect.law == SHAPE or other not in refitted
+    same = (*same, other) if other and alike else same
     return (*(name for name in step.equivalent if name not in same), *same)
 
 

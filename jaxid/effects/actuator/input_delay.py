@@ -111,6 +111,9 @@ class JitteringDelay(InputDelay):
     formula: ClassVar[str] = "u'(t) = mean of u over (t - 2 delay, t)"
     only_later: ClassVar[bool] = False
 
+    def same_on(self, robot: Robot) -> str:
+        return "motor_lag"  # on average
+
     def draws(self, p: Numbers, robot: Robot) -> tuple[Draw, ...]:
         longest, drives = 2.0 * float(p[self.key("delay")]), list(robot.drive_inputs)
 

@@ -108,6 +108,9 @@ class JitteringSensorDelay(SensorDelay):
     formula: ClassVar[str] = "y'(t) = mean of y over (t - 2 delay, t)"
     only_later: ClassVar[bool] = False
 
+    def same_on(self, robot: Robot) -> str:
+        return "sensor_lag"  # on average
+
     def draws(self, p: Numbers, robot: Robot) -> tuple[Draw, ...]:
         longest, names = 2.0 * float(p[self.key("delay")]), sensed(robot)
         late = [i for i, name in enumerate(robot.channels.measured) if name in names]

@@ -10,20 +10,15 @@ from ...logs import LogSet
 from ...robots.effect import Effect
 from ..policy import current_policy
 from ..refits.candidate_refits import Report, all_added
-from ..refits.prescribed_angles import predicted
 from ..refits.refit import Trial, continued
 from ..screening.first_look import first_look
-from .denser import bare_of
 from .from_the_back import not_present
 from .steps import Step
 from .telling_apart import not_told_apart, simplest_first, supersets
-from .worth import likelier
+from .worth import likelier, undone
 
 _TRIED = 2
 """Mechanisms that are refitted."""
-_UNDONE = 0.99
-"""Share of what an error of a sensor does that the refitted parameters of the rest undo, from which on it is another unit of
-the same motion, such as one scale of all sensors, rather than an error: what little it explains, the rest explains."""
 
 
 def with_a_sensor_besides(
@@ -53,7 +48,7 @@ def with_a_sensor_besides(
         for trial in trials
         if _all_that_is_left(trial, current)
         and likelier(current, trial, tried)
-        and not _undone(trial, current, held_out, noise)
+        and not undone(trial, current, held_out, noise)
     ]
     if not trials:
         return steps, current
@@ -73,12 +68,3 @@ def _all_that_is_left(trial: Trial, before: Trial) -> bool:
     """Whether an effect leaves next to nothing of what there was."""
     small = trial.held_out.gap < current_policy().unexplained * before.held_out.gap
     return trial.held_out.adequate or (small and trial.held_out.normalised_rms < current_policy().small)
-
-
-def _undone(trial: Trial, before: Trial, held_out: LogSet, noise: dict[str, float]) -> bool:
-    """Whether the rest of the model was refitted to undo what the trial's effect does."""
-    effect = trial.effect
-    if effect is None:
-        return False
-    without = predicted(bare_of(trial.robot, effect), held_out, noise).squares - trial.held_out.squares
-    return without > (before.held_out.squares - trial.held_out.squares) / (1.0 - _UNDONE)

@@ -25,7 +25,7 @@ from .laws import (
 from .steps import Step
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets
-from .worth import coarseness, least_gain, worth_it
+from .worth import coarseness, least_gain, undone, worth_it
 
 _MOST_ALIKE = 4
 _FIRST_TRIALS = 2
@@ -145,7 +145,10 @@ def name_next(
     if in_colour is None:
         trials = simplest_first(trials)
         # What does not hold on the held-out logs explains nothing, however well it was fitted; the next one may.
-        held = [worth_it(base, trial, first, _looked_at(screened, trial)) for trial in trials]
+        held = [
+            worth_it(base, trial, first, _looked_at(screened, trial)) and not undone(trial, base, held_out, noise)
+            for trial in trials
+        ]
         worth = any(held)
         leading = held.index(True) if worth else 0
         refused, trials = trials[:leading], trials[leading:]

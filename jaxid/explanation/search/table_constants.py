@@ -44,6 +44,8 @@ _FARTHEST = 0.5
 """Share of their values by which no table has several constants wrong."""
 _TWICE = 2.2
 """Factor by which no table has one wrong: a diameter for a radius, a half track for a track."""
+_NONE = 1e-3
+"""Share of its value by which a constant is as good as right: it is not what explains."""
 _BELIEVABLE = 0.15
 """Share by which a table may be wrong that is not asked for by a name: what is farther off stands in for something else, but
 for one constant that leaves nothing."""
@@ -151,7 +153,8 @@ def _secants(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: 
     every = (*table.free_names, *names)
     magnitudes = [_measure(name, before.robot) if name in names else table[name].value for name in every]
     sizes = [
-        _STEP * (abs(magnitude) or table[name].typical or 1.0) for name, magnitude in zip(every, magnitudes, strict=True)
+        _STEP * (abs(magnitude) or table[name].typical or 1.0)
+        for name, magnitude in zip(every, magnitudes, strict=True)
     ]
     # Away from an upper bound.
     full = [table[n].value + size > table[n].upper for n, size in zip(every, sizes, strict=True)]
@@ -202,7 +205,7 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
                 continue
             trial = _with_freed(before, chosen, logs, held_out)
             shares = changed_by(chosen, before.robot, trial.robot.parameters)
-            if told_apart_from(after, trial):
+            if max(map(abs, shares.values())) < _NONE or told_apart_from(after, trial):
                 failed |= set(twins[chosen[0]]) if len(chosen) == 1 else set()
             elif not (far := _too_far(shares, before.robot)):
                 found.append(Wrong(shares, trial.robot))
@@ -286,9 +289,7 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
 def changed_by(names: Sequence[str], robot: Robot, table: Mapping[str, Any]) -> Shares:
     """By which share of their values in `robot` constants differ in another table (of parameters, or estimates); of the whole's
     value where they are parts of it that were none."""
-    return {
-        name: float((table[name].value - robot.parameters[name].value) / _measure(name, robot)) for name in names
-    }
+    return {name: float((table[name].value - robot.parameters[name].value) / _measure(name, robot)) for name in names}
 
 
 def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: LogSet) -> Trial:

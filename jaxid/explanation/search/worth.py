@@ -1,16 +1,24 @@
 """Whether an effect is worth adding: what it must close of the gap, beyond chance and beyond what another law had left."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..._distributions import normal_beyond
 from ...effects.curve import SHAPE
+from ...logs import LogSet
 from ..left.heldout import HeldOut
 from ..policy import current_policy
+from ..refits.prescribed_angles import predicted
 from ..refits.refit import Trial
+from .denser import bare_of
 from .telling_apart import told_apart
 
 _MOST = 0.5
 """Share of a gap on held-out logs, which chose nothing, that is most of it."""
+_UNDONE = 0.999
+"""Share of what an error of a sensor does that the refitted parameters of the rest undo, from which on it is another unit of
+the same motion, such as one scale of all sensors, rather than an error: what little it explains, the rest explains."""
 
 
 def least_gain(before: Trial, first: Trial) -> float:
@@ -70,3 +78,12 @@ def worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
     """
     gained = before.held_out.squares - after.held_out.squares
     return likelier(before, after, tried) and gained > float(normal_beyond(before.held_out.false_alarm / 2)) ** 2
+
+
+def undone(trial: Trial, before: Trial, held_out: LogSet, noise: Mapping[str, float]) -> bool:
+    """Whether the trial's effect is one of a sensor, and the rest of the model was refitted to undo what it does."""
+    effect = trial.effect
+    if effect is None or effect.where != "sensor" or trial.angles:
+        return False
+    without = predicted(bare_of(trial.robot, effect), held_out, noise).squares - trial.held_out.squares
+    return bool(without > (before.held_out.squares - trial.held_out.squares) / (1.0 - _UNDONE))
