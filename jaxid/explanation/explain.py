@@ -21,6 +21,7 @@ from ..logs.windows import in_windows
 from ..parameters import ParameterError
 from ..robots.effect import Effect
 from ..robots.given import given_logs
+from .certainty.beyond_reach import going_on_beyond
 from .certainty.finer_curves import hangs_on_forms
 from .certainty.hinging import by_law, by_name, hinging, shapes_alone, with_the_rest
 from .certainty.in_common import by_weight, delays_in_common, without_a_name
@@ -249,6 +250,8 @@ def explain(
                 hinges = " ".join(filter(None, (hinges, sentence)))
         if found.final is not None:
             own = with_another_nominal(final, found.final, logs, held_out, found.before.noise, report)
+            final, hinges = own.final, " ".join(filter(None, (hinges, own.sentence)))
+            own = going_on_beyond(final, found.final, logs, held_out, found.before.noise, report)
             final, hinges = own.final, " ".join(filter(None, (hinges, own.sentence)))
         named = tuple(effect.as_in(final) for effect in named)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)

@@ -132,7 +132,8 @@ class DeadZoneOfEach(DeadZone):
 
 @dataclass(frozen=True)
 class DeadZoneCurve(Curve):
-    """What is lost of a command, a curve of its size that goes through zero and is level beyond the reach."""
+    """What is lost of a command, a curve of its size that goes through zero and has the fixed slope `tail` beyond the reach:
+    none, but where it is asked what hangs on that."""
 
     id: ClassVar[str] = "actuator_dead_zone"
     where: ClassVar[str] = "actuator"
@@ -145,7 +146,15 @@ class DeadZoneCurve(Curve):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, largest = input_unit(robot), robot.scales.input
-        return self.heights_and_reach(robot, unit, 0.03 * largest, unit, 0.5 * largest)
+        found = self.heights_and_reach(robot, unit, 0.03 * largest, unit, 0.5 * largest)
+        return found | {self.key("tail"): Parameter(0.0, "", typical=0.1, source="catalogue")}
+
+    def going_on(self, robot: Robot) -> Robot:
+        """`robot` with the curve that goes on beyond its reach as it comes there: what is lost in proportion to the command is
+        another gain of all, so that the robot's own parameters hang on that."""
+        numbers, reach = robot.parameters.numbers, robot.parameters[self.key("reach")].value
+        last, before = (float(self.at(share * reach, numbers)) for share in (1.0, self.places[-2]))
+        return robot.with_values(**{self.key("tail"): (last - before) / ((1.0 - self.places[-2]) * reach)})
 
     def agrees(self, robot: Robot) -> bool:
         largest = np.linspace(0.0, robot.scales.input, 101)
@@ -153,7 +162,8 @@ class DeadZoneCurve(Curve):
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         size = jnp.abs(inputs)
-        lost = jnp.minimum(self.at(size, p), size)
+        beyond = jnp.maximum(size - p[self.key("reach")], 0.0)
+        lost = jnp.minimum(self.at(size, p) + p[self.key("tail")] * beyond, size)
         return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
 
 

@@ -287,9 +287,16 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
 
 
 def changed_by(names: Sequence[str], robot: Robot, table: Mapping[str, Any]) -> Shares:
-    """By which share of their values in `robot` constants differ in another table (of parameters, or estimates); of the whole's
-    value where they are parts of it that were none."""
-    return {name: float((table[name].value - robot.parameters[name].value) / _measure(name, robot)) for name in names}
+    """By which share of their values in `robot` constants differ in another table (of parameters, or estimates); parts of a
+    whole that were none of it, by which share of it they are."""
+    old = robot.parameters
+
+    def share(name: str) -> float:
+        if old[name].value:
+            return float(table[name].value / old[name].value - 1.0)
+        return float(table[name].value / table[robot.parts[name]].value)
+
+    return {name: share(name) for name in names}
 
 
 def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: LogSet) -> Trial:

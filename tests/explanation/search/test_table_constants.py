@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxid import Channels, Custom, Log, LogSet, Parameter, Pioneer, explain, output_error
+from jaxid import Channels, Custom, DifferentialDrive, Log, LogSet, Parameter, Pioneer, explain, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.refits.refit import Trial
@@ -214,3 +214,33 @@ def test_constants_that_do_the_same_are_known_for_it():
     sets, twins = _likely(own[None], columns, one)
     assert set(twins["mass"]) == {"mass", "resistance"} and twins["length"] == ("length",)
     assert sets[:2] == [("mass",), ("resistance",)] or sets[:2] == [("resistance",), ("mass",)]
+
+
+def test_a_part_of_the_mass_that_the_table_has_none_of_is_beside_the_offset_that_does_as_much():
+    """A geared drive, by SciPy: the rotors' share of the mass has no offset."""
+    carried, rotors, offset, known = 9.0, 6.0, 0.08, {"b": 0.25, "Fc": 0.0, "xc": 0.08}
+
+    def run(name, seed):
+        rng = np.random.default_rng(seed)
+        u = np.repeat(rng.uniform(-12.0, 12.0, (20, 2)), 15, axis=0)
+        state, seen = np.zeros(2), []
+        for right, left in u:
+            seen.append(state)
+
+            def rates(_, state, right=right, left=left):
+                v, w = state
+                ahead = right + left - 12.0 * v + carried * offset * w**2
+                turn = 0.25 * (right - left) - 12.0 * 0.25**2 * w - carried * offset * v * w
+                return [ahead / (carried + rotors), turn / (0.9 + carried * offset**2)]
+
+            state = solve_ivp(rates, (0.0, DT), state, rtol=1e-9, atol=1e-10).y[:, -1]
+        outputs = np.array(seen) + rng.normal(size=(300, 2)) * [0.002, 0.004]
+        return Log.from_arrays(name, DT * np.arange(300), u, outputs, "differential")
+
+    robot = DifferentialDrive().with_values(M=12.0, J=1.0, Fv=5.0, **known).change("Fc", free=False)
+    logs = LogSet([run("a", 0), run("b", 1)])
+    found = explain(output_error(robot, logs), logs, LogSet([run("c", 2)]))
+    assert found.verdict == "ambiguous" and found.after.normalised_rms < 1.05
+    (said,) = [note for note in found.notes if "a wrong constant in the table" in note]
+    share = float(said.partition("Mr (")[2].partition(" % of M in place of none")[0])
+    assert share == pytest.approx(100 * rotors / (carried + rotors), abs=1.5)
