@@ -12,6 +12,7 @@ import pytest
 from jaxid import Axis, DifferentialDrive, Log, LogSet, Omni, Pioneer, simulate
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.effects.catalogue import ALL
+from jaxid.effects.effect_parameters import per_speed
 
 ROBOTS = (Pioneer(), Omni(), Axis(), DifferentialDrive())
 LAWS = [
@@ -63,3 +64,8 @@ def test_a_robot_is_simulated_alike_whatever_robot_came_before():
         model = model.with_values(**known)
         (found,) = simulate(model, LogSet([Log.from_arrays("turn", time, u, nothing, model)]))
     np.testing.assert_allclose(found[:, 1], time, atol=0.05)
+
+
+def test_units_of_forces_over_speeds_hold_the_speeds_own_unit():
+    assert per_speed("N", "m/s") == "N s/m" and per_speed("N", "mm/s", 2) == "N s^2/mm^2"
+    assert per_speed("N m", "deg/s") == "N m s/deg" and per_speed("mN m", "rpm", 2) == "mN m/rpm^2"

@@ -136,3 +136,14 @@ def test_an_inductance_needs_no_currents_that_a_user_declares():
         axes={"wheel": DriveAxis(speed="v", viscous="Fv", torque=torque)},
     )
     assert "late_torque" in [law.law for law in laws_of(cart, "motor_lag")]
+
+
+@pytest.mark.parametrize(
+    ("shares", "same"), [((0.98, -0.02, 0.01), True), ((0.0, 0.6, 0.4), True), ((0.3, 0.3, 0.2), False)]
+)
+def test_a_response_by_two_neighbouring_delays_may_be_a_delay(shares, same):
+    robot = Axis()
+    robot = robot + effect_by_id(robot, "motor_lag", "shape")
+    names = ("motor_lag.share_1", "motor_lag.share_2", "motor_lag.share_4")
+    robot = robot.with_values(**dict(zip(names, shares, strict=True)))
+    assert robot.effects[0].same_on(robot) == ("input_delay" if same else "")

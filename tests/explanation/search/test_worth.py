@@ -1,0 +1,45 @@
+"""jaxid/explanation/search/worth.py: an error of a sensor that the rest of the model undoes, on an axis in closed form."""
+
+from jaxid import Axis, Log, LogSet
+from jaxid.effects import effect_by_id
+from jaxid.explanation.refits.refit import refit
+from jaxid.explanation.search.worth import undone
+from jaxid.simulation.scaled import scaled_to
+from tests.explanation import closed_form_axis
+from tests.explanation.closed_form_axis import driven
+
+NOISE = {"v": closed_form_axis.NOISE}
+
+
+def biased(logs, bias):
+    return LogSet(Log.from_arrays(o.name, o.time, o.inputs, {"v": o.output("v") + bias}, o.channels) for o in logs)
+
+
+def trials(effect, known, bias=0.0, **values):
+    """The axis refitted without and with an effect at some size of its own, the parameters `known` held."""
+    logs, held_out = (biased(some, bias) for some in driven(lambda u: u, 2))
+    plain = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0, offset=0.0), logs)
+    for name in ("Fc", "offset", *known):
+        plain = plain.change(name, free=False)
+    found = []
+    for robot in (plain, plain + effect_by_id(plain, effect)):
+        start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        start |= {name: value for name, value in values.items() if name in start}
+        found.append(refit(robot, [start], logs, held_out, NOISE, {}))
+    return *found, held_out
+
+
+def test_another_unit_of_all_that_is_measured_is_undone_by_mass_and_friction():
+    before, after, held_out = trials("sensor_scale", (), **{"sensor_scale.error_v": 0.8, "M": 1.8, "Fv": 3.6})
+    assert abs(after.robot.parameters["sensor_scale.error_v"].value) > 0.1
+    assert undone(after, before, held_out, NOISE)
+
+
+def test_a_bias_that_explains_what_it_does_is_not():
+    before, after, held_out = trials("sensor_bias", (), 0.005, **{"sensor_bias.bias_v": 0.001})
+    assert not undone(after, before, held_out, NOISE)
+
+
+def test_nor_is_an_effect_that_is_none_of_a_sensor():
+    before, after, held_out = trials("quadratic_drag", (), **{"quadratic_drag.coefficient": 0.5, "Fv": 1.0})
+    assert not undone(after, before, held_out, NOISE)
