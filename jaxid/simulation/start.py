@@ -178,7 +178,9 @@ def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None =
     # Started elsewhere than at rest at the origin: by the first sample, which is as wrong as its noise.
     level = np.array([noise[name] if np.isfinite(noise[name]) else 0.0 for name in measured])
     largest = np.array([np.nanmax(np.abs(log.outputs), axis=0, initial=0.0) for log in logs])
-    largest[:, [name not in logs[0].channels.outputs for name in measured]] = 0.0
+    # What is no velocity and no output of any, such as a temperature, has no rest that a small offset could be one of.
+    resting = {*logs[0].channels.outputs} - {*robot.states} | {*robot.velocities}
+    largest[:, [name not in logs[0].channels.outputs or name not in resting for name in measured]] = 0.0
     least = np.maximum(_AT_REST * level, _STILL * largest)
     known = [i for i, name in enumerate(outputs) if name not in states]
     places = [e for e in range(len(logs)) if asked is None or asked[e]]
