@@ -63,7 +63,9 @@ class Integrator:
         if steps > _TOO_MANY_STEPS:
             raise ParameterError(
                 f"With its present numbers the robot has motions so fast that samples {sampling_interval:.3g} s apart "
-                f"would take {steps:.1g} integration steps each; check the units of its parameters and of the time column."
+                f"would take {steps:.1g} integration steps each; check the units of its parameters and of the time column, "
+                "and declare dry friction (`dry_friction=` or `axes=` of a `Custom`) rather than write it as a sign or a steep "
+                "function of a speed."
             )
         return Integrator(steps, friction or Sticking())
 

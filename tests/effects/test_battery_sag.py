@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from jaxid import Axis, Channels, Custom, DifferentialDrive, Omni, Parameter, explain, output_error
+from jaxid import AXIS, Axis, Channels, Custom, DifferentialDrive, Log, LogSet, Omni, Parameter, explain, output_error
 from jaxid.effects import catalogue, effect_by_id, laws_of
 from jaxid.explanation.not_looked_for import not_looked_for
 from tests.explanation.closed_form_axis import driven
@@ -96,3 +96,24 @@ def test_a_supply_without_constants_falls_with_what_is_drawn_from_it(law, drawn)
     found = effect.supply(tuple(volts), tuple(volts - behind), state, p, model)
     assert 0.05 < 1.0 - share < 0.3
     np.testing.assert_allclose(np.array(found) / volts, share, atol=0.003)
+
+
+def test_mass_and_friction_allow_for_a_sag_that_goes_on_in_another_way():
+    """A supply that falls by a power of time, which the formula that levels off is near enough to for the outputs."""
+    time, decay = 0.1 * np.arange(4000), np.exp(-0.2)
+    logs = []
+    for k in range(3):
+        rng = np.random.default_rng([7, k])
+        u = np.repeat(rng.uniform(-4, 4, 800), 5)
+        v, found = 0.0, []
+        for force in u * (1.0 - 0.3 * (time / time[-1]) ** 0.7):
+            found.append(v)
+            v = force / 2.0 + (v - force / 2.0) * decay
+        outputs = {"v": np.array(found) + 0.05 * rng.normal(size=len(u))}
+        logs.append(Log.from_arrays(f"run {k}", time, u[:, None], outputs, AXIS))
+    robot = Axis().with_values(M=1.2, Fv=2.2, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
+    story = explain(output_error(robot, LogSet(logs[:2])), LogSet(logs[:2]), LogSet(logs[2:]))
+    assert [(effect.id, effect.law) for effect in story.effects] == [("battery_sag", "levelling_off")]
+    assert any("with a freer form they would be M" in note for note in story.notes)
+    for name, true in (("M", 1.0), ("Fv", 2.0)):
+        assert abs(story.final[name].value - true) < 3.0 * story.final[name].std_error < 0.2 * true, name

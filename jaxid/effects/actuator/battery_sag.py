@@ -1,6 +1,8 @@
 """The supply drops with what is drawn from it: equivalent circuits of batteries."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -160,8 +162,32 @@ class SagOverTime(Effect):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "slope", "1/s", 0.1 / robot.scales.duration)
 
+    @property
+    def freer(self) -> Effect | None:
+        return SagThatBends(stands_as=self.stands_as)
+
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         left = jnp.maximum(1.0 - p[self.key("slope")] * time, 0.0)
+        return on_drives(robot, inputs, inputs * left[:, None])
+
+
+@dataclass(frozen=True)
+class SagThatBends(SagOverTime):
+    """The same as a parabola of time: for the question whether the robot's own parameters hang on that it is even."""
+
+    law: ClassVar[str] = "bending"
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"bend": 0.0})
+    formula: ClassVar[str] = "u_i' = u_i (1 - slope * t - bend * t^2)"
+
+    @property
+    def freer(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | signed(self, "bend", "1/s^2", 0.1 / robot.scales.duration**2)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        left = jnp.maximum(1.0 - p[self.key("slope")] * time - p[self.key("bend")] * time**2, 0.0)
         return on_drives(robot, inputs, inputs * left[:, None])
 
 
@@ -176,10 +202,36 @@ class SagLevellingOff(SagOverTime):
         slow = shape(self, "time_constant", "s", 0.3 * robot.scales.duration)
         return positive(self, "share", "", 0.05) | slow | shortest(self, 2.0 * robot.scales.interval)
 
-    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+    @property
+    def freer(self) -> Effect | None:
+        return SagGoingOn(stands_as=self.stands_as)
+
+    def left(self, time, p: Numbers):
+        """What is left of a command, as a share of it."""
         slow = jnp.maximum(p[self.key("time_constant")], p[self.key("shortest")])
-        left = jnp.maximum(1.0 + p[self.key("share")] * jnp.expm1(-time / slow), 0.0)
-        return on_drives(robot, inputs, inputs * left[:, None])
+        return 1.0 + p[self.key("share")] * jnp.expm1(-time / slow)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        return on_drives(robot, inputs, inputs * jnp.maximum(self.left(time, p), 0.0)[:, None])
+
+
+@dataclass(frozen=True)
+class SagGoingOn(SagLevellingOff):
+    """The same, which goes on evenly: for the question whether the robot's own parameters hang on that it levels off."""
+
+    law: ClassVar[str] = "going_on"
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"slope": 0.0})
+    formula: ClassVar[str] = "u_i' = u_i (1 - share (1 - exp(-t / time_constant)) - slope * t)"
+
+    @property
+    def freer(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | signed(self, "slope", "1/s", 0.1 / robot.scales.duration)
+
+    def left(self, time, p: Numbers):
+        return super().left(time, p) - p[self.key("slope")] * time
 
 
 @dataclass(frozen=True)

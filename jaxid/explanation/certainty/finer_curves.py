@@ -144,7 +144,9 @@ def _widened(final: Fit, freer: Fit, effect: Effect) -> Fit:
     does not identify is not identified."""
     own = {n: (freer[n].value - final[n].value, freer[n].std_error) for n in _own(final, freer)}
     lost = [n for n in own if freer[n].status == "not_identifiable" or not np.isfinite(freer[n].std_error)]
-    form = "another exponent" if effect.freer is not None else "a curve in its place"
+    form = "a curve in its place"
+    if effect.freer is not None:
+        form = "another exponent" if "exponent" in effect.freer.formula else "a freer form"
     kept = {n: by for n, by in own.items() if n not in lost}
     told = f"with {form} they would be {', '.join(f'{n} {freer[n].value:.4g}' for n in kept)}" if kept else ""
     told += f"{'; ' * bool(kept)}with {form} {' and '.join(lost)} would not be identified" if lost else ""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...effects.curve import SHAPE
+from ...effects.curve import SHAPE, Curve
 from ...effects.table_constants import TableConstants
 from ...logs import LogSet
 from ...robots.robot import Robot
@@ -65,6 +65,22 @@ def _as_near(trials: Sequence[Trial], base: Trial) -> list[str]:
         return []
     far = best.fitted.normalised_rms + coarseness(True, base.fitted)
     return [trial.id for trial in trials[1:] if trial.fitted.normalised_rms < far]
+
+
+def _agrees(trial: Trial) -> bool:
+    """Whether the trial's curve, if it has one, is its mechanism's and not rather another's."""
+    return not isinstance(trial.effect, Curve) or trial.effect.agrees(trial.robot)
+
+
+def _first_that_agrees(trials: Sequence[Trial], equivalent: Sequence[str]) -> tuple[list[Trial], tuple[str, ...]]:
+    """The trials and the names that are not told apart from the first: of these, one whose curve is its mechanism's comes
+    before one whose is not, such as friction by direction that is the same both ways."""
+    best = trials[0]
+    others = [] if _agrees(best) else [trial for trial in trials[1:] if trial.id in equivalent and _agrees(trial)]
+    if not others:
+        return [*trials], (*equivalent,)
+    ranked = [others[0], *(trial for trial in trials if trial is not others[0])]
+    return ranked, (best.id, *(name for name in equivalent if name != others[0].id))
 
 
 def _by_what_holds(laws: list[Trial], base: Trial) -> list[Trial]:
@@ -161,6 +177,7 @@ def name_next(
         trials, equivalent, worth = in_colour
     near_too = [name for name in _as_near(trials, base) if name not in supersets(trials)]
     equivalent = (*equivalent, *(name for name in near_too if name not in equivalent))
+    trials, equivalent = _first_that_agrees(trials, equivalent)
     for trial in (*trials, *refused):
         say(
             f"refitted with {trial.title}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}"
