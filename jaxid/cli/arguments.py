@@ -58,6 +58,14 @@ def window_option(text: str) -> float | str | None:
     return seconds
 
 
+def _users_place(error: Exception) -> traceback.FrameSummary:
+    """Where a user's code failed: the last line of the traceback that is in no installed package, which may have raised the
+    error about what it was given."""
+    every, own = traceback.extract_tb(error.__traceback__), str(Path(__file__).parents[1])
+    theirs = [p for p in every if not p.filename.startswith((own, "<")) and "site-packages" not in p.filename]
+    return theirs[-1] if theirs else every[-1]
+
+
 def _import(module: str, spec: str, what: str) -> object:
     """A user's module; the current directory is searched first."""
     if module.endswith(".py") or "/" in module or "\\" in module:
@@ -78,7 +86,7 @@ def _import(module: str, spec: str, what: str) -> object:
             f"There is no module {error.name!r} for {what} {spec!r}; check the name, and start from its folder."
         ) from None
     except Exception as error:
-        place = traceback.extract_tb(error.__traceback__)[-1]
+        place = _users_place(error)
         line = error.lineno if isinstance(error, SyntaxError) else place.lineno
         file = error.filename if isinstance(error, SyntaxError) else place.filename
         raise UnusableInput(
@@ -154,7 +162,7 @@ def check_effects(effects: "Sequence[Effect]", robot: "Robot") -> None:
                 f"The effect {effect.id!r} of --effects does not suit {robot.name!r}: {error}."
             ) from None
         except Exception as error:
-            place = traceback.extract_tb(error.__traceback__)[-1]
+            place = _users_place(error)
             raise UnusableInput(
                 f"The effect {effect.id!r} of --effects fails at {place.filename}:{place.lineno} ({type(error).__name__}: "
                 f"{error}); correct it there."

@@ -137,6 +137,16 @@ def test_what_is_no_effect_is_said(jaxid, tmp_path, monkeypatch, attribute, stat
     assert plain(words) in plain(remarks) and not Path("o").exists()
 
 
+def test_what_a_users_robot_is_wrong_about_is_said_with_their_own_line(jaxid, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("robot_of_a_test.py").write_text(
+        "import jaxid\n\ncart = jaxid.Custom(\n    dynamics=lambda x, u, p: {'v': u['f']}, state_names=('v',),\n"
+        "    own_channels=jaxid.Channels(('f',), ('v',)), table={}, dry_friction={'wheel': ('v', 'Fc')})\n"
+    )
+    code, _, remarks = jaxid("fit", "robot_of_a_test:cart", "--fit", "a.csv", "--out", "o")
+    assert code == 1 and plain("robot_of_a_test.py:3 (ParameterError: dry friction of axis 'wheel'") in plain(remarks)
+
+
 LOG = "t,u,v\n" + "\n".join(f"{0.02 * k:.2f},{2.0 * (k > 9)},0" for k in range(60)) + "\n"
 MODEL = """
 [[effects]]
