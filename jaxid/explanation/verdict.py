@@ -35,7 +35,7 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
     for effect in named:
         if not effect.identified:
             doubts.append(f"the errors of {effect.title} do not exclude that there is none")
-    if named and not any(final[name].status == "identified" for name in final.free_names):
+    if len(named) > 1 and not any(final[name].status == "identified" for name in final.free_names):
         doubts.append("no parameter of the model with it is identified: the effects stand in for one another")
     doubts += [f"{effect.title} is hardly it: {why}" for effect, why in _none_of_theirs(final, named)]
     return tuple(doubts)

@@ -67,16 +67,13 @@ def _as_near(trials: Sequence[Trial], base: Trial) -> list[str]:
     return [trial.id for trial in trials[1:] if trial.fitted.normalised_rms < far]
 
 
-def _agrees(trial: Trial) -> bool:
-    """Whether the trial's curve, if it has one, is its mechanism's and not rather another's."""
-    return not isinstance(trial.effect, Curve) or trial.effect.agrees(trial.robot)
-
-
-def _first_that_agrees(trials: Sequence[Trial], equivalent: Sequence[str]) -> tuple[list[Trial], tuple[str, ...]]:
+def _first_of_one_kind(trials: Sequence[Trial], equivalent: Sequence[str]) -> tuple[list[Trial], tuple[str, ...]]:
     """The trials and the names that are not told apart from the first: of these, one whose curve is its mechanism's comes
-    before one whose is not, such as friction by direction that is the same both ways."""
+    before one of several curves that are alike, such as friction by direction that is the same both ways."""
     best = trials[0]
-    others = [] if _agrees(best) else [trial for trial in trials[1:] if trial.id in equivalent and _agrees(trial)]
+    alike = isinstance(best.effect, Curve) and len(best.effect.kinds) > 1 and not best.effect.agrees(best.robot)
+    same = [trial for trial in trials[1:] if trial.id in equivalent] if alike else []
+    others = [t for t in same if not isinstance(t.effect, Curve) or t.effect.agrees(t.robot)]
     if not others:
         return [*trials], (*equivalent,)
     ranked = [others[0], *(trial for trial in trials if trial is not others[0])]
@@ -153,7 +150,9 @@ def name_next(
         )
     mechanisms = with_its_other_laws(by_where_they_bend(mechanisms, base), screened, added)
     mechanisms = with_the_same_law(mechanisms, screened, added)
-    mechanisms = sorted((_by_what_holds(own, base) for own in mechanisms), key=lambda own: own[0].score)
+    holding = [_by_what_holds(own, base) for own in mechanisms]
+    if any(own[0] is not other[0] for own, other in zip(holding, mechanisms, strict=True)):
+        mechanisms = sorted(holding, key=lambda own: own[0].score)
     trials = [own[0] for own in mechanisms]
     tried = _looked_at(screened, trials[0])
     in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
@@ -177,7 +176,7 @@ def name_next(
         trials, equivalent, worth = in_colour
     near_too = [name for name in _as_near(trials, base) if name not in supersets(trials)]
     equivalent = (*equivalent, *(name for name in near_too if name not in equivalent))
-    trials, equivalent = _first_that_agrees(trials, equivalent)
+    trials, equivalent = _first_of_one_kind(trials, equivalent)
     for trial in (*trials, *refused):
         say(
             f"refitted with {trial.title}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}"
