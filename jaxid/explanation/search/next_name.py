@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...effects.curve import SHAPE, Curve
+from ...effects.curve import SHAPE
 from ...effects.table_constants import TableConstants
 from ...logs import LogSet
 from ...robots.robot import Robot
@@ -22,6 +22,7 @@ from .laws import (
     with_the_same_curves,
     with_the_same_law,
 )
+from .order import by_what_holds, rather_first, with_more
 from .steps import Step
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets
@@ -65,27 +66,6 @@ def _as_near(trials: Sequence[Trial], base: Trial) -> list[str]:
         return []
     far = best.fitted.normalised_rms + coarseness(True, base.fitted)
     return [trial.id for trial in trials[1:] if trial.fitted.normalised_rms < far]
-
-
-def _first_of_one_kind(trials: Sequence[Trial], equivalent: Sequence[str]) -> tuple[list[Trial], tuple[str, ...]]:
-    """The trials and the names that are not told apart from the first: of these, one whose curve is its mechanism's comes
-    before one of several curves that are alike, such as friction by direction that is the same both ways."""
-    best = trials[0]
-    alike = isinstance(best.effect, Curve) and len(best.effect.kinds) > 1 and not best.effect.agrees(best.robot)
-    same = [trial for trial in trials[1:] if trial.id in equivalent] if alike else []
-    others = [t for t in same if not isinstance(t.effect, Curve) or t.effect.agrees(t.robot)]
-    if not others:
-        return [*trials], (*equivalent,)
-    ranked = [others[0], *(trial for trial in trials if trial is not others[0])]
-    return ranked, (best.id, *(name for name in equivalent if name != others[0].id))
-
-
-def _by_what_holds(laws: list[Trial], base: Trial) -> list[Trial]:
-    """The trials of a mechanism's laws, first the best by which it predicts held-out logs better than without it, where the
-    first does not: a curve that follows the fitted logs may lead anywhere on others, and hides no law that holds there."""
-    holding = (trial for trial in laws if trial.held_out.normalised_rms < base.held_out.normalised_rms)
-    first = next((trial for trial in holding if not trial.held_out.diverged), laws[0])
-    return [first, *(trial for trial in laws if trial is not first)]
 
 
 def _untried(trials: Sequence[Trial], likely: Sequence[Candidate]) -> list[Candidate]:
@@ -150,10 +130,9 @@ def name_next(
         )
     mechanisms = with_its_other_laws(by_where_they_bend(mechanisms, base), screened, added)
     mechanisms = with_the_same_law(mechanisms, screened, added)
-    holding = [_by_what_holds(own, base) for own in mechanisms]
-    if any(own[0] is not other[0] for own, other in zip(holding, mechanisms, strict=True)):
-        mechanisms = sorted(holding, key=lambda own: own[0].score)
+    mechanisms = by_what_holds(mechanisms, base)
     trials = [own[0] for own in mechanisms]
+    rather = trials[0].id
     tried = _looked_at(screened, trials[0])
     in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
     refused: list[Trial] = []
@@ -170,13 +149,13 @@ def name_next(
         more = added(_untried([*trials, *refused], likely)) if worth else []
         more = [trial for trial in more if worth_it(base, trial, first, _looked_at(screened, trial))]
         mechanisms = [*mechanisms, *([trial] for trial in more)]
-        trials = simplest_first(sorted([*trials, *more], key=lambda trial: trial.score)) if more else trials
+        trials = simplest_first(with_more(trials, more)) if more else trials
         equivalent = tuple(name for name in not_told_apart(trials, base) if name not in supersets(trials))
     else:
         trials, equivalent, worth = in_colour
     near_too = [name for name in _as_near(trials, base) if name not in supersets(trials)]
     equivalent = (*equivalent, *(name for name in near_too if name not in equivalent))
-    trials, equivalent = _first_of_one_kind(trials, equivalent)
+    trials, equivalent = rather_first(trials, equivalent, rather)
     for trial in (*trials, *refused):
         say(
             f"refitted with {trial.title}: held-out {trial.held_out.normalised_rms:.3f} x noise, score {trial.score:.0f}"
