@@ -29,9 +29,8 @@ def with_more(ranked: Sequence[Trial], more: Sequence[Trial]) -> list[Trial]:
     """`ranked` trials, whose order is not that of their scores alone, with `more` at their places; first only what is best."""
     found = [*ranked]
     for trial in more:
-        after = (k for k, other in enumerate(found) if other.score > trial.score)
-        best = trial.score < min(other.score for other in found)
-        found.insert(0 if best else max(next(after, len(found)), 1), trial)
+        better = [k for k, other in enumerate(found) if other.score <= trial.score]
+        found.insert(better[-1] + 1 if better else 0, trial)
     return found
 
 
