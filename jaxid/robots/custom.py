@@ -41,7 +41,8 @@ class Custom(Declared):
     - `axes = {axis: DriveAxis(...)}`.
     - `forces = {velocity: inertia}`, an inertia being a parameter's name, a number or a function `(state, params)`: a
       generalised force on that velocity accelerates it by force over inertia. Or one function
-      `(state, forces by velocity, params) -> {velocity: acceleration}` where velocities are coupled.
+      `(state, forces by velocity, params) -> {velocity: acceleration}` where velocities are coupled. Without, `dynamics`
+      that take friction let forces in that way where an axis rubs at each of the velocities.
     - `velocities`: the states that forces accelerate, the one forwards first (default: those of `forces`, else the axes'
       speeds, else the outputs that are states); `turning`: the one that is the yaw rate to the left.
     - `plane = (speed along x, speed along y, yaw rate)` in body axes that are the world's at heading zero, states or ""
@@ -118,11 +119,7 @@ class Custom(Declared):
         own_state, given = self._own(state), self._inputs(volts)
         if self._axes and takes_friction(self.dynamics):
             if self._through_friction and self._acts("force"):
-                pushing, pushed_axes = dict(zip(self.velocities, forces, strict=True)), set()
-                for i, (_, axis) in enumerate(self._axes):
-                    if axis.speed not in pushed_axes:  # two that rub at one speed are pushed once
-                        friction[i] = friction[i] - pushing.get(axis.speed, 0.0)
-                        pushed_axes.add(axis.speed)
+                friction = self._pushed_by_friction(friction, forces)
             resisted = dict(zip([a for a, _ in self._axes], friction, strict=True))
             rates = dict(_asked(self.dynamics, own_state, given, p, resisted))
             pushed = self._acts("force") and bool(self.forces)
@@ -134,6 +131,14 @@ class Custom(Declared):
             for name, acceleration in self._accelerations(forces, own_state, p).items():
                 rates[name] = rates[name] + acceleration
         return rates
+
+    def _pushed_by_friction(self, friction: list[Scalar], forces: Scalars) -> list[Scalar]:
+        """The resisting torques of the axes less the force on the velocity at which each rubs; of several that rub at one, the
+        first has it."""
+        left, pushed = dict(zip(self.velocities, forces, strict=True)), []
+        for resisting, (_, axis) in zip(friction, self._axes, strict=True):
+            pushed.append(resisting - left.pop(axis.speed, 0.0) if isinstance(axis.speed, str) else resisting)
+        return pushed
 
     def _with_friction(self, forces: Scalars, friction: list[Scalar], state: State, p: Numbers) -> Scalars:
         """Generalised forces with the resisting torques of the axes, each by its lever on the velocities."""
