@@ -26,6 +26,7 @@ the estimates as values. `docs/files.md` describes each key.
 """
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -51,6 +52,9 @@ _DENSEST = 7
 """Most points that a curve may have between two of its usual ones."""
 _SIZES = (1e-100, 1e30)
 """Sizes of numbers that are not zero; an estimate may end next to zero."""
+
+_WIDTH = 110
+"""Characters of a line of remarks."""
 
 
 class ModelFileError(ValueError):
@@ -261,11 +265,11 @@ def _effect_entry(effect: Effect) -> dict[str, Any]:
     return entry | {name: value for name, value in points.items() if value}
 
 
-def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, method: str = "") -> str:
+def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, method: str = "", remark: str = "") -> str:
     """The robot's parameters as the text of a model file, numbers to the last digit.
 
-    `std_errors` [SI units] by symbol, NaN where there is none, and the `method` they came from stand there for whoever
-    reads the file; `read_model` ignores them.
+    `std_errors` [SI units] by symbol, NaN where there is none, the `method` they came from and a `remark`, such as why they are
+    not to be trusted, stand there for whoever reads the file; `read_model` ignores them.
     """
     defaults = robot.defaults()
     parameters: dict[str, Any] = {}
@@ -296,11 +300,16 @@ def model_text(robot: Robot, std_errors: Mapping[str, float] | None = None, meth
     effects = [effect for effect in robot.effects if not isinstance(effect, TableConstants)]
     if effects:
         document["effects"] = [_effect_entry(effect) for effect in effects]
-    return tomli_w.dumps({**document, "parameters": parameters})
+    comment = "".join(f"# {line}\n" for line in textwrap.wrap(remark, _WIDTH))
+    return comment + tomli_w.dumps({**document, "parameters": parameters})
 
 
 def write_model(
-    path: str | Path, robot: Robot, std_errors: Mapping[str, float] | None = None, method: str = ""
+    path: str | Path,
+    robot: Robot,
+    std_errors: Mapping[str, float] | None = None,
+    method: str = "",
+    remark: str = "",
 ) -> None:
     """Write `model_text` to a file, all of it or nothing. Raises `OSError` if the folder cannot be written."""
-    write_text(path, model_text(robot, std_errors, method))
+    write_text(path, model_text(robot, std_errors, method, remark))

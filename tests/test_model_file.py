@@ -98,6 +98,16 @@ def test_standard_errors_stand_in_the_file_where_there_are_any():
     assert text.count("std_error") == 1 and "std_error = 0.25" in text and 'method = "output_error"' in text
 
 
+def test_why_a_model_is_not_to_be_trusted_stands_above_it(tmp_path):
+    why = "Failed: the residual is 48 times the noise that the sensors show, and the model does not follow its logs at all."
+    path = tmp_path / "model.toml"
+    write_model(path, Axis(), remark=why)
+    lines = path.read_text().splitlines()
+    said = [line for line in lines if line.startswith("# ")]
+    assert lines[: len(said)] == said and " ".join(line[2:] for line in said) == why
+    assert read_model(path, Axis()).parameters == Axis().parameters
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -81,4 +81,6 @@ def write_fit(
     write_json(folder / "fit.json", fit_document(fits, held_out, ahead))
     last = fits[-1]
     errors = {name: estimate.std_error for name, estimate in last.parameters.items()}
-    write_model(folder / "model.toml", last.robot.alone, errors, last.method)
+    doubted = last.judgement is not None and last.judgement.verdict in ("poor", "failed")
+    remark = last.judgement.sentence if last.judgement is not None and doubted else ""
+    write_model(folder / "model.toml", last.robot.alone, errors, last.method, remark)
