@@ -5,6 +5,7 @@ them, with the last input held, is wrong from there on. Each part is a log of it
 """
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,11 @@ _MANY = 10
 """Usual intervals that are more than a few rows."""
 _SHORTEST = 0.1
 """Share of a log that a part must be long to be a log of its own; what is shorter is left out."""
+_MOST = 0.8
+"""Share of a log's samples that its parts must have."""
+_LESS = 0.9
+"""Share of the error on the held-out logs that the model must come below in parts: rows may be missing because nothing was
+written while the input was held."""
 
 
 def _holes(log: Log, changes: np.ndarray) -> np.ndarray:
@@ -28,10 +34,13 @@ def _holes(log: Log, changes: np.ndarray) -> np.ndarray:
 
 
 def _parts(log: Log, holes: np.ndarray) -> list[Log]:
-    """The parts of a log between its holes."""
+    """The parts of a log between its holes; the log itself where too much of it would be left out, being too short."""
     edges = [None, *(float(log.time[hole + 1]) for hole in holes), None]
-    parts = [log.window(start, stop) for start, stop in zip(edges[:-1], edges[1:], strict=True)]
-    return [part for part in parts if part.duration > _SHORTEST * log.duration]
+    rows = [slice(a, b) for a, b in pairwise([0, *(int(hole) + 1 for hole in holes), len(log)])]
+    long = [k for k, own in enumerate(rows) if log.time[own.stop - 1] - log.time[own.start] > _SHORTEST * log.duration]
+    if sum(rows[k].stop - rows[k].start for k in long) < _MOST * len(log):
+        return [log]
+    return [log.window(edges[k], edges[k + 1]) for k in long]
 
 
 def _cut(logs: LogSet) -> tuple[LogSet, list[str]]:
@@ -40,8 +49,9 @@ def _cut(logs: LogSet) -> tuple[LogSet, list[str]]:
     names = []
     for log, changes in zip(logs, unknown_changes(logs), strict=True):
         holes = _holes(log, changes)
-        found += _parts(log, holes) if len(holes) else [log]
-        names += [log.name] if len(holes) else []
+        parts = _parts(log, holes) if len(holes) else [log]
+        found += parts
+        names += [] if parts == [log] else [log.name]
     return LogSet(found), names
 
 
@@ -51,12 +61,15 @@ def cut_at_holes(
     """The fit and the logs in parts, and a sentence on that, where an input changed while many rows are missing and the fit
     leaves something; else as they were. `options` are those of the fit (`output_error`)."""
     (own, fitted), (other, judging) = _cut(logs), _cut(held_out)
-    if fit.window is not None or not (fitted or judging) or held_out_state(fit.robot, held_out).adequate:
+    before = held_out_state(fit.robot, held_out) if (fitted or judging) and fit.window is None else None
+    if before is None or before.adequate:
         return fit, logs, held_out, ""
     report("many rows are missing where inputs changed; going on in parts")
     try:
         again = output_error(fit.robot, own, **options) if fitted else fit
     except ParameterError:
+        return fit, logs, held_out, ""
+    if again.failed or not held_out_state(again.robot, other).normalised_rms < _LESS * before.normalised_rms:
         return fit, logs, held_out, ""
     said = (
         f"Cut into parts that start in motion, since many rows are missing in which an input changed: "

@@ -8,26 +8,37 @@ nothing of the model is identified though it predicts well. With one number held
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from ...logs import LogSet
 from ..policy import current_policy
 from .candidate_refits import Report
 from .refit import Trial, continued, refit_from_itself
+
+_MANY = 10.0
+"""Usual sizes beyond which a number is not what an effect of that name has."""
 
 
 def with_parameters_held(
     trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float], say: Report = lambda message: None
 ) -> Trial:
     """The trial with what each of its effects `may_hold` held at zero, one number after another, where that is the likelier
-    model, or leaves nothing that is to be explained of the logs fitted."""
+    model, or, of a number that is far from none, where that leaves nothing to be explained of the logs fitted."""
     for effect in trial.robot.effects if not trial.angles else ():
         for name in effect.may_hold(trial.robot):
             say(f"refitting with a parameter of {effect.title} held")
             robot = trial.robot.with_values(**{name: 0.0}).change(name, free=False)
             again = continued(refit_from_itself(robot, trial, logs, held_out, noise), logs, held_out, noise)
-            if (
-                again.score < trial.score
-                or again.fitted.adequate
-                or again.fitted.normalised_rms < current_policy().small
-            ):
+            if again.score < trial.score or (_far(trial, name) and _nothing_left(again)):
                 trial = replace(again, id=trial.id)
     return trial
+
+
+def _far(trial: Trial, name: str) -> bool:
+    """Whether a parameter has become many times what it usually is."""
+    parameter = trial.robot.parameters[name]
+    return abs(parameter.value) > _MANY * (parameter.typical or np.inf)
+
+
+def _nothing_left(trial: Trial) -> bool:
+    return trial.fitted.adequate or trial.fitted.normalised_rms < current_policy().small
