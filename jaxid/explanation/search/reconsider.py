@@ -201,12 +201,8 @@ def with_rivals(
     beside its other effects, such as two that make the same friction one of each axis."""
     models: list[tuple[Trial, Robot]] = []
     for rival in rivals:
-        owners = {
-            rival.id if effect.id == instead_of else effect.id: rival.robot
-            if effect.id == instead_of
-            else current.robot
-            for effect in current.robot.effects
-        }
+        pairs = ((effect.id, current.robot) for effect in current.robot.effects)
+        owners = dict((rival.id, rival.robot) if own == instead_of else (own, robot) for own, robot in pairs)
         with suppress(EffectError):
             models.append((rival, with_effects(base.robot, owners)))
     trials = []
