@@ -47,6 +47,7 @@ from .search.search import MOST_EFFECTS
 from .search.steps import Search
 from .search.table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
 from .search.telling_apart import differ, same_but_later, supersets
+from .smooth_friction import smoothed_friction
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
 from .where.localise import localise, without_place
 
@@ -220,6 +221,7 @@ def explain(
     named = named_effects(found, fit, final)
     doubts = doubts_of(found, final, named, after)
     verdict = verdict_of(found, named, most, doubts)
+    smoothed = smoothed_friction(final.robot) if verdict != "adequate" else ""
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""
     nothing = after.adequate or verdict == "adequate" or all_noise(found)
     # Held-out logs without a gap do not say why a fit failed; the fitted ones may.
@@ -316,6 +318,7 @@ def explain(
                 placeless,
                 noted,
                 doubted,
+                smoothed,
                 untried,
             )
             if note
