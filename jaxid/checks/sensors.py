@@ -173,9 +173,9 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
         regressors = _smooth(_lagged(log, others)[looked], width)
         share = _followed((smooth, whole), regressors)
         if share < _RELATED and _answer(smooth, regressors) < 4.5:
-            # While the robot turns, axes mix, and nothing that is linear in the others follows them.
-            for mixed in _mixed(log, others, list(columns), name):
-                share = max(share, _followed((smooth, whole), _smooth(mixed[looked], width)))
+            # While the robot turns, axes mix, and nothing that is linear in the others follows them; heat follows squares.
+            for other in (*_mixed(log, others, list(columns), name), _lagged(log, others**2)):
+                share = max(share, _followed((smooth, whole), _smooth(other[looked], width)))
         else:
             continue
         if share < _RELATED:

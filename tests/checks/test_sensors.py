@@ -92,3 +92,29 @@ def test_a_gyro_that_only_rustles_and_jumps_is_dead_on_a_car_too(seed):
     rng = np.random.default_rng(100 + seed)
     outputs[:, 1] = 0.05 * rng.normal(size=1000) + np.where(rng.random(1000) < 0.01, rng.normal(size=1000), 0.0)
     assert dead_on_a_car(time, u, outputs) == ["gyro"]
+
+
+MOTOR = Channels(("volt",), ("speed", "temperature"), (), {"volt": "V", "speed": "rad/s", "temperature": "degC"})
+
+
+def warmed(seed, alive=True):
+    """A motor that its own current heats, in closed form: the heat is the square of the voltage that its speed leaves."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-12.0, 12.0, 60), 20)
+    speed = lfilter([0.0, 0.1], [1.0, -0.9], u)
+    temperature = 25.0 + lfilter([0.0, 0.004], [1.0, -0.998], (u - 0.6 * speed) ** 2)
+    if not alive:
+        temperature = 25.0 + lfilter([0.02], [1.0, -0.998], rng.normal(size=len(u)))
+    outputs = np.stack([speed, temperature], axis=1) + rng.normal(size=(len(u), 2)) * [0.02, 0.01]
+    logs = LogSet([Log.from_arrays("run", DT * np.arange(len(u)), u[:, None], outputs, MOTOR)])
+    return [f.column for f in logs.preflight() if f.check == "dead_sensor"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_temperature_that_follows_the_heat_of_a_motor_is_not_dead(seed):
+    assert warmed(seed) == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_temperature_that_only_drifts_is(seed):
+    assert warmed(seed, alive=False) == ["temperature"]
