@@ -70,8 +70,8 @@ ROBOTS = (
     Fault(
         "a sign of the turning frame",
         "jaxid/robots/omni.py",
-        "Q[1] - c * M * W * V",
-        "Q[1] + c * M * W * V",
+        "Q[1] - carried * W * (c * V - yc * W)",
+        "Q[1] + carried * W * (c * V - yc * W)",
         "tests/robots/test_omni.py",
     ),
     Fault(

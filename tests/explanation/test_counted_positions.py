@@ -19,7 +19,10 @@ def explained(name, counts, hidden):
     return fit, jaxid.explain(fit, logs, held_out)
 
 
-@pytest.mark.parametrize(("name", "counts"), [("axis", 64), ("own drive", 4096), ("omni", 2048), ("pioneer", 512)])
+@pytest.mark.parametrize(
+    ("name", "counts"),
+    [("axis", 64), ("own drive", 4096), pytest.param("omni", 2048, marks=pytest.mark.slow), ("pioneer", 512)],
+)
 def test_nothing_is_missing_in_a_complete_model(name, counts):
     fit, found = explained(name, counts, Hidden())
     assert fit.window is None and fit.trustworthy

@@ -78,7 +78,7 @@ def _values(effect, robot):
 
 @pytest.mark.parametrize(
     "robot",
-    [pytest.param(jaxid.Axis(), marks=pytest.mark.slow), jaxid.Omni()],
+    [jaxid.Axis(), pytest.param(jaxid.Omni(), marks=pytest.mark.slow)],
     ids=lambda robot: robot.name,
 )
 def test_every_law_on_commands_and_sensors_against_xla(robot):

@@ -26,7 +26,7 @@ from .order import by_what_holds, rather_first, with_more
 from .steps import Step
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets
-from .worth import coarseness, least_gain, undone, worth_it
+from .worth import coarseness, in_the_running, least_gain, undone, worth_it
 
 _MOST_ALIKE = 4
 _FIRST_TRIALS = 2
@@ -99,8 +99,7 @@ def name_next(
     leader, _ = _best(shortlist, trials)
     alike_to_it = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
     trials += all_added(base, alike_to_it, logs, held_out, noise, say)
-    best = min(trials, key=lambda t: t.score)
-    near = best.score + max(100.0, policy.in_the_running * (base.score - best.score))
+    best, near = min(trials, key=lambda t: t.score), in_the_running(trials, base)
     promising = base.fitted.normalised_rms - best.fitted.normalised_rms > 0.5 * least_gain(base, first)
 
     def to_the_end(tried: Sequence[Trial]) -> list[Trial]:

@@ -21,6 +21,7 @@ from .one_of_several import with_one_alone
 from .steps import Search, Step, laws_in
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
+from .worth import in_the_running
 
 _RIVALS = 3
 """Most rivals of an effect that are looked at again."""
@@ -87,15 +88,22 @@ def as_in_the_end(step: Step, found: Search, logs: LogSet, held_out: LogSet) -> 
 
 
 def _by_laws(effect: Effect, bare: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
-    """The model `bare` with the mechanism of `effect`, by each of its laws that stand beside what is in it."""
+    """The model `bare` with the mechanism of `effect`, by each of its laws that stand beside what is in it: its own and those
+    in the running refitted to the end."""
     laws = [law.blurred for law in laws_of(bare.robot, effect.id)]
     screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles)
     candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
     laws = [law for law in candidates if law.gain > 0]
-    trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, laws, logs, held_out, noise, say)]
-    return [
-        densest(trial, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise)) for trial in trials
-    ]
+    trials = all_added(bare, laws, logs, held_out, noise, say)
+    near = in_the_running(trials, bare)
+
+    def to_the_end(trial: Trial) -> Trial:
+        if not trial.score < near and trial.law != effect.law:
+            return trial
+        ended = continued(trial, logs, held_out, noise)
+        return densest(ended, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise))
+
+    return [to_the_end(trial) for trial in trials]
 
 
 def by_its_curve(

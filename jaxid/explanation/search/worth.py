@@ -1,6 +1,6 @@
 """Whether an effect is worth adding: what it must close of the gap, beyond chance and beyond what another law had left."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from .telling_apart import told_apart
 
 _MOST = 0.5
 """Share of a gap on held-out logs, which chose nothing, that is most of it."""
+_LEAST_BEHIND = 100.0
+"""Score by which a trial may always lag behind the best after a few steps and still be in the running."""
 _UNDONE = 0.999
 """Share of what an error of a sensor does that the refitted parameters of the rest undo, from which on it is another unit of
 the same motion, such as one scale of all sensors, rather than an error: what little it explains, the rest explains."""
@@ -86,4 +88,12 @@ def undone(trial: Trial, before: Trial, held_out: LogSet, noise: Mapping[str, fl
     if effect is None or effect.where != "sensor" or trial.angles:
         return False
     without = predicted(bare_of(trial.robot, effect), held_out, noise).squares - trial.held_out.squares
-    return bool(without > (before.held_out.squares - trial.held_out.squares) / (1.0 - _UNDONE))
+    gained = before.held_out.squares - trial.held_out.squares
+    # Where it runs away without the effect, it has not been made up for, but is needed.
+    return bool(np.isfinite(without) and without > gained / (1.0 - _UNDONE))
+
+
+def in_the_running(trials: Sequence[Trial], base: Trial) -> float:
+    """The score below which a trial of `base` with a further effect is refitted to the end."""
+    best = min((trial.score for trial in trials), default=base.score)
+    return best + max(_LEAST_BEHIND, current_policy().in_the_running * (base.score - best))
