@@ -71,7 +71,8 @@ def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit, by_chance: 
     other, refitted = effect.same_on(final.robot), {trial.id for trial in step.trials}
     scatters = bool(effect.draws(final.robot.parameters.numbers, final.robot))
     alike = not by_chance if scatters else effect.law == SHAPE or other not in refitted
-    same = (*same, other) if other and alike else same
+    there = any(own.id == other for own in final.robot.effects)
+    same = (*same, other) if other and alike and not there else same
     return (*(name for name in step.equivalent if name not in same), *same)
 
 

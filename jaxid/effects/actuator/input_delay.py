@@ -15,7 +15,7 @@ from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
 from ..scattered import changes_late, rows_late
-from ..sensor.outputs import sensed
+from ..sensor.outputs import all_late
 from .drives import drive_names, each_drive, on_drives, other_inputs
 
 _LEAST = 1e-6
@@ -54,8 +54,7 @@ class InputDelay(Effect):
         return positive(self, "delay", "s", 0.1 * robot.scales.time)
 
     def same_on(self, robot: Robot) -> str:
-        whole = not other_inputs(robot) and set(sensed(robot)) >= set(robot.channels.measured)
-        return "sensor_delay" if whole and self.law == InputDelay.law else ""
+        return "sensor_delay" if self.law == InputDelay.law and all_late(robot) else ""
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("delay"), robot.scales.times_to_try)

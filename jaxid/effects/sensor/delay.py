@@ -13,12 +13,11 @@ from ...robots.draw import Draw
 from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
-from ..actuator.drives import other_inputs
 from ..earlier import earlier
 from ..effect_parameters import positive
 from ..scattered import samples_late
 from .lag import averaged
-from .outputs import bends, each_channel, sensed, sensed_only
+from .outputs import all_late, bends, each_channel, sensed, sensed_only
 
 
 def stamped_late(outputs, time, delay):
@@ -56,9 +55,7 @@ class SensorDelay(Effect):
         return positive(self, "delay", "s", 0.1 * robot.scales.time)
 
     def same_on(self, robot: Robot) -> str:
-        # Where all that is driven and all that is measured is late.
-        whole = not other_inputs(robot) and set(sensed(robot)) >= set(robot.channels.measured)
-        return "input_delay" if whole and self.law == SensorDelay.law else ""
+        return "input_delay" if self.law == SensorDelay.law and all_late(robot) else ""
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("delay"), robot.scales.times_to_try)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 from ...robots.effect import Effect, Numbers
 from ...robots.robot import Robot
+from ..actuator.drives import other_inputs
 
 
 def sensed(robot: Robot) -> tuple[str, ...]:
@@ -15,6 +16,12 @@ def sensed(robot: Robot) -> tuple[str, ...]:
     channels = robot.channels
     places = {*channels.positions, *robot.measured_angles}
     return (*channels.outputs, *(name for name in channels.optional if name in places))
+
+
+def all_late(robot: Robot) -> bool:
+    """Whether commands that are all late and sensors that are all late are one: all inputs drive, and all that is measured is
+    of the motion."""
+    return not other_inputs(robot) and set(sensed(robot)) >= set(robot.channels.measured)
 
 
 def each_channel(effect: Effect, p: Numbers, stem: str, robot: Robot):

@@ -5,10 +5,10 @@ them, with the last input held, is wrong from there on. Each part is a log of it
 """
 
 from collections.abc import Callable
-from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...estimate.output_error.lost_rows import unknown_changes
 from ...estimate.output_error.output_error import output_error
@@ -28,31 +28,36 @@ _LESS = 0.9
 written while the input was held."""
 
 
-def _holes(log: Log, changes: np.ndarray) -> np.ndarray:
-    """The last samples before many rows are missing, of those after which an input is another one."""
-    return changes[np.diff(log.time)[changes] > _MANY * log.sampling_interval]
+class _Cut(NamedTuple):
+    """Logs in parts, the names of those that were cut, and the seconds of parts that are too short."""
+
+    logs: LogSet
+    names: list[str]
+    left_out: float
 
 
-def _parts(log: Log, holes: np.ndarray) -> list[Log]:
-    """The parts of a log between its holes; the log itself where too much of it would be left out, being too short."""
-    edges = [None, *(float(log.time[hole + 1]) for hole in holes), None]
-    rows = [slice(a, b) for a, b in pairwise([0, *(int(hole) + 1 for hole in holes), len(log)])]
-    long = [k for k, own in enumerate(rows) if log.time[own.stop - 1] - log.time[own.start] > _SHORTEST * log.duration]
-    if sum(rows[k].stop - rows[k].start for k in long) < _MOST * len(log):
+def _parts(log: Log, changes: NDArray[np.int64]) -> list[Log]:
+    """The parts of a log that are long enough, between those of the unknown `changes` (last samples before one) that many
+    missing rows make; the log itself where there are none, or where too much of it would be left out."""
+    holes = changes[np.diff(log.time)[changes] > _MANY * log.sampling_interval]
+    pairs = zip([0, *(holes + 1)], [*holes, len(log) - 1], strict=True)
+    long = [(a, b) for a, b in pairs if log.time[b] - log.time[a] > _SHORTEST * log.duration]
+    if not len(holes) or sum(b + 1 - a for a, b in long) < _MOST * len(log):
         return [log]
-    return [log.window(edges[k], edges[k + 1]) for k in long]
+    return [log.window(log.time[a], None if b + 1 == len(log) else log.time[b + 1]) for a, b in long]
 
 
-def _cut(logs: LogSet) -> tuple[LogSet, list[str]]:
-    """The logs in parts, and the names of those that were cut."""
+def _cut(logs: LogSet) -> _Cut:
+    """The logs in parts, where these have most of a log."""
     found: list[Log] = []
-    names = []
+    cut = _Cut(logs, [], 0.0)
     for log, changes in zip(logs, unknown_changes(logs), strict=True):
-        holes = _holes(log, changes)
-        parts = _parts(log, holes) if len(holes) else [log]
+        parts = _parts(log, changes)
         found += parts
-        names += [] if parts == [log] else [log.name]
-    return LogSet(found), names
+        if parts[0] is not log:
+            lost = (len(log) - sum(map(len, parts))) * log.sampling_interval
+            cut = cut._replace(names=[*cut.names, log.name], left_out=cut.left_out + lost)
+    return cut._replace(logs=LogSet(found))
 
 
 def cut_at_holes(
@@ -60,19 +65,22 @@ def cut_at_holes(
 ) -> tuple[Fit, LogSet, LogSet, str]:
     """The fit and the logs in parts, and a sentence on that, where an input changed while many rows are missing and the fit
     leaves something; else as they were. `options` are those of the fit (`output_error`)."""
-    (own, fitted), (other, judging) = _cut(logs), _cut(held_out)
-    before = held_out_state(fit.robot, held_out) if (fitted or judging) and fit.window is None else None
+    own, other = _cut(logs), _cut(held_out)
+    names = (*own.names, *other.names)
+    before = held_out_state(fit.robot, held_out) if names and fit.window is None else None
     if before is None or before.adequate:
         return fit, logs, held_out, ""
     report("many rows are missing where inputs changed; going on in parts")
     try:
-        again = output_error(fit.robot, own, **options) if fitted else fit
+        again = output_error(fit.robot, own.logs, **options) if own.names else fit
     except ParameterError:
         return fit, logs, held_out, ""
-    if again.failed or not held_out_state(again.robot, other).normalised_rms < _LESS * before.normalised_rms:
+    if again.failed or not held_out_state(again.robot, other.logs).normalised_rms < _LESS * before.normalised_rms:
         return fit, logs, held_out, ""
     said = (
-        f"Cut into parts that start in motion, since many rows are missing in which an input changed: "
-        f"{', '.join((*fitted, *judging))}. What the robot was given in between, no log tells."
+        f"Cut into parts that start in motion, since many rows are missing in which an input changed: {', '.join(names)}. What "
+        "the robot was given in between, no log tells."
     )
-    return again, own, other, said
+    lost = own.left_out + other.left_out
+    said += f" Parts of {lost:.3g} s together are too short for logs of their own, and are left out." if lost else ""
+    return again, own.logs, other.logs, said

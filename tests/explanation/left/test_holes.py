@@ -51,3 +51,21 @@ def test_an_input_that_was_held_through_a_hole_is_known():
     logs = without_rows(logs, 152, 158)  # within one level
     fit = output_error(ROBOT, logs)
     assert cut_at_holes(fit, logs, held_out, lambda message: None) == (fit, logs, held_out, "")
+
+
+def test_a_short_part_is_left_out_and_said():
+    """A hole soon after the start: one part is a log of its own."""
+    logs, held_out = driven(lambda u: u, 8)
+    logs = without_rows(logs, 25, 80)
+    fit = output_error(ROBOT, logs)
+    again, own, other, said = cut_at_holes(fit, logs, without_rows(held_out, 25, 80), lambda message: None)
+    assert len(own) == len(logs) and len(own[0]) == 320 and "Parts of 1 s together are too short" in said
+    assert again.judgement.normalised_rms < 1.1 < fit.judgement.normalised_rms and len(other[0]) == 320
+
+
+def test_a_log_full_of_holes_stays_whole():
+    logs, held_out = driven(lambda u: u, 9)
+    for first in (320, 260, 200, 140, 80, 30):
+        logs = without_rows(logs, first, first + 25)
+    fit = output_error(ROBOT, logs)
+    assert cut_at_holes(fit, logs, held_out, lambda message: None) == (fit, logs, held_out, "")
