@@ -17,6 +17,7 @@ from ..logs.noise import as_sampled, usual_size, white_level
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
+from .prior_conflict import prior_conflicts
 from .result import Estimate, Fit
 from .rounding import less_rounding, step_of
 
@@ -353,6 +354,9 @@ def judged(fit: Fit, judgement: Judgement) -> Fit:
 
     One that failed has not converged, whatever its optimiser says, and none of its parameters is identified.
     """
+    contradicted = "" if judgement.verdict == "failed" else prior_conflicts(fit.robot.parameters, fit.parameters)
+    if contradicted:
+        judgement = replace(judgement.doubted(contradicted), better="")
     worth_a_note = judgement.verdict != "sound" or judgement.better
     notes = (judgement.sentence, *fit.notes) if worth_a_note else fit.notes
     if judgement.normalised_rms < NOTHING:

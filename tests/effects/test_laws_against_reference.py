@@ -13,6 +13,7 @@ from jaxid.effects import catalogue, effect_by_id, laws_of
 from jaxid.explanation.screening.probes import standing_together
 from jaxid.simulation.simulate import simulate
 from reference import excitation  # noqa: E402
+from reference.law_forces import CREEPING  # noqa: E402
 from reference.logs import simulate_log  # noqa: E402
 
 SAMPLING, SAMPLES = 0.02, 400
@@ -86,7 +87,11 @@ LAWS = {
         {"share_eta1_of_eta2": 0.1},
     ),
     "freewheeling_driver/no_braking": ({"share": 0.6}, "against_the_command", {"share": 0.6}),
-    "traction_limit/creep": ({"creep": 0.03}, "creep", {"slip": 0.03 * FORCE_OF_A_VOLT}),
+    "traction_limit/creep": (
+        {"creep": 0.03},
+        "creep_at_rest",
+        {"slip": 0.03 * FORCE_OF_A_VOLT, "at_rest": CREEPING * _P["KE"] * _P["tr"] / _P["R"]},
+    ),
     "backlash/command": ({"width": 1.5}, "command", {"width": 1.5}),
     "payload_change/leaking": ({"mass": 4.0, "time": 6.0}, "leaking", {"mass": 4.0, "time": 6.0}),
     "cogging_torque/by_current": (

@@ -144,12 +144,48 @@ class Creep(Effect):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "slip", f"1/{input_unit(robot)}", 0.2 / robot.scales.input)
 
+    @property
+    def denser(self) -> Effect | None:
+        return CreepAtRest(stands_as=self.stands_as)
+
+    def volts_at_rest(self, p: Numbers) -> Scalar | float:
+        """Back-EMF by which a wheel that demands a force creeps however slow it is."""
+        return 0.0
+
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         changed, slip = list(volts), p[self.key("slip")]
         for k in robot.drive_inputs:
             emf = back_emf(volts, currents, k, p, robot)
-            changed[k] = emf + (volts[k] - emf) / (1.0 + slip * jnp.abs(emf))
+            changed[k] = emf + (volts[k] - emf) / (1.0 + slip * (jnp.abs(emf) + self.volts_at_rest(p)))
         return tuple(changed)
 
 
-LAWS: tuple[Effect, ...] = (TractionLimit(), SoftTractionLimit(), LimitOfEach(), Creep(), TractionCurve())
+@dataclass(frozen=True)
+class CreepAtRest(Creep):
+    """Creep that does not end at standstill, where the slip is by a speed and not by a ratio (Bernard & Clover, SAE 950311):
+    looked for where creep alone leaves something."""
+
+    law: ClassVar[str] = "creep_at_rest"
+    first_look: ClassVar[bool] = False
+    formula: ClassVar[str] = "i' = i / (1 + slip (|back-EMF| + at_rest))"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        # A constant share of the current is another thing's, but the slip itself is seen only with this beside it.
+        return super().parameters(robot) | positive(self, "at_rest", input_unit(robot), 0.05 * robot.scales.input)
+
+    @property
+    def denser(self) -> Effect | None:
+        return None
+
+    def volts_at_rest(self, p: Numbers) -> Scalar | float:
+        return p[self.key("at_rest")]
+
+
+LAWS: tuple[Effect, ...] = (
+    TractionLimit(),
+    SoftTractionLimit(),
+    LimitOfEach(),
+    Creep(),
+    CreepAtRest(),
+    TractionCurve(),
+)

@@ -33,6 +33,41 @@ def low_passed(outputs, time, T):
     return jnp.concatenate([outputs[:1], filtered])
 
 
+def damped(outputs, time, asked, damping):
+    """`outputs` [T, ny] behind a low-pass of second order of mean delay `asked` (one, or one a channel) and `damping` < 1,
+    exact for speeds that are parabolas between samples.
+
+    One of its two poles z = -decay + i turn tells all: y' is the imaginary part of x with dx/dt = z x + y, times |z|^2 / turn.
+    Seen from axes that turn with it, x runs through a recurrence that is real.
+    """
+    dt = jnp.diff(time)[:, None]
+    mean = jnp.maximum(asked, 0.2 * jnp.max(dt))  # of a shorter one, a share of what this changes
+    decay, turn = 2.0 * damping**2 / mean, 2.0 * damping * jnp.sqrt(1.0 - damping**2) / mean
+    size = decay**2 + turn**2
+
+    def over_pole(real, imaginary):
+        return (-decay * real + turn * imaginary) / size, (-decay * imaginary - turn * real) / size
+
+    def turned(real, imaginary, angle):
+        cos, sin = jnp.cos(angle), jnp.sin(angle)
+        return real * cos - imaginary * sin, real * sin + imaginary * cos
+
+    bent = bends(outputs, time)
+    slope = jnp.diff(outputs, axis=0) / dt - 0.5 * bent * dt
+    square = over_pole(-0.5 * bent, 0.0)
+    line = over_pole(2.0 * square[0] - slope, 2.0 * square[1])
+    level = over_pole(line[0] - outputs[:-1], line[1])  # where x runs behind a parabola, at the start of each interval
+    keep = jnp.exp(-decay * dt)
+    left = turned(*level, turn * dt)
+    new = (c + dt * (b + dt * a) - keep * d for a, b, c, d in zip(square, line, level, left, strict=True))
+    along = turn * (time - time[0])[:, None]
+    fixed = turned(*new, -along[1:])
+    held = over_pole(-outputs[0], 0.0)
+    found = [recurrence(keep, part, first) for part, first in zip(fixed, held, strict=True)]
+    late = turned(*found, along[1:])[1] * size / turn
+    return outputs + asked / mean * (jnp.concatenate([outputs[:1], late]) - outputs)
+
+
 def averaged(outputs, time, asked, ahead=0.0):
     """The mean of `outputs` [T, ny], parabolas between samples, over `asked` seconds, of which the share `ahead` is still to
     come; what is before the first stamp and after the last is as it is there."""
@@ -120,6 +155,92 @@ class SensorLagOfEach(SensorLag):
         return sensed_only(robot, low_passed(outputs, time, each_channel(self, p, "time_constant", robot)), outputs)
 
 
+_BUTTERWORTH = 0.7071067811865476
+"""Damping of the flattest passband (Butterworth, Experimental Wireless 7, 1930), as gyros' and amplifiers' filters have it."""
+
+
+def _any_damping(effect: Effect) -> dict[str, Parameter]:
+    free = Parameter(_BUTTERWORTH, "", free=True, lower=0.2, upper=0.995, typical=0.3, source="catalogue")
+    return {effect.key("damping"): free}
+
+
+@dataclass(frozen=True)
+class Butterworth(SensorLag):
+    """A Butterworth low-pass of second order: a filter set by its corner frequency, 1 / (pi sqrt(2) time_constant)."""
+
+    law: ClassVar[str] = "butterworth"
+    formula: ClassVar[str] = "d2y'/dt2 = w^2 (y - y') - sqrt(2) w dy'/dt, w = sqrt(2) / time_constant"
+
+    @property
+    def denser(self) -> Effect | None:
+        return DampedLag(stands_as=self.stands_as)
+
+    def damping(self, p: Numbers):
+        return _BUTTERWORTH
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        return sensed_only(robot, damped(outputs, time, p[self.key("time_constant")], self.damping(p)), outputs)
+
+
+@dataclass(frozen=True)
+class DampedLag(Butterworth):
+    """A low-pass of second order of any damping: looked for where the flattest one leaves something."""
+
+    law: ClassVar[str] = "damped"
+    first_look: ClassVar[bool] = False
+    formula: ClassVar[str] = "d2y'/dt2 = w^2 (y - y') - 2 damping w dy'/dt, w = 2 damping / time_constant"
+
+    @property
+    def denser(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | _any_damping(self)
+
+    def damping(self, p: Numbers):
+        return p[self.key("damping")]
+
+
+@dataclass(frozen=True)
+class ButterworthOfEach(SensorLagOfEach):
+    """A Butterworth low-pass of every channel's own: a gyro's, say, and none of the wheels'."""
+
+    law: ClassVar[str] = "butterworth_per_channel"
+    formula: ClassVar[str] = "d2y_i'/dt2 = w_i^2 (y_i - y_i') - sqrt(2) w_i dy_i'/dt, w_i = sqrt(2) / time_constant_i"
+
+    @property
+    def denser(self) -> Effect | None:
+        return DampedLagOfEach(stands_as=self.stands_as)
+
+    def damping(self, p: Numbers):
+        return _BUTTERWORTH
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot):
+        each = each_channel(self, p, "time_constant", robot)
+        return sensed_only(robot, damped(outputs, time, each, self.damping(p)), outputs)
+
+
+@dataclass(frozen=True)
+class DampedLagOfEach(ButterworthOfEach):
+    """A low-pass of second order of every channel's own, all of one damping."""
+
+    law: ClassVar[str] = "damped_per_channel"
+    first_look: ClassVar[bool] = False
+    formula: ClassVar[str] = (
+        "d2y_i'/dt2 = w_i^2 (y_i - y_i') - 2 damping w_i dy_i'/dt, w_i = 2 damping / time_constant_i"
+    )
+
+    @property
+    def denser(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | _any_damping(self)
+
+    def damping(self, p: Numbers):
+        return p[self.key("damping")]
+
+
 @dataclass(frozen=True)
 class MovingAverage(SensorLag):
     """The mean of what is measured over the last `window`: counters read over a time, firmware filters."""
@@ -151,4 +272,14 @@ class CentredAverage(MovingAverage):
         return one_by_one(self.key("window"), tuple(4.0 * time for time in robot.scales.times_to_try))
 
 
-LAWS: tuple[Effect, ...] = (SensorLag(), SecondOrderSensorLag(), SensorLagOfEach(), MovingAverage(), CentredAverage())
+LAWS: tuple[Effect, ...] = (
+    SensorLag(),
+    SecondOrderSensorLag(),
+    SensorLagOfEach(),
+    Butterworth(),
+    DampedLag(),
+    ButterworthOfEach(),
+    DampedLagOfEach(),
+    MovingAverage(),
+    CentredAverage(),
+)

@@ -1,0 +1,66 @@
+"""Priors that contradict the logs are said to, those that agree are not."""
+
+import numpy as np
+import pytest
+
+from jaxid import Log, LogSet, output_error
+from jaxid.estimate.prior_conflict import prior_conflicts
+from jaxid.estimate.result import Estimate
+from jaxid.parameters import Parameter, ParameterTable
+from jaxid.robots import Axis
+from jaxid.simulation.simulate import simulate
+
+TRUTH = {"M": 3.0, "Fv": 4.0}
+
+
+@pytest.fixture(scope="module")
+def logs():
+    """Two logs of a moving axis, with noise."""
+    rng, robot = np.random.default_rng(7), Axis().with_values(**TRUTH)
+    forces = np.repeat(rng.uniform(-30, 30, (2, 20, 1)), 15, axis=1)
+    still = np.zeros((300, 1))
+    made = LogSet([Log.from_arrays(f"log {k}", 0.02 * np.arange(300), u, still, robot) for k, u in enumerate(forces)])
+    speeds = [y[:, :1] + 0.01 * rng.standard_normal((300, 1)) for y in simulate(robot, made)]
+    return LogSet(
+        [Log.from_arrays(log.name, log.time, log.inputs, y, robot) for log, y in zip(made, speeds, strict=True)]
+    )
+
+
+def fit(logs, **prior):
+    robot = Axis()
+    for name, value in prior.items():
+        robot = robot.change(name, prior=value)
+    return output_error(robot, logs)
+
+
+def test_a_prior_that_the_logs_contradict_is_said_to_be_wrong(logs):
+    alone = fit(logs)
+    error = alone["M"].std_error
+    assert abs(alone["M"].value - 3.0) < 4 * error
+    wrong = fit(logs, M=(3.0 + 12 * error, error))
+    assert wrong.judgement.verdict == "poor"
+    assert wrong.judgement.sentences[0].startswith("The prior of M")
+    # It says what the fit without the prior says.
+    said = float(wrong.judgement.sentences[0].split("alone would say about ")[1].split(" ±")[0])
+    assert said == pytest.approx(alone["M"].value, abs=error)
+
+
+@pytest.mark.parametrize("spread", [0.3, 1.0, 30.0])
+def test_a_prior_that_agrees_is_not_spoken_of(logs, spread):
+    error = fit(logs)["M"].std_error
+    right = fit(logs, M=(3.0 + spread * error, spread * error))
+    assert right.judgement.verdict == "sound" and not any("prior" in note for note in right.notes)
+
+
+def test_false_alarms_are_as_rare_as_said():
+    """Both drawn about one truth, 20,000 times."""
+    rng = np.random.default_rng(3)
+    for ratio in (0.3, 1.0, 5.0):  # of the prior's spread to the data's
+        prior, data = ratio * rng.standard_normal(20_000), rng.standard_normal(20_000)
+        variance = 1.0 / (1.0 + ratio**-2)
+        both = variance * (data + prior / ratio**2)
+        said = 0
+        for mean, value in zip(prior, both, strict=True):
+            table = ParameterTable({"M": Parameter(1.0, "kg", free=True, prior=(float(mean), ratio))})
+            said += bool(prior_conflicts(table, {"M": Estimate.of(float(value), variance**0.5, "kg")}))
+        assert said < 25  # 9 expected
