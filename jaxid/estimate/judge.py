@@ -16,8 +16,8 @@ from ..logs import LogSet
 from ..logs.noise import as_sampled, usual_size, white_level
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
-from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
 from .prior_conflict import prior_conflicts
+from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
 from .result import Estimate, Fit
 from .rounding import less_rounding, step_of
 
@@ -349,13 +349,16 @@ def _pooled(
     return rms(np.concatenate(each)), float(np.exp(mean))
 
 
-def judged(fit: Fit, judgement: Judgement) -> Fit:
+def judged(fit: Fit, judgement: Judgement, white: Mapping[str, float] | None = None) -> Fit:
     """The fit with its judgement, which comes first among its notes.
 
+    `white`: standard errors as they would be if the residual were white, where they are others than the fit's.
     One that failed has not converged, whatever its optimiser says, and none of its parameters is identified.
     """
-    contradicted = "" if judgement.verdict == "failed" else prior_conflicts(fit.robot.parameters, fit.parameters)
-    if contradicted:
+    if white is None and fit.standard_errors == "white":
+        white = {name: estimate.std_error for name, estimate in fit.parameters.items()}
+    contradicted = prior_conflicts(fit.robot.parameters, fit.parameters, white)
+    if contradicted and judgement.verdict != "failed":
         judgement = replace(judgement.doubted(contradicted), better="")
     worth_a_note = judgement.verdict != "sound" or judgement.better
     notes = (judgement.sentence, *fit.notes) if worth_a_note else fit.notes

@@ -5,6 +5,8 @@ difference from it has the prior's variance less the estimate's own (as Hausman'
 1978). Where it lies farther off, prior or model is wrong, and the standard error, which counts on both, holds neither.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..parameters import ParameterTable
@@ -16,24 +18,34 @@ _LEAST = 1e-4
 """Share of the prior's variance, at least, that the data takes off: less is lost in rounding."""
 
 
-def prior_conflicts(table: ParameterTable, found: dict[str, Estimate]) -> str:
-    """A sentence on each prior of `table` that contradicts what the estimates `found` say; empty where none does."""
+def prior_conflicts(
+    table: ParameterTable, found: Mapping[str, Estimate], white: Mapping[str, float] | None = None
+) -> str:
+    """A sentence on each prior of `table` that contradicts what the estimates `found` say; empty where none does.
+
+    `white`: the standard errors that the residual would have if it were white, by which the estimates weigh prior and data;
+    where they are not known, only what no weight could explain is said.
+    """
     sentences = []
     for name, estimate in found.items():
         prior = table[name].prior if name in table else None
         if prior is None or estimate.status != "identified" or not np.isfinite(estimate.std_error):
             continue
         mean, spread = prior
-        told = max(1.0 - (estimate.std_error / spread) ** 2, _LEAST)
-        apart = abs(estimate.value - mean) / (spread * np.sqrt(told))
-        if not apart > _APART:
+        scatter, error = spread**2 + estimate.std_error**2, float("nan")
+        if white is not None and name in white:
+            # The weight that the data has, and what it would say with all of it.
+            weight = max(1.0 - (white[name] / spread) ** 2, _LEAST)
+            own = max(estimate.std_error, white[name]) ** 2 - (1.0 - weight) * white[name] ** 2
+            scatter, error = weight**2 * spread**2 + own, np.sqrt(own) / weight
+        if not abs(estimate.value - mean) > _APART * np.sqrt(scatter):
             continue
-        # What the logs alone say: the prior's precision taken off the estimate's.
-        alone, error = mean + (estimate.value - mean) / told, spread * np.sqrt((1.0 - told) / told)
         unit = f" {estimate.unit}" if estimate.unit else ""
+        alone = "the logs"
+        if np.isfinite(error):
+            alone += f", which alone say about {mean + (estimate.value - mean) / weight:.5g} ± {error:.2g}{unit}"
         sentences.append(
-            f"The prior of {name} ({mean:.6g} ± {spread:.2g}{unit}) contradicts the logs, which alone would say about "
-            f"{alone:.5g} ± {error:.2g}{unit} with this model: prior or model is wrong, and the estimate between them, "
-            f"{estimate.value:.5g}{unit}, is of neither. Leave the prior out or widen it."
+            f"The prior of {name} ({mean:.6g} ± {spread:.2g}{unit}) contradicts {alone}: it or the model is wrong, and "
+            f"{estimate.value:.5g}{unit}, between the two, is neither's answer. Leave the prior out, or widen it."
         )
     return " ".join(sentences)

@@ -134,7 +134,8 @@ def conclude(
     robust = covariance == "robust" or (covariance == "auto" and not (judgement.white and read is None))
     as_read = problem if read is None else replace(problem, outputs=read)
     found = robust_covariance(structure, as_read, inner.unknowns) if robust else None
-    matrix = bread**2 * found.with_lost(known_spread(problem, inner).covariance) if found else None
+    known = known_spread(problem, inner).covariance
+    matrix = bread**2 * found.with_lost(known) if found else None
     fit = fit_at(robot, logs, structure, problem, inner, bounded, covariance=matrix, left_out=left_out, **others)
     fit = without_impossible(fit, structure, bounded.problem, optimum.unknowns)
     if found and np.any(found.between > 1.0):
@@ -152,7 +153,8 @@ def conclude(
         fit = replace(fit, notes=(*fit.notes, unknown))
     if begun is not None:
         fit, judgement = with_search(fit, judgement, begun)
-    return judged(fit, where_nothing_moved(fit, judgement, whole[0] if whole else logs))
+    white = dict(zip(structure.names, np.sqrt(np.maximum(np.diag(known), 0.0)).tolist(), strict=True))
+    return judged(fit, where_nothing_moved(fit, judgement, whole[0] if whole else logs), white)
 
 
 def _disagreement(names: Sequence[str], between: NDArray[np.float64], logs: int) -> str:
