@@ -12,7 +12,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..curve import Curve, rises_early
 from ..effect_parameters import positive
-from .drives import drive_names, each_drive, input_unit, on_drives
+from .drives import drive_names, each_drive, input_unit, lost_of_each, on_drives
 
 _SHARES = (0.01, 0.03, 0.08, 0.2, 0.4)
 """Dead zones that are tried, in shares of the largest input."""
@@ -150,20 +150,27 @@ class DeadZoneCurve(Curve):
         return found | {self.key("tail"): Parameter(0.0, "", typical=0.1, source="catalogue")}
 
     def going_on(self, robot: Robot) -> Robot:
-        """`robot` with the curve that goes on beyond its reach as it comes there: what is lost in proportion to the command is
-        another gain of all, so that the robot's own parameters hang on that."""
+        """`robot` with the curve that goes on beyond its reach as it comes there, on average over the motors: what is lost in
+        proportion to the command is another gain of all, so that the robot's own parameters hang on that."""
         numbers, reach = robot.parameters.numbers, robot.parameters[self.key("reach")].value
-        last, before = (float(self.at(share * reach, numbers)) for share in (1.0, self.places[-2]))
+        last, before = (self.mean_at(share * reach, robot, numbers) for share in (1.0, self.places[-2]))
         return robot.with_values(**{self.key("tail"): (last - before) / ((1.0 - self.places[-2]) * reach)})
+
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(drive_names(robot))
+
+    def mean_at(self, x, robot: Robot, p: Numbers) -> float | np.ndarray:
+        """The mean of the motors' curves at `x`."""
+        return np.mean([np.asarray(self.at(x, p, name)) for name in self.each(robot)], axis=0)
 
     def agrees(self, robot: Robot) -> bool:
         largest = np.linspace(0.0, robot.scales.input, 101)
-        return rises_early(largest, np.asarray(self.at(largest, robot.parameters.numbers)))
+        return rises_early(largest, np.asarray(self.mean_at(largest, robot, robot.parameters.numbers)))
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         size = jnp.abs(inputs)
         beyond = jnp.maximum(size - p[self.key("reach")], 0.0)
-        lost = jnp.minimum(self.at(size, p) + p[self.key("tail")] * beyond, size)
+        lost = jnp.minimum(lost_of_each(self, size, p, robot) + p[self.key("tail")] * beyond, size)
         return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
 
 

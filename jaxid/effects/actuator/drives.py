@@ -6,6 +6,7 @@ import jax.numpy as jnp
 
 from ...robots.effect import Numbers, Scalar, Scalars
 from ...robots.robot import Robot
+from ..curve import Curve
 
 
 def input_unit(robot: Robot) -> str:
@@ -40,6 +41,15 @@ def each_drive(robot: Robot, value: Callable[[str], Scalar]):
     """`value(name)` of every input that drives, 0 of the others, [nu]."""
     names = enumerate(robot.channels.inputs)
     return jnp.stack([jnp.asarray(value(n) if i in robot.drive_inputs else 0.0, float) for i, n in names])
+
+
+def lost_of_each(curve: Curve, size, p: Numbers, robot: Robot):
+    """What a curve loses of commands of that `size` [T, nu], each by its motor's own where the curves are apart."""
+    if not curve.apart:
+        return curve.at(size, p)
+    names = enumerate(robot.channels.inputs)
+    lost = [curve.at(size[..., i], p, n) if i in robot.drive_inputs else jnp.zeros_like(size[..., i]) for i, n in names]
+    return jnp.stack(lost, axis=-1)
 
 
 def back_emf(volts: Scalars, currents: Scalars, k: int, p: Numbers, robot: Robot) -> Scalar:

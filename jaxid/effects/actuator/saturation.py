@@ -12,7 +12,7 @@ from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve, rises_early
 from ..effect_parameters import positive
-from .drives import input_unit, on_drives
+from .drives import drive_names, input_unit, lost_of_each, on_drives
 
 _SHARES = (0.98, 0.93, 0.85, 0.7, 0.55)
 """Limits that are tried, in shares of the largest input."""
@@ -100,13 +100,17 @@ class SaturationCurve(Curve):
         unit, largest = input_unit(robot), robot.scales.input
         return self.heights_and_reach(robot, unit, 0.05 * largest, unit, largest)
 
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(drive_names(robot))
+
     def agrees(self, robot: Robot) -> bool:
-        largest = np.linspace(0.0, robot.scales.input, 101)
-        return not rises_early(largest, np.asarray(self.at(largest, robot.parameters.numbers)))
+        largest, numbers = np.linspace(0.0, robot.scales.input, 101), robot.parameters.numbers
+        lost = [np.asarray(self.at(largest, numbers, name)) for name in self.each(robot)]
+        return not rises_early(largest, np.mean(lost, axis=0))
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         size = jnp.abs(inputs)
-        lost = jnp.minimum(self.at(size, p), size)
+        lost = jnp.minimum(lost_of_each(self, size, p, robot), size)
         return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
 
 

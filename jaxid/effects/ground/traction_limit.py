@@ -22,6 +22,13 @@ _CURRENT = (
 )
 
 
+def _wheels(robot: Robot) -> tuple[str, ...]:
+    """The wheels that drive, counted from 1."""
+    zero = dict.fromkeys(robot.states, 0.0) | robot.initial_state()
+    idle = (0.0,) * len(robot.channels.inputs)
+    return tuple(str(k + 1) for k in range(len(robot.drive_torques(idle, zero, robot.parameters.numbers))))
+
+
 @dataclass(frozen=True)
 class TractionLimit(Effect):
     """Drive force of every wheel limited by the ground: slip. `inverse_limit = 1 / limit`, zero for no limit."""
@@ -73,19 +80,14 @@ class LimitOfEach(TractionLimit):
     formula: ClassVar[str] = "f_i' = clip(f_i, -limit_i, limit_i), limit_i = 1 / inverse_limit_i"
     needs: ClassVar[tuple[str, ...]] = ("several_drives",)
 
-    def _wheels(self, robot: Robot) -> range:
-        zero = dict.fromkeys(robot.states, 0.0) | robot.initial_state()
-        idle = (0.0,) * len(robot.channels.inputs)
-        return range(1, 1 + len(robot.drive_torques(idle, zero, robot.parameters.numbers)))
-
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
-        for k in self._wheels(robot):
+        for k in _wheels(robot):
             found |= positive(self, f"inverse_limit_{k}", f"1/{robot.ground_force_unit}", 1.1 / robot.scales.force)
         return found
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names, force = [self.key(f"inverse_limit_{k}") for k in self._wheels(robot)], robot.scales.force
+        names, force = [self.key(f"inverse_limit_{k}") for k in _wheels(robot)], robot.scales.force
         return tuple(Probe(dict.fromkeys(names, 1 / (share * force)), limit=1.2 * share * force) for share in _SHARES)
 
     def kept(self, f: Scalar, wheel: int, p: Numbers) -> Scalar:
@@ -114,16 +116,21 @@ class TractionCurve(Curve):
 
     def agrees(self, robot: Robot) -> bool:
         """Whether it is large forces that lose: what is lost of small ones is lost of the command that makes them."""
-        largest = np.linspace(0.0, robot.scales.force, 101)
-        return not rises_early(largest, np.asarray(self.at(largest, robot.parameters.numbers)))
+        largest, numbers = np.linspace(0.0, robot.scales.force, 101), robot.parameters.numbers
+        lost = [np.asarray(self.at(largest, numbers, name)) for name in self.each(robot)]
+        return not rises_early(largest, np.mean(lost, axis=0))
+
+    def parts(self, robot: Robot) -> tuple[str, ...]:
+        return _wheels(robot)
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         forces = robot.drive_forces(torques, p)
         tiny = 1e-9 * robot.scales.force
         kept = []
-        for t, f in zip(torques, forces, strict=True):
+        for k, (t, f) in enumerate(zip(torques, forces, strict=True)):
             size = jnp.abs(f)
-            kept.append(t * (1.0 - jnp.minimum(self.at(size, p), size) / (size + tiny)))
+            lost = self.at(size, p, self.of(str(k + 1)))
+            kept.append(t * (1.0 - jnp.minimum(lost, size) / (size + tiny)))
         return tuple(kept)
 
 

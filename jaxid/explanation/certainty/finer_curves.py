@@ -22,7 +22,7 @@ from ...parameters import ParameterError
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ..refits.refit import Trial
-from ..search.denser import with_denser_curve, with_freer_form
+from ..search.denser import may_reach_farther, with_denser_curve, with_farther_reach, with_freer_form
 from ..search.steps import Search, Step
 from .wider_errors import not_told, reaching_to
 
@@ -53,12 +53,13 @@ def through_enough_points(
     may, and still say what they said: that there are such effects is `sure`, and no parameter is lost."""
     best = Finer(found, final)
     for identifier in [effect.id for effect in final.robot.effects if isinstance(effect, Curve)]:
-        for _ in range(_MOST):
-            finer = _finer(best, identifier, in_full, say)
-            if finer is None or not sure(finer.final) or not moved(best.final, finer.final):
-                break
-            say(f"{identifier} needs a curve through more points")
-            best = finer
+        for change, most in ((with_denser_curve, _MOST), (with_farther_reach, 1)):
+            for _ in range(most):
+                finer = _finer(best, identifier, change, in_full, say)
+                if finer is None or not sure(finer.final) or not moved(best.final, finer.final):
+                    break
+                say(f"{identifier} needs a curve through more points")
+                best = finer
     return best
 
 
@@ -154,10 +155,17 @@ def _widened(final: Fit, freer: Fit, effect: Effect) -> Fit:
     return replace(not_told(reaching_to(final, kept), lost), notes=(*final.notes, note))
 
 
-def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: Callable[[str], None]) -> Finer | None:
-    """The same with twice as many points in one curve; None where that is one too many, or leads nowhere."""
+def _finer(
+    best: Finer,
+    identifier: str,
+    change: Callable[[Robot, str], Robot],
+    in_full: Callable[[Trial], Fit],
+    say: Callable[[str], None],
+) -> Finer | None:
+    """The same with twice as many points in one curve, as `change` places them; None where that is one too many, or leads
+    nowhere."""
     trial = best.found.final
-    dense = _dense(trial, best.final.robot, identifier) if trial is not None and not trial.angles else None
+    dense = _dense(trial, best.final.robot, identifier, change) if trial is not None and not trial.angles else None
     if dense is None:
         return None
     say(f"fitting {identifier} through more points")
@@ -165,13 +173,17 @@ def _finer(best: Finer, identifier: str, in_full: Callable[[Trial], Fit], say: C
     return fit and Finer(replace(best.found, final=replace(dense, robot=fit.robot)), fit)
 
 
-def _dense(trial: Trial, robot: Robot, identifier: str) -> Trial | None:
-    """The trial with `robot`'s curve through twice as many points; None where these are too many."""
+def _dense(
+    trial: Trial, robot: Robot, identifier: str, change: Callable[[Robot, str], Robot] = with_denser_curve
+) -> Trial | None:
+    """The trial with `robot`'s curve through twice as many points; None where these are too many, or reach no farther."""
     curve = next(effect for effect in robot.effects if effect.id == identifier)
     assert isinstance(curve, Curve)
     if 2 * len(curve.each(robot)) * len(curve.varying) > _MOST_HEIGHTS:
         return None
-    return replace(trial, robot=_held_at_the_first(with_denser_curve(robot, identifier), identifier))
+    if change is with_farther_reach and not may_reach_farther(robot, curve):
+        return None
+    return replace(trial, robot=_held_at_the_first(change(robot, identifier), identifier))
 
 
 def _fitted(trial: Trial, identifier: str, in_full: Callable[[Trial], Fit]) -> Fit | None:

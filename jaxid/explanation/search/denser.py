@@ -16,6 +16,8 @@ from .telling_apart import told_apart_from
 
 _MOST = 2
 """Times that the points of a curve are doubled."""
+_FARTHER = 2.0
+"""Times that a curve with twice as many points reaches farther."""
 _MOST_HEIGHTS = 64
 """Heights of all its curves together beyond which a mechanism gets no more: they would follow whatever is missing."""
 
@@ -72,6 +74,31 @@ def with_denser_curve(robot: Robot, identifier: str) -> Robot:
     heights_of_both = {*values, *(coarse.height(k, name) for name in coarse.each(robot) for k in coarse.varying)}
     own = {n: p.value for n, p in table.items() if n.startswith(coarse.key("")) and n not in heights_of_both}
     return found.with_values(**values, **own)
+
+
+def may_reach_farther(robot: Robot, effect: Effect) -> bool:
+    """Whether an effect is a curve whose reach was chosen among several (`Curve.reaches`), and none beyond these."""
+    if not isinstance(effect, Curve) or len(effect.reaches) < 2:
+        return False
+    name = effect.key("reach")
+    farthest = max(effect.reaches) * effect.parameters(robot)[name].value
+    return robot.parameters[name].value / farthest < 0.5 * (1.0 + _FARTHER)
+
+
+@in_float64
+def with_farther_reach(robot: Robot, identifier: str) -> Robot:
+    """`robot` with its curve `identifier` through twice as many points on a reach that is twice as long: the same curve."""
+    dense = _curve_of(with_denser_curve(robot, identifier), identifier)
+    coarse, numbers = _curve_of(robot, identifier), robot.parameters.numbers
+    found, reach = bare_of(robot, coarse) + dense, coarse.key("reach")
+    heights = {
+        dense.height(k, name): float(coarse.at(np.float64(_FARTHER * dense.places[k] * numbers[reach]), numbers, name))
+        for name in coarse.each(robot)
+        for k in dense.varying
+    }
+    known = {reach, *heights, *(coarse.height(k, name) for name in coarse.each(robot) for k in coarse.varying)}
+    own = {n: v for n, v in numbers.items() if n.startswith(coarse.key("")) and n not in known}
+    return found.with_values(**heights, **own, **{reach: _FARTHER * numbers[reach]})
 
 
 @in_float64

@@ -1,20 +1,26 @@
 """A sensor's effect beside a curve that is near enough: little by its size, and yet all that is left.
 
 What a curve through few points leaves of its own, a further effect of forces may well take up (`worth.py`), so that so little
-names none. A constant or drifting error of a sensor is no shape of friction: where it takes up all, it was missing.
+names none. A constant or drifting error of a sensor is no shape of friction: where it takes up all, it was missing. But a
+sensor's scale may stand for what a curve lacks: where the curve through more points, or one that reaches farther, leaves as
+little, it is that.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
+from ...effects.curve import Curve
 from ...logs import LogSet
 from ...robots.effect import Effect
+from ...robots.robot import Robot
 from ..policy import current_policy
 from ..refits.candidate_refits import Report, all_added
-from ..refits.refit import Trial, continued
+from ..refits.refit import Trial, continued, refit_from_itself
 from ..screening.first_look import first_look
+from .denser import may_reach_farther, with_denser_curve, with_farther_reach
 from .from_the_back import not_present
 from .steps import Step
-from .telling_apart import not_told_apart, simplest_first, supersets
+from .telling_apart import not_told_apart, simplest_first, supersets, told_apart_from
 from .worth import likelier, undone
 
 _TRIED = 2
@@ -50,6 +56,12 @@ def with_a_sensor_besides(
         and likelier(current, trial, tried)
         and not undone(trial, current, held_out, noise)
     ]
+    for robot in _freer_curves(current.robot) if trials else ():
+        say("refitting with a curve through more points instead")
+        freer = replace(refit_from_itself(robot, current, logs, held_out, noise), id=current.id)
+        trials = [trial for trial in trials if told_apart_from(trial, freer)]
+        if not trials:
+            return steps, freer if told_apart_from(freer, current) else current
     if not trials:
         return steps, current
     trials = simplest_first(sorted(trials, key=lambda trial: trial.score))
@@ -57,6 +69,15 @@ def with_a_sensor_besides(
     say(f"added {trials[0].id}: held-out {trials[0].held_out.normalised_rms:.3f} x noise")
     found = Step(tuple(trials), equivalent, tuple(screened), current, trials[0], (trials[0],), (trials[0].law,))
     return [*steps, found], trials[0]
+
+
+def _freer_curves(robot: Robot) -> Iterator[Robot]:
+    """The robot with each of its curves through more points, and reaching farther where it may."""
+    for effect in robot.effects:
+        if isinstance(effect, Curve):
+            yield with_denser_curve(robot, effect.id)
+            if may_reach_farther(robot, effect):
+                yield with_farther_reach(robot, effect.id)
 
 
 def _little(trial: Trial) -> bool:

@@ -5,11 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import Omni, Pioneer
+from jaxid import Axis, Omni, Pioneer, float64
 from jaxid.effects import effect_by_id
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.refits.refit import Trial
-from jaxid.explanation.search.denser import densest, with_curves_apart, with_denser_curve, with_further_terms
+from jaxid.explanation.search.denser import (
+    densest,
+    may_reach_farther,
+    with_curves_apart,
+    with_denser_curve,
+    with_farther_reach,
+    with_further_terms,
+)
 from jaxid.model_file import read_model, write_model
 
 
@@ -165,3 +172,47 @@ def test_a_profile_leaves_two_planes_what_they_were():
     raised = {"ground_slope.slope_x": 0.01 + 0.05}
     assert np.allclose(force(profile, x, y, at_3), force(robot, x, y, raised))
     assert np.allclose(force(profile, 40.0, 25.0, at_3), force(profile, 40.0, 25.0))
+
+
+def test_a_curve_that_reaches_farther_is_what_it_was():
+    """Up to where it reached, and level beyond, as it was; its new points may bend it there."""
+    axis = Axis() + effect_by_id(Axis(), "actuator_dead_zone", "shape")
+    heights = {f"actuator_dead_zone.at_{k}": h for k, h in enumerate((0.5, 0.8, 0.6, 0.4), 1)}
+    axis = axis.with_values(**heights)
+    (coarse,) = axis.effects
+    assert may_reach_farther(axis, coarse)
+    farther = with_farther_reach(axis, "actuator_dead_zone")
+    (fine,) = farther.effects
+    reach = axis.parameters["actuator_dead_zone.reach"].value
+    assert farther.parameters["actuator_dead_zone.reach"].value == 2 * reach and not may_reach_farther(farther, fine)
+    x = 2 * reach * np.asarray(fine.places)  # between its points it may bend otherwise
+    with float64():
+        before, after = (np.asarray(own.at(x, r.parameters.numbers)) for own, r in ((coarse, axis), (fine, farther)))
+    assert np.allclose(before, after) and np.allclose(after[x >= reach], 0.4)
+    assert not may_reach_farther(axis, effect_by_id(Axis(), "quadratic_drag", "shape"))
+
+
+@pytest.mark.parametrize("identifier", ["actuator_dead_zone", "voltage_saturation", "traction_limit"])
+def test_what_is_lost_by_each_motor_is_at_first_what_all_lost(identifier):
+    """And one motor's curve leaves the others alone."""
+    model = Pioneer() + effect_by_id(Pioneer(), identifier, "shape")
+    names = [name for name in model.parameters if ".at_" in name]
+    typical = model.parameters[names[0]].typical
+    model = model.with_values(**{name: (k + 1) * typical for k, name in enumerate(names)})
+    apart = with_curves_apart(model, identifier)
+    own = [name for name in apart.parameters if ".at_" in name]
+    assert len(own) == 2 * len(names)
+
+    def acting(robot):
+        (effect,) = robot.effects
+        numbers = robot.parameters.numbers
+        with float64():
+            if identifier == "traction_limit":
+                return np.array(effect.torque((4.0, -2.0), {}, numbers, robot))
+            volts = np.array([[9.0, -3.0], [0.5, 12.0]])
+            return np.asarray(effect.command(volts, None, None, numbers, robot))
+
+    assert np.allclose(acting(apart), acting(model), rtol=1e-12)
+    first = {name: 0.0 for name in own if name.endswith(("_V2", "_1")) and not name.endswith("at_1")}
+    changed = acting(apart.with_values(**first)) - acting(apart)
+    assert np.all(np.abs(changed[..., 0]) > 0) and np.allclose(changed[..., 1], 0.0)
