@@ -10,12 +10,18 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
+from ...robots.trigonometry import sincos
+from ..curve import curve
 from ..effect_parameters import shape, signed
 from ..in_some_logs import InSomeLogs
 from ..line import beyond_line, line_parameters, lines_across
 
 _SIZE = 0.3
 """Relative change of friction that is tried."""
+_ALONG = (-1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0)
+"""Places of a profile along its direction, in shares of its reach to either side of the line."""
+_OUTWARDS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
+"""Those of one by the way from a centre, in radii."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +99,38 @@ class GradualChange(SurfaceChange):
         bounded = {name: replace(p, value=max(p.value, sharp), lower=sharp) for name, p in wide.items()}
         return super().parameters(robot) | bounded
 
+    @property
+    def denser(self) -> Effect | None:
+        return Profile(self.edge, stands_as=self.stands_as)
+
+
+@dataclass(frozen=True)
+class Profile(GradualChange):
+    """Any friction along one direction: a gradual change and a smooth curve besides, looked for where the change alone leaves
+    something."""
+
+    law: ClassVar[str] = "profile"
+    formula: ClassVar[str] = (
+        "C' = C (1 + coulomb h), B' = B (1 + viscous h), h = gradual + a curve of the way across, zero at the line"
+    )
+    first_look: ClassVar[bool] = False
+
+    @property
+    def denser(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found = super().parameters(robot)
+        for k, place in enumerate(_ALONG):
+            found |= signed(self, f"at_{k}", "", _SIZE) if place else {}
+        return found | shape(self, "reach", robot.length_unit, robot.scales.length, free=False)
+
+    def _beyond(self, state: State, p: Numbers) -> Scalar:
+        sine, cosine = sincos(p[self.key("angle")])
+        way = state["x"] * cosine + state["y"] * sine - p[self.key("offset")]
+        heights = [p[self.key(f"at_{k}")] if place else 0.0 for k, place in enumerate(_ALONG)]
+        return super()._beyond(state, p) + curve(way, _ALONG, heights, p[self.key("reach")])
+
 
 @dataclass(frozen=True)
 class Disc(SurfaceChange):
@@ -127,11 +165,75 @@ class Disc(SurfaceChange):
             ]
         )
 
+    @property
+    def denser(self) -> Effect | None:
+        return SoftDisc(self.edge, stands_as=self.stands_as)
+
+    def _edge(self, p: Numbers) -> Scalar:
+        return self.edge * p[self.key("width")]
+
+    def _off_the_centre(self, state: State, p: Numbers) -> tuple[Scalar, Scalar]:
+        return state["x"] - p[self.key("x")], state["y"] - p[self.key("y")]
+
     def _beyond(self, state: State, p: Numbers) -> Scalar:
-        x, y, radius = state["x"] - p[self.key("x")], state["y"] - p[self.key("y")], p[self.key("radius")]
+        (x, y), radius = self._off_the_centre(state, p), p[self.key("radius")]
         # Of the squares, over twice the radius: smooth at the centre, and the distance near the edge.
         inside = 0.5 * (radius * radius - x * x - y * y) / radius
-        return 0.5 * (1.0 + jnp.tanh(inside / (self.edge * p[self.key("width")])))
+        return 0.5 * (1.0 + jnp.tanh(inside / self._edge(p)))
+
+
+@dataclass(frozen=True)
+class SoftDisc(Disc):
+    """A disc whose edge is as wide as a share of its radius: looked for where a sharp one leaves something."""
+
+    law: ClassVar[str] = "soft_disc"
+    formula: ClassVar[str] = (
+        "C' = C (1 + coulomb h), B' = B (1 + viscous h), h from 1 to 0 across the edge over softness * radius"
+    )
+    first_look: ClassVar[bool] = False
+
+    @property
+    def denser(self) -> Effect | None:
+        return DiscProfile(self.edge, stands_as=self.stands_as)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        soft = Parameter(0.3, "", free=True, lower=0.0, typical=0.3, source="catalogue")
+        return super().parameters(robot) | {self.key("softness"): soft}
+
+    def _edge(self, p: Numbers) -> Scalar:
+        return super()._edge(p) + p[self.key("softness")] * p[self.key("radius")]
+
+
+@dataclass(frozen=True)
+class DiscProfile(SoftDisc):
+    """Any friction by the way from a centre."""
+
+    law: ClassVar[str] = "disc_profile"
+    formula: ClassVar[str] = (
+        "C' = C (1 + coulomb h), B' = B (1 + viscous h), h = soft disc + a curve of the way from its centre"
+    )
+
+    @property
+    def denser(self) -> Effect | None:
+        return None
+
+    def _heights(self) -> list[str | None]:
+        """Names of the heights at all places; none at the edge, which the radius moves, and at the end."""
+        return [
+            self.key(f"at_{k}") if place != 1.0 and place < _OUTWARDS[-1] else None for k, place in enumerate(_OUTWARDS)
+        ]
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found = super().parameters(robot)
+        for name in filter(None, self._heights()):
+            found |= signed(self, name.removeprefix(self.key("")), "", _SIZE)
+        return found
+
+    def _beyond(self, state: State, p: Numbers) -> Scalar:
+        (x, y), radius = self._off_the_centre(state, p), p[self.key("radius")]
+        way = jnp.sqrt(x * x + y * y + (0.1 * radius) ** 2)  # smooth at the centre
+        heights = [0.0 if name is None else p[name] for name in self._heights()]
+        return super()._beyond(state, p) + curve(way, _OUTWARDS, heights, radius)
 
 
 @dataclass(frozen=True)
@@ -160,4 +262,12 @@ class OtherFloor(InSomeLogs):
         return tuple(changed)
 
 
-LAWS: tuple[Effect, ...] = (SurfaceChange(), GradualChange(), Disc(), OtherFloor())
+LAWS: tuple[Effect, ...] = (
+    SurfaceChange(),
+    GradualChange(),
+    Profile(),
+    Disc(),
+    SoftDisc(),
+    DiscProfile(),
+    OtherFloor(),
+)
