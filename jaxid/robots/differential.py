@@ -161,6 +161,12 @@ class DifferentialDrive(Robot):
             return super().largest_yaw_rate
         return max(map(self.scales.output, self.velocities)) / self.parameters["b"].value
 
+    @property
+    def farthest_yaw_rate(self) -> float:
+        if not self._wheels:
+            return super().farthest_yaw_rate
+        return max(map(self.scales.reach, self.velocities)) / self.parameters["b"].value
+
     def yaw_rate(self, state: State, p: Numbers) -> Scalar:
         return self.planar(state, p)[2]
 

@@ -205,6 +205,11 @@ class Robot:
         """About the largest yaw rate of its logs."""
         return self.scales.output(self.turning)
 
+    @property
+    def farthest_yaw_rate(self) -> float:
+        """How far a curve over the yaw rate has to reach."""
+        return self.scales.reach(self.turning)
+
     def yaw_rate(self, state: State, p: Numbers) -> Scalar:
         """The yaw rate of a robot that `turns`."""
         return state[self.turning]

@@ -23,8 +23,8 @@ class Scales:
     wheel at the largest input, the `force` at the ground that it is, and the `friction` that would hold a drive axis against
     all of them; the robot's `time` constant; `acceleration`, speed over time constant; `interval` between samples and
     `duration` of a log; `length` of the driven path; `angle` through which one period of a ripple may go; `outputs`:
-    amplitude by channel. `farthest`: the magnitude by channel that hardly a sample exceeds, as far as a curve of
-    what grows quickly has to reach (none: `outputs`)."""
+    amplitude by channel. `farthest`: the magnitude by channel that hardly a sample exceeds, as far as a curve has to reach
+    (none: `outputs`), and `fastest` the same of the rims' speeds (zero: `speed`)."""
 
     input: float = 10.0
     speed: float = 1.0
@@ -40,6 +40,12 @@ class Scales:
     outputs: Mapping[str, float] = field(default_factory=dict)
     inputs: Mapping[str, float] = field(default_factory=dict)
     farthest: Mapping[str, float] = field(default_factory=dict)
+    fastest: float = 0.0
+
+    @property
+    def rim_reach(self) -> float:
+        """How far a curve over the speed at the rims has to reach."""
+        return max(self.fastest, self.speed)
 
     def reach(self, channel: str) -> float:
         """How far a curve over an output has to reach."""

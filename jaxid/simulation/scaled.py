@@ -97,7 +97,8 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
     measured = {n: _level([own[n] for own in seen], 0.0) for n in robot.channels.outputs}
     outputs = {name: level or max(measured.values()) or 1.0 for name, level in measured.items()}
     farthest = {n: _level([own[n] for own in seen], level, _HARDLY_EXCEEDED) for n, level in outputs.items()}
-    speed = _level([rim.ravel() for rim in _rims(robot, velocities)], max(outputs.values()))
+    rims = [rim.ravel() for rim in _rims(robot, velocities)]
+    speed = _level(rims, max(outputs.values()))
     time = time_constant(robot)
     time = min(max(time, 2.0 * interval), 0.1 * duration)
     torque, force, friction = _efforts(robot, largest)
@@ -121,6 +122,7 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
             if k not in robot.drive_inputs
         },
         farthest=farthest,
+        fastest=_level(rims, speed, _HARDLY_EXCEEDED),
     )
 
 

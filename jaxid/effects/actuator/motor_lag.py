@@ -1,6 +1,6 @@
 """The torque follows its command late and smoothly: driver filters, winding inductance, inner loops."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import jax
@@ -79,6 +79,10 @@ class MotorLag(Effect):
     def elsewhere(self, robot: Robot) -> dict[str, float]:
         name = self.key("time_constant")
         return exchanged(robot, name) if name in robot.parameters else {}
+
+    @property
+    def denser(self) -> Effect | None:
+        return RampAndLag(stands_as=self.stands_as) if self.law in (MotorLag.law, SlewRate.law) else None
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         return on_drives(robot, inputs, low_passed(inputs, dt, p[self.key("time_constant")]))
@@ -225,6 +229,24 @@ class SlewRate(MotorLag):
 
 
 @dataclass(frozen=True)
+class RampAndLag(SlewRate):
+    """A lag behind a ramp, as of a driver whose current is limited: looked for where one of the two leaves something."""
+
+    law: ClassVar[str] = "ramp_and_lag"
+    first_look: ClassVar[bool] = False
+    formula: ClassVar[str] = "time_constant * du'/dt = r - u', r follows u with |dr/dt| <= 1 / time_per_unit"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        ramp = SlewRate(stands_as=self.stands_as).parameters(robot)
+        found = ramp | MotorLag(stands_as=self.stands_as).parameters(robot)
+        return {name: replace(p, value=p.typical or 0.0) for name, p in found.items()}
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        ramp = ramped(inputs, dt, p[self.key("time_per_unit")])
+        return on_drives(robot, inputs, low_passed(ramp, dt, p[self.key("time_constant")]))
+
+
+@dataclass(frozen=True)
 class UnequalRamps(SlewRate):
     """A driver's ramp that slows down faster than it speeds up.
 
@@ -346,6 +368,7 @@ LAWS: tuple[Effect, ...] = (
     LagOfEach(),
     LagOfAll(),
     SlewRate(),
+    RampAndLag(),
     UnequalRamps(),
     RampOfEach(),
     RampOfBody(),

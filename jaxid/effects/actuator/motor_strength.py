@@ -4,12 +4,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ...robots.traits import refusal
-from ..curve import Curve
+from ..curve import Curve, rises_early
 from ..effect_parameters import signed
 from .drives import back_emf, drive_names, each_drive, input_unit, one_torque_each, torque_falls_with_speed
 
@@ -129,6 +130,10 @@ class WindingResistance(OfTorque):
         return tuple(t / (1.0 + excess) for t, excess in zip(torques, self.shares_of(p, robot), strict=True))
 
 
+_MUCH = 0.3
+"""Share of small commands from which what is lost of them is much."""
+
+
 @dataclass(frozen=True)
 class GainCurves(Curve):
     """What each motor gets beyond its command, as a share of it, a curve of the command's size."""
@@ -141,9 +146,20 @@ class GainCurves(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.1, 0.4, 0.9)
     free: ClassVar[tuple[int, ...]] = (0, 1, 2)
     variable: ClassVar[str] = "|u|"
+    rather: ClassVar[str] = "actuator_dead_zone"
 
     def each(self, robot: Robot) -> tuple[str, ...]:
         return tuple(drive_names(robot))
+
+    def agrees(self, robot: Robot) -> bool:
+        """Whether a motor that lacks much of small commands lacks it of large ones, too: what loses no more of these is a dead
+        zone."""
+        table = robot.parameters
+        size = np.linspace(0.0, table[self.key("reach")].value, 101)
+        lost = [-size * np.asarray(self.at(size, table.numbers, name)) for name in self.each(robot)]
+        most = max(lost, key=lambda own: float(np.max(np.abs(own))))
+        small = -float(np.min([np.asarray(self.at(0.0, table.numbers, name)) for name in self.each(robot)]))
+        return small < _MUCH or most[-1] > 0.5 * float(np.max(most)) or not rises_early(size, most)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return self.heights_and_reach(robot, "", 0.05, input_unit(robot), robot.scales.input)

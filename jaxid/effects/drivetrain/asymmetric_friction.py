@@ -132,7 +132,7 @@ class DryAsymmetryCurve(Curve):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.02 * robot.scales.friction
-        return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.speed)
+        return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.rim_reach)
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         rims = robot.rim_speeds(speeds, p)

@@ -142,7 +142,7 @@ class ViscousCurve(Curve):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.01 * robot.scales.friction
-        return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.speed)
+        return self.heights_and_reach(robot, unit, typical, robot.rim_unit, robot.scales.rim_reach)
 
     def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         rims = robot.rim_speeds(speeds, p)

@@ -75,7 +75,7 @@ class TrackCurve(Curve, _ByYawRate):
     variable: ClassVar[str] = "|yaw rate|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        of, rate = robot.velocity_unit(robot.turning), robot.scales.output(robot.turning)
+        of, rate = robot.velocity_unit(robot.turning), robot.scales.reach(robot.turning)
         return self.heights_and_reach(robot, "", 0.05, of, rate)
 
     def _share(self, rate: Scalar, p: Numbers, robot: Robot) -> Scalar:

@@ -4,12 +4,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
-from ..curve import Curve
+from ..curve import Curve, falls_at_once
 from ..effect_parameters import per_speed, shape, signed, still
 
 _STILL = 0.004
@@ -102,10 +103,22 @@ class TurningCurve(Curve, _OnTurning):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.1, 0.3, 0.6, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "|yaw rate|"
+    rather: ClassVar[str] = "stribeck_friction"
+
+    def _falls(self, robot: Robot) -> bool:
+        rates, numbers = np.linspace(0.0, robot.parameters[self.key("reach")].value, 101), robot.parameters.numbers
+        return falls_at_once(rates, np.asarray(self.at(rates, numbers)))
+
+    def agrees(self, robot: Robot) -> bool:
+        """Whether it resists, and is no friction that rises towards standstill."""
+        return not self._falls(robot)
+
+    def doubt(self, robot: Robot) -> str:
+        return "its moment drives: it is as if dry friction fell once the robot turns" if self._falls(robot) else ""
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, of = _units(robot)
-        return self.heights_and_reach(robot, unit, 0.02 * _moment(robot), of, robot.largest_yaw_rate)
+        return self.heights_and_reach(robot, unit, 0.02 * _moment(robot), of, robot.farthest_yaw_rate)
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         rate = robot.yaw_rate(state, p)

@@ -147,6 +147,30 @@ def with_its_other_laws(
     return found
 
 
+def with_what_it_rather_is(
+    mechanisms: Sequence[Sequence[Trial]],
+    screened: Sequence[Candidate],
+    refits: Refits,
+    finer: Callable[[Trial], Trial],
+) -> list[list[Trial]]:
+    """The mechanisms, with the one that the best one's curve is rather of by all its laws, and its curves as `finer` makes
+    them: one for each motor or axis, where the best one's acts on one alone."""
+    found = [list(own) for own in mechanisms]
+    leading = found[0][0]
+    best = leading.effect
+    if not isinstance(best, Curve) or not best.rather or best.agrees(leading.robot):
+        return found
+    there = next((own for own in found if own[0].id == best.rather), [])
+    tried = {trial.law for trial in there}
+    candidates = (candidate for candidate in screened if candidate.effect.id == best.rather)
+    laws = [law for candidate in candidates for law in (candidate, *candidate.laws)]
+    further = refits([law for law in laws if law.effect.law not in tried and law.gain > 0])
+    own = [finer(trial) for trial in (*there, *further)]
+    if own:
+        found = [other for other in found if other is not there] + [best_first(own)]
+    return sorted(found, key=lambda own: own[0].score)
+
+
 def by_where_they_bend(mechanisms: Sequence[list[Trial]], base: Trial) -> list[list[Trial]]:
     """The mechanisms, best first; where the best curve is rather that of another mechanism, which explains the gap of `base`,
     too, that one first. Of several curves that are alike, a mechanism of fewer that explains the gap or nearly as much comes

@@ -1,9 +1,8 @@
-"""A sensor's effect beside a curve that is near enough: little by its size, and yet all that is left.
+"""What takes up all that is left, beside effects that are near enough for a further name to close too little of the gap.
 
-What a curve through few points leaves of its own, a further effect of forces may well take up (`worth.py`), so that so little
-names none. A constant or drifting error of a sensor is no shape of friction: where it takes up all, it was missing. But a
-sensor's scale may stand for what a curve lacks: where the curve through more points, or one that reaches farther, leaves as
-little, it is that.
+What a law leaves of its own, a further effect may well take up (`worth.py`), so that so little names none. It does where it
+leaves nothing, and the laws there are, given more freedom, leave more: a curve through more points, or that reaches farther, or
+of every part of the robot; a formula's mechanism by its curve. An error of a sensor may be so small that only this shows it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,48 +16,52 @@ from ..policy import current_policy
 from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued, refit_from_itself
 from ..screening.first_look import first_look
-from .denser import may_reach_farther, with_denser_curve, with_farther_reach
+from .denser import (
+    may_reach_farther,
+    with_curves_apart,
+    with_denser_curve,
+    with_farther_reach,
+    with_freer_form,
+    with_further_terms,
+)
 from .from_the_back import not_present
+from .reconsider import by_its_curve
 from .steps import Step
-from .telling_apart import not_told_apart, simplest_first, supersets, told_apart_from
+from .telling_apart import clearly_better, not_told_apart, simplest_first, supersets, told_apart_from
 from .worth import likelier, undone
 
 _TRIED = 2
 """Mechanisms that are refitted."""
 
 
-def with_a_sensor_besides(
+def with_the_little_more(
     steps: list[Step],
     current: Trial,
+    base: Trial,
     effects: Sequence[Effect],
     logs: LogSet,
     held_out: LogSet,
     noise: dict[str, float],
     say: Report,
 ) -> tuple[list[Step], Trial]:
-    """The steps, and the model, with an effect of a sensor that leaves nothing, where those before leave too little for a
-    further name; else as they were."""
-    if not steps or current.held_out.adequate or current.angles or not _little(current):
+    """The steps, and the model, with an effect that takes up what those before leave, where that is too little for a further
+    name; else as they were. `base` is the model without any of them."""
+    if not steps or current.held_out.adequate or current.angles or current.held_out.diverged:
         return steps, current
-    remaining = [effect for effect in not_present(current.robot, effects) if effect.where == "sensor"]
-    if not remaining:
-        return steps, current
-    say("looking whether an effect of a sensor takes up the little that is left")
-    screened = first_look(current, logs, remaining, noise, say)
-    policy = current_policy()
-    likely = [c for c in screened if c.share > policy.unexplained][:_TRIED]
+    remaining = not_present(current.robot, effects)
+    say("looking whether one effect takes up all the little that is left")
+    screened = first_look(current, logs, remaining, noise, say) if remaining else []
+    likely = [c for c in screened if c.share > _least_share(c.effect)][:_TRIED]
     trials = [continued(t, logs, held_out, noise) for t in all_added(current, likely, logs, held_out, noise, say)]
     tried = max(sum(1 + len(c.laws) for c in screened), 1)
     trials = [
         trial
         for trial in trials
-        if _all_that_is_left(trial, current)
+        if _takes_it_up(trial, current)
         and likelier(current, trial, tried)
         and not undone(trial, current, held_out, noise)
     ]
-    for robot in _freer_curves(current.robot) if trials else ():
-        say("refitting with a curve through more points instead")
-        freer = replace(refit_from_itself(robot, current, logs, held_out, noise), id=current.id)
+    for freer in _freer(current, base, logs, held_out, noise, say) if trials else ():
         trials = [trial for trial in trials if told_apart_from(trial, freer)]
         if not trials:
             return steps, freer if told_apart_from(freer, current) else current
@@ -71,21 +74,53 @@ def with_a_sensor_besides(
     return [*steps, found], trials[0]
 
 
-def _freer_curves(robot: Robot) -> Iterator[Robot]:
-    """The robot with each of its curves through more points, and reaching farther where it may."""
-    for effect in robot.effects:
-        if isinstance(effect, Curve):
-            yield with_denser_curve(robot, effect.id)
-            if may_reach_farther(robot, effect):
-                yield with_farther_reach(robot, effect.id)
+def _least_share(effect: Effect) -> float:
+    """The share of what is left that an effect must promise: of one that is no sensor's all but little."""
+    unexplained = current_policy().unexplained
+    return unexplained if effect.where == "sensor" else 1.0 - 2.0 * unexplained
 
 
-def _little(trial: Trial) -> bool:
-    """Whether what is left is little by its size."""
-    return trial.held_out.normalised_rms < current_policy().coarse_curve and not trial.held_out.diverged
+def _takes_it_up(trial: Trial, before: Trial) -> bool:
+    """Whether an effect leaves next to nothing of what there was. An error of a sensor is no shape of a force: it does so on
+    the held-out logs where so little is left that nothing else is there. Others do on the fitted logs, and clearly help on
+    those held out, where the laws before are less near."""
+    policy = current_policy()
+    effect, left, was = trial.effect, trial.held_out, before.held_out
+    if effect is not None and effect.where == "sensor" and was.normalised_rms < policy.coarse_curve:
+        small = left.gap < policy.unexplained * was.gap and left.normalised_rms < policy.small
+        return left.adequate or small
+    enough = was.normalised_rms > policy.coarse_law
+    return enough and trial.fitted.gap < policy.unexplained * before.fitted.gap and clearly_better(left, was)
 
 
-def _all_that_is_left(trial: Trial, before: Trial) -> bool:
-    """Whether an effect leaves next to nothing of what there was."""
-    small = trial.held_out.gap < current_policy().unexplained * before.held_out.gap
-    return trial.held_out.adequate or (small and trial.held_out.normalised_rms < current_policy().small)
+def _freer(
+    current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+) -> Iterator[Trial]:
+    """The model with more freedom in each of the laws that were added, refitted."""
+    given = {effect.id for effect in base.robot.effects}
+    for effect in current.robot.effects:
+        if effect.id in given:
+            continue
+        say(f"refitting with more freedom in {effect.title} instead")
+        for robot in _freer_laws(current.robot, effect):
+            yield replace(refit_from_itself(robot, current, logs, held_out, noise), id=current.id)
+        if not isinstance(effect, Curve):
+            by_curve = by_its_curve(effect.id, current, base, logs, held_out, noise, say)
+            if by_curve is not None:
+                yield replace(by_curve, id=current.id)
+
+
+def _freer_laws(robot: Robot, effect: Effect) -> Iterator[Robot]:
+    """The robot with a curve of its through more points, one of every part, and reaching farther where it may; with a freer
+    form, or further terms, of a formula that has such."""
+    if not isinstance(effect, Curve):
+        if effect.freer is not None:
+            yield with_freer_form(robot, effect)
+        if effect.denser is not None:
+            yield with_further_terms(robot, effect.id)
+        return
+    yield with_denser_curve(robot, effect.id)
+    if not effect.apart and len(effect.parts(robot)) > 1:
+        yield with_curves_apart(robot, effect.id)
+    if may_reach_farther(robot, effect):
+        yield with_farther_reach(robot, effect.id)

@@ -21,6 +21,7 @@ from .laws import (
     with_its_other_laws,
     with_the_same_curves,
     with_the_same_law,
+    with_what_it_rather_is,
 )
 from .order import by_what_holds, rather_first, with_more
 from .steps import Step
@@ -127,6 +128,7 @@ def name_next(
         mechanisms = with_the_same_curves(
             mechanisms, screened, lambda further: [densest(trial, again) for trial in added(further)]
         )
+    mechanisms = with_what_it_rather_is(mechanisms, screened, added, lambda trial: densest(trial, again))
     mechanisms = with_its_other_laws(by_where_they_bend(mechanisms, base), screened, added)
     mechanisms = with_the_same_law(mechanisms, screened, added)
     mechanisms = by_what_holds(mechanisms, base)

@@ -27,7 +27,7 @@ from .between_rows import ranked_between_rows
 from .by_chance import rather_by_chance
 from .colour_left import colour_left, explained_somewhere, generalised_trial, inputs_left
 from .from_the_back import named_from_the_back, not_present
-from .little_more import with_a_sensor_besides
+from .little_more import with_the_little_more
 from .next_name import name_next, or_constants
 from .plainer_laws import by_plainer_laws, with_a_plainer_law
 from .reconsider import by_laws_again, exchanged, pruned, rather_by_curves, reconsidered
@@ -130,7 +130,7 @@ def search(
         if last or current.held_out.adequate or colour is not None:
             break
     if colour is None and _added(current, baseline) < most:
-        steps, current = with_a_sensor_besides(steps, current, effects, logs, held_out, noise, report)
+        steps, current = with_the_little_more(steps, current, baseline, effects, logs, held_out, noise, report)
     if current.held_out.adequate:
         steps, current = by_plainer_laws(steps, current, baseline, logs, held_out, noise, report)
     if colour is None and steps and not current.held_out.adequate:
