@@ -22,6 +22,8 @@ from .result import Estimate, Fit
 from .rounding import less_rounding, step_of
 
 Array = NDArray[np.float64]
+_ODD, _SEVERAL = 2.0, 3
+"""Times what the next worst log leaves that an odd one does, of so many logs at least."""
 
 POOR = 2.0
 """Root mean square of the residual, in units of the noise, from which a residual that follows the motion is poor."""
@@ -236,6 +238,9 @@ def judge(
     sentences = list(failures)
     if pooled > ABOVE or failures:
         sentences.append(f"The residual is {_times(pooled)} times the noise that the sensors show (RMS).")
+    odd = _odd_one([logs[k].name for k in kept], [errors[k] for k in kept], noise) if pooled > ABOVE else ""
+    if odd:
+        sentences.append(odd)
     for c, name in follows.items():
         sentences.append(
             f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
@@ -256,7 +261,7 @@ def judge(
     bursty = [c for c in alone if pooled > POOR and min(bursts(series[c]), uneven(series[c])) < limit]
     # A few far samples pull squares off, and decide by themselves which part of the motion they happen to fall on.
     glitches = [c for c in outlying if c in bursty or c in follows]
-    if glitches:
+    if glitches and not odd:
         sentences.append(
             f"A few samples of {_listed(glitches)} make it that large: outliers (a sensor that failed for a "
             "moment), or something brief that the model lacks (a push, a slip)."
@@ -298,7 +303,7 @@ def judge(
     elif coloured or (pooled > POOR and not outlying):
         verdict = "coloured"
     better = LOST if failures and not lost else ""
-    if not better and glitches:
+    if not better and glitches and not odd:
         better = _FEW_ROWS
     elif verdict == "sound" and outlying:
         better = (
@@ -311,6 +316,21 @@ def judge(
         doubtful = any(c not in follows and c not in slow and c not in bursty for c in wandering)
         better = _WANDERS_LIKE_A_SENSOR if doubtful else _WANDERS
     return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better, follows=follows)
+
+
+def _odd_one(names: Sequence[str], errors: Sequence[Mapping[str, Array]], noise: Mapping[str, float]) -> str:
+    """A sentence on the one log of several that holds nearly all that is left; empty where none does."""
+    if len(errors) < _SEVERAL or not all(errors):
+        return ""
+    each = [rms(np.concatenate([own[c] / noise[c] for c in own])) for own in errors]
+    *others, second, most = sorted(each)
+    if most < _ODD * second or most < POOR:
+        return ""
+    return (
+        f"Most of it is on the log {names[int(np.argmax(each))]}: {_times(most)} times the noise, on the others "
+        f"{_times(min([*others, second]))} to {_times(second)}. It may not have been recorded as they were (another load, a "
+        "swapped or flipped column, a shifted clock); `repeatability` compares them."
+    )
 
 
 def with_integration(

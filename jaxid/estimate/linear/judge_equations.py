@@ -85,9 +85,10 @@ def judged_equations(
     show, the equations lack. Over whole logs the model may do worse: `compare` says so. `biased`: parameters that noise in
     the regressors moves, and how many standard errors.
     """
-    noise, biased = equation_noise(logs), biased or {}
+    noise = equation_noise(logs)
     by_channel = {name: level / noise[name] for name, level in fit.noise.items()}
     pooled = rms(np.array(list(by_channel.values())))
+    biased = (biased or {}) if pooled >= NOTHING else {}  # there is no noise
     sentences, coloured, doubtful = [], [], False
     if pooled > ABOVE:
         sentences.append(f"The equations are off by {pooled:.3g} times the noise that the sensors show (RMS).")

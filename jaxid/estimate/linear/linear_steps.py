@@ -110,7 +110,8 @@ def status_notes(names: Sequence[str], status: Sequence[Status], errors: Array) 
     notes = []
     if blind:
         notes.append(
-            f"{', '.join(blind)}: not determined by these logs; one at the table's value goes with whatever the others are."
+            f"{', '.join(blind)}: not determined by this method's equations on these logs; one at the table's value goes with "
+            "whatever the others are."
         )
     if vague:
         notes.append(

@@ -306,12 +306,13 @@ def first_look(
         scores.append(Score(change.candidate, statistic, p, start, errors, D, change.candidate in pair.own))
     theta = np.array([pair.robot.parameters[n].value for n in pair.free])
     step = -np.linalg.lstsq(stacked(view.columns), stacked(view.residual) + every[k][1] @ answers[k][0], rcond=1e-8)[0]
+    shown = {score.candidate.title for score in scores}  # by another of its laws, say
     scores = _without_doubles(scores)
     return FirstLook(
         tuple(_one_of_each(scores)),
         colours,
         len(scores),
-        tuple(dict.fromkeys(unseen)),
+        tuple(title for title in dict.fromkeys(unseen) if title not in shown),
         theta + step * pair.sizes(),
         far,
     )
