@@ -1,6 +1,6 @@
 """The torque follows its command late and smoothly: driver filters, winding inductance, inner loops."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import jax
@@ -238,8 +238,7 @@ class RampAndLag(SlewRate):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         ramp = SlewRate(stands_as=self.stands_as).parameters(robot)
-        found = ramp | MotorLag(stands_as=self.stands_as).parameters(robot)
-        return {name: replace(p, value=p.typical or 0.0) for name, p in found.items()}
+        return ramp | MotorLag(stands_as=self.stands_as).parameters(robot)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         ramp = ramped(inputs, dt, p[self.key("time_per_unit")])

@@ -95,7 +95,7 @@ def _shared(final: Fit, effect: Curve) -> Shared | None:
     None where there is none."""
     robot = final.robot.alone  # a controller's equations have no share in it
     numbers = {name: float(value) for name, value in robot.parameters.numbers.items()}
-    own = [n for n in numbers if "." not in n and final[n].status == "identified"]
+    own = [n for n in numbers if "." not in n and final[n].status in ("identified", "at_bound")]
     patterns = list(_straight(robot, effect))
     if not own or not patterns:
         return None
