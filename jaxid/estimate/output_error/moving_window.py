@@ -8,6 +8,7 @@ wander. `change` asks whether the window contradicts it.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import scipy
@@ -36,6 +37,8 @@ _FARTHEST = 3.0
 """Multiple of a parameter, or of its magnitude at the start, by which a step may change it."""
 _SEEN = 1e-7
 """Share of the best seen direction below which one is not seen (columns in units of the parameters)."""
+_APART = 9.0
+"""Chi-squared by which one set of changed parameters must be likelier than another: three standard deviations."""
 _INFORMED = 0.3
 """Of what is forgotten of a parameter in the time of a window, the share that the window must bring back to inform of it."""
 
@@ -49,12 +52,12 @@ class WindowFit:
     - `informed`: parameters that the window itself tells; the others stand where they were seen last.
     - `normalised_rms`: of the residual, in units of the noise: 1 where the model fits. Where it is more, the errors are as much
       larger.
-    - `sound`: whether the fit stood still and leaves no more than noise. A window across a change does not, and nothing is
-      remembered of it.
+    - `sound`: whether the fit stood still and leaves no more than noise, and no sample of the window is from before an alarm.
+      A window across a change is not sound, however little of the change it shows, and nothing is remembered of it.
     - `p_value`: how often the window would differ so much from what was known before, by chance; NaN while nothing was.
     - `alarm`: whether that is rarer than the window's `alarm`. The estimates are then of the window alone.
     - `changed`: the parameters that have changed, once a sound window shows the new ones: as few as explain the difference,
-      the best one first.
+      the best one first; all of those that explain it alike.
     """
 
     time: float
@@ -109,6 +112,7 @@ class MovingWindow:
         self._rows = np.zeros((0, 1 + len(channels.inputs) + len(channels.measured)))
         self._past: list[Knowledge] = []
         self._since = -np.inf
+        self._quiet = -np.inf
         self._posed: tuple[Structure, Problem] | None = None
         self._last: tuple[Direct, Array, Array, float] | None = None
 
@@ -158,10 +162,13 @@ class MovingWindow:
             # What was seen before holds no longer: the window alone.
             found = _minimum(d, found.theta, found.states, *self._prior(None))
             contrast = self._contrast(known, found)
+        # What has changed did so after the last window without an alarm, or before what that showed.
+        self._quiet = self._quiet if alarm else float(self._rows[-1, 0])
         self._last = (d, found.theta, found.states, float(self._rows[0, 0]))
         measured = np.count_nonzero(d.logs.weight[0, :, :, 0], axis=0)
         samples = max(int(measured.sum()), 1)
         sound = found.converged and self._no_more_than_noise(measured, found.by_channel)
+        sound = sound and not (alarm and self._rows[0, 0] < self._quiet)
         if found.converged:
             self._theta = found.theta
         if sound and self._rows[0, 0] >= self._since and not alarm:
@@ -181,8 +188,29 @@ class MovingWindow:
             sound=sound,
             p_value=contrast.p_value,
             alarm=alarm,
-            changed=tuple(self.names[i] for i in contrast.changed) if alarm and sound else (),
+            changed=self._changed(d, known, found) if alarm and sound and known is not None else (),
         )
+
+    def _changed(self, d: Direct, known: Knowledge, found: "_Minimum") -> tuple[str, ...]:
+        """The fewest parameters with which, were they others and the rest what it was `known` to be, the window leaves no
+        more than it does alone, refitted: a difference of estimates tells it only where the window is linear in all. Where
+        several do alike, all of them."""
+        n, fits = len(self.names), []
+        for count in range(1, n + 1):
+            for places in combinations(range(n), count):
+                gone = np.isin(np.arange(n), places)
+                root, mean = _root(known.without(gone)), known.mean
+                begun = (np.where(gone, found.theta, mean), mean, found.theta)
+                ends = [_minimum(d, theta, found.states, root, mean) for theta in begun]
+                costs = [end.squares + float(np.sum((root @ (end.theta - mean)) ** 2)) for end in ends]
+                more = min(costs) - found.squares
+                if count == n or scipy.special.chdtrc(n - count, max(more, 0.0)) > self.alarm:
+                    fits.append((more, places))
+            if fits:
+                break
+        least = min(more for more, _ in fits)
+        near = [places for more, places in sorted(fits) if more < least + _APART]
+        return tuple(dict.fromkeys(self.names[i] for places in near for i in places))
 
     def _no_more_than_noise(self, samples: NDArray[np.int64], squares: Array) -> bool:
         """Whether all channels together and each by itself leave no more than their noise: what one of them lacks, such as a
@@ -227,9 +255,7 @@ class MovingWindow:
         n = len(self.names)
         if known is None or self.memory is None:
             return np.zeros((0, n)), self._theta
-        values, vectors = np.linalg.eigh(known.information)
-        root = (np.sqrt(np.maximum(values, 0.0)) * vectors).T
-        return np.sqrt(self._decay) * root, known.mean
+        return np.sqrt(self._decay) * _root(known), known.mean
 
     @property
     def _decay(self) -> float:
@@ -278,6 +304,12 @@ class MovingWindow:
         if d is None:
             raise ValueError(f"{self.robot.name!r} has no machine code; fit its windows one by one with output_error")
         return d, np.zeros((1, len(structure.state_names)))
+
+
+def _root(known: Knowledge) -> Array:
+    """Root [n, n] of what is known."""
+    values, vectors = np.linalg.eigh(known.information)
+    return (np.sqrt(np.maximum(values, 0.0)) * vectors).T
 
 
 @dataclass(frozen=True)

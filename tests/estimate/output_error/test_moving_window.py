@@ -12,12 +12,13 @@ NOISE, INTERVAL = 0.01, 0.02
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5, "offset": 0.0}
 
 
-def recorded(seconds, seed=0, changed=None, after=np.inf, still=np.inf):
+def recorded(seconds, seed=0, changed=None, after=np.inf, still=np.inf, again=np.inf):
     """Time, force and speed of a cart with dry friction, in steps of a fiftieth of a sample; `changed` parameters from `after`
-    on, no force from `still` on."""
+    on, no force from `still` until `again`."""
     random, T, fine = np.random.default_rng(seed), int(seconds / INTERVAL), 50
     force, h, v, speeds = np.repeat(random.uniform(-6, 6, T // 25 + 1), 25)[:T], INTERVAL / 50, 0.0, []
-    force[INTERVAL * np.arange(T) >= still] = 0.0
+    there = INTERVAL * np.arange(T)
+    force[(there >= still) & (there < again)] = 0.0
     for k in range(T):
         speeds.append(v)
         p = TRUE | (changed or {} if k * INTERVAL >= after else {})
@@ -69,6 +70,26 @@ def test_a_payload_is_told_named_and_followed():
     assert alarms[-1] is named[0]
     for fit, mass in ((fits[15], 1.0), (fits[-1], 1.4)):
         assert abs(fit.values["M"] - mass) < 4 * fit.std_errors["M"] < 0.02
+
+
+@pytest.mark.parametrize(("name", "to"), [("Fc", 0.8), ("M", 1.4), ("Fv", 2.6)])
+def test_what_changes_while_the_cart_stands_is_named_and_nothing_else(name, to):
+    """A window that holds little but standstill follows anything; no parameter of one that calls itself sound is far off."""
+    run = recorded(36.0, 3, changed={name: to}, after=15.0, still=12.0, again=15.0)
+    window, named = MovingWindow(Axis(), 4.0, noise={"v": NOISE}, memory=20.0), []
+    for k in range(0, len(run[0]), 25):
+        window.add(*(values[k : k + 25] for values in run))
+        if not window.full:
+            continue
+        fit = window.refit()
+        truth = TRUE | ({name: to} if fit.time > 15.0 else {})
+        if fit.sound and not 15.0 <= fit.time < 15.6:  # nothing shows yet
+            told = [n for n in fit.informed if fit.std_errors[n] > 0]
+            assert all(abs(fit.values[n] - truth[n]) < 5 * fit.std_errors[n] for n in told), fit
+        if fit.changed:
+            named.append(fit.changed)
+            window.forget(fit.changed)
+    assert len(named) == 1 and name in named[0] and set(named[0]) <= {name, "offset"}
 
 
 def test_a_silent_sensor_does_not_make_up_for_what_another_has_too_much():
