@@ -13,6 +13,7 @@ import platform
 import time
 from dataclasses import replace
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -118,11 +119,12 @@ def picture(run: Run, recursion, fits: list[jaxid.WindowFit]) -> None:
 
 def quiet(seeds: range) -> dict[str, float]:
     """How often a change is told where there is none: of windows that share no sample, and all of them."""
-    p, told, fits = [], 0, 0
+    p, told, begun, fits = [], 0, 0, 0
     for seed in seeds:
         found, _ = by_window(recorded(seed))
         later = [fit for fit in found if np.isfinite(fit.p_value)]
         told, fits = told + sum(fit.alarm for fit in later), fits + len(later)
+        begun += sum(fit.alarm and not before.alarm for before, fit in pairwise(later))
         p += [fit.p_value for fit in later[:: round(WINDOW / INTERVAL / REFIT)]]
     return {
         "windows_apart": len(p),
@@ -130,6 +132,7 @@ def quiet(seeds: range) -> dict[str, float]:
         "p_below_0.01": float(np.mean(np.array(p) < 0.01)),
         "fits": fits,
         "alarms_at_0.001": told / fits,
+        "begun_at_0.001": begun,
     }
 
 
