@@ -37,7 +37,7 @@ _INTEGRATION = 1e-4
 """Residual in units of the motion's standard deviation that may be the simulation's own error."""
 _OWN_ERRORS = 3.0
 """How many times what shorter integration steps change of a position may be the simulation's own error."""
-_FOLLOWS_LARGE = 0.05
+_FOLLOWS_LARGE = 0.01
 """The same where the residual is `POOR` in size and coloured: then a doubt is worth more than a false alarm is dear."""
 NOTHING = 0.1
 """Residual in units of the noise that only logs without noise can have: rounding and integration, whatever it follows."""
