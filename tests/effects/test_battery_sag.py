@@ -4,7 +4,21 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from jaxid import AXIS, Axis, Channels, Custom, DifferentialDrive, Log, LogSet, Omni, Parameter, explain, output_error
+from jaxid import (
+    AXIS,
+    Axis,
+    Channels,
+    Custom,
+    DifferentialDrive,
+    Log,
+    LogSet,
+    Omni,
+    Parameter,
+    Pioneer,
+    explain,
+    float64,
+    output_error,
+)
 from jaxid.effects import catalogue, effect_by_id, laws_of
 from jaxid.explanation.not_looked_for import not_looked_for
 from tests.explanation.closed_form_axis import driven
@@ -117,3 +131,26 @@ def test_mass_and_friction_allow_for_a_sag_that_goes_on_in_another_way():
     assert any("with a freer form they would be M" in note for note in story.notes)
     for name, true in (("M", 1.0), ("Fv", 2.0)):
         assert abs(story.final[name].value - true) < 3.0 * story.final[name].std_error < 0.2 * true, name
+
+
+@pytest.mark.parametrize("by_duty", [0.0, 1.0])
+@pytest.mark.parametrize("most", [0.0, 0.5, 4.0, 11.0])
+def test_a_steep_drop_is_that_of_the_currents_which_it_leaves(by_duty, most):
+    """Against a bracketing root finder: the drop at the full voltage's currents would be many times too large."""
+    robot = Pioneer() + effect_by_id(Pioneer(), "battery_sag", "shape")
+    heights = {f"battery_sag.at_{k}": share * most for k, share in ((1, 0.3), (2, 0.4), (3, 1.0))}
+    robot = robot.with_values(**heights, **{"battery_sag.by_duty": by_duty})
+    (effect,), p = robot.effects, robot.parameters.numbers
+    random = np.random.default_rng(1)
+    with float64():
+        for _ in range(20):
+            volts, rates = random.uniform(-12, 12, 2), random.uniform(-15, 15, 2)
+            emf = p["KE"] * p["tr"] * rates
+
+            def short(share, volts=volts, emf=emf):
+                each = (volts * share - emf) / p["Ra"]
+                total = by_duty * abs(volts @ each) / 12.0 + (1.0 - by_duty) * np.abs(each).sum()
+                return 1.0 - float(effect.at(np.float64(total), p)) / 12.0 - share
+
+            found = np.array(effect.supply((*volts,), (*((volts - emf) / p["Ra"]),), {}, p, robot)) / volts
+            assert np.allclose(found, brentq(short, -1.0, 1.0 + 1e-9, xtol=1e-13), atol=2e-3)

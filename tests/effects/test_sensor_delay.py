@@ -38,8 +38,7 @@ def test_no_reading_hangs_on_what_comes_after_it(mechanism):
         (name,) = (n for n in law.parameters(Axis()) if n.split(".")[1] in ("delay", "rate", "window", "time_constant"))
         numbers = {n: p.value for n, p in law.parameters(Axis()).items()} | {name: 0.011}
         read = [
-            np.asarray(law.measure(jnp.asarray(y), jnp.asarray(time), numbers, Axis()))[:51]
-            for y in (outputs, other)
+            np.asarray(law.measure(jnp.asarray(y), jnp.asarray(time), numbers, Axis()))[:51] for y in (outputs, other)
         ]
         np.testing.assert_array_equal(*read, err_msg=law.law)
 

@@ -47,7 +47,9 @@ def behind(r: Scalar, drop: Scalar, volts: Scalars, currents: Scalars, p: Number
 
 
 _ROUNDS = 3
-"""Times that the drop is worked out from the currents that it leaves."""
+"""Times that the drop is worked out anew from the currents that it leaves."""
+_TINY = 1e-14
+"""Shares of the voltage that are the same but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -319,14 +321,25 @@ class SagCurve(Curve):
         return tuple(replace(probe, shape={**probe.shape, **kind}) for kind in kinds for probe in usual)
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        nominal, by_duty, share = nominal_voltage(p, robot), p[self.key("by_duty")], 1.0
-        for _ in range(_ROUNDS):
-            # What is drawn is less for the drop itself.
+        nominal, by_duty = nominal_voltage(p, robot), p[self.key("by_duty")]
+
+        def short(share: Scalar) -> Scalar:
+            """By how much the supply falls short of a share of its voltage, with what is drawn at that."""
             less = (1.0 - share) / p[robot.winding]
             now = tuple(i - less * u for i, u in zip(currents, volts, strict=True))
             total = sum(jnp.abs(now[k]) for k in robot.drive_inputs)
             total = by_duty * jnp.abs(drawn(volts, now, p, robot)) + (1.0 - by_duty) * total
-            share = 1.0 - self.at(total, p) / nominal
+            return 1.0 - self.at(total, p) / nominal - share
+
+        # What is drawn is less for the drop itself: the full voltage is too much, and what that leaves too little, so that
+        # secants between the two settle however steep the drop is.
+        before, off = 1.0, short(1.0)
+        share = jnp.maximum(before + off, 0.0)
+        for _ in range(_ROUNDS):
+            now = short(share)
+            apart = off - now
+            apart = jnp.where(jnp.abs(apart) > _TINY, apart, jnp.inf)
+            before, share, off = share, share + now * (share - before) / apart, now
         return lowered(volts, share, robot)
 
 
