@@ -140,6 +140,15 @@ def _answers(log: Log, name: str, steps: Array, away: Array) -> NDArray[np.bool_
     return np.append(False, changed[:-2] & changed[1:-1]) & (away <= usual)
 
 
+def _answers_at_the_end(log: Log, sizes: Array) -> bool:
+    """Whether the last change, of those of these `sizes` [T - 1], answers a change of the inputs just before: it is not far
+    larger than others that do."""
+    changes = np.abs(np.diff(log.inputs, axis=0))
+    changed = (changes > _MUCH * np.ptp(log.inputs, axis=0)).any(axis=1)
+    after = sizes[1:-1][changed[:-2]]
+    return bool(changed[-2] and after.size and sizes[-1] <= 2.0 * after.max())
+
+
 def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
     """Isolated samples that jump away from both neighbours and back, far beyond every change nearby."""
     if len(values) < 16:
@@ -161,7 +170,8 @@ def _spikes(log: Log, name: str, values: Array) -> Iterator[Finding]:
     moving = np.abs(values) > 3 * spread
     if moving[0] and sizes[0] > max(6 * sizes[1:5].max(), 2 * least):
         spikes = np.append(0, spikes)
-    if moving[-1] and sizes[-1] > max(6 * sizes[-5:-1].max(), 2 * least):
+    last = moving[-1] and sizes[-1] > max(6 * sizes[-5:-1].max(), 2 * least)
+    if last and not _answers_at_the_end(log, sizes):
         spikes = np.append(spikes, len(values) - 1)
     if len(spikes):
         first = int(spikes[0])
