@@ -94,7 +94,9 @@ def test_a_robot_in_the_place_of_its_fit_is_to_be_fitted_first(logs):
         lambda robot: jaxid.explain_change(robot, robot, logs, logs),
         lambda robot: jaxid.profile_likelihood(robot, logs),
     ):
-        with pytest.raises(TypeError, match=r"is no fit; give what an estimator returns, such as jaxid\.\w+\(robot, logs\)"):
+        with pytest.raises(
+            TypeError, match=r"is no fit; give what an estimator returns, such as jaxid\.\w+\(robot, logs\)"
+        ):
             call(Axis())
 
 

@@ -23,7 +23,7 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
         doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
     elif after.foretold > current_policy().many and not (after.by_chance or after.within_errors or all_noise(found)):
         doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
-    elif len(named) > 1 and _more_than_imprecise(named, final, after) and not all_noise(found):
+    elif len(named) > 1 and _more_than_imprecise(named, final, after) and not (all_noise(found) or _closing(found)):
         doubts.append(
             f"with {len(named)} effects the held-out error is still {after.normalised_rms:.3g} times the noise, so that one "
             "may stand for what another's law lacks"
@@ -55,6 +55,13 @@ def _more_than_imprecise(named: Sequence[NamedEffect], final: Fit, after: HeldOu
     poor = final.judgement is not None and final.judgement.verdict == "poor"
     curve = not poor and any(effect.law == SHAPE for effect in named)
     return not after.adequate and after.foretold > (policy.coarse_curve if curve else policy.coarse_law)
+
+
+def _closing(found: Search) -> bool:
+    """Whether every effect after the first leaves of the gap that it found no more than an imprecise law does: what stands for
+    another's law makes up for a part of it."""
+    share, later = 2.0 * current_policy().coarse_share, found.steps[1:]
+    return bool(later) and all(step.after.held_out.gap <= share * step.before.held_out.gap for step in later)
 
 
 def all_noise(found: Search) -> bool:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -89,11 +90,13 @@ def named(sure=True):
     return NamedEffect("quadratic_drag", "body", "", {}, (), evidence, sure)
 
 
-def verdict(fit, before, after, *effects):
-    without, with_it = (
-        Trial("", fit.robot, 0.0, 1, state(rms), lambda rms=rms: state(rms), {}) for rms in (before, after)
-    )
-    found = Search(state(before), state(after), None, (Step((with_it,), (), (), without, with_it),), ())
+def verdict(fit, before, after, *effects, between=()):
+    """Of a gap `before` that the effects close to `after`, in one step or by way of what they left `between`."""
+    path = [
+        Trial("", fit.robot, 0.0, 1, state(rms), lambda rms=rms: state(rms), {}) for rms in (before, *between, after)
+    ]
+    steps = tuple(Step((with_it,), (), (), without, with_it) for without, with_it in pairwise(path))
+    found = Search(state(before), state(after), None, steps, ())
     doubts = doubts_of(found, fit, effects, found.after)
     return verdict_of(found, effects, 3, doubts), doubts
 
@@ -130,6 +133,9 @@ def test_two_names_that_leave_more_than_an_imprecise_law_are_not_given(heavy_tai
     assert verdict(fit, 10.0, policy.coarse_law - 0.01, named(), other)[0] == "named"
     found, doubts = verdict(fit, 10.0, policy.coarse_law + 0.01, named(), other)
     assert found == "unexplained" and "one may stand for what another's law lacks" in doubts[0]
+    # Each closes what it finds but for an imprecise law's share, or makes up for a part of what the other leaves.
+    assert verdict(fit, 11.0, 1.4, named(), other, between=(9.0,))[0] == "named"
+    assert verdict(fit, 4.1, 1.57, named(), other, between=(2.16,))[0] == "unexplained"
     of_a_curve = replace(other, law="shape")  # through few points, which follow a law less closely
     assert verdict(fit, 10.0, policy.coarse_law + 0.01, named(), of_a_curve)[0] == "named"
     assert verdict(fit, 10.0, policy.coarse_curve + 0.01, named(), of_a_curve)[0] == "unexplained"

@@ -98,4 +98,9 @@ def test_the_oldest_files_make_room(tmp_path, monkeypatch):
         os.utime(path, (number, number))
     (tmp_path / "of_jax").touch()
     _kept.make_room(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["jaxid_3.code", "jaxid_4.code", "jaxid_5.code", "of_jax"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "jaxid_3.code",
+        "jaxid_4.code",
+        "jaxid_5.code",
+        "of_jax",
+    ]
