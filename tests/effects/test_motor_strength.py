@@ -39,3 +39,22 @@ def test_only_where_torques_fall_with_the_speed_and_no_winding_is_known(robot):
         robot.with_values(back_emf=0.0) + TorqueConstantOfTorques()
     with pytest.raises(EffectError, match="windings of 'omni' are known"):
         Omni() + TorqueConstantOfTorques()
+
+
+@pytest.mark.parametrize(
+    ("gains", "is_one"),
+    [
+        ((-0.84, -0.2, 0.0), False),
+        ((-0.5, -0.12, -0.05), False),
+        ((-0.2, -0.15, -0.1), True),
+        ((0.0, -0.1, -0.4), True),
+    ],
+)
+def test_a_motor_that_lacks_only_small_commands_has_a_dead_zone(gains, is_one):
+    """What it loses of 1 V is most of it, and of 10 V no more volts than that."""
+    model = Omni() + effect_by_id(Omni(), "motor_gain_mismatch", "shape")
+    name = model.channels.inputs[1]
+    heights = {f"motor_gain_mismatch.at_{k}_{name}": gain for k, gain in enumerate(gains, start=1)}
+    model = model.with_values(**heights)
+    (curve,) = model.effects
+    assert curve.agrees(model) is is_one and curve.rather == "actuator_dead_zone"

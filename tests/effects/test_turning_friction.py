@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import DifferentialDrive, Log, LogSet, simulate
+from jaxid import DifferentialDrive, Log, LogSet, Omni, simulate
 from jaxid.effects import effect_by_id
 
 
@@ -22,3 +22,13 @@ def test_a_turn_ends_where_dry_friction_ends_it(law):
     log = Log.from_arrays("turn", time, np.column_stack([moment, -moment]), np.zeros((301, 2)), model)
     (found,) = simulate(model, LogSet([log]))
     np.testing.assert_allclose(found[:, 1], exact, atol=0.015)
+
+
+@pytest.mark.parametrize(("heights", "resists"), [((0.4, 0.8, 1.0, 1.1), True), ((-2.0, -2.9, -3.0, -3.1), False)])
+def test_a_moment_that_drives_is_friction_that_falls_once_the_robot_turns(heights, resists):
+    """A robot with dry friction of its own against turning takes up the level: what is left of Stribeck friction drives."""
+    robot = Omni() + effect_by_id(Omni(), "turning_friction", "shape")
+    robot = robot.with_values(**{f"turning_friction.at_{k}": h for k, h in enumerate(heights, start=1)})
+    (curve,) = robot.effects
+    assert curve.agrees(robot) is resists and curve.rather == "stribeck_friction"
+    assert bool(curve.doubt(robot)) is not resists

@@ -10,7 +10,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ...robots.traits import refusal
-from ..curve import Curve, rises_early
+from ..curve import Curve
 from ..effect_parameters import signed
 from .drives import back_emf, drive_names, each_drive, input_unit, one_torque_each, torque_falls_with_speed
 
@@ -152,14 +152,13 @@ class GainCurves(Curve):
         return tuple(drive_names(robot))
 
     def agrees(self, robot: Robot) -> bool:
-        """Whether a motor that lacks much of small commands lacks it of large ones, too: what loses no more of these is a dead
-        zone."""
+        """Whether a motor that lacks much of small commands lacks it of large ones, too: what loses hardly more of these is
+        a dead zone."""
         table = robot.parameters
-        size = np.linspace(0.0, table[self.key("reach")].value, 101)
-        lost = [-size * np.asarray(self.at(size, table.numbers, name)) for name in self.each(robot)]
-        most = max(lost, key=lambda own: float(np.max(np.abs(own))))
-        small = -float(np.min([np.asarray(self.at(0.0, table.numbers, name)) for name in self.each(robot)]))
-        return small < _MUCH or most[-1] > 0.5 * float(np.max(most)) or not rises_early(size, most)
+        size = table[self.key("reach")].value * np.array([0.0, 0.25, 1.0])
+        gains = {name: np.asarray(self.at(size, table.numbers, name)) for name in self.each(robot)}
+        gain = min(gains.values(), key=lambda own: float(own[0]))
+        return bool(gain[0] > -_MUCH or -gain[2] * size[2] > 2.0 * -gain[1] * size[1])
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return self.heights_and_reach(robot, "", 0.05, input_unit(robot), robot.scales.input)
