@@ -32,7 +32,7 @@ def prior_conflicts(
         if prior is None or estimate.status != "identified" or not np.isfinite(estimate.std_error):
             continue
         mean, spread = prior
-        scatter, error = spread**2 + estimate.std_error**2, float("nan")
+        scatter, error, weight = spread**2 + estimate.std_error**2, float("nan"), float("nan")
         if white is not None and name in white:
             # The weight that the data has, and what it would say with all of it.
             weight = max(1.0 - (white[name] / spread) ** 2, _LEAST)

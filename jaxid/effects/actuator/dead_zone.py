@@ -1,7 +1,7 @@
 """Commands too small to move anything: what an H-bridge and its dead time do near zero (data sheets; FRC's kS)."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -153,13 +153,13 @@ class DeadZoneCurve(Curve):
         """`robot` with the curve that goes on beyond its reach as it comes there, on average over the motors: what is lost in
         proportion to the command is another gain of all, so that the robot's own parameters hang on that."""
         numbers, reach = robot.parameters.numbers, robot.parameters[self.key("reach")].value
-        last, before = (self.mean_at(share * reach, robot, numbers) for share in (1.0, self.places[-2]))
+        last, before = (float(self.mean_at(share * reach, robot, numbers)) for share in (1.0, self.places[-2]))
         return robot.with_values(**{self.key("tail"): (last - before) / ((1.0 - self.places[-2]) * reach)})
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return tuple(drive_names(robot))
 
-    def mean_at(self, x, robot: Robot, p: Numbers) -> float | np.ndarray:
+    def mean_at(self, x: Any, robot: Robot, p: Numbers) -> Any:
         """The mean of the motors' curves at `x`."""
         return np.mean([np.asarray(self.at(x, p, name)) for name in self.each(robot)], axis=0)
 

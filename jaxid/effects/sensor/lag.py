@@ -58,13 +58,13 @@ def damped(outputs, time, asked, damping):
     line = over_pole(2.0 * square[0] - slope, 2.0 * square[1])
     level = over_pole(line[0] - outputs[:-1], line[1])  # where x runs behind a parabola, at the start of each interval
     keep = jnp.exp(-decay * dt)
-    left = turned(*level, turn * dt)
-    new = (c + dt * (b + dt * a) - keep * d for a, b, c, d in zip(square, line, level, left, strict=True))
+    left = turned(level[0], level[1], turn * dt)
+    real, imaginary = (c + dt * (b + dt * a) - keep * d for a, b, c, d in zip(square, line, level, left, strict=True))
     along = turn * (time - time[0])[:, None]
-    fixed = turned(*new, -along[1:])
+    fixed = turned(real, imaginary, -along[1:])
     held = over_pole(-outputs[0], 0.0)
-    found = [recurrence(keep, part, first) for part, first in zip(fixed, held, strict=True)]
-    late = turned(*found, along[1:])[1] * size / turn
+    real, imaginary = (recurrence(keep, part, first) for part, first in zip(fixed, held, strict=True))
+    late = turned(real, imaginary, along[1:])[1] * size / turn
     return outputs + asked / mean * (jnp.concatenate([outputs[:1], late]) - outputs)
 
 
