@@ -1,12 +1,14 @@
 """A motor that has run for a while is weaker: copper's resistance rises by 0.39 %/K, magnets weaken by 0.1 to 0.2 %/K."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar
 
 import jax.numpy as jnp
 
 from ...parameters import Parameter
-from ...robots.effect import Effect, Numbers, Scalars, State
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
 from ..effect_parameters import positive, shape, shortest
@@ -23,6 +25,10 @@ class MotorHeating(Effect):
     formula: ClassVar[str] = "R = R_cold (1 + coefficient * integral of R i^2)"
     needs: ClassVar[tuple[str, ...]] = ("winding",)
 
+    @property
+    def freer(self) -> Effect | None:
+        return HeatingThatLevelsOff(stands_as=self.stands_as) if self.law == MotorHeating.law else None
+
     def states_on(self, robot: Robot) -> tuple[str, ...]:
         return tuple(self.own(f"heat_{robot.channels.inputs[i]}") for i in robot.drive_inputs)
 
@@ -31,23 +37,44 @@ class MotorHeating(Effect):
         energy = scales.input**2 / winding * scales.duration
         return positive(self, "coefficient", "1/J", 0.3 / energy)
 
+    def rise(self, heat: Scalar, p: Numbers) -> Scalar:
+        """Of the resistance, relative, with the energy `heat` [J]."""
+        return p[self.key("coefficient")] * heat
+
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         # A resistance higher by a factor f passes the current of a voltage lowered to emf + (u - emf) / f.
         lowered, winding = list(volts), p[robot.winding]
         for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True):
-            factor = 1.0 + p[self.key("coefficient")] * state[name]
+            factor = 1.0 + self.rise(state[name], p)
             lowered[k] = volts[k] - winding * currents[k] * (1.0 - 1.0 / factor)
         return tuple(lowered)
 
     def _watts(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         """Power dissipated in every winding, by the name of its heat."""
         return {
-            name: p[robot.winding] * (1.0 + p[self.key("coefficient")] * state[name]) * currents[k] ** 2
+            name: p[robot.winding] * (1.0 + self.rise(state[name], p)) * currents[k] ** 2
             for name, k in zip(self.states_on(robot), robot.drive_inputs, strict=True)
         }
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         return self._watts(state, currents, p, robot)
+
+
+@dataclass(frozen=True)
+class HeatingThatLevelsOff(MotorHeating):
+    """A resistance that rises less and less: for the question whether the robot's own parameters hang on that."""
+
+    law: ClassVar[str] = "levelling_off"
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"levelling": 0.0})
+    formula: ClassVar[str] = "R = R_cold (1 + coefficient * E / (1 + levelling * E)), E = integral of R i^2"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        rise = super().parameters(robot)
+        (typical,) = (parameter.typical for parameter in rise.values())
+        return rise | positive(self, "levelling", "1/J", typical or 1.0)
+
+    def rise(self, heat: Scalar, p: Numbers) -> Scalar:
+        return super().rise(heat, p) / (1.0 + p[self.key("levelling")] * heat)
 
 
 @dataclass(frozen=True)
