@@ -76,6 +76,11 @@ def with_denser_curve(robot: Robot, identifier: str) -> Robot:
     return found.with_values(**values, **own)
 
 
+def may_be_denser(robot: Robot, curve: Curve) -> bool:
+    """Whether a curve with twice as many points has not too many."""
+    return 2 * len(curve.each(robot)) * len(curve.varying) <= _MOST_HEIGHTS
+
+
 def may_reach_farther(robot: Robot, effect: Effect) -> bool:
     """Whether an effect is a curve whose reach was chosen among several (`Curve.reaches`), and none beyond these."""
     if not isinstance(effect, Curve) or len(effect.reaches) < 2:
@@ -150,7 +155,7 @@ def _open(trial: Trial) -> bool:
     """Whether it is about an effect that can be given more freedom, and leaves something."""
     effect = trial.effect
     freer = effect is not None and effect.denser is not None
-    if isinstance(effect, Curve) and 2 * len(effect.each(trial.robot)) * len(effect.varying) > _MOST_HEIGHTS:
+    if isinstance(effect, Curve) and not may_be_denser(trial.robot, effect):
         return False
     return freer and not trial.fitted.adequate and bool(np.isfinite(trial.score))
 

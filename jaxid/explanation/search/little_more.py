@@ -8,6 +8,7 @@ of every part of the robot; a formula's mechanism by its curve. An error of a se
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from ...effects import laws_of
 from ...effects.curve import Curve
 from ...logs import LogSet
 from ...robots.effect import Effect
@@ -17,6 +18,7 @@ from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued, refit_from_itself
 from ..screening.first_look import first_look
 from .denser import (
+    may_be_denser,
     may_reach_farther,
     with_curves_apart,
     with_denser_curve,
@@ -46,9 +48,11 @@ def with_the_little_more(
 ) -> tuple[list[Step], Trial]:
     """The steps, and the model, with an effect that takes up what those before leave, where that is too little for a further
     name; else as they were. `base` is the model without any of them."""
-    if not steps or current.held_out.adequate or current.angles or current.held_out.diverged:
+    policy, left = current_policy(), current.held_out
+    if not steps or left.adequate or current.angles or left.diverged or left.normalised_rms > policy.many:
         return steps, current
-    remaining = not_present(current.robot, effects)
+    little = left.normalised_rms <= policy.coarse_law
+    remaining = [e for e in not_present(current.robot, effects) if e.where == "sensor" or not little]
     say("looking whether one effect takes up all the little that is left")
     screened = first_look(current, logs, remaining, noise, say) if remaining else []
     likely = [c for c in screened if c.share > _least_share(c.effect)][:_TRIED]
@@ -64,7 +68,8 @@ def with_the_little_more(
     for freer in _freer(current, base, logs, held_out, noise, say) if trials else ():
         trials = [trial for trial in trials if told_apart_from(trial, freer)]
         if not trials:
-            return steps, freer if told_apart_from(freer, current) else current
+            better = _has_a_name(freer.robot) and told_apart_from(freer, current)
+            return steps, freer if better else current
     if not trials:
         return steps, current
     trials = simplest_first(sorted(trials, key=lambda trial: trial.score))
@@ -110,6 +115,11 @@ def _freer(
                 yield replace(by_curve, id=current.id)
 
 
+def _has_a_name(robot: Robot) -> bool:
+    """Whether all its laws are the catalogue's, and none a freer form that is only compared."""
+    return all(e.law in {law.law for law in laws_of(replace(robot, effects=()), e.id)} for e in robot.effects)
+
+
 def _freer_laws(robot: Robot, effect: Effect) -> Iterator[Robot]:
     """The robot with a curve of its through more points, one of every part, and reaching farther where it may; with a freer
     form, or further terms, of a formula that has such."""
@@ -118,6 +128,8 @@ def _freer_laws(robot: Robot, effect: Effect) -> Iterator[Robot]:
             yield with_freer_form(robot, effect)
         if effect.denser is not None:
             yield with_further_terms(robot, effect.id)
+        return
+    if not may_be_denser(robot, effect):
         return
     yield with_denser_curve(robot, effect.id)
     if not effect.apart and len(effect.parts(robot)) > 1:
