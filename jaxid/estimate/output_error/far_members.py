@@ -3,6 +3,7 @@
 Each parameter's middle over the fleet is the median, its spread the median absolute deviation, which the far members do not
 move. A member is far where its distance, in units of spread and standard error together, is larger than the largest one of
 as many normally distributed members is in all but one of a hundred fleets, whatever the parameter: what that takes is drawn.
+In a small fleet one member that is far from the mean of the others, in units of their scatter, is told by that.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._distributions import student_tail
 from ..result import Fit
 
 FEWEST = 5
@@ -78,6 +80,28 @@ def _chance(distance: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     return beyond / _DRAWN * count / drawn
 
 
+def _beside_the_rest(values: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probability [N] that the farthest of as many is as far from the mean of all others, in units of their scatter (the
+    externally studentised deviate; Cook & Weisberg 1982): far fewer members tell it than the median of their deviations.
+    Of several, the farthest first, which then counts no more (Rosner, Technometrics 25, 1983)."""
+    found, left = np.ones(len(values)), np.arange(len(values))
+    while len(left) >= FEWEST:
+        x, own = values[left], errors[left] ** 2
+        n, mean = len(x), (x.sum() - x) / (len(x) - 1)
+        scatter = (np.sum(x**2) - x**2 - (n - 1) * mean**2) / (n - 2)
+        # The scatter is that of members whose errors are the others'; its own may be larger.
+        more = np.maximum(own - (own.sum() - own) / (n - 1), 0.0)
+        unit = np.sqrt(np.maximum(scatter, 0.0) * n / (n - 1) + more)
+        away = np.abs(x - mean) / np.where(unit > 0, unit, np.inf)
+        k = int(np.argmax(away))
+        chance = float(np.minimum(2.0 * n * student_tail(away[k], n - 2), 1.0))
+        found[left[k]] = chance
+        if chance >= _FALSE_ALARM:
+            break
+        left = np.delete(left, k)
+    return found
+
+
 class OneParameter(NamedTuple):
     """A parameter's estimates by N sound members that have identified it."""
 
@@ -111,7 +135,8 @@ def far_estimates(every: Mapping[str, OneParameter]) -> tuple[FarMember, ...]:
     found: list[FarMember] = []
     for name, (members, unit, values, errors) in judged.items():
         median, spread, distance = _distances(values, errors)
-        chance = _chance(distance, len(members))
+        # Two tests, each by half of the level.
+        chance = 2.0 * np.minimum(_chance(distance, len(members)), _beside_the_rest(values, errors))
         for k in np.flatnonzero(chance * len(judged) < _FALSE_ALARM).tolist():
             numbers = (float(x) for x in (values[k], errors[k], median.item(), spread.item(), distance[k]))
             found.append(FarMember(members[k], name, unit, *numbers))

@@ -52,6 +52,14 @@ def test_few_members_and_doubted_ones_say_nothing(fit):
     assert not far_members({**fleet, "robot 7": replace(fleet["robot 7"], judgement=doubted)})
 
 
+def test_one_of_a_small_fleet_with_little_scatter_is_told(fit):
+    """Twelve spreads of seven others, where the median of eight deviations says little; and the second one after it."""
+    masses = [9.71, 9.41, 10.09, 9.9, 9.62, 9.78, 9.85, 12.23]
+    assert [far.member for far in far_members(fleet_of(fit, masses, [0.02] * 8))] == ["robot 7"]
+    two = far_members(fleet_of(fit, [*masses, 9.6, 9.8, 9.7, 14.0], [0.02] * 12))
+    assert {far.member for far in two} == {"robot 7", "robot 11"}
+
+
 def test_two_kinds_of_robot_are_a_spread(fit):
     assert not far_members(fleet_of(fit, [1.0, 1.01, 0.99, 1.0, 2.0, 2.01, 1.99, 2.0], [0.01] * 8))
 
