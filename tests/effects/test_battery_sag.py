@@ -112,6 +112,7 @@ def test_a_supply_without_constants_falls_with_what_is_drawn_from_it(law, drawn)
     np.testing.assert_allclose(np.array(found) / volts, share, atol=0.003)
 
 
+@pytest.mark.slow
 def test_mass_and_friction_allow_for_a_sag_that_goes_on_in_another_way():
     """A supply that falls by a power of time, which the formula that levels off is near enough to for the outputs."""
     time, decay = 0.1 * np.arange(4000), np.exp(-0.2)

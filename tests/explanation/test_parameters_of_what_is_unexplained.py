@@ -29,6 +29,7 @@ def explained():
     return explain(output_error(robot, fitted), fitted, held_out, most=1)
 
 
+@pytest.mark.slow
 def test_a_curve_of_what_is_lost_takes_no_share_of_the_forces_that_are_not(explained):
     # A loss of every force in proportion is another mass and another friction: it must not be the curve's.
     assert [effect.id for effect in explained.effects][:1] in (["traction_limit"], ["voltage_saturation"])
@@ -37,6 +38,7 @@ def test_a_curve_of_what_is_lost_takes_no_share_of_the_forces_that_are_not(expla
     assert abs(explained.baseline["M"].value / MASS - 1.0) > 0.3
 
 
+@pytest.mark.slow
 def test_parameters_of_a_model_that_held_out_logs_refute_are_doubted(explained):
     assert explained.verdict == "unexplained" and explained.after.normalised_rms > 2.0
     final = explained.final

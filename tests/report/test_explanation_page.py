@@ -116,6 +116,7 @@ def test_a_complete_model_has_no_missing_force(adequate, tmp_path):
     assert set(figures(adequate)) == {"before_after", "whiteness"}
 
 
+@pytest.mark.slow
 def test_a_pattern_too_small_to_matter_is_not_said_to_be_none(adequate, explained, tmp_path):
     small = {"p_white": 1e-6, "normalised_rms": 0.999, "negligible": 1.005}
     before = replace(adequate.before, **small)

@@ -155,10 +155,12 @@ class GainCurves(Curve):
         """Whether a motor that lacks much of small commands lacks it of large ones, too: what loses hardly more of these is
         a dead zone."""
         table = robot.parameters
-        size = table[self.key("reach")].value * np.array([0.0, 0.25, 1.0])
-        gains = {name: np.asarray(self.at(size, table.numbers, name)) for name in self.each(robot)}
-        gain = min(gains.values(), key=lambda own: float(own[0]))
-        return bool(gain[0] > -_MUCH or -gain[2] * size[2] > 2.0 * -gain[1] * size[1])
+        size = table[self.key("reach")].value * np.linspace(0.0, 1.0, 41)
+        gain = min(
+            (np.asarray(self.at(size, table.numbers, name)) for name in self.each(robot)), key=lambda own: own[0]
+        )
+        lost = -gain * size
+        return bool(gain[0] > -_MUCH or lost[-1] > 2.0 * np.max(lost[: len(lost) // 4 + 1]))
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return self.heights_and_reach(robot, "", 0.05, input_unit(robot), robot.scales.input)

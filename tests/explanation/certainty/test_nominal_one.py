@@ -29,7 +29,9 @@ def recorded(right, left, seed, name):
     return Log(name, 0.02 * np.arange(len(v)), volts, outputs, robot.channels)
 
 
-@pytest.mark.parametrize("strengths", [(1.04, 0.96), (0.93, 1.0)], ids=["both", "one"])
+@pytest.mark.parametrize(
+    "strengths", [pytest.param((1.04, 0.96), marks=pytest.mark.slow), (0.93, 1.0)], ids=["both", "one"]
+)
 def test_the_robots_own_numbers_hold_the_truth_whichever_motor_is_the_nominal_one(strengths):
     fit, held_out = (LogSet([recorded(*strengths, 10 * k + i, f"{k}{i}") for i in range(3)]) for k in range(2))
     robot = DifferentialDrive().with_values(b=LEVER, gain=GAIN, Fc=0.0).change("Fc", free=False)

@@ -120,6 +120,7 @@ def test_battery_floor_and_delay_of_an_axis(options, name, true):
     assert all(within(named[name].differences[key], size) for key, size in true.items())
 
 
+@pytest.mark.slow
 def test_of_what_may_be_another_in_one_motor_it_is_said_which():
     """A winding of more resistance is no weaker driver: it brakes less, too."""
     robot, sets = Omni(), []

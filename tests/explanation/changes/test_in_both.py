@@ -38,6 +38,7 @@ def changed(before, after):
     return explain_change(*fits, before, after)
 
 
+@pytest.mark.slow
 def test_what_the_model_lacks_in_both_sets_is_no_change_of_what_drove_one_otherwise():
     found = changed(recorded(1, 5.0), recorded(2, 2.6))
     assert found.verdict == "unchanged" and found.change is None

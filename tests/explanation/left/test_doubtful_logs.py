@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.explanation.left.doubtful_logs import doubtful_logs
@@ -23,6 +24,7 @@ def recorded(axis_law, jitter, count=4):
     return LogSet(logs[: count - 1]), LogSet(logs[count - 1 :])
 
 
+@pytest.mark.slow
 def test_a_clock_that_jitters_is_said_beside_what_has_no_name(axis_law):
     logs, held_out = recorded(axis_law, 0.007)
     found = explain(output_error(Axis(), logs), logs, held_out)

@@ -94,6 +94,7 @@ def test_what_a_model_lacks_beside_it_is_not_taken_for_it(law):
     assert told(*logs(in_proportion(0.08), **law)) is None
 
 
+@pytest.mark.slow
 def test_a_robot_whose_commands_are_noisy_lacks_nothing():
     fit_logs, held_out = logs(lambda u, rng: u, acting=lambda u, rng: u + 0.5 * rng.normal(size=u.shape))
     found = explain(output_error(robot(), fit_logs), fit_logs, held_out, most=1)

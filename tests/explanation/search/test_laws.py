@@ -45,6 +45,7 @@ def test_another_law_of_friction_near_standstill_is_named_with_its_law(explained
     assert [(e.id, e.law) for e in again.effects] == [("stribeck_friction", "exponential")]
 
 
+@pytest.mark.slow
 def test_what_is_no_published_law_is_answered_by_its_shape(explained):
     found = explained("actuator_dead_zone/drawn", 0.5, 5)
     (effect,) = found.effects
