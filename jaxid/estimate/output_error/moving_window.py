@@ -7,8 +7,10 @@ wander. `change` asks whether the window contradicts it.
 """
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import comb
 
 import numpy as np
 import scipy
@@ -39,6 +41,8 @@ _SEEN = 1e-7
 """Share of the best seen direction below which one is not seen (columns in units of the parameters)."""
 _APART = 9.0
 """Chi-squared by which one set of changed parameters must be likelier than another: three standard deviations."""
+_MOST_TRIED = 100
+"""Sets of parameters of one number that are refitted to tell which have changed."""
 _INFORMED = 0.3
 """Of what is forgotten of a parameter in the time of a window, the share that the window must bring back to inform of it."""
 
@@ -188,29 +192,34 @@ class MovingWindow:
             sound=sound,
             p_value=contrast.p_value,
             alarm=alarm,
-            changed=self._changed(d, known, found) if alarm and sound and known is not None else (),
+            changed=self._changed(d, known, found, contrast) if alarm and sound and known is not None else (),
         )
 
-    def _changed(self, d: Direct, known: Knowledge, found: "_Minimum") -> tuple[str, ...]:
+    def _changed(self, d: Direct, known: Knowledge, found: "_Minimum", contrast: Change) -> tuple[str, ...]:
         """The fewest parameters with which, were they others and the rest what it was `known` to be, the window leaves no
         more than it does alone, refitted: a difference of estimates tells it only where the window is linear in all. Where
-        several do alike, all of them."""
-        n, fits = len(self.names), []
-        for count in range(1, n + 1):
-            for places in combinations(range(n), count):
-                gone = np.isin(np.arange(n), places)
-                root, mean = _root(known.without(gone)), known.mean
-                begun = (np.where(gone, found.theta, mean), mean, found.theta)
-                ends = [_minimum(d, theta, found.states, root, mean) for theta in begun]
-                costs = [end.squares + float(np.sum((root @ (end.theta - mean)) ** 2)) for end in ends]
-                more = min(costs) - found.squares
-                if count == n or scipy.special.chdtrc(n - count, max(more, 0.0)) > self.alarm:
-                    fits.append((more, places))
-            if fits:
-                break
-        least = min(more for more, _ in fits)
-        near = [places for more, places in sorted(fits) if more < least + _APART]
-        return tuple(dict.fromkeys(self.names[i] for places in near for i in places))
+        several do alike, all of them. Where there are too many to try, as the difference tells it (`contrast`)."""
+        n = len(self.names)
+        for count in range(1, n):
+            if comb(n, count) > _MOST_TRIED:
+                return tuple(self.names[i] for i in contrast.changed)
+            costs = {places: self._held(d, known, found, places) for places in combinations(range(n), count)}
+            left = [places for places, more in costs.items() if scipy.special.chdtrc(n - count, more) > self.alarm]
+            if left:
+                least = min(costs[places] for places in left)
+                near = sorted((p for p in left if costs[p] < least + _APART), key=lambda p: costs[p])
+                return tuple(dict.fromkeys(self.names[i] for places in near for i in places))
+        return self.names
+
+    def _held(self, d: Direct, known: Knowledge, found: "_Minimum", places: tuple[int, ...]) -> float:
+        """What the window leaves more, beside what was `known` of all but the parameters at `places`, than it does alone."""
+        gone, mean = np.isin(np.arange(len(self.names)), places), known.mean
+        root, least = _root(known.without(gone)), np.inf
+        for begun in (np.where(gone, found.theta, mean), mean, found.theta):
+            with suppress(ParameterError):  # it diverges from there
+                end = _minimum(d, begun, found.states, root, mean)
+                least = min(least, end.squares + float(np.sum((root @ (end.theta - mean)) ** 2)))
+        return max(least - found.squares, 0.0)
 
     def _no_more_than_noise(self, samples: NDArray[np.int64], squares: Array) -> bool:
         """Whether all channels together and each by itself leave no more than their noise: what one of them lacks, such as a

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, DifferentialDrive, Log, LogSet, MovingWindow, ParameterError, output_error
+from jaxid.estimate.output_error import moving_window
 from jaxid.estimate.output_error.change import Knowledge, change
 
 NOISE, INTERVAL = 0.01, 0.02
@@ -70,6 +71,14 @@ def test_a_payload_is_told_named_and_followed():
     assert alarms[-1] is named[0]
     for fit, mass in ((fits[15], 1.0), (fits[-1], 1.4)):
         assert abs(fit.values["M"] - mass) < 4 * fit.std_errors["M"] < 0.02
+
+
+def test_of_more_parameters_than_can_be_tried_the_difference_tells(monkeypatch):
+    monkeypatch.setattr(moving_window, "_MOST_TRIED", 3)
+    window = MovingWindow(Axis(), 3.0, noise={"v": NOISE}, memory=20.0)
+    fits = followed(recorded(18.0, changed={"M": 1.4}, after=9.0), window)
+    named = [fit.changed for fit in fits if fit.changed]
+    assert named[0] == ("M",)
 
 
 @pytest.mark.parametrize(("name", "to"), [("Fc", 0.8), ("M", 1.4), ("Fv", 2.6)])
