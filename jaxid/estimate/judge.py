@@ -16,14 +16,13 @@ from ..logs import LogSet
 from ..logs.noise import as_sampled, usual_size, white_level
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
+from .odd_log import odd_log
 from .prior_conflict import prior_conflicts
 from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
 from .result import Estimate, Fit
 from .rounding import less_rounding, step_of
 
 Array = NDArray[np.float64]
-_ODD, _SEVERAL = 2.0, 3
-"""Times what the next worst log leaves that an odd one does, of so many logs at least."""
 
 POOR = 2.0
 """Root mean square of the residual, in units of the noise, from which a residual that follows the motion is poor."""
@@ -238,7 +237,7 @@ def judge(
     sentences = list(failures)
     if pooled > ABOVE or failures:
         sentences.append(f"The residual is {_times(pooled)} times the noise that the sensors show (RMS).")
-    odd = _odd_one([logs[k].name for k in kept], [errors[k] for k in kept], noise) if pooled > ABOVE else ""
+    odd = odd_log([logs[k].name for k in kept], [errors[k] for k in kept], noise, POOR) if pooled > ABOVE else ""
     if odd:
         sentences.append(odd)
     for c, name in follows.items():
@@ -316,21 +315,6 @@ def judge(
         doubtful = any(c not in follows and c not in slow and c not in bursty for c in wandering)
         better = _WANDERS_LIKE_A_SENSOR if doubtful else _WANDERS
     return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better, follows=follows)
-
-
-def _odd_one(names: Sequence[str], errors: Sequence[Mapping[str, Array]], noise: Mapping[str, float]) -> str:
-    """A sentence on the one log of several that holds nearly all that is left; empty where none does."""
-    if len(errors) < _SEVERAL or not all(errors):
-        return ""
-    each = [rms(np.concatenate([own[c] / noise[c] for c in own])) for own in errors]
-    *others, second, most = sorted(each)
-    if most < _ODD * second or most < POOR:
-        return ""
-    return (
-        f"Most of it is on the log {names[int(np.argmax(each))]}: {_times(most)} times the noise, on the others "
-        f"{_times(min([*others, second]))} to {_times(second)}. It may not have been recorded as they were (another load, a "
-        "swapped or flipped column, a shifted clock); `repeatability` compares them."
-    )
 
 
 def with_integration(

@@ -159,9 +159,21 @@ _BUTTERWORTH = 0.7071067811865476
 """Damping of the flattest passband (Butterworth, Experimental Wireless 7, 1930), as gyros' and amplifiers' filters have it."""
 
 
-def _any_damping(effect: Effect) -> dict[str, Parameter]:
-    free = Parameter(_BUTTERWORTH, "", free=True, lower=0.2, upper=0.995, typical=0.3, source="catalogue")
-    return {effect.key("damping"): free}
+class _AnyDamping(Effect):
+    """A low-pass of second order whose damping is estimated."""
+
+    first_look: ClassVar[bool] = False
+
+    @property
+    def denser(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        free = Parameter(_BUTTERWORTH, "", free=True, lower=0.2, upper=0.995, typical=0.3, source="catalogue")
+        return super().parameters(robot) | {self.key("damping"): free}
+
+    def damping(self, p: Numbers):
+        return p[self.key("damping")]
 
 
 @dataclass(frozen=True)
@@ -183,22 +195,11 @@ class Butterworth(SensorLag):
 
 
 @dataclass(frozen=True)
-class DampedLag(Butterworth):
+class DampedLag(_AnyDamping, Butterworth):
     """A low-pass of second order of any damping: looked for where the flattest one leaves something."""
 
     law: ClassVar[str] = "damped"
-    first_look: ClassVar[bool] = False
     formula: ClassVar[str] = "d2y'/dt2 = w^2 (y - y') - 2 damping w dy'/dt, w = 2 damping / time_constant"
-
-    @property
-    def denser(self) -> Effect | None:
-        return None
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | _any_damping(self)
-
-    def damping(self, p: Numbers):
-        return p[self.key("damping")]
 
 
 @dataclass(frozen=True)
@@ -221,24 +222,13 @@ class ButterworthOfEach(SensorLagOfEach):
 
 
 @dataclass(frozen=True)
-class DampedLagOfEach(ButterworthOfEach):
+class DampedLagOfEach(_AnyDamping, ButterworthOfEach):
     """A low-pass of second order of every channel's own, all of one damping."""
 
     law: ClassVar[str] = "damped_per_channel"
-    first_look: ClassVar[bool] = False
     formula: ClassVar[str] = (
         "d2y_i'/dt2 = w_i^2 (y_i - y_i') - 2 damping w_i dy_i'/dt, w_i = 2 damping / time_constant_i"
     )
-
-    @property
-    def denser(self) -> Effect | None:
-        return None
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | _any_damping(self)
-
-    def damping(self, p: Numbers):
-        return p[self.key("damping")]
 
 
 @dataclass(frozen=True)
