@@ -3,8 +3,8 @@
 Lanes are experiments: whatever `vmap` adds joins them, or, where only tangents are many, the directions.
 """
 
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import jax
@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from .machine import lanes, loaded, register, write_handler
 from .remembered import Made, remembered
-from .rollout_kernel import ARGUMENTS, TANGENTS, write_rollout
+from .rollout_kernel import ARGUMENTS, TANGENTS, Program, write_rollout
 from .traced import MOST_MODELS, Step, program
 
 MOST_DIRECTIONS = 128
@@ -64,15 +64,17 @@ class Directions(NamedTuple):
     du: Array
 
 
+def _program(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> Program:
+    return program(system.step, system.output, system.sizes, system.fixed, moving, inputs_move)
+
+
 @lru_cache(MOST_MODELS)
 def machine_code(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> str:
     """Name of the loaded machine code: of outputs, or, with the parameters that are `moving`, of their tangents. Raises
     `Untranslated`."""
 
     def make() -> Made:
-        module = write_rollout(
-            program(system.step, system.output, system.sizes, system.fixed, moving, inputs_move), lanes()
-        )
+        module = write_rollout(_program(system, moving, inputs_move), lanes())
         names = (*ARGUMENTS, *TANGENTS) if moving is not None else ARGUMENTS
         u, shares = names.index("u"), names.index("shares")
         # Without directions their number is not used.
@@ -98,13 +100,27 @@ def ungrouped(array: Array, E: int) -> Array:
     return jnp.moveaxis(array, -1, 1).reshape(array.shape[0] * array.shape[-1], *array.shape[1:-1])[:E]
 
 
-def _called(name: str, shape: Sequence[int], run: Run, rest: Sequence[Array] = ()) -> Array:
+Called = Callable[[Sequence[int], Sequence[Array]], Array]
+"""`(shape, arrays) -> result`: the result's shape without E, and the arrays of a `Run` and its `Directions`."""
+
+
+def _compiled(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> Called:
+    """The rollout's outputs, or tangents, on the device in use. Raises `Untranslated`."""
+    if jax.default_backend() == "cpu":
+        return partial(_in_lanes, register(machine_code(system, moving, inputs_move)))
+    from .on_gpu import call_on_gpu  # Pallas takes its time to import
+
+    return partial(call_on_gpu, _program(system, moving, inputs_move))
+
+
+def _in_lanes(name: str, shape: Sequence[int], arrays: Sequence[Array]) -> Array:
+    """By the processor's machine code of this name."""
+    shares, *own = arrays
     width = lanes()
-    E = run.p.shape[0]
-    shares = jnp.broadcast_to(run.shares[:, None], (run.shares.shape[0], width))
-    arrays = [shares, *(grouped(a, width) for a in (*run[1:], *rest))]
+    E = own[0].shape[0]
+    shares = jnp.broadcast_to(shares[:, None], (shares.shape[0], width))
     result = jax.ShapeDtypeStruct((-(-E // width), *shape, width), jnp.float64)
-    return ungrouped(jax.ffi.ffi_call(name, result)(*arrays), E)
+    return ungrouped(jax.ffi.ffi_call(name, result)(shares, *(grouped(a, width) for a in own)), E)
 
 
 def _joined(size: int, batched: Sequence[bool], arrays: Sequence[Array]) -> list[Array]:
@@ -123,12 +139,11 @@ def _apart(y: Array, size: int) -> Array:
 @lru_cache(MOST_MODELS)
 def _outputs(system: System):
     """`(shares, p, x, u, dt, fixed) -> y [E, T, Y]`."""
-    name = register(machine_code(system, None))
+    called = _compiled(system, None)
 
     @custom_vmap
     def outputs(*arrays: Array) -> Array:
-        run = Run(*arrays)
-        return _called(name, (run.dt.shape[1], system.outputs), run)
+        return called((Run(*arrays).dt.shape[1], system.outputs), arrays)
 
     @outputs.def_vmap
     def _(size, batched, *arrays):
@@ -141,7 +156,7 @@ def _outputs(system: System):
 @lru_cache(MOST_MODELS)
 def _tangents(system: System, moving: tuple[int, ...], inputs_move: bool):
     """`(shares, p, x, u, dt, fixed, dp, dx, du) -> dy [E, T, Y, K]`."""
-    name = register(machine_code(system, moving, inputs_move))
+    called = _compiled(system, moving, inputs_move)
 
     @custom_vmap
     def tangents(*arrays: Array) -> Array:
@@ -150,7 +165,7 @@ def _tangents(system: System, moving: tuple[int, ...], inputs_move: bool):
         for first in range(0, dp.shape[1], MOST_DIRECTIONS):
             some = slice(first, first + MOST_DIRECTIONS)
             shape = (run.dt.shape[1], system.outputs, dp[:, some].shape[1])
-            parts.append(_called(name, shape, run, (dp[:, some], dx[:, some], du[:, :, :, some])))
+            parts.append(called(shape, (*run, dp[:, some], dx[:, some], du[:, :, :, some])))
         return parts[0] if len(parts) == 1 else jnp.concatenate(parts, axis=-1)
 
     @tangents.def_vmap
@@ -226,6 +241,6 @@ def rollout(
     `u` has one row a sample (held) or one a sub-step, `shares` says how the sub-steps divide an interval, and `fixed` holds
     the states that are set at every sample. Raises `Untranslated` where a function of `system` has no translation.
     """
-    machine_code(system, None)
+    _outputs(system)
     scalars = [jnp.asarray(value, float)[None] for value in (*p, *x)]
     return _differentiable(system)(shares, u[None], dt[None], fixed[None], *scalars)[0]

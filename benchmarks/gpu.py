@@ -1,0 +1,276 @@
+"""A GPU against two processor cores of the same machine: small fits a second, derivatives, and what limits them.
+
+    python -m benchmarks.gpu            # on a machine with an NVIDIA GPU and JAX for it; some minutes
+    python -m benchmarks.gpu --quick    # a trial with few members; writes nothing
+
+The fits are those of `benchmarks.fleet` (two runs of 250 samples at 50 Hz each, logs of the independent simulator in
+`reference/`, starts 10 % off): one minimisation a member, as one call of `fit_lanes`. The ways, each in a process of its own:
+
+- "processor": machine code on two cores;
+- "GPU": the same expressions as one kernel a rollout (`jaxid.kernel.on_gpu`);
+- "GPU, XLA": XLA's own scan, as any JAX program that holds a loop over the samples.
+
+Elapsed seconds of the second call (the first compiles and is given beside it); how far the optima are from the processor's, in
+standard errors; and of a profile of the GPU's second call: kernels launched, their time, the share of the call in which the
+GPU worked, and the kernels that took most. Derivatives: outputs and their derivatives by parameters and initial states of
+rollouts of 1,000 samples, as in `benchmarks.kernel`. Results go to `benchmarks/results/gpu.json` and `docs/gpu.md`.
+"""
+
+import argparse
+import gzip
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import ExitStack
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS, PAGE = ROOT / "benchmarks/results/gpu.json", ROOT / "docs/gpu.md"
+PROCESSOR, GPU, XLA = "processor", "GPU", "GPU, XLA"
+ROBOTS = ("axis", "omni", "pioneer")
+MEMBERS = {PROCESSOR: (64, 1024), GPU: (64, 1024, 8192), XLA: (64, 1024)}
+EXPERIMENTS = {PROCESSOR: (8, 128, 1024), GPU: (8, 128, 1024, 8192), XLA: (8, 128, 1024)}
+DISTINCT = 64
+"""Members with parameters of their own; beyond, the same with other noise."""
+CORES = 2
+
+
+def fleet_of(name: str, count: int):
+    """`fit_lanes`' arguments for `count` members."""
+    from benchmarks import fleet
+    from jaxid import float64
+
+    robot, logs = fleet.members(name, min(count, DISTINCT))
+    with float64():
+        structure, shared, own, starts = fleet.stacked(robot, logs)
+    rng = np.random.default_rng(5)
+    which = np.arange(count) % min(count, DISTINCT)
+    own = {key: value[which] for key, value in own.items()}
+    more = which != np.arange(count)
+    noise = rng.normal(size=own["outputs"].shape) * own["sigma"][:, None, None]
+    own["outputs"] = own["outputs"] + np.where(more[:, None, None, None], noise, 0.0)
+    return structure, shared, own, type(starts)(*(np.asarray(leaf)[which] for leaf in starts))
+
+
+def profiled(call) -> dict:
+    """What the GPU did during a call."""
+    import jax
+
+    with tempfile.TemporaryDirectory() as folder:
+        begun = time.perf_counter()
+        with jax.profiler.trace(folder):
+            call()
+        elapsed = time.perf_counter() - begun
+        traces = list(Path(folder).rglob("*.trace.json.gz"))
+        events = [event for path in traces for event in json.loads(gzip.decompress(path.read_bytes()))["traceEvents"]]
+    gpus = {e["pid"] for e in events if e.get("name") == "process_name" and "GPU" in e["args"]["name"]}
+    streams = {(e["pid"], e["tid"]) for e in events
+               if e.get("name") == "thread_name" and e["pid"] in gpus and "Stream" in e["args"]["name"]}  # fmt: skip
+    ran = [e for e in events if e.get("ph") == "X" and (e["pid"], e["tid"]) in streams]
+    by_name: Counter = Counter()
+    for event in ran:
+        by_name[event["name"].rstrip("0123456789_")] += event["dur"] * 1e-6
+    busy = sum(by_name.values())
+    return {
+        "elapsed_s": elapsed,
+        "kernels": len(ran),
+        "busy_s": busy,
+        "microseconds_a_kernel": 1e6 * busy / max(len(ran), 1),
+        "most": [{"kernel": name[:80], "s": seconds} for name, seconds in by_name.most_common(6)],
+    }
+
+
+def twice(call) -> tuple[list[float], Any]:
+    """Elapsed seconds of two calls, and what the second returned."""
+    seconds, found = [], None
+    for _ in range(2):
+        begun = time.perf_counter()
+        found = call()
+        seconds.append(time.perf_counter() - begun)
+    return seconds, found
+
+
+def fits(name: str, count: int, way: str) -> dict:
+    """One row of fits."""
+    import jax
+
+    from jaxid import float64
+    from jaxid.estimate.output_error.fleet import fit_lanes
+
+    arguments = fleet_of(name, count)
+    lanes = {} if way == PROCESSOR else {"lanes": count}
+    with float64():
+        call = lambda: jax.block_until_ready(fit_lanes(*arguments, rounds=1, **lanes))  # noqa: E731
+        seconds, found = twice(call)
+        profile = None if way == PROCESSOR else profiled(call)
+    return {
+        "fits": count, "seconds": seconds, "fits_per_s": count / seconds[1], "profile": profile,
+        "optima": np.asarray(found.optimum.unknowns.z)[:64].tolist(),
+        "triangle": np.asarray(found.optimum.triangle.shared)[:64].tolist(),
+    }  # fmt: skip
+
+
+def derivatives(name: str, count: int, way: str) -> dict:
+    """One row of derivatives."""
+    import jaxid
+    from benchmarks import kernel
+    from jaxid import float64
+    from jaxid.simulation.rollout import rollout, rollout_in_xla
+
+    robot = {"axis": jaxid.Axis, "omni": jaxid.Omni, "pioneer": jaxid.Pioneer}[name]()
+    with float64():
+        inputs = kernel.excited(robot, count)
+        call = kernel.derivatives(robot, rollout_in_xla if way == XLA else rollout, inputs)
+        call()
+        seconds, _ = twice(call)
+        profile = None if way == PROCESSOR else profiled(call)
+    return {"experiments": count, "seconds": min(seconds), "samples_per_s": count * kernel.SAMPLES / min(seconds),
+            "profile": profile}  # fmt: skip
+
+
+def work(way: str, name: str, quick: bool) -> None:
+    """Everything of one robot in one way, a JSON line each."""
+    import jax
+
+    with ExitStack() as stack:
+        if way == XLA:
+            stack.enter_context(patch("jaxid.simulation.rollout.machine_rollout", lambda *_: None))
+        for count in EXPERIMENTS[way][: 2 if quick else None]:
+            print(
+                json.dumps({"robot": name, "way": way, "what": "derivatives", **derivatives(name, count, way)}),
+                flush=True,
+            )
+        for count in MEMBERS[way][: 1 if quick else None]:
+            print(json.dumps({"robot": name, "way": way, "what": "fits", **fits(name, count, way)}), flush=True)
+    print(json.dumps({"device": jax.devices()[0].device_kind}), flush=True)
+
+
+def _run(way: str, name: str, quick: bool, limit: float) -> list[dict]:
+    environment = {
+        **os.environ,
+        "XLA_PYTHON_CLIENT_PREALLOCATE": "false",
+        "JAX_PLATFORMS": "cpu" if way == PROCESSOR else "cuda",
+    }
+    command = [sys.executable, "-m", "benchmarks.gpu", "--way", way, "--robots", name, *(["--quick"] if quick else [])]
+    if way == PROCESSOR:
+        environment["PJRT_NPROC"] = str(CORES)
+        command = ["taskset", "-c", ",".join(map(str, range(CORES))), *command]
+    try:
+        done = subprocess.run(
+            command, cwd=ROOT, env=environment, timeout=limit, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        lines, said = done.stdout, done.stderr.decode() if done.returncode else ""
+    except subprocess.TimeoutExpired as late:
+        lines, said = late.stdout or b"", f"not done after {limit:.0f} s"
+    rows = [json.loads(line) for line in lines.decode().splitlines() if line.startswith("{")]
+    if said:
+        print(f"{way}, {name}: {said[-1500:]}", flush=True)
+    return rows
+
+
+def _agreement(row: dict, reference: dict) -> float:
+    """Largest difference of an optimum from the processor's, in standard errors of the shared parameters."""
+    z, there = (np.array(r["optima"]) for r in (row, reference))
+    # |R (z - z')| is the length of the difference in standard errors, all parameters together
+    return float(np.abs(np.einsum("mij,mj->mi", np.array(reference["triangle"]), z - there)).max())
+
+
+def page(document: dict) -> str:
+    """`docs/gpu.md`."""
+    rows = document["rows"]
+    fits, derived = ([r for r in rows if r["what"] == what] for what in ("fits", "derivatives"))
+
+    def two_cores(row: dict, key: str, size: str) -> float:
+        same = [r for r in rows if (r["what"], r["robot"], r["way"]) == (row["what"], row["robot"], PROCESSOR)]
+        return max(same, key=lambda r: r[size])[key]
+
+    def line(row: dict, key: str, size: str, agreement: str) -> str:
+        profile = row["profile"] or {}
+        share = f"{100 * profile['busy_s'] / profile['elapsed_s']:.0f} %" if profile else ""
+        cells = (
+            row["robot"], row["way"], f"{row[size]:,}", f"{row[key]:,.3g}" if row[key] < 1e4 else f"{row[key]:.3g}",
+            f"{row[key] / two_cores(row, key, size):.2g}", agreement,
+            f"{profile['kernels']:,}" if profile else "", share,
+        )  # fmt: skip
+        return "| " + " | ".join(cells) + " |"
+
+    def most(row: dict) -> str:
+        named = ", ".join(f"`{each['kernel']}` {each['s']:.3g} s" for each in row["profile"]["most"][:4])
+        return f"- {row['robot']}, {row['fits']:,} members, {row['way']}: {named}"
+
+    largest = [max((r for r in fits if (r["robot"], r["way"]) == (name, way)), key=lambda r: r["fits"], default=None)
+               for name in ROBOTS for way in (GPU, XLA)]  # fmt: skip
+    return "\n".join([
+        "# On a GPU", "",
+        "A fleet's fits and a rollout's derivatives run on an NVIDIA GPU by the same functions: where JAX finds one, a rollout is",
+        "one kernel, made in Pallas from the same expressions as the processor's machine code (`jaxid.kernel.on_gpu`), a thread an",
+        "experiment and direction of the derivatives. The samples' loop is inside; XLA's scan launches all its small kernels anew",
+        "at every sample.", "",
+        f"Measured by `python -m benchmarks.gpu` on one {document['device']} and {CORES} cores of its machine"
+        f" ({document['machine']}; JAX {document['versions']['jax']}). Two runs of 250 samples a member, one minimisation each, double",
+        "precision throughout; \"against two cores\" is the ratio to the processor's largest row of the same robot.", "",
+        "| robot | way | members | fits/s | against two cores | difference, standard errors | kernels | GPU at work |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        *(line(r, "fits_per_s", "fits", f"{r['difference']:.1g}" if "difference" in r else "") for r in fits), "",
+        "Kernels that took most of a call:", "",
+        *(most(row) for row in largest if row is not None), "",
+        "Outputs and their derivatives by parameters and initial states, 1,000 samples a rollout:", "",
+        "| robot | way | experiments | samples/s | against two cores | | kernels | GPU at work |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        *(line(r, "samples_per_s", "experiments", "") for r in derived), "",
+    ])  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--way", choices=[PROCESSOR, GPU, XLA])
+    parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS))
+    parser.add_argument("--limit", type=float, default=150.0, help="seconds that one robot may take in one way")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    arguments = parser.parse_args()
+    if arguments.way:
+        work(arguments.way, arguments.robots[0], arguments.quick)
+        return
+    rows, device = [], ""
+    for name in arguments.robots:
+        for way in (PROCESSOR, GPU, XLA):
+            for row in _run(way, name, arguments.quick, arguments.limit):
+                if "device" in row:
+                    device = row["device"] if way != PROCESSOR else device
+                else:
+                    rows.append(row)
+                    print({k: v for k, v in row.items() if k not in ("optima", "triangle")}, flush=True)
+    for row in rows:
+        same = [r for r in rows if r["what"] == "fits" and (r["robot"], r["way"], r.get("fits")) ==
+                (row["robot"], PROCESSOR, row.get("fits"))]  # fmt: skip
+        if row["what"] == "fits" and row["way"] != PROCESSOR and same:
+            row["difference"] = _agreement(row, same[0])
+    for row in rows:
+        row.pop("optima", None)
+        row.pop("triangle", None)
+    document = {
+        "device": device,
+        "machine": platform.processor() or platform.machine(),
+        "versions": {package: version(package) for package in ("jax", "numpy", "llvmlite")},
+        "rows": rows,
+    }
+    if not arguments.quick:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        arguments.out.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        if arguments.out == RESULTS:
+            PAGE.write_text(page(document), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
