@@ -39,8 +39,8 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/gpu.json", ROOT / "docs/gpu.md"
 PROCESSOR, GPU, XLA = "processor", "GPU", "GPU, XLA"
 ROBOTS = ("axis", "omni", "pioneer")
-MEMBERS = {PROCESSOR: (64, 256), GPU: (64, 1024, 8192), XLA: (64,)}
-EXPERIMENTS = {PROCESSOR: (8, 128, 1024), GPU: (8, 128, 1024, 8192), XLA: (8, 128, 1024)}
+MEMBERS = {PROCESSOR: (64, 256), GPU: (1024, 8192), XLA: (64,)}
+EXPERIMENTS = {PROCESSOR: (8, 128, 1024), GPU: (1024, 8192), XLA: (8, 128, 1024)}
 MEMBERS_OF_FLEET = 64
 DISTINCT = 64
 """Members with parameters of their own; beyond, the same with other noise."""
@@ -135,7 +135,7 @@ def derivatives(name: str, count: int, way: str) -> dict:
         call = kernel.derivatives(robot, rollout_in_xla if way == XLA else rollout, inputs)
         call()
         seconds, _ = twice(call)
-        profile = profiled(call) if way == GPU or (way == XLA and count == EXPERIMENTS[XLA][1]) else None
+        profile = profiled(call) if way == GPU or (way == XLA and count == EXPERIMENTS[XLA][-1]) else None
     return {"experiments": count, "seconds": min(seconds), "samples_per_s": count * kernel.SAMPLES / min(seconds),
             "profile": profile}  # fmt: skip
 
@@ -267,9 +267,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--way", choices=[PROCESSOR, GPU, XLA])
+    parser.add_argument("--gpu", nargs="+", choices=[GPU, XLA], default=[GPU, XLA], help="the GPU's ways")
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS))
     parser.add_argument("--limit", type=float, default=150.0, help="seconds that one robot may take in one way")
     parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--add", nargs="+", type=Path, default=[], help="results of runs on the same kind of machine")
     arguments = parser.parse_args()
     if arguments.way:
         work(arguments.way, arguments.robots[0], arguments.quick)
@@ -285,10 +287,10 @@ def main() -> None:
 
     # On cores of their own, side by side.
     with ThreadPoolExecutor(2) as pool:
-        list(pool.map(in_turn, [[PROCESSOR], [GPU, XLA]]))
+        list(pool.map(in_turn, [[PROCESSOR], arguments.gpu]))
     for row in rows:
-        same = [r for r in rows if r["what"] == "fits" and (r["robot"], r["way"], r.get("fits")) ==
-                (row["robot"], PROCESSOR, row.get("fits"))]  # fmt: skip
+        # The first members are the same of any number.
+        same = [r for r in rows if (r["what"], r["robot"], r["way"]) == ("fits", row["robot"], PROCESSOR)]
         if row["what"] == "fits" and row["way"] != PROCESSOR and same:
             row["difference"] = _agreement(row, same[0])
     for row in rows:
@@ -300,6 +302,13 @@ def main() -> None:
         "versions": {package: version(package) for package in ("jax", "numpy", "llvmlite")},
         "rows": rows,
     }
+    if arguments.add:
+        key = lambda r: (r["what"], r["robot"], r["way"], r.get("fits"), r.get("experiments"))  # noqa: E731
+        before = [r for path in arguments.add for r in json.loads(path.read_text("utf-8"))["rows"]]
+        there = {key(r): r for r in [*before, *rows]}
+        document["rows"] = sorted(
+            there.values(), key=lambda r: (ROBOTS.index(r["robot"]), r["way"] != PROCESSOR, r["way"])
+        )
     if not arguments.quick:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
         arguments.out.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")

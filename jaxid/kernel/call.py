@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from .machine import lanes, loaded, register, write_handler
 from .remembered import Made, remembered
-from .rollout_kernel import ARGUMENTS, TANGENTS, Program, write_rollout
+from .rollout_kernel import ARGUMENTS, TANGENTS, write_rollout
 from .traced import MOST_MODELS, Step, program
 
 MOST_DIRECTIONS = 128
@@ -64,17 +64,15 @@ class Directions(NamedTuple):
     du: Array
 
 
-def _program(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> Program:
-    return program(system.step, system.output, system.sizes, system.fixed, moving, inputs_move)
-
-
 @lru_cache(MOST_MODELS)
 def machine_code(system: System, moving: tuple[int, ...] | None, inputs_move: bool = False) -> str:
     """Name of the loaded machine code: of outputs, or, with the parameters that are `moving`, of their tangents. Raises
     `Untranslated`."""
 
     def make() -> Made:
-        module = write_rollout(_program(system, moving, inputs_move), lanes())
+        module = write_rollout(
+            program(system.step, system.output, system.sizes, system.fixed, moving, inputs_move), lanes()
+        )
         names = (*ARGUMENTS, *TANGENTS) if moving is not None else ARGUMENTS
         u, shares = names.index("u"), names.index("shares")
         # Without directions their number is not used.
@@ -108,9 +106,10 @@ def _compiled(system: System, moving: tuple[int, ...] | None, inputs_move: bool 
     """The rollout's outputs, or tangents, on the device in use. Raises `Untranslated`."""
     if jax.default_backend() == "cpu":
         return partial(_in_lanes, register(machine_code(system, moving, inputs_move)))
-    from .on_gpu import call_on_gpu  # Pallas takes its time to import
+    from .on_gpu import call_on_gpu, gpu_program  # Pallas takes its time to import
 
-    return partial(call_on_gpu, _program(system, moving, inputs_move))
+    made = gpu_program(system.step, system.output, system.sizes, system.fixed, moving, inputs_move)
+    return partial(call_on_gpu, made)
 
 
 def _in_lanes(name: str, shape: Sequence[int], arrays: Sequence[Array]) -> Array:

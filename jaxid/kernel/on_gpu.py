@@ -6,7 +6,7 @@ would be some hundred kernels, each of which moves all states to memory and back
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,8 @@ from jaxtyping import Array
 
 from .emit import levels, reached
 from .expressions import Graph, Node
-from .rollout_kernel import Derivatives, Program
+from .tangents import forward
+from .traced import Step, traced
 
 WIDTH = 32
 """Experiments a block: one warp, so that few experiments still keep many of the GPU's processors at work."""
@@ -67,79 +68,91 @@ def _evaluate(
             values[node] = function(*(values[a] for a in arguments))
 
 
-def _tangents_of(
-    graph: Graph,
-    by: Derivatives,
-    values: Mapping[Node, Block],
-    x: Sequence[Block],
-    p: Sequence[Block],
-    u: Sequence[Block],
-) -> list[Block]:
-    """Tangents of results from those of the state, of the parameters that move and of the inputs."""
-    results = []
-    for rows in zip(by.by_x, by.by_p, by.by_u, strict=True):
-        total = jnp.zeros(WIDTH)
-        for slope, tangent in zip((*rows[0], *rows[1], *rows[2]), (*x, *p, *u), strict=True):
-            if graph.value(slope) != 0.0:
-                total = total + (tangent if graph.value(slope) == 1.0 else values[slope] * tangent)
-        results.append(total)
-    return results
+class GpuProgram(NamedTuple):
+    """A sampled system as expressions of the groups "p", "x", "u" and "h", and, for derivatives, one direction's tangents of
+    the groups "dp", "dx" and "du": a thread follows one direction, so that no Jacobian of a step is needed.
+
+    `state` and `output` are those of the states, then of their tangents. `moving`: numbers of parameters and inputs that move,
+    None for a rollout alone. `fixed`: states that are set at every sample.
+    """
+
+    graph: Graph
+    states: int
+    state: Sequence[Node]
+    output: Sequence[Node]
+    fixed: Sequence[int]
+    moving: tuple[int, int] | None
 
 
-def _kernel(program: Program, sizes: tuple[int, int, int], *refs: Any) -> None:
+def gpu_program(
+    step: Step,
+    output: Step,
+    sizes: tuple[int, int, int],
+    fixed: tuple[int, ...] = (),
+    moving: tuple[int, ...] | None = None,
+    inputs_move: bool = False,
+) -> GpuProgram:
+    """As `traced.program`. Raises `Untranslated`."""
+    graph, (p, x, u), state, shown = traced(step, output, *sizes, fixed)
+    if moving is None:
+        return GpuProgram(graph, len(x), state, shown, fixed, None)
+    groups = {"dx": x, "dp": [p[i] for i in moving], "du": u if inputs_move else []}
+    seeds = {node: graph.input(group, i) for group, nodes in groups.items() for i, node in enumerate(nodes)}
+    state = [*state, *forward(graph, state, seeds)]
+    return GpuProgram(graph, len(x), state, forward(graph, shown, seeds), fixed, (len(moving), len(groups["du"])))
+
+
+_DEPTHS = {"p": 0, "dp": 0, "h": 1, "u": 2, "du": 2, "x": 3, "dx": 3}
+"""How deep in the loops what is given stands."""
+
+
+def _kernel(program: GpuProgram, sizes: tuple[int, int, int], *refs: Any) -> None:
     """One block's rollouts. `sizes`: samples, rows of inputs a sample and sub-steps; `refs`: `ARGUMENTS`, with tangents
     `TANGENTS`, and the result, the experiments along the last axis, and before these, where there are any, the directions."""
-    graph, (samples, rows, substeps) = program.graph, sizes
-    shares, p, x, u, dt, fixed, *moving, result = refs
+    graph, S, (samples, rows, substeps) = program.graph, program.states, sizes
+    shares, p, x, u, dt, fixed, *directions, result = refs
     some = pallas.ds(pallas.program_id(0) * WIDTH, WIDTH)
     k = pallas.program_id(1)
-    by_state, by_output = program.state_by or Derivatives((), (), ()), program.output_by or Derivatives((), (), ())
-
-    def made_of(results: Sequence[Node], by: Derivatives) -> list[Node]:
-        return reached(graph, [*results, *(slope for each in by for row in each for slope in row)])
-
-    stepping = made_of(program.state, by_state)
-    showing = made_of(() if moving else program.output, by_output)
-    depth = levels(graph, sorted({*stepping, *showing}), {"p": 0, "h": 1, "u": 2, "x": 3})
+    dp, dx, du = directions or (None, None, None)
+    stepping, showing = reached(graph, program.state), reached(graph, program.output)
+    depth = levels(graph, sorted({*stepping, *showing}), _DEPTHS)
+    still = {"p": lambda i: p[i, some], "dp": lambda i: dp[i, k, some]}
     constant: dict[Node, Block] = {}
-    _evaluate(graph, [node for node in sorted(depth) if depth[node] == 0], constant, lambda _, i: p[i, some])
-    direction = [moving[0][j, k, some] for j in range(len(by_state.by_p[0]))] if moving else []
-
-    def inputs_move(t: Any, row: Any) -> list[Block]:
-        count = len(by_state.by_u[0]) if moving and by_state.by_u else 0
-        return [moving[2][t, row, j, k, some] for j in range(count)]
+    _evaluate(graph, [node for node in sorted(depth) if depth[node] == 0], constant, lambda group, i: still[group](i))
 
     def given(state: Sequence[Block], t: Any, row: Any, h: Block) -> Callable[[str, int], Block]:
-        return lambda group, i: {"x": lambda: state[i], "u": lambda: u[t, row, i, some], "h": lambda: h}[group]()
+        read = {
+            "x": lambda i: state[i],
+            "dx": lambda i: state[S + i],
+            "u": lambda i: u[t, row, i, some],
+            "du": lambda i: du[t, row, i, k, some],
+            "h": lambda _: h,
+            **still,
+        }
+        return lambda group, i: read[group](i)
 
-    def sample(t: Any, carry: tuple) -> tuple:
-        state, tangent = (list(each) for each in carry)
+    def sample(t: Any, before: tuple) -> tuple:
+        state = list(before)
         for d, i in enumerate(program.fixed):
             state[i] = fixed[t, d, some]
-            if moving:
-                tangent[i] = jnp.zeros(WIDTH)
+            if directions:
+                state[S + i] = jnp.zeros(WIDTH)
         values = dict(constant)
         _evaluate(graph, showing, values, given(state, t, 0, jnp.zeros(WIDTH)))
-        if moving:
-            for i, shown in enumerate(_tangents_of(graph, by_output, values, tangent, direction, inputs_move(t, 0))):
-                result[t, i, k, some] = shown
-        else:
-            for i, node in enumerate(program.output):
-                result[t, i, some] = values[node]
+        for i, node in enumerate(program.output):
+            result[(t, i, k, some) if directions else (t, i, some)] = values[node]
         interval = dt[t, some]
 
-        def substep(number: Any, carry: tuple) -> tuple:
-            state, tangent = carry
+        def substep(number: Any, state: tuple) -> tuple:
             row, values = (0 if rows == 1 else number), dict(constant)
             _evaluate(graph, stepping, values, given(state, t, row, interval * shares[number]))
-            after = _tangents_of(graph, by_state, values, tangent, direction, inputs_move(t, row)) if moving else ()
-            return tuple(values[node] for node in program.state), tuple(after)
+            return tuple(values[node] for node in program.state)
 
-        return lax.fori_loop(0, substeps, substep, (tuple(state), tuple(tangent)))
+        return lax.fori_loop(0, substeps, substep, tuple(state))
 
-    start = tuple(x[i, some] for i in range(len(program.state)))
-    slopes = tuple(moving[1][i, k, some] for i in range(len(program.state))) if moving else ()
-    lax.fori_loop(0, samples, sample, (start, slopes))
+    start = [x[i, some] for i in range(S)]
+    slopes = [dx[i, k, some] for i in range(S)] if directions else []
+    lax.fori_loop(0, samples, sample, (*start, *slopes))
 
 
 def _last(array: Array, lanes: int) -> Array:
@@ -150,7 +163,7 @@ def _last(array: Array, lanes: int) -> Array:
     return jnp.moveaxis(filled, 0, -1)
 
 
-def call_on_gpu(program: Program, shape: Sequence[int], arrays: Sequence[Array], interpret: bool = False) -> Array:
+def call_on_gpu(program: GpuProgram, shape: Sequence[int], arrays: Sequence[Array], interpret: bool = False) -> Array:
     """Outputs [E, T, Y], or, of a program with derivatives, their tangents [E, T, Y, K] in K directions.
 
     `shape`: the result's without E. `arrays`: `shares` [n], `p` [E, P], `x` [E, S], `u` [E, T, R, U], `dt` [E, T], `fixed`
@@ -161,7 +174,7 @@ def call_on_gpu(program: Program, shape: Sequence[int], arrays: Sequence[Array],
     E, (T, R) = own[0].shape[0], own[2].shape[1:3]
     blocks = -(-E // WIDTH)
     directions = shape[2] if len(shape) == 3 else 1
-    if len(own) > 5:  # the direction beside the experiments, so that a block reads what lies side by side
+    if program.moving is not None:  # the direction beside the experiments, so that a block reads what lies side by side
         own[5:] = [jnp.moveaxis(own[5], 1, 2), jnp.moveaxis(own[6], 1, 2), jnp.moveaxis(own[7], 3, 4)]
     made = pallas.pallas_call(
         partial(_kernel, program, (T, R, len(shares))),
