@@ -157,13 +157,13 @@ def work(way: str, name: str, quick: bool) -> None:
     with ExitStack() as stack:
         if way == XLA:
             stack.enter_context(patch("jaxid.simulation.rollout.machine_rollout", lambda *_: None))
+        for count in MEMBERS[way][: 1 if quick else None]:
+            print(json.dumps({"robot": name, "way": way, "what": "fits", **fits(name, count, way)}), flush=True)
         for count in EXPERIMENTS[way][: 2 if quick else None]:
             print(
                 json.dumps({"robot": name, "way": way, "what": "derivatives", **derivatives(name, count, way)}),
                 flush=True,
             )
-        for count in MEMBERS[way][: 1 if quick else None]:
-            print(json.dumps({"robot": name, "way": way, "what": "fits", **fits(name, count, way)}), flush=True)
         if way != XLA and not quick:
             print(json.dumps({"robot": name, "way": way, "what": "fit_fleet", **whole(name)}), flush=True)
     print(json.dumps({"device": jax.devices()[0].device_kind}), flush=True)
