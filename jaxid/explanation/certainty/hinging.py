@@ -44,7 +44,8 @@ def hinging(
     held = any(name in final.parameters and final[name].status == "fixed" for name in free)
     if held or _own(free) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
         return Hinging(final, "")  # something was held, left out or added since
-    own = [name for name in final.free_names if name not in but and final[name].status == "identified"]
+    told = ("identified", "at_bound")  # what ends at its bound by one name need not by another
+    own = [name for name in final.free_names if name not in but and final[name].status in told]
     said, reached = [], {}
     for title, robot in others.items():
         moved = {}

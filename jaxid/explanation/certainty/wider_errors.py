@@ -23,7 +23,8 @@ def reaching_to(final: Fit, others: Mapping[str, tuple[float, float]]) -> Fit:
 
 def _widened(estimate: Estimate, by: float, typical: float) -> Estimate:
     error = estimate.std_error * by
-    lost = by > 1.0 and estimate.status == "identified" and error > PRACTICAL * max(abs(estimate.value), typical)
+    told = estimate.status in ("identified", "at_bound")
+    lost = by > 1.0 and told and error > PRACTICAL * max(abs(estimate.value), typical)
     return Estimate.of(estimate.value, error, estimate.unit, "not_identifiable" if lost else estimate.status)
 
 

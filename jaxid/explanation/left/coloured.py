@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 _FEWEST = 40
 """Samples of a log below which its noise has no shape."""
+_ROUNDED = 0.5
+"""Share of what is left, its variance, above which rounding makes the shape of it."""
 GATES = 5
 """Tests among which the level is shared: what drove the robot, evenness among logs, bursts, shape, and the candidates."""
 
@@ -144,7 +146,7 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
     if any(state.diverged for state, _ in states) or not np.isfinite(first.normalised_rms):
         return None
     colours = colours_of([state for state, _ in states])
-    coloured = {name: colour for name, colour in colours.items() if colour.order}
+    coloured = {name: colour for name, colour in colours.items() if colour.order and not _rounded(states, name)}
     if not coloured:
         return None
     level, count = first.false_alarm / GATES, len(coloured)
@@ -175,6 +177,13 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
         shape, simple = min(shape, own), simple and own >= level
         faster &= fast
     return OnlyColour(coloured, simple, faster, min(GATES * min(noise, shape), 1.0))
+
+
+def _rounded(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> bool:
+    """Whether a channel leaves no more than its noise, and of that most is rounding, which stays as long as the speed does:
+    its shape is that of the motion, and says nothing."""
+    first, _ = states[0]
+    return first.by_channel.get(name, 0.0) <= 1.0 and _rounding(states, name) > _ROUNDED
 
 
 def _rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> float:

@@ -147,6 +147,13 @@ def with_its_other_laws(
     return found
 
 
+def rather_of(trial: Trial) -> str | None:
+    """The mechanism that a trial's curve is rather of, where it does not bend as its own does."""
+    curve = trial.effect
+    bends = not isinstance(curve, Curve) or not curve.rather or curve.agrees(trial.robot)
+    return None if bends else curve.rather
+
+
 def with_what_it_rather_is(
     mechanisms: Sequence[Sequence[Trial]],
     screened: Sequence[Candidate],
@@ -156,13 +163,12 @@ def with_what_it_rather_is(
     """The mechanisms, with the one that the best one's curve is rather of by all its laws, and its curves as `finer` makes
     them: one for each motor or axis, where the best one's acts on one alone."""
     found = [list(own) for own in mechanisms]
-    leading = found[0][0]
-    best = leading.effect
-    if not isinstance(best, Curve) or not best.rather or best.agrees(leading.robot):
+    whose = rather_of(found[0][0])
+    if whose is None:
         return found
-    there = next((own for own in found if own[0].id == best.rather), [])
+    there = next((own for own in found if own[0].id == whose), [])
     tried = {trial.law for trial in there}
-    candidates = (candidate for candidate in screened if candidate.effect.id == best.rather)
+    candidates = (candidate for candidate in screened if candidate.effect.id == whose)
     laws = [law for candidate in candidates for law in (candidate, *candidate.laws)]
     further = refits([law for law in laws if law.effect.law not in tried and law.gain > 0])
     own = [finer(trial) for trial in (*there, *further)]

@@ -16,7 +16,7 @@ from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued, refit, refit_from_itself
 from ..screening.screen import Candidate, alike_to, screen
 from .denser import densest
-from .laws import best_first, by_where_they_bend
+from .laws import best_first, by_where_they_bend, rather_of
 from .one_of_several import with_one_alone
 from .steps import Search, Step, laws_in
 from .table_constants import constants_instead
@@ -290,6 +290,11 @@ def reconsidered(
             for other in _untried(step, leading, present):
                 laws = _by_laws(other.effect, bare, logs, held_out, noise, say)
                 trials += best_first(laws)[:1]
+        whose = None if final.angles else rather_of(leading)
+        if whose is not None and whose not in present:
+            say(f"{whose} by its laws instead of {leading.title}")
+            laws = _by_laws(laws_of(bare.robot, whose)[0], bare, logs, held_out, noise, say)
+            trials = [*(t for t in trials if t.id != whose), *best_first(laws)[:1]]
         mechanisms = by_where_they_bend([[trial] for trial in sorted(trials, key=lambda t: t.score)], bare)
         trials = simplest_first([own[0] for own in mechanisms])
         final = trials[0]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+import jaxid
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.estimate.noise_colour import Colour
 from jaxid.explanation.left.coloured import OnlyColour, only_colour, whitened
@@ -96,6 +97,28 @@ FIRST = np.random.default_rng(0).uniform(-4, 4, 20)[0]
 @pytest.mark.parametrize("make", [follows_speed, on_one_log])
 def test_what_follows_the_motion_or_comes_on_one_log_is_no_noise(motions, make):
     assert only_colour(made(motions, make), memory=25.0) is None
+
+
+def test_a_gyros_filter_is_found_beside_a_speed_that_is_counted_coarsely(motions):
+    # Rounded coarsely, an error stays as long as the speed does: uneven, and no mark of anything missing.
+    inputs, speeds = motions
+    rng, step, noise, logs, residuals = np.random.default_rng(4), 0.24, 0.01, [], []
+    channels = jaxid.Channels(inputs=("u",), outputs=("v", "w"))
+    for k, (u, v) in enumerate(zip(inputs, speeds, strict=True)):
+        counted = step * np.round((v + 0.1 * step * rng.normal(size=SAMPLES)) / step)
+        gyro = noise * 2.5 * first_order(0.7, SAMPLES, rng)
+        logs.append(Log.from_arrays(f"run {k}", DT * np.arange(SAMPLES), u, {"v": counted, "w": gyro}, channels))
+        residuals.append(np.stack([(v - counted) / step, -gyro / noise], axis=1))
+    sizes = {"v": step, "w": noise}
+    rms = dict(zip(sizes, np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0)).tolist(), strict=True))
+    assert rms["v"] < 1.0 < rms["w"]
+    state = HeldOut(float(np.hypot(*rms.values()) / np.sqrt(2)), rms, tuple(residuals), sizes, 0.0)
+    states = [
+        (replace(state, residuals=tuple(residuals[:1])), LogSet(logs[:1])),
+        (replace(state, residuals=tuple(residuals[1:])), LogSet(logs[1:])),
+    ]
+    found = only_colour(states, memory=25.0)
+    assert found is not None and found.of_sensors and set(found.colours) == {"w"}
 
 
 def test_squares_of_whitened_residuals_count_independent_samples(motions):
