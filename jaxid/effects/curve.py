@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..parameters import Parameter
-from ..robots.effect import Effect, Numbers, Scalar
+from ..robots.effect import Effect, Numbers, Scalar, in_words
 from ..robots.probe import Probe, Seen
 from ..robots.robot import Robot
 from .effect_parameters import shape, signed
@@ -66,6 +66,16 @@ def falls_at_once(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) 
     friction that rises towards standstill, of which the Coulomb friction took the level."""
     place, off = _farthest(x, heights)
     return off < 0 and place < _AT_ONCE * x[-1]
+
+
+_WALL = 4.0
+"""How many times as much resists at the fastest as ever up to three quarters of it where something stops the motion: steeper
+than a fifth power of the speed."""
+
+
+def is_wall(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> bool:
+    """Whether what resists is hardly there up to three quarters of the fastest, and then stands in the way."""
+    return bool(heights[-1] > _WALL * np.max(np.abs(heights[x <= 0.75 * x[-1]])))
 
 
 @dataclass(frozen=True)
@@ -173,3 +183,12 @@ class Curve(Effect):
         """The curve (of `name`) at `x` >= 0."""
         heights = [p[self.height(k, name)] if k in self.varying else 0.0 for k in range(len(self.places))]
         return curve(x, self.places, heights, p[self.key("reach")])
+
+    def limits(self, robot: Robot, fastest: float, unit: str) -> str:
+        """Why a resistance over a speed in this `unit` is none, where one of its curves is a wall at the `fastest` that logs
+        have; else empty."""
+        speeds, numbers = np.linspace(0.0, fastest, 101), robot.parameters.numbers
+        walls = [name for name in self.each(robot) if is_wall(speeds, np.asarray(self.at(speeds, numbers, name)))]
+        names = " and ".join(in_words(name) for name in walls if name)
+        where = f"its curve{f' {names}' if names else ''} is a wall at {fastest:.3g} {unit}".rstrip()
+        return f"{where}, as where a controller or a stop limits the speed" if walls else ""

@@ -173,13 +173,15 @@ class DragCurve(Curve):
 
     def doubt(self, robot: Robot) -> str:
         """What is there as soon as a speed is, and much of all that the curves say, is dry friction's: of an axis for which
-        that has no name, say."""
+        that has no name, say. What is there at the fastest alone, no fluid does."""
         numbers, table = robot.parameters.numbers, robot.parameters
         speeds = np.linspace(0.0, table[self.key("reach")].value, 101)
         curves = {name: np.asarray(self.at(speeds, numbers, name)) for name in self.each(robot)}
         least = _MUCH * max(float(np.max(np.abs(curve))) for curve in curves.values())
         falling = [name for name, own in curves.items() if falls_at_once(speeds, own) and -np.min(own) > least]
-        return f"its curve{_of(falling)} is a step at standstill, as dry friction is" if falling else ""
+        if falling:
+            return f"its curve{_of(falling)} is a step at standstill, as dry friction is"
+        return self.limits(robot, speeds[-1], robot.velocity_unit(_ahead(robot)))
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return robot.velocities if robot.translations else ()

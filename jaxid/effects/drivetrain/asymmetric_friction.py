@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
@@ -129,6 +130,9 @@ class DryAsymmetryCurve(Curve):
 
     def agrees(self, robot: Robot) -> bool:
         return differs_by_way(self, robot)
+
+    def doubt(self, robot: Robot) -> str:
+        return self.limits(robot, min(robot.scales.rim_reach, robot.scales.fastest or np.inf), robot.rim_unit)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.02 * robot.scales.friction

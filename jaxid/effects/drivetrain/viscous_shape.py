@@ -137,6 +137,9 @@ class ViscousCurve(Curve):
         bend = np.sum([np.asarray(self.at(speeds, numbers, self.of(part))) for part in parts], axis=0)
         return not falls_at_once(speeds, bend)
 
+    def doubt(self, robot: Robot) -> str:
+        return self.limits(robot, min(robot.scales.rim_reach, robot.scales.fastest or np.inf), robot.rim_unit)
+
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return axis_names(robot)
 
