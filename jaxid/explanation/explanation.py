@@ -299,18 +299,27 @@ class Explanation:
             }
         )
 
+    @property
+    def _remark(self) -> str:
+        """Why the model is to be doubted; empty where it is not."""
+        judged = self.final.judgement
+        poor = judged.sentence if judged is not None and judged.verdict in ("poor", "failed") else ""
+        said = (self.sentence if self.verdict == "unexplained" else "", poor.removesuffix(LOOK_FURTHER).strip())
+        return " ".join(filter(None, said))
+
     def save(self, folder: str | Path) -> list[Path]:
         """Write the explanation into `folder` (made if missing) and return the paths of its files.
 
-        `explanation.json`, `model.toml` (the model with its effects), `next_experiment.csv` where one is proposed,
-        `report.html` and its pictures. Raises `OSError` if the folder cannot be written.
+        `explanation.json`, `model.toml` (the model with its effects; above it, as a comment, why it is to be doubted),
+        `next_experiment.csv` where one is proposed, `report.html` and its pictures. Raises `OSError` if the folder cannot be
+        written.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / "explanation.json", folder / "model.toml"]
         write_json(written[0], self.to_dict())
         errors = {name: estimate.std_error for name, estimate in self.final.parameters.items()}
-        write_model(written[1], self.model, errors, self.final.method)
+        write_model(written[1], self.model, errors, self.final.method, self._remark)
         if self.next_experiment:
             written.append(folder / "next_experiment.csv")
             self.next_experiment.save(written[-1])

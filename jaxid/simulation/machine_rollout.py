@@ -58,8 +58,8 @@ def machine_rollout(
 ) -> Float[Array, "T ny"] | None:
     """Outputs at the samples, `inputs` with one row a sample or one a sub-step; None where this takes XLA.
 
-    That is: on another device than a processor or a GPU of NVIDIA's, in single precision, and where a function of the robot uses what has no
-    translation, which is said once (`SlowSimulation`).
+    That is: on another device than a processor or a GPU of NVIDIA's, in single precision, and where a function of the robot
+    uses what has no translation, which is said once (`SlowSimulation`).
     """
     if jax.default_backend() not in ("cpu", "gpu") or dt.dtype != jnp.float64:
         return None

@@ -21,7 +21,7 @@ from .one_of_several import with_one_alone
 from .steps import Search, Step, laws_in
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
-from .worth import in_the_running
+from .worth import holds_as_well, in_the_running
 
 _RIVALS = 3
 """Most rivals of an effect that are looked at again."""
@@ -138,7 +138,7 @@ def by_laws_again(
         again = next((trial for trial in trials if trial.law == effect.law), None)
         if again is not None and again.score < current.score:
             current = replace(again, id=current.id)
-        trials = [trial for trial in trials if trial.law != effect.law]
+        trials = [trial for trial in trials if trial.law != effect.law and holds_as_well(trial, current)]
         own = best_first([replace(current, id=effect.id), *trials])
         if own[0].law == effect.law or not told_apart_from(own[0], current):
             continue
@@ -234,7 +234,8 @@ def exchanged(
             continue
         rivals = rivals_of(step, present)
         trials = with_rivals(rivals, step.chosen.id, current, base, logs, held_out, noise, say)
-        best = min(trials, key=lambda trial: trial.score, default=current)
+        holding = (trial for trial in trials if holds_as_well(trial, current))
+        best = min(holding, key=lambda trial: trial.score, default=current)
         if best.score < current.score and told_apart_from(best, current):
             say(f"{best.title} instead of {step.chosen.title}: held-out {best.held_out.normalised_rms:.3f} x noise")
             ranked = sorted([*trials, replace(current, id=step.chosen.id)], key=lambda trial: trial.score)
@@ -295,6 +296,7 @@ def reconsidered(
             say(f"{whose} by its laws instead of {leading.title}")
             laws = _by_laws(laws_of(bare.robot, whose)[0], bare, logs, held_out, noise, say)
             trials = [*(t for t in trials if t.id != whose), *best_first(laws)[:1]]
+        trials = [t for t in trials if t.id == step.chosen.id or holds_as_well(t, final)]
         mechanisms = by_where_they_bend([[trial] for trial in sorted(trials, key=lambda t: t.score)], bare)
         trials = simplest_first([own[0] for own in mechanisms])
         final = trials[0]

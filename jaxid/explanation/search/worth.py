@@ -18,9 +18,13 @@ _MOST = 0.5
 """Share of a gap on held-out logs, which chose nothing, that is most of it."""
 _LEAST_BEHIND = 100.0
 """Score by which a trial may always lag behind the best after a few steps and still be in the running."""
-_UNDONE = 0.999
+_UNDONE = 0.99
 """Share of what an error of a sensor does that the refitted parameters of the rest undo, from which on it is another unit of
 the same motion, such as one scale of all sensors, rather than an error: what little it explains, the rest explains."""
+
+_WORSE = 1.1
+"""Held-out error of one law or name over another's from which on it is clearly worse: chance moves that of a thousand
+samples by some hundredths."""
 
 
 def least_gain(before: Trial, first: Trial) -> float:
@@ -91,6 +95,12 @@ def undone(trial: Trial, before: Trial, held_out: LogSet, noise: Mapping[str, fl
     gained = before.held_out.squares - trial.held_out.squares
     # Where it runs away without the effect, it has not been made up for, but is needed.
     return bool(np.isfinite(without) and without > gained / (1.0 - _UNDONE))
+
+
+def holds_as_well(trial: Trial, current: Trial) -> bool:
+    """Whether `trial` predicts the held-out logs about as well as `current`: what follows the fitted logs better, and others
+    clearly worse, explains no more."""
+    return not trial.held_out.diverged and trial.held_out.normalised_rms <= _WORSE * current.held_out.normalised_rms
 
 
 def in_the_running(trials: Sequence[Trial], base: Trial) -> float:
