@@ -1,11 +1,14 @@
-"""A curve of the resistance of the body: one that is a step at standstill is dry friction, and no drag."""
+"""A curve of the resistance of the body: one that is a step at standstill is dry friction, and no drag, nor is a wall at the
+fastest, of which friction has none either."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jaxid import DifferentialDrive
 from jaxid.effects import effect_by_id
-from jaxid.effects.curve import SHAPE
+from jaxid.effects.curve import SHAPE, is_wall
 
 ROBOT = DifferentialDrive()
 LAW = effect_by_id(ROBOT, "quadratic_drag", SHAPE)
@@ -18,7 +21,7 @@ def with_drag(resistance):
 
 
 @pytest.mark.parametrize(
-    "resistance", [lambda x: 0.0, lambda x: x**2, lambda x: x**3 - x, lambda x: 2.0 * x**1.5, np.sin]
+    "resistance", [lambda x: 0.0, lambda x: x**2, lambda x: x**3 - x, lambda x: 2.0 * x**1.5, lambda x: x**4, np.sin]
 )
 def test_what_grows_with_the_speed_is_drag_whatever_straight_line_another_has(resistance):
     assert LAW.doubt(with_drag(resistance)) == ""
@@ -27,3 +30,26 @@ def test_what_grows_with_the_speed_is_drag_whatever_straight_line_another_has(re
 @pytest.mark.parametrize("resistance", [lambda x: -0.9, lambda x: -0.9 + 0.1 * x, lambda x: -1.0 + np.exp(-x / 0.1)])
 def test_a_step_at_standstill_is_dry_friction(resistance):
     assert LAW.doubt(with_drag(resistance)) == "its curve is a step at standstill, as dry friction is"
+
+
+@pytest.mark.parametrize(
+    "resistance", [lambda x: x**12, lambda x: 190.0 * max(x - 0.8, 0.0) ** 2 - 0.3 * x * (1.0 - x)]
+)
+def test_what_is_there_at_the_fastest_alone_is_where_something_limits_the_speed(resistance):
+    said = LAW.doubt(with_drag(resistance))
+    assert said.startswith("its curve is a wall at ") and said.endswith("limits the speed")
+
+
+def test_a_speed_governor_is_no_friction_that_differs_by_direction():
+    law = effect_by_id(ROBOT, "asymmetric_viscous_friction", SHAPE)
+    heights = {law.height(k, "forward"): float(law.places[k] == 1.0) for k in law.varying}
+    robot = (ROBOT + law).with_values(**heights)
+    assert "forward is a wall at" in law.doubt(robot)
+    # Of a curve that the logs do not go to the end of, only the part where they go says anything.
+    slower = replace(robot, scales=replace(robot.scales, fastest=0.7 * robot.scales.speed))
+    assert law.doubt(slower) == ""
+
+
+def test_what_drives_at_the_fastest_is_no_wall():
+    x = np.linspace(0.0, 1.0, 101)
+    assert is_wall(x, x**8) and not is_wall(x, -(x**8)) and not is_wall(x, x**3)

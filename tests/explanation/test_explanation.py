@@ -86,6 +86,18 @@ def test_what_was_added_is_an_ordinary_model(explained, hidden_drag, tmp_path):
             assert abs(estimate.value - explained.final[name].value) < 0.05 * estimate.std_error, name
 
 
+def test_the_model_file_says_why_it_is_to_be_doubted(explained, tmp_path):
+    explained.save(tmp_path)
+    assert not (tmp_path / "model.toml").read_text().startswith("#")
+    poor = replace(explained.final, judgement=explained.final.judgement.doubted("What is left follows the speed."))
+    doubted = replace(explained, final=poor, verdict="unexplained", doubts=("it hardly is",))
+    doubted.save(tmp_path)
+    text = " ".join((tmp_path / "model.toml").read_text().replace("\n# ", " ").split())
+    assert text.startswith("# Something is missing: the held-out error is ")
+    assert "it hardly is" in text and "What is left follows the speed." in text
+    assert read_model(tmp_path / "model.toml", Axis()) == explained.model
+
+
 def test_a_proposed_experiment_is_a_log_ready_file_and_goes_with_its_explanation(explained, proposed, tmp_path):
     paths = replace(explained, next_experiment=proposed).save(tmp_path)
     table = pd.read_csv(tmp_path / "next_experiment.csv")

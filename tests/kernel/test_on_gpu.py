@@ -24,8 +24,8 @@ def everything(p, x, u, h):
     s = v * a + u[0]
     terms = [
         jnp.sin(s), jnp.cos(s), jnp.exp(-(s**2)), jnp.log(1.0 + s**2), jnp.log1p(s**2), jnp.expm1(-(s**2)), jnp.tanh(s),
-        jnp.sqrt(1.0 + s**2), jnp.abs(s), jnp.floor(3.0 * s), jnp.round(3.0 * s), (3.0 * s).astype(int).astype(float), jnp.sign(s),
-        jnp.arctan2(s, 1.0 + b), (1.0 + s**2) ** 0.3, jnp.maximum(s, b), jnp.minimum(s, b), 1.0 / (2.0 + s**2),
+        jnp.sqrt(1.0 + s**2), jnp.abs(s), jnp.floor(3.0 * s), jnp.round(3.0 * s), (3.0 * s).astype(int).astype(float),
+        jnp.sign(s), jnp.arctan2(s, 1.0 + b), (1.0 + s**2) ** 0.3, jnp.maximum(s, b), jnp.minimum(s, b), 1.0 / (2.0 + s**2),
         jnp.where((s > 0.0) & ~(s > b) | (s < -b), s, 0.5 * s), jnp.where(jnp.isfinite(s), s, 0.0),
     ]  # fmt: skip
     return v + h * 0.1 * sum(terms), w + h * (v - b * w)

@@ -42,6 +42,15 @@ def test_a_number_that_another_name_makes_another_is_told():
     np.testing.assert_allclose(np.sqrt(wider.covariance[k, k]), wider["M"].std_error)
 
 
+def test_a_number_at_its_bound_by_one_name_hinges_on_it_as_well():
+    final, last = found(())
+    bound = replace(final, parameters={**final.parameters, "Fv": replace(final["Fv"], value=0.0, status="at_bound")})
+    at_zero = replace(last, robot=last.robot.with_values(Fv=0.0))
+    wider, said = hinging(bound, at_zero, {"it is a wrong gain": last.robot.with_values(Fv=2.0)})
+    assert "Fv 2 instead of 0" in said
+    assert wider["Fv"].ci95[1] > 2.0 and wider["Fv"].status == "not_identifiable"
+
+
 def test_nothing_is_said_where_the_last_trial_is_not_the_answer():
     final, last = found(())
     held = replace(last, robot=last.robot.change("M", free=False))

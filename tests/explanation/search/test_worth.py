@@ -1,9 +1,11 @@
-"""jaxid/explanation/search/worth.py: an error of a sensor that the rest of the model undoes, on an axis in closed form."""
+"""jaxid/explanation/search/worth.py: what is worth a name, on an axis in closed form."""
+
+from dataclasses import replace
 
 from jaxid import Axis, Log, LogSet
 from jaxid.effects import effect_by_id
 from jaxid.explanation.refits.refit import refit
-from jaxid.explanation.search.worth import undone
+from jaxid.explanation.search.worth import holds_as_well, undone
 from jaxid.simulation.scaled import scaled_to
 from tests.explanation import closed_form_axis
 from tests.explanation.closed_form_axis import driven
@@ -43,3 +45,14 @@ def test_a_bias_that_explains_what_it_does_is_not():
 def test_nor_is_an_effect_that_is_none_of_a_sensor():
     before, after, held_out = trials("quadratic_drag", (), **{"quadratic_drag.coefficient": 0.5, "Fv": 1.0})
     assert not undone(after, before, held_out, NOISE)
+
+
+def test_what_predicts_other_logs_clearly_worse_does_not_hold_as_well():
+    before, after, _ = trials("quadratic_drag", (), **{"quadratic_drag.coefficient": 0.5, "Fv": 1.0})
+    error = after.held_out.normalised_rms
+    assert holds_as_well(after, after) and holds_as_well(before, after) == (
+        before.held_out.normalised_rms < 1.1 * error
+    )
+    for times, holds in ((1.05, True), (1.2, False)):
+        other = after.leaving(replace(after.held_out, normalised_rms=times * error))
+        assert holds_as_well(other, after) is holds
