@@ -146,7 +146,7 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
     if any(state.diverged for state, _ in states) or not np.isfinite(first.normalised_rms):
         return None
     colours = colours_of([state for state, _ in states])
-    coloured = {name: colour for name, colour in colours.items() if colour.order and not _rounded(states, name)}
+    coloured = {name: colour for name, colour in colours.items() if colour.order and not mostly_rounding(states, name)}
     if not coloured:
         return None
     level, count = first.false_alarm / GATES, len(coloured)
@@ -179,7 +179,7 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
     return OnlyColour(coloured, simple, faster, min(GATES * min(noise, shape), 1.0))
 
 
-def _rounded(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> bool:
+def mostly_rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> bool:
     """Whether a channel leaves no more than its noise, and of that most is rounding, which stays as long as the speed does:
     its shape is that of the motion, and says nothing."""
     first, _ = states[0]
