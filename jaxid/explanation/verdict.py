@@ -6,6 +6,7 @@ from dataclasses import replace
 from ..effects.curve import SHAPE
 from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.result import Fit
+from .certainty.straight_shares import open_gain
 from .explanation import Verdict
 from .left.heldout import HeldOut
 from .named_effect import NamedEffect
@@ -35,7 +36,8 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
     for effect in named:
         if not effect.identified:
             doubts.append(f"the errors of {effect.title} do not exclude that there is none")
-    if len(named) > 1 and not any(final[name].status == "identified" for name in final.free_names):
+    identified = any(final[name].status == "identified" for name in final.free_names)
+    if len(named) > 1 and not identified and not open_gain(final):
         doubts.append("no parameter of the model with it is identified: the effects stand in for one another")
     doubts += [f"{effect.title} is hardly it: {why}" for effect, why in _none_of_theirs(final, named)]
     return tuple(doubts)

@@ -152,6 +152,22 @@ def test_a_name_that_may_be_nothing_is_not_given(heavy_tailed):
     assert found == "unexplained" and "errors of quadratic drag do not exclude that there is none" in doubts[0]
 
 
+def test_two_names_beside_which_nothing_is_known_are_none_unless_it_is_all_but_for_one_factor(heavy_tailed):
+    _, fit, *_ = heavy_tailed
+    two = (named(), replace(named(), id="effective_track"))
+
+    def nothing_known(model):
+        found = {n: Estimate.of(p.value, 1.0, p.unit, "not_identifiable") for n, p in model.parameters.items()}
+        return replace(fit, robot=model, parameters=found, free_names=model.parameters.free_names)
+
+    drag = nothing_known(ROBOT + effect_by_id(ROBOT, "quadratic_drag"))
+    found, doubts = verdict(drag, 10.0, 1.01, *two)
+    assert found == "unexplained" and "stand in for one another" in doubts[0]
+    # What a limit's curve takes from the smallest commands is a gain of all.
+    limit = nothing_known(ROBOT + effect_by_id(ROBOT, "voltage_saturation", "shape"))
+    assert verdict(limit, 10.0, 1.01, *two)[0] == "named"
+
+
 def told(fit, identifier, estimates, correlation=0.0):
     """Whether these estimates of an effect's parameters, by their short names, say that it is there."""
     effect = effect_by_id(ROBOT, identifier)
