@@ -113,7 +113,7 @@ def _kernel(program: GpuProgram, sizes: tuple[int, int, int], *refs: Any) -> Non
     shares, p, x, u, dt, fixed, *directions, result = refs
     some = pallas.ds(pallas.program_id(0) * WIDTH, WIDTH)
     k = pallas.program_id(1)
-    dp, dx, du = directions or (None, None, None)
+    dp, dx, du = directions or (p, x, u)  # not read where nothing moves
     stepping, showing = reached(graph, program.state), reached(graph, program.output)
     depth = levels(graph, sorted({*stepping, *showing}), _DEPTHS)
     still = {"p": lambda i: p[i, some], "dp": lambda i: dp[i, k, some]}

@@ -150,8 +150,9 @@ def with_its_other_laws(
 def rather_of(trial: Trial) -> str | None:
     """The mechanism that a trial's curve is rather of, where it does not bend as its own does."""
     curve = trial.effect
-    bends = not isinstance(curve, Curve) or not curve.rather or curve.agrees(trial.robot)
-    return None if bends else curve.rather
+    if not isinstance(curve, Curve) or curve.agrees(trial.robot):
+        return None
+    return curve.rather or None
 
 
 def with_what_it_rather_is(
