@@ -68,14 +68,17 @@ def falls_at_once(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) 
     return off < 0 and place < _AT_ONCE * x[-1]
 
 
-_WALL = 4.0
-"""How many times as much resists at the fastest as ever up to three quarters of it where something stops the motion: steeper
-than a fifth power of the speed."""
+_WALL = 6.0
+"""How many times as far from a straight line a resistance is at the fastest as ever up to three quarters of it where something
+stops the motion: 3 for the square of the speed, 4 for its cube, 6 for nearly its fifth power."""
 
 
 def is_wall(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> bool:
-    """Whether what resists is hardly there up to three quarters of the fastest, and then stands in the way."""
-    return bool(heights[-1] > _WALL * np.max(np.abs(heights[x <= 0.75 * x[-1]])))
+    """Whether what resists is hardly there up to three quarters of the fastest, but for a straight line, which may be viscous
+    friction's, and then stands in the way."""
+    early = x <= 0.75 * x[-1]
+    off = heights - x * (x[early] @ heights[early]) / (x[early] @ x[early])
+    return bool(off[-1] > _WALL * np.max(np.abs(off[early])))
 
 
 @dataclass(frozen=True)
