@@ -72,8 +72,8 @@ class GpuProgram(NamedTuple):
     """A sampled system as expressions of the groups "p", "x", "u" and "h", and, for derivatives, one direction's tangents of
     the groups "dp", "dx" and "du": a thread follows one direction, so that no Jacobian of a step is needed.
 
-    `state` and `output` are those of the states, then of their tangents. `moving`: numbers of parameters and inputs that move,
-    None for a rollout alone. `fixed`: states that are set at every sample.
+    `state`: of the states, and with derivatives of their tangents behind them. `output`: of what is shown, or of its tangents.
+    `fixed`: states that are set at every sample. `moves`: whether it is of derivatives.
     """
 
     graph: Graph
@@ -81,7 +81,7 @@ class GpuProgram(NamedTuple):
     state: Sequence[Node]
     output: Sequence[Node]
     fixed: Sequence[int]
-    moving: tuple[int, int] | None
+    moves: bool
 
 
 def gpu_program(
@@ -95,11 +95,11 @@ def gpu_program(
     """As `traced.program`. Raises `Untranslated`."""
     graph, (p, x, u), state, shown = traced(step, output, *sizes, fixed)
     if moving is None:
-        return GpuProgram(graph, len(x), state, shown, fixed, None)
+        return GpuProgram(graph, len(x), state, shown, fixed, moves=False)
     groups = {"dx": x, "dp": [p[i] for i in moving], "du": u if inputs_move else []}
     seeds = {node: graph.input(group, i) for group, nodes in groups.items() for i, node in enumerate(nodes)}
     state = [*state, *forward(graph, state, seeds)]
-    return GpuProgram(graph, len(x), state, forward(graph, shown, seeds), fixed, (len(moving), len(groups["du"])))
+    return GpuProgram(graph, len(x), state, forward(graph, shown, seeds), fixed, moves=True)
 
 
 _DEPTHS = {"p": 0, "dp": 0, "h": 1, "u": 2, "du": 2, "x": 3, "dx": 3}
@@ -107,8 +107,8 @@ _DEPTHS = {"p": 0, "dp": 0, "h": 1, "u": 2, "du": 2, "x": 3, "dx": 3}
 
 
 def _kernel(program: GpuProgram, sizes: tuple[int, int, int], *refs: Any) -> None:
-    """One block's rollouts. `sizes`: samples, rows of inputs a sample and sub-steps; `refs`: `ARGUMENTS`, with tangents
-    `TANGENTS`, and the result, the experiments along the last axis, and before these, where there are any, the directions."""
+    """One block's rollouts. `sizes`: samples, rows of inputs a sample and sub-steps; `refs`: the arrays of
+    `call_on_gpu` and the result, the experiments along the last axis, and before these, where there are any, the directions."""
     graph, S, (samples, rows, substeps) = program.graph, program.states, sizes
     shares, p, x, u, dt, fixed, *directions, result = refs
     some = pallas.ds(pallas.program_id(0) * WIDTH, WIDTH)
@@ -167,14 +167,14 @@ def call_on_gpu(program: GpuProgram, shape: Sequence[int], arrays: Sequence[Arra
     """Outputs [E, T, Y], or, of a program with derivatives, their tangents [E, T, Y, K] in K directions.
 
     `shape`: the result's without E. `arrays`: `shares` [n], `p` [E, P], `x` [E, S], `u` [E, T, R, U], `dt` [E, T], `fixed`
-    [E, T, D] and, with derivatives, `dp` [E, K, n], `dx` [E, K, S] and `du` [E, T, R, K, U]. `interpret`: as NumPy would, for
-    tests on a processor.
+    [E, T, D] and, with derivatives, `dp` [E, K, n], `dx` [E, K, S] and `du` [E, T, R, K, U]. `interpret`: by JAX operations on
+    a processor, for tests.
     """
     shares, *own = arrays
     E, (T, R) = own[0].shape[0], own[2].shape[1:3]
     blocks = -(-E // WIDTH)
     directions = shape[2] if len(shape) == 3 else 1
-    if program.moving is not None:  # the direction beside the experiments, so that a block reads what lies side by side
+    if program.moves:  # the direction beside the experiments, so that a block reads what lies side by side
         own[5:] = [jnp.moveaxis(own[5], 1, 2), jnp.moveaxis(own[6], 1, 2), jnp.moveaxis(own[7], 3, 4)]
     made = pallas.pallas_call(
         partial(_kernel, program, (T, R, len(shares))),

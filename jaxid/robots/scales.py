@@ -47,6 +47,11 @@ class Scales:
         """How far a curve over the speed at the rims has to reach."""
         return max(self.fastest, self.speed)
 
+    @property
+    def rim_fastest(self) -> float:
+        """The fastest that the rims go in the logs; without any, what the robot makes them."""
+        return self.fastest or self.speed
+
     def reach(self, channel: str) -> float:
         """How far a curve over an output has to reach."""
         return self.farthest.get(channel, self.output(channel))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
-import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
@@ -132,7 +131,7 @@ class DryAsymmetryCurve(Curve):
         return differs_by_way(self, robot)
 
     def doubt(self, robot: Robot) -> str:
-        return self.limits(robot, min(robot.scales.rim_reach, robot.scales.fastest or np.inf), robot.rim_unit)
+        return self.limits(robot, robot.scales.rim_fastest, robot.rim_unit)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.02 * robot.scales.friction

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
-import numpy as np
 
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
@@ -101,7 +100,7 @@ class AsymmetryCurve(Curve):
         return differs_by_way(self, robot)
 
     def doubt(self, robot: Robot) -> str:
-        return self.limits(robot, min(robot.scales.rim_reach, robot.scales.fastest or np.inf), robot.rim_unit)
+        return self.limits(robot, robot.scales.rim_fastest, robot.rim_unit)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.01 * robot.scales.friction
