@@ -24,6 +24,7 @@ import platform
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -240,6 +241,10 @@ def page(document: dict) -> str:
     of_whole = ", ".join(
         f"{r['robot']} {r['way']} {r['seconds'][0]:.2g} s, then {r['seconds'][1]:.2g} s" for r in whole
     )
+    measured = (
+        f"Measured by `python -m benchmarks.gpu` on one {document['device']} and {CORES} cores of its machine (JAX "
+        f"{document['versions']['jax']}). {document.get('note', '')}"
+    ).strip()
     return f"""\
 # On a GPU
 
@@ -248,9 +253,7 @@ kernel, made in Pallas from the same expressions as the processor's machine code
 and direction of the derivatives, with the loop over the samples inside. XLA's own scan launches all its small kernels anew at
 every sample and sub-step. Double precision throughout.
 
-Measured by `python -m benchmarks.gpu` on one {document["device"]} and {CORES} cores of its machine (JAX
-{document["versions"]["jax"]}).
-{document.get("note", "")}
+{textwrap.fill(measured, 128)}
 
 Two runs of 250 samples a member, one minimisation each from starts 10 % off. "Against two cores" is the ratio to the cores'
 largest row for the same robot, "difference" the largest of 64 members' optima from the cores', in standard errors, and "GPU at
