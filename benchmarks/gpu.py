@@ -207,7 +207,8 @@ def page(document: dict) -> str:
 
     def ratio(row: dict, key: str, size: str) -> str:
         same = [r for r in rows if (r["what"], r["robot"], r["way"]) == (row["what"], row["robot"], PROCESSOR)]
-        return f"{row[key] / max(same, key=lambda r: r[size])[key]:.2g}"
+        times = row[key] / max(same, key=lambda r: r[size])[key]
+        return f"{times:.0f}" if times >= 10 else f"{times:.2g}"
 
     def table(head: str, cells: list[tuple]) -> str:
         line = "| " + " | ".join("---" for _ in head.split("|")) + " |"
@@ -241,6 +242,11 @@ def page(document: dict) -> str:
     of_whole = ", ".join(
         f"{r['robot']} {r['way']} {r['seconds'][0]:.2g} s, then {r['seconds'][1]:.2g} s" for r in whole
     )
+    of_all = (
+        f"`fit_fleet` as a whole, {MEMBERS_OF_FLEET} members, with everything that it decides and says in Python, and on a GPU "
+        f"with a program for each of its parts: {of_whole}. What is left out here was not done within the time: for fleets of "
+        "such a size the cores are the better choice."
+    )
     measured = (
         f"Measured by `python -m benchmarks.gpu` on one {document['device']} and {CORES} cores of its machine (JAX "
         f"{document['versions']['jax']}). {document.get('note', '')}"
@@ -269,9 +275,7 @@ Outputs and their derivatives by parameters and initial states, 1,000 samples a 
 
 {table(of_a_rollout, [*map(of_derivatives, derived)])}
 
-`fit_fleet` as a whole, {MEMBERS_OF_FLEET} members, with everything that it decides and says in Python, and on a GPU with a
-program for each of its parts: {of_whole}. What is left out here was not done within the time: for fleets of such a size the
-cores are the better choice.
+{textwrap.fill(of_all, 128)}
 """
 
 
