@@ -155,6 +155,7 @@ def work(way: str, name: str, quick: bool) -> None:
     """Everything of one robot in one way, a JSON line each."""
     import jax
 
+    print(json.dumps({"device": jax.devices()[0].device_kind}), flush=True)
     with ExitStack() as stack:
         if way == XLA:
             stack.enter_context(patch("jaxid.simulation.rollout.machine_rollout", lambda *_: None))
@@ -167,7 +168,6 @@ def work(way: str, name: str, quick: bool) -> None:
             )
         if way != XLA and not quick:
             print(json.dumps({"robot": name, "way": way, "what": "fit_fleet", **whole(name)}), flush=True)
-    print(json.dumps({"device": jax.devices()[0].device_kind}), flush=True)
 
 
 def _run(way: str, name: str, quick: bool, limit: float) -> list[dict]:
@@ -304,6 +304,9 @@ def main() -> None:
     # On cores of their own, side by side.
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(in_turn, [[PROCESSOR], arguments.gpu]))
+    device = next((each["device"] for each in devices if each["device"] != "cpu"), None)
+    if device is None:
+        raise SystemExit("No GPU that JAX can use: nothing is written.")
     for row in rows:
         # The first members are the same of any number.
         same = [r for r in rows if (r["what"], r["robot"], r["way"]) == ("fits", row["robot"], PROCESSOR)]
@@ -313,7 +316,7 @@ def main() -> None:
         row.pop("optima", None)
         row.pop("triangle", None)
     document = {
-        "device": next((each["device"] for each in devices if each["device"] != "cpu"), "GPU"),
+        "device": device,
         "machine": platform.processor() or platform.machine(),
         "versions": {package: version(package) for package in ("jax", "numpy", "llvmlite")},
         "rows": rows,

@@ -53,6 +53,12 @@ class Judgement:
         """Whether an identified parameter may be shown without a qualifier."""
         return self.verdict in ("sound", "coloured")
 
+    @property
+    def doubt(self) -> str:
+        """Of a poor or failed fit what `sentence` says, without the advice to explain it; else empty."""
+        doubtful = self.verdict in ("poor", "failed")
+        return self.sentence.removesuffix(LOOK_FURTHER).strip() if doubtful else ""
+
     def doubted(self, sentence: str) -> "Judgement":
         """The same of a fit whose residual turned out to hold what `sentence` says: a poor one."""
         return replace(self, verdict="poor", sentences=(sentence, *self.sentences), better=self.better or LOOK_FURTHER)

@@ -303,9 +303,8 @@ class Explanation:
     def _remark(self) -> str:
         """Why the model is to be doubted; empty where it is not."""
         judged = self.final.judgement
-        poor = judged.sentence if judged is not None and judged.verdict in ("poor", "failed") else ""
-        said = (self.sentence if self.verdict == "unexplained" else "", poor.removesuffix(LOOK_FURTHER).strip())
-        return " ".join(filter(None, said))
+        unexplained = self.sentence if self.verdict == "unexplained" else ""
+        return f"{unexplained} {judged.doubt if judged is not None else ''}".strip()
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write the explanation into `folder` (made if missing) and return the paths of its files.

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..effects.curve import SHAPE
-from ..estimate.judgement import LOOK_FURTHER
 from ..estimate.result import Fit
 from .certainty.straight_shares import open_gain
 from .explanation import Verdict
@@ -93,10 +92,8 @@ def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: S
 
 def still_doubted(final: Fit) -> str:
     """What the residual says of the fit with all that was added, where it is poor or failed; else empty."""
-    if final.judgement is None or final.judgement.verdict not in ("poor", "failed"):
-        return ""
-    said = final.judgement.sentence.removesuffix(LOOK_FURTHER)
-    return f"The fit with what was added is itself to be doubted. {said}".rstrip()
+    doubt = final.judgement.doubt if final.judgement is not None else ""
+    return f"The fit with what was added is itself to be doubted. {doubt}" if doubt else ""
 
 
 def doubted_on(final: Fit, after: HeldOut) -> Fit:

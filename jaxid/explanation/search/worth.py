@@ -99,8 +99,10 @@ def undone(trial: Trial, before: Trial, held_out: LogSet, noise: Mapping[str, fl
 
 def holds_as_well(trial: Trial, current: Trial) -> bool:
     """Whether `trial` predicts the held-out logs about as well as `current`: what follows the fitted logs better, and others
-    clearly worse, explains no more."""
-    return not trial.held_out.diverged and trial.held_out.normalised_rms <= _WORSE * current.held_out.normalised_rms
+    clearly worse, explains no more. Anything does that stays finite where `current` runs away."""
+    if trial.held_out.diverged or current.held_out.diverged:
+        return not trial.held_out.diverged
+    return trial.held_out.normalised_rms <= _WORSE * current.held_out.normalised_rms
 
 
 def in_the_running(trials: Sequence[Trial], base: Trial) -> float:

@@ -56,3 +56,5 @@ def test_what_predicts_other_logs_clearly_worse_does_not_hold_as_well():
     for times, holds in ((1.05, True), (1.2, False)):
         other = after.leaving(replace(after.held_out, normalised_rms=times * error))
         assert holds_as_well(other, after) is holds
+    away = after.leaving(replace(after.held_out, normalised_rms=float("nan"), diverged=("b",)))
+    assert holds_as_well(after, away) and not holds_as_well(away, after) and not holds_as_well(away, away)
