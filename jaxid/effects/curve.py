@@ -1,7 +1,8 @@
 """A law without a formula: a smooth curve through a few heights, of the mechanism's own variable."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import ClassVar, Self
 
 import jax.numpy as jnp
@@ -187,11 +188,14 @@ class Curve(Effect):
         heights = [p[self.height(k, name)] if k in self.varying else 0.0 for k in range(len(self.places))]
         return curve(x, self.places, heights, p[self.key("reach")])
 
-    def limits(self, robot: Robot, fastest: float, unit: str) -> str:
+    def limits(self, robot: Robot, fastest: Callable[[str], float], unit: str) -> str:
         """Why a resistance over a speed in this `unit` is none, where one of its curves is a wall at the `fastest` that logs
-        have; else empty."""
-        speeds, numbers = np.linspace(0.0, fastest, 101), robot.parameters.numbers
-        walls = [name for name in self.each(robot) if is_wall(speeds, np.asarray(self.at(speeds, numbers, name)))]
-        names = " and ".join(in_words(name) for name in walls if name)
-        where = f"its curve{f' {names}' if names else ''} is a wall at {fastest:.3g} {unit}".rstrip()
-        return f"{where}, as where a controller or a stop limits the speed" if walls else ""
+        have (of a kind); else empty. What they hardly begin is not judged."""
+        numbers, walls = robot.parameters.numbers, []
+        least = self.places[1] * numbers[self.key("reach")]
+        for kind, part in product(self.kinds, self.parts(robot) if self.apart else ("",)):
+            end, name = fastest(kind), self.of(part, kind)
+            speeds = np.linspace(0.0, end, 101)
+            if end > least and is_wall(speeds, np.asarray(self.at(speeds, numbers, name))):
+                walls.append(f"{in_words(name)} is a wall at {end:.3g} {unit}".strip())
+        return f"its curve {' and '.join(walls)}, as where a controller or a stop limits the speed" if walls else ""

@@ -24,7 +24,7 @@ class Scales:
     all of them; the robot's `time` constant; `acceleration`, speed over time constant; `interval` between samples and
     `duration` of a log; `length` of the driven path; `angle` through which one period of a ripple may go; `outputs`:
     amplitude by channel. `farthest`: the magnitude by channel that hardly a sample exceeds, as far as a curve has to reach
-    (none: `outputs`), and `fastest` the same of the rims' speeds (zero: `speed`)."""
+    (none: `outputs`), and `fastest` the same of the rims' speeds (zero: `speed`), by `ways` forward and backward."""
 
     input: float = 10.0
     speed: float = 1.0
@@ -41,16 +41,16 @@ class Scales:
     inputs: Mapping[str, float] = field(default_factory=dict)
     farthest: Mapping[str, float] = field(default_factory=dict)
     fastest: float = 0.0
+    ways: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def rim_reach(self) -> float:
         """How far a curve over the speed at the rims has to reach."""
         return max(self.fastest, self.speed)
 
-    @property
-    def rim_fastest(self) -> float:
-        """The fastest that the rims go in the logs; without any, what the robot makes them."""
-        return self.fastest or self.speed
+    def rim_fastest_of(self, way: str = "") -> float:
+        """The fastest that the rims go in the logs, that `way`; without any, what the robot makes them."""
+        return self.ways.get(way, self.fastest or self.speed)
 
     def reach(self, channel: str) -> float:
         """How far a curve over an output has to reach."""

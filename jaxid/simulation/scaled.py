@@ -123,6 +123,10 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
         },
         farthest=farthest,
         fastest=_level(rims, speed, _HARDLY_EXCEEDED),
+        ways={
+            way: _level([np.maximum(sign * rim, 0.0) for rim in rims], 0.0, _HARDLY_EXCEEDED)
+            for way, sign in (("forward", 1.0), ("backward", -1.0))
+        },
     )
 
 

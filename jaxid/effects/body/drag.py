@@ -181,7 +181,7 @@ class DragCurve(Curve):
         falling = [name for name, own in curves.items() if falls_at_once(speeds, own) and -np.min(own) > least]
         if falling:
             return f"its curve{_of(falling)} is a step at standstill, as dry friction is"
-        return self.limits(robot, speeds[-1], robot.velocity_unit(_ahead(robot)))
+        return self.limits(robot, lambda _: speeds[-1], robot.velocity_unit(_ahead(robot)))
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return robot.velocities if robot.translations else ()

@@ -131,7 +131,7 @@ class DryAsymmetryCurve(Curve):
         return differs_by_way(self, robot)
 
     def doubt(self, robot: Robot) -> str:
-        return self.limits(robot, robot.scales.rim_fastest, robot.rim_unit)
+        return self.limits(robot, robot.scales.rim_fastest_of, robot.rim_unit)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.02 * robot.scales.friction

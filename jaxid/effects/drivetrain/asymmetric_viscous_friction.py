@@ -100,7 +100,7 @@ class AsymmetryCurve(Curve):
         return differs_by_way(self, robot)
 
     def doubt(self, robot: Robot) -> str:
-        return self.limits(robot, robot.scales.rim_fastest, robot.rim_unit)
+        return self.limits(robot, robot.scales.rim_fastest_of, robot.rim_unit)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, typical = robot.friction_unit, 0.01 * robot.scales.friction

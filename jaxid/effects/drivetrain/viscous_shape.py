@@ -138,7 +138,7 @@ class ViscousCurve(Curve):
         return not falls_at_once(speeds, bend)
 
     def doubt(self, robot: Robot) -> str:
-        return self.limits(robot, robot.scales.rim_fastest, robot.rim_unit)
+        return self.limits(robot, robot.scales.rim_fastest_of, robot.rim_unit)
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return axis_names(robot)
