@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..logs.finding import Finding, Severity
 from ..logs.log import Log
-from ..logs.noise import counting_step
+from ..logs.noise import sensor_step
 from ..logs.rates import unwrapped
 from ..logs.times import unit_doubt
 from ..logs.unusable import at_the_end
@@ -189,7 +189,7 @@ def _stood(values: Array, start: int, length: int, step: float) -> bool:
     end = start + length
     before = abs(values[start] - values[start - 1]) if start else 0.0
     after = abs(values[end + 1] - values[end]) if end + 1 < len(values) else 0.0
-    return after <= 8 * step and not before >= step > 3 * counting_step(values)
+    return after <= 8 * step and not before >= step > 3 * sensor_step(values)
 
 
 def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Iterator[Finding]:
@@ -201,7 +201,7 @@ def _frozen(log: Log, name: str, values: Array, still: NDArray[np.bool_]) -> Ite
         return
     held, position = np.diff(changes), is_position(log, name)
     step = np.median(np.abs(np.diff(values)[changes]))
-    counts = position and step < 1.5 * counting_step(values)  # of a counter that creeps each step takes its time
+    counts = position and step < 1.5 * sensor_step(values)  # of a counter that creeps each step takes its time
     if len(held) > 8 and not counts and np.median(held) >= 2 and np.mean(np.abs(held - np.median(held)) <= 1) > 0.9:
         text = (
             f"changes only every {np.median(held):.0f} samples; leave the repeated cells empty, so that each "

@@ -7,6 +7,9 @@ from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..robots.scales import time_constant
 
+WAYS = ("forward", "backward")
+"""What laws of either way call them."""
+
 
 def axis_names(robot: Robot) -> tuple[str, ...]:
     """The robot's drive axes as the names of parameters count them, from 1."""

@@ -107,10 +107,8 @@ class Explanation:
         if self.between_logs:
             return f"{self.between_logs} Together the held-out error is {before:.4g} times the noise."
         if self.verdict == "unexplained" and self.colour is not None and not self.effects:
-            return (
-                f"No effect explains what is left, and it follows nothing that drove the robot: the held-out error of "
-                f"{before:.4g} times the noise {self._slow}"
-            )
+            follows = "" if self.colour.fed_back else ", and it follows nothing that drove the robot"
+            return f"No effect explains what is left{follows}: the held-out error of {before:.4g} times the noise {self._slow}"
         if self.verdict == "adequate":
             return self._nothing_found
         if self.verdict == "unexplained":
@@ -178,6 +176,12 @@ class Explanation:
         colour = self.colour
         if colour is None:
             return ""
+        if colour.fed_back:
+            return (
+                f"looks like coloured noise of {colour.phrase}, of which a controller makes commands, so that the motion "
+                "follows it; but something that is missing may look like that. With the controller given (`controller=`) the "
+                "loop itself is simulated, which tells."
+            )
         if colour.at_rest is False:
             return (
                 f"is a disturbance of the motion, in {colour.phrase}: while the robot stands, held by dry friction, it is not "

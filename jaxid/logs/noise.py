@@ -36,31 +36,22 @@ _LEAST = 1e-6
 
 
 def sensor_step(y: NDArray[np.float64]) -> float:
-    """The step [y's unit] of which all of a channel's values are multiples; zero where there is none."""
-    y = y[np.isfinite(y)]
-    values, counts = np.unique(y, return_counts=True)
-    if len(values) < 3 or np.mean(counts) < 2:
-        return 0.0
-    steps = np.diff(values)
-    steps = steps[steps > 1e-9 * np.max(np.abs(values))]
-    if not len(steps):
-        return 0.0
-    step = float(np.median(steps[steps < 1.5 * np.min(steps)]))
-    multiples = (values - values[0]) / step
-    return step if np.max(np.abs(multiples - np.round(multiples))) < 0.1 else 0.0
+    """The step [y's unit] of a coarse sensor or a counter, of which all of a channel's values are multiples, however seldom one
+    repeats; zero where there is none.
 
-
-def counting_step(y: NDArray[np.float64]) -> float:
-    """The step [y's unit] of a counter, of which all of a channel's values are multiples, however seldom one repeats; zero
-    where there is none."""
+    They are counted from each value to the next: files give so many digits that thousands of steps are no whole number of the
+    one between two neighbours.
+    """
     values = np.unique(y[np.isfinite(y)])
     steps = np.diff(values)
-    steps = steps[steps > 1e-9 * np.max(np.abs(values))] if len(values) else steps
-    if len(steps) < 2:
+    told = steps > 1e-9 * np.max(np.abs(values), initial=0.0)
+    if np.count_nonzero(told) < 2:
         return 0.0
-    numbers = np.round((values - values[0]) / np.min(steps))
-    step = float(numbers @ (values - values[0]) / (numbers @ numbers))
-    return step if np.max(np.abs((values - values[0]) / step - numbers)) < 0.1 else 0.0
+    least = steps[told]
+    numbers = np.cumsum(np.round(steps / np.median(least[least < 1.5 * np.min(least)])))
+    off = values[1:] - values[0]
+    step = float(numbers @ off / (numbers @ numbers))
+    return step if np.max(np.abs(off / step - numbers)) < 0.1 else 0.0
 
 
 def _updates(y: NDArray[np.float64]) -> NDArray[np.int64] | None:
@@ -172,11 +163,10 @@ def _shown(log: Log) -> tuple[_Shown, ...]:
     """What every channel shows, worked out once for a log, which does not change: every stage of a fit asks for it."""
     if log not in _known:
         found = []
-        for name, y in zip(log.channels.measured, log.outputs.T, strict=True):
+        for y in log.outputs.T:
             third = _differences(y, log.inputs, log.time)
-            # A counter's readings seldom repeat while it runs, and its neighbouring rounding errors are alike while it creeps.
-            step = max(sensor_step(y), counting_step(y) if name in log.channels.positions else 0.0)
-            level = max(usual_size(third), step / np.sqrt(12.0)) if third.size >= _FEWEST else 0.0
+            # The neighbouring rounding errors of a counter are alike while it creeps.
+            level = max(usual_size(third), sensor_step(y) / np.sqrt(12.0)) if third.size >= _FEWEST else 0.0
             found.append(_Shown(int(np.isfinite(y).sum()), third.size, level))
         _known[log] = tuple(found)
     return _known[log]

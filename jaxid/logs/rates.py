@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .finding import LogError
-from .noise import counting_step
+from .noise import sensor_step
 
 Vector = Float[np.ndarray, " n"]
 
@@ -89,7 +89,7 @@ def rate(time: Vector, positions: Vector, name: str, column: str, path: Path) ->
         speeds = np.gradient(positions, time)
     speeds[[0, -1]] = np.nan  # a one-sided difference there would be another, coarser sensor
     width = 2.0 * float(np.median(np.diff(time)))
-    step = counting_step(positions)
+    step = sensor_step(positions)
     noise = f"its steps of {step:.3g} become noise of {step / np.sqrt(6.0) / width:.3g}" if step else "its noise grows"
     return speeds, (
         f"{name!r} is differentiated from the position {column!r} over {width:.3g} s, so that {noise}, related from sample to "

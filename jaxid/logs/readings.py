@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .log import Log
-from .noise import counting_step
+from .noise import sensor_step
 
 _STANDS = 4
 """Equal readings in a row from which a counter stands: noise of a step's size makes as many seldom."""
@@ -38,7 +38,7 @@ def counting(log: Log) -> NDArray[np.bool_]:
         counts = np.isfinite(log.outputs)
         for name in log.channels.positions:
             column = log.channels.measured.index(name)
-            if counting_step(log.outputs[:, column]) > 0.0:
+            if sensor_step(log.outputs[:, column]) > 0.0:
                 counts[:, column] = once(log.outputs[:, column])
         counts.flags.writeable = False
         _known[log] = counts

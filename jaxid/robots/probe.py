@@ -21,13 +21,13 @@ _STEP = 0.05
 class Probe:
     """Changes that explain together: each of `strengths` is applied on its own while `shape` holds.
 
-    `limit` is where the inverse of a strength that cuts signals off would begin to do so. `out_of` is how many shapes were
+    `limits` is where the inverse of each strength that cuts signals off would begin to do so. `out_of` is how many shapes were
     looked at for this one to be found.
     """
 
     strengths: Mapping[str, float]
     shape: Mapping[str, float] = field(default_factory=dict)
-    limit: float | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
     out_of: int = 1
 
 

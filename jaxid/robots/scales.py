@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scales:
-    """Largest drive `input`, and of the other `inputs` by name; `speed` at the rims of the drive axes; drive `torque` of one
+    """Largest drive `input`, and of each of the `inputs` by name; `speed` at the rims of the drive axes; drive `torque` of one
     wheel at the largest input, the `force` at the ground that it is, and the `friction` that would hold a drive axis against
     all of them; the robot's `time` constant; `acceleration`, speed over time constant; `interval` between samples and
     `duration` of a log; `length` of the driven path; `angle` through which one period of a ripple may go; `outputs`:

@@ -119,13 +119,12 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
         inputs={
             name: max(float(np.max(np.abs(log.inputs[:, k]))) for log in logs) or 1.0
             for k, name in enumerate(robot.channels.inputs)
-            if k not in robot.drive_inputs
         },
         farthest=farthest,
         fastest=_level(rims, speed, _HARDLY_EXCEEDED),
         ways={
             way: _level([np.maximum(sign * rim, 0.0) for rim in rims], 0.0, _HARDLY_EXCEEDED)
-            for way, sign in (("forward", 1.0), ("backward", -1.0))
+            for way, sign in zip(("forward", "backward"), (1.0, -1.0), strict=True)
         },
     )
 

@@ -26,7 +26,7 @@ from .._float64 import in_float64
 from ..checks.motion import is_position
 from ..logs import Log, LogSet
 from ..logs.channels import POSE
-from ..logs.noise import counting_step, noise_level
+from ..logs.noise import noise_level, sensor_step
 from ..logs.windows import Windows, window_rows
 from ..robots.effect import Numbers, State
 from ..robots.robot import Robot
@@ -126,7 +126,7 @@ def counted(robot: Robot, logs: LogSet) -> NDArray[np.bool_]:
     for name in set(robot.positions.values()) & set(robot.estimated_states) & set(logs[0].channels.measured):
         level = noise[name] if np.isfinite(noise[name]) else np.inf
         for e, log in enumerate(logs):
-            found[e, robot.estimated_states.index(name)] = counting_step(log.output(name)) > _FINE * level
+            found[e, robot.estimated_states.index(name)] = sensor_step(log.output(name)) > _FINE * level
     return found
 
 
@@ -241,7 +241,7 @@ def _stands(robot: Robot, log: Log) -> bool:
     unseen = not log.cut and bool(_unseen(robot, log))
     counted = [log.output(name) for name in log.measured if unseen and is_position(log, name)]
     for read in counted:
-        step, changed = counting_step(read), np.flatnonzero(read != read[0])
+        step, changed = sensor_step(read), np.flatnonzero(read != read[0])
         samples = int(changed[0]) if len(changed) else 0
         if not step or samples < 2 or not _MANY_STEPS * step <= np.nanmax(np.abs(read[samples:] - read[:-samples])):
             return False

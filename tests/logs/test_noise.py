@@ -5,7 +5,7 @@ import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, noise_level, simulate
 from jaxid.logs import noise_scale
-from jaxid.logs.noise import noise_error
+from jaxid.logs.noise import noise_error, sensor_step
 
 
 def levels(n, seed, hold=25):
@@ -178,3 +178,12 @@ def test_windows_of_a_few_samples_tell_the_noise_together():
     assert max(map(len, windows)) <= 9
     assert noise_level(windows)["v"] == pytest.approx(noise_level(whole)["v"], rel=0.15)
     assert noise_level(windows)["v"] == pytest.approx(0.05, rel=0.2)
+
+
+@pytest.mark.parametrize("form", ["%.7g", "%.4f", "%.9g"])
+def test_the_step_of_an_encoder_is_found_whatever_digits_its_file_has(form):
+    step, rng = 2 * np.pi / 500, np.random.default_rng(4)
+    angle = np.cumsum(0.04 * np.sin(np.arange(1000) / 60.0) + 0.03) + 0.1 * rng.standard_normal(1000)
+    read = np.array([float(form % value) for value in step * np.round(angle / step)])
+    assert sensor_step(read) == pytest.approx(step, rel=1e-4)
+    assert sensor_step(angle) == 0.0

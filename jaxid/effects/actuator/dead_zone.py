@@ -11,7 +11,7 @@ from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..curve import Curve, rises_early
-from ..effect_parameters import positive
+from ..effect_parameters import WAYS, positive
 from .drives import drive_names, each_drive, input_unit, lost_of_each, on_drives
 
 _SHARES = (0.01, 0.03, 0.08, 0.2, 0.4)
@@ -99,7 +99,7 @@ class UnequalDeadZone(DeadZone):
         return positive(self, "threshold_forward", unit, typical) | positive(self, "threshold_backward", unit, typical)
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = [self.key(f"threshold_{way}") for way in ("forward", "backward")]
+        names = [self.key(f"threshold_{way}") for way in WAYS]
         return tuple(Probe(dict.fromkeys(names, s * seen.largest_input)) for s in _SHARES)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
@@ -118,12 +118,13 @@ class DeadZoneOfEach(DeadZone):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
         for name in drive_names(robot):
-            found |= positive(self, f"threshold_{name}", input_unit(robot), 0.03 * robot.scales.input)
+            unit, largest = robot.channels.units.get(name, ""), robot.scales.input_of(name)
+            found |= positive(self, f"threshold_{name}", unit, 0.03 * largest)
         return found
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = [self.key(f"threshold_{name}") for name in drive_names(robot)]
-        return tuple(Probe(dict.fromkeys(names, s * seen.largest_input)) for s in _SHARES)
+        largest = {self.key(f"threshold_{name}"): robot.scales.input_of(name) for name in drive_names(robot)}
+        return tuple(Probe({name: s * own for name, own in largest.items()}) for s in _SHARES)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         threshold = each_drive(robot, lambda name: p[self.key(f"threshold_{name}")])

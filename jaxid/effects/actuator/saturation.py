@@ -1,5 +1,6 @@
 """The real supply's limit is lower than what was commanded."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,11 +12,16 @@ from ...robots.effect import Effect, Numbers
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve, rises_early
-from ..effect_parameters import positive
-from .drives import drive_names, input_unit, lost_of_each, on_drives
+from ..effect_parameters import WAYS, positive
+from .drives import drive_names, each_drive, input_unit, lost_of_each, on_drives
 
 _SHARES = (0.98, 0.93, 0.85, 0.7, 0.55)
 """Limits that are tried, in shares of the largest input."""
+
+
+def _cut_at(largest: Mapping[str, float]) -> tuple[Probe, ...]:
+    """Inverse limits by name, together, at shares of what each is the limit of."""
+    return tuple(Probe({name: 1 / (s * own) for name, own in largest.items()}, limits=largest) for s in _SHARES)
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class VoltageSaturation(Effect):
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         largest = seen.largest_input
-        return tuple(Probe({self.key("inverse_limit"): 1 / (s * largest)}, limit=largest) for s in _SHARES)
+        return _cut_at({self.key("inverse_limit"): largest})
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         limited = inputs / jnp.maximum(1.0, jnp.abs(inputs) * p[self.key("inverse_limit")])
@@ -73,13 +79,39 @@ class UnequalSaturation(VoltageSaturation):
         )
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names, largest = [self.key(f"inverse_limit_{way}") for way in ("forward", "backward")], seen.largest_input
-        return tuple(Probe({name: 1 / (s * largest)}, limit=largest) for s in _SHARES for name in names)
+        names, largest = [self.key(f"inverse_limit_{way}") for way in WAYS], seen.largest_input
+        return tuple(probe for name in names for probe in _cut_at({name: largest}))
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         ahead, back = p[self.key("inverse_limit_forward")], p[self.key("inverse_limit_backward")]
         limited = inputs / jnp.maximum(1.0, jnp.maximum(inputs * ahead, -inputs * back))
         return on_drives(robot, inputs, limited)
+
+
+@dataclass(frozen=True)
+class LimitsOfEach(VoltageSaturation):
+    """Every drive input with limits of its own, another for negative commands than for positive ones: velocity commands that a
+    robot's controller cuts off."""
+
+    law: ClassVar[str] = "per_motor"
+    formula: ClassVar[str] = "u_i' = clip(u_i, -limit_backward_i, limit_forward_i), limit = 1 / inverse_limit"
+    needs: ClassVar[tuple[str, ...]] = ("several_drives",)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in drive_names(robot):
+            unit, typical = f"1/{robot.channels.units.get(name, '')}", 1.0 / robot.scales.input_of(name)
+            for way in WAYS:
+                found |= positive(self, f"inverse_limit_{way}_{name}", unit, typical)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        largest = {name: robot.scales.input_of(name) for name in drive_names(robot)}
+        return _cut_at({self.key(f"inverse_limit_{way}_{name}"): own for name, own in largest.items() for way in WAYS})
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        ahead, back = (each_drive(robot, lambda n, w=way: p[self.key(f"inverse_limit_{w}_{n}")]) for way in WAYS)
+        return inputs / jnp.maximum(1.0, jnp.maximum(inputs * ahead, -inputs * back))
 
 
 @dataclass(frozen=True)
@@ -114,4 +146,10 @@ class SaturationCurve(Curve):
         return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
 
 
-LAWS: tuple[Effect, ...] = (VoltageSaturation(), SoftSaturation(), UnequalSaturation(), SaturationCurve())
+LAWS: tuple[Effect, ...] = (
+    VoltageSaturation(),
+    SoftSaturation(),
+    UnequalSaturation(),
+    LimitsOfEach(),
+    SaturationCurve(),
+)

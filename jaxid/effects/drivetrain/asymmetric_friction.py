@@ -10,9 +10,8 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import axis_names, signed, still
+from ..effect_parameters import WAYS, axis_names, signed, still
 from .by_axis import (
-    WAYS,
     AsymmetryPerAxis,
     OneAsymmetry,
     apart_already,

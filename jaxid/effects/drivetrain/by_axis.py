@@ -10,9 +10,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import axis_names, signed
-
-WAYS = ("forward", "backward")
+from ..effect_parameters import WAYS, axis_names, signed
 
 
 def differs_by_way(curve: Curve, robot: Robot) -> bool:

@@ -44,7 +44,7 @@ class TractionLimit(Effect):
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         name, force = self.key("inverse_limit"), robot.scales.force
-        return tuple(Probe({name: 1 / (share * force)}, limit=1.2 * share * force) for share in _SHARES)
+        return tuple(Probe({name: 1 / (share * force)}, limits={name: 1.2 * share * force}) for share in _SHARES)
 
     def kept(self, f: Scalar, wheel: int, p: Numbers) -> Scalar:
         """The share of the demanded force `f` that a wheel transmits."""
@@ -88,7 +88,9 @@ class LimitOfEach(TractionLimit):
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         names, force = [self.key(f"inverse_limit_{k}") for k in _wheels(robot)], robot.scales.force
-        return tuple(Probe(dict.fromkeys(names, 1 / (share * force)), limit=1.2 * share * force) for share in _SHARES)
+        return tuple(
+            Probe(dict.fromkeys(names, 1 / (s * force)), limits=dict.fromkeys(names, 1.2 * s * force)) for s in _SHARES
+        )
 
     def kept(self, f: Scalar, wheel: int, p: Numbers) -> Scalar:
         return 1.0 / jnp.maximum(1.0, jnp.abs(f) * p[self.key(f"inverse_limit_{wheel + 1}")])

@@ -41,6 +41,7 @@ class OnlyColour:
     than the robot's inertia would let any force make it; `simple` where it is forgotten soon, or where short autoregressions
     leave nothing of it, as a sensor's filter makes it; `at_rest`: whether it is there while the robot stands (`at_rest.py`),
     None where the logs do not tell. `of_inputs`: the noise of the inputs that makes all of it, where that is what it is.
+    `fed_back`: it follows the motion, as noise does that a controller makes commands of.
     """
 
     colours: dict[str, Colour]
@@ -49,6 +50,7 @@ class OnlyColour:
     p_value: float = 1.0
     at_rest: bool | None = None
     of_inputs: InputNoise | None = None
+    fed_back: bool = False
 
     @property
     def only_noise(self) -> bool:
@@ -76,6 +78,7 @@ class OnlyColour:
         }
         own = {"channels": channels, "simple": self.simple, "faster_than_any_force": self.faster}
         own |= {} if self.at_rest is None else {"while_the_robot_stands": self.at_rest}
+        own |= {"fed_back": True} if self.fed_back else {}
         return own if self.of_inputs is None else {**own, "noise_of_inputs": self.of_inputs.to_dict()}
 
 
@@ -135,12 +138,15 @@ class _Tested(NamedTuple):
         )
 
 
-def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> OnlyColour | None:
+def only_colour(
+    states: Sequence[tuple[HeldOut, LogSet]], memory: float, *, fed_back: bool = False
+) -> OnlyColour | None:
     """What is left on `states` (residuals with the logs they are of) if it is coloured noise by all that its shape and its
     relation to what drove the robot tell, at the level of the first state; else None. Whether a candidate explains it is for
     the screening to say.
 
-    `memory` is the robot's time constant in samples.
+    `memory` is the robot's time constant in samples. Noise that is `fed_back` may follow the motion: of it only the shape is
+    asked, which does not tell it from what is missing.
     """
     first, _ = states[0]
     if any(state.diverged for state, _ in states) or not np.isfinite(first.normalised_rms):
@@ -152,7 +158,7 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
     level, count = first.false_alarm / GATES, len(coloured)
     # The fitted logs have taken in some of what is missing; the held-out ones, which come first, have not.
     noise = 1.0
-    for own in (states[:1], states):
+    for own in () if fed_back else (states[:1], states):
         noise = min(noise, 2.0 * related(own, list(coloured)))
         if noise < level:
             return None
@@ -176,7 +182,8 @@ def only_colour(states: Sequence[tuple[HeldOut, LogSet]], memory: float) -> Only
         own = own if fast or len(groups) == 1 else 0.0
         shape, simple = min(shape, own), simple and own >= level
         faster &= fast
-    return OnlyColour(coloured, simple, faster, min(GATES * min(noise, shape), 1.0))
+    p_value = min(GATES * min(noise, shape), 1.0)
+    return OnlyColour(coloured, simple and not fed_back, faster, p_value, fed_back=fed_back)
 
 
 def mostly_rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> bool:

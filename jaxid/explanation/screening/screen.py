@@ -214,11 +214,11 @@ def _in_colour(
 
 def _sizes(group: Group, names: Sequence[str], start: Mapping[str, float]) -> NDArray:
     """The start's strengths in units of the probes'."""
-    strengths, limit, table = group.probe.strengths, group.probe.limit, group.robot.parameters
-    if limit is None:
+    strengths, limits, table = group.probe.strengths, group.probe.limits, group.robot.parameters
+    if not limits:
         none = {name: table[name].value for name in names}
         return np.array([(start[name] - none[name]) / (strengths[name] - none[name]) for name in names])
-    return np.array([(limit - 1 / start[name]) / (limit - 1 / strengths[name]) for name in names])
+    return np.array([(limits[name] - 1 / start[name]) / (limits[name] - 1 / strengths[name]) for name in names])
 
 
 def _inside(robot: Robot, name: str, value: float) -> float:
@@ -233,12 +233,13 @@ def _promise(
 ) -> tuple[float, dict[str, float], NDArray]:
     """Drop of the sum of squares to first order, the parameters at which it is expected, and the change that makes it."""
     coefficients, *_ = np.linalg.lstsq(block.T, -residual, rcond=1e-8)
-    strengths, limit, table = group.probe.strengths, group.probe.limit, group.robot.parameters
-    if limit is not None:
+    strengths, limits, table = group.probe.strengths, group.probe.limits, group.robot.parameters
+    if limits:
         # What a limit cuts off grows with its distance from the largest signal.
         c = np.clip(coefficients, 0.0, 1.5)
         start = {
-            name: 1.0 / (limit - share * (limit - 1.0 / strengths[name])) for name, share in zip(names, c, strict=True)
+            name: 1.0 / (limits[name] - share * (limits[name] - 1.0 / strengths[name]))
+            for name, share in zip(names, c, strict=True)
         }
         if not np.any(c > 0):
             start = {name: strengths[name] for name in names}

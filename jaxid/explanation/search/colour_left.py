@@ -7,6 +7,7 @@ import numpy as np
 
 from ..._distributions import chi_squared_beyond
 from ...estimate.output_error.estimated_start import estimated_start
+from ...estimate.output_error.feedback import feedback
 from ...logs import LogSet
 from ...robots.effect import Effect
 from ...simulation.scaled import scales_of
@@ -54,6 +55,20 @@ def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, f
     if found is None or found.simple or shown_at_rest(trial.robot, states, still, found.colours, scales) is not False:
         return None
     return replace(found, at_rest=False)
+
+
+def noise_fed_back(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
+    """What `trial` leaves if by its shape it is coloured noise, and a controller makes commands of it; else None."""
+    if trial.angles or trial.held_out.diverged or trial.fitted.diverged:
+        return None
+    states = _states(trial, logs, held_out, noise)
+    residuals = [own for state, _ in states for own in state.residuals]
+    every = [log for _, own in states for log in own]
+    inputs = {name: [log.input(name) for log in every] for name in logs.channels.inputs}
+    if not any(feedback(own, residuals, name).closed for name, own in inputs.items()):
+        return None
+    scales = scales_of(trial.robot, logs)
+    return only_colour(states, scales.time / scales.interval, fed_back=True)
 
 
 def inputs_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:

@@ -25,7 +25,7 @@ from ..screening.first_look import begun_at, first_look
 from ..screening.screen import Candidate
 from .between_rows import ranked_between_rows
 from .by_chance import rather_by_chance
-from .colour_left import colour_left, explained_somewhere, generalised_trial, inputs_left
+from .colour_left import colour_left, explained_somewhere, generalised_trial, inputs_left, noise_fed_back
 from .from_the_back import named_from_the_back, not_present
 from .little_more import with_the_little_more
 from .next_name import name_next, or_constants
@@ -141,6 +141,8 @@ def search(
         steps, current = _beside_rounded_inputs(steps, current, baseline, held_out)
     if not current.held_out.adequate and not (colour is not None and colour.of_sensors):
         steps, current, colour = _beside_noise_of_inputs(steps, current, baseline, colour, logs, held_out, noise)
+    if colour is None and not steps and not current.held_out.adequate:
+        colour = noise_fed_back(current, logs, held_out, noise)
     if colour is not None:
         report(f"what is left is noise: {colour.of_inputs.phrase if colour.of_inputs else colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)

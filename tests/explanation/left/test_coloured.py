@@ -94,6 +94,16 @@ def on_one_log(rng, u, v):
 FIRST = np.random.default_rng(0).uniform(-4, 4, 20)[0]
 
 
+def test_noise_that_is_fed_back_may_follow_the_motion_and_is_not_called_the_sensors(motions):
+    states = made(motions, lambda rng, u, v: 2.8 * first_order(0.6, SAMPLES, rng) + 0.9 * v / np.std(v))
+    assert only_colour(states, memory=25.0) is None
+    found = only_colour(states, memory=25.0, fed_back=True)
+    assert found is not None and found.fed_back and not found.only_noise
+    assert found.to_dict()["fed_back"] is True
+    # What comes on one log only no sensor makes, fed back or not.
+    assert only_colour(made(motions, on_one_log), memory=25.0, fed_back=True) is None
+
+
 @pytest.mark.parametrize("make", [follows_speed, on_one_log])
 def test_what_follows_the_motion_or_comes_on_one_log_is_no_noise(motions, make):
     assert only_colour(made(motions, make), memory=25.0) is None
