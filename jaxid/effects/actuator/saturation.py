@@ -1,6 +1,6 @@
 """The real supply's limit is lower than what was commanded."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -19,9 +19,9 @@ _SHARES = (0.98, 0.93, 0.85, 0.7, 0.55)
 """Limits that are tried, in shares of the largest input."""
 
 
-def _cut_at(largest: Mapping[str, float]) -> tuple[Probe, ...]:
+def _cut_at(largest: Mapping[str, float], shares: Sequence[float] = _SHARES) -> tuple[Probe, ...]:
     """Inverse limits by name, together, at shares of what each is the limit of."""
-    return tuple(Probe({name: 1 / (s * own) for name, own in largest.items()}, limits=largest) for s in _SHARES)
+    return tuple(Probe({name: 1 / (s * own) for name, own in largest.items()}, limits=largest) for s in shares)
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,8 @@ class LimitsOfEach(VoltageSaturation):
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         largest = {name: robot.scales.input_of(name) for name in drive_names(robot)}
-        return _cut_at({self.key(f"inverse_limit_{way}_{name}"): own for name, own in largest.items() for way in WAYS})
+        names = {self.key(f"inverse_limit_{way}_{name}"): own for name, own in largest.items() for way in WAYS}
+        return _cut_at(names, _SHARES[::2])  # one by one they are many
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         ahead, back = (each_drive(robot, lambda n, w=way: p[self.key(f"inverse_limit_{w}_{n}")]) for way in WAYS)

@@ -126,10 +126,10 @@ class _Tested(NamedTuple):
     faster: bool
 
     @classmethod
-    def of(cls, colour: Colour, parts: Sequence[Array], memory: float, rounding: float) -> Self:
-        """The tests of `parts` [T], one of each log."""
+    def of(cls, colour: Colour, parts: Sequence[Array], memory: float, rounding: float, fed_back: bool) -> Self:
+        """The tests of `parts` [T], one of each log. What is `fed_back` is followed in windows, and less so at their ends."""
         white = [colour.whiten(own, np.ones(len(own), bool)) for own in parts]
-        steady = 1.0 if shape_of.of_counts(colour, memory) else shape_of.steady(parts)
+        steady = 1.0 if fed_back or shape_of.of_counts(colour, memory) else shape_of.steady(parts)
         return cls(
             min(shape_of.even(colour, parts), steady),
             shape_of.briefly(colour, parts, memory, rounding),
@@ -169,7 +169,7 @@ def only_colour(
         if not parts:
             return None
         rounding = _rounding(states, name)
-        groups = [_Tested.of(*group, memory, rounding) for group in shape_of.alike(colour, parts, level / count)]
+        groups = [_Tested.of(*own, memory, rounding, fed_back) for own in shape_of.alike(colour, parts, level / count)]
         several = count * len(groups)
         noise = min(noise, several * min(group.noise for group in groups))
         briefly = several * min(group.briefly for group in groups)

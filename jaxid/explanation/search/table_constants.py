@@ -26,7 +26,7 @@ from ..left.heldout import scaled_residuals
 from ..refits.refit import Trial, refit_from_itself
 from .telling_apart import told_apart_from
 
-_STEP = 1e-3
+STEP = 1e-3
 """Step of secants, in units of a parameter's magnitude."""
 _LIKE = 0.5
 """Share of what the effect changed (chi-squared) that constants may lack to first order to be fitted: large changes bend."""
@@ -53,7 +53,7 @@ Array = NDArray[np.float64]
 Shares = Mapping[str, float]
 
 
-def _constants(robot: Robot) -> list[str]:
+def known_constants(robot: Robot) -> list[str]:
     """The robot's own parameters that are taken as known and are something, or a part of something."""
     own = robot.defaults()
     return [
@@ -146,15 +146,14 @@ def _likely(
     return sets, twins
 
 
-def _secants(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: LogSet) -> tuple[Array, Array, Array]:
+def secants_of(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: LogSet) -> tuple[Array, Array, Array]:
     """Residuals of a model on the logs [samples] in units of the noise, their changes with its free parameters and `names`
     [parameters, samples], for small steps each, and those with other models of it, `after` [models, samples]."""
     table = before.robot.parameters
     every = (*table.free_names, *names)
     magnitudes = [_measure(name, before.robot) if name in names else table[name].value for name in every]
     sizes = [
-        _STEP * (abs(magnitude) or table[name].typical or 1.0)
-        for name, magnitude in zip(every, magnitudes, strict=True)
+        STEP * (abs(magnitude) or table[name].typical or 1.0) for name, magnitude in zip(every, magnitudes, strict=True)
     ]
     # Away from an upper bound.
     full = [table[n].value + size > table[n].upper for n, size in zip(every, sizes, strict=True)]
@@ -185,12 +184,12 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
         parts = _none_of(before.robot)
         return itself + [wrong for part in parts for wrong in _as_well(before, after, part, logs, held_out)]
     freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
-    constants = [name for name in _constants(before.robot) if name not in freed]
+    constants = [name for name in known_constants(before.robot) if name not in freed]
     if not constants or before.angles or after.angles:
         return []
     if before.fitted.diverged or after.fitted.diverged:
         return []
-    _, secants, changes = _secants(before, [after.robot], constants, logs)
+    _, secants, changes = secants_of(before, [after.robot], constants, logs)
     own = secants[: -len(constants)]
     columns = dict(zip(constants, secants[-len(constants) :], strict=True))
     found: list[Wrong] = []
@@ -257,10 +256,10 @@ def effects_that_are(constants: Sequence[str], robot: Robot) -> tuple[str, ...]:
 def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out: LogSet) -> Trial | None:
     """`before` with few constants of the table right that explain more than the `best` effect does, by more than chance where
     that is a formula; of ever more of them, the number that the Bayesian criterion prefers. None where there are none."""
-    constants = _constants(before.robot)
+    constants = known_constants(before.robot)
     if not constants or before.angles or before.fitted.diverged:
         return None
-    residual, secants, _ = _secants(before, [], constants, logs)
+    residual, secants, _ = secants_of(before, [], constants, logs)
     own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
     names, directions, wanted, _ = _beyond(own, columns, -residual)
     rival = best.squares if best is not None else before.squares
@@ -326,7 +325,7 @@ def in_a_sentence(identifier: str, found: Sequence[Shares], robot: Robot) -> str
 def built_in(effects: Sequence[Effect], robot: Robot) -> tuple[str, ...]:
     """Sentences on those of the named `effects`, which no constant of the table does as well, that may be a constant which the
     model holds outside its table; none for a robot of this package, whose tables hold all of them."""
-    if _constants(robot) and not robot.declared:
+    if known_constants(robot) and not robot.declared:
         return ()
     return tuple(
         f"What is called {in_words(effect.id)} here may as well be {effect.otherwise}: no known constant in the model's table "
