@@ -24,7 +24,8 @@ class Scales:
     all of them; the robot's `time` constant; `acceleration`, speed over time constant; `interval` between samples and
     `duration` of a log; `length` of the driven path; `angle` through which one period of a ripple may go; `outputs`:
     amplitude by channel. `farthest`: the magnitude by channel that hardly a sample exceeds, as far as a curve has to reach
-    (none: `outputs`), and `fastest` the same of the rims' speeds (zero: `speed`), by `ways` forward and backward."""
+    (none: `outputs`), and `fastest` the same of the rims' speeds (zero: `speed`), by `ways` forward and backward. `way`:
+    where the one angle of a robot on a line begins and ends."""
 
     input: float = 10.0
     speed: float = 1.0
@@ -42,6 +43,7 @@ class Scales:
     farthest: Mapping[str, float] = field(default_factory=dict)
     fastest: float = 0.0
     ways: Mapping[str, float] = field(default_factory=dict)
+    way: tuple[float, float] | None = None
 
     @property
     def rim_reach(self) -> float:

@@ -126,6 +126,7 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
             way: _level([np.maximum(sign * rim, 0.0) for rim in rims], 0.0, _HARDLY_EXCEEDED)
             for way, sign in zip(("forward", "backward"), (1.0, -1.0), strict=True)
         },
+        way=_way(robot, logs, velocities),
     )
 
 
@@ -137,6 +138,25 @@ def _length(robot: Robot, logs: Sequence[Log], velocities) -> float:
         path = reckoned(robot, known, np.diff(log.time))[1]
         extents += [float(np.max(np.ptp(path, axis=0)))] if path is not None else []
     return max(extents, default=0.0)
+
+
+def _way(robot: Robot, logs: Sequence[Log], velocities) -> tuple[float, float] | None:
+    """From where to where the angle of a robot's one axis goes, as measured or summed up; None where it has no such way."""
+    if len(robot.angles) != 1 or len(robot.drive_axes) != 1:
+        return None
+    every, p, rest = [], robot.parameters.numbers, robot.initial_state()
+    for log, own in zip(logs, velocities, strict=True):
+        known = measured_states(robot, log)
+        if robot.angles[0] in known:
+            every.append(known[robot.angles[0]])
+            continue
+        count = len(log)
+        moving = {name: np.full(count, rest[name]) for name in rest} | known
+        moving |= {name: np.nan_to_num(values) for name, values in own.items()}
+        rate = np.broadcast_to(np.asarray(robot.angle_rates(moving, p)[0]), count)
+        every.append(np.concatenate([[0.0], np.cumsum(np.diff(log.time) * rate[:-1])]))
+    low, high = min(map(np.min, every)), max(map(np.max, every))
+    return (float(low), float(high)) if high > low else None
 
 
 def scaled_to(robot: Robot, logs: LogSet) -> Robot:

@@ -15,6 +15,7 @@ from ..curve import curve
 from ..effect_parameters import shape, signed
 from ..in_some_logs import InSomeLogs
 from ..line import beyond_line, line_parameters, lines_across
+from .along_the_way import LAWS as ALONG_THE_WAY
 
 _SIZE = 0.3
 """Relative change of friction that is tried."""
@@ -269,5 +270,6 @@ LAWS: tuple[Effect, ...] = (
     Disc(),
     SoftDisc(),
     DiscProfile(),
+    *ALONG_THE_WAY,
     OtherFloor(),
 )
