@@ -26,7 +26,7 @@ from .certainty.finer_curves import hangs_on_forms
 from .certainty.hinging import by_law, by_name, hinging, shapes_alone, with_the_rest
 from .certainty.in_common import by_weight, delays_in_common, without_a_name
 from .certainty.nominal_one import with_another_nominal
-from .certainty.other_constants import hung_on_other_constants
+from .certainty.other_constants import likelier_constants
 from .certainty.straight_shares import open_gain, shared_lines
 from .explanation import Explanation
 from .left.between_logs import changed_between
@@ -264,7 +264,7 @@ def explain(
     contradicted = [effect.constants[0] for effect in named if effect.id == TableConstants.id]
     tables += tuple(found_wrong(shares, fit.robot) for shares in contradicted)
     if found.final is not None:
-        tables += tuple(hung_on_other_constants(found.final, final, shares, logs) for shares in contradicted)
+        tables += tuple(likelier_constants(found.final, final, shares, logs) for shares in contradicted)
     if verdict in ("named", "ambiguous"):
         alone = {effect.id for effect in named if not constants.get(effect.id)}
         tables += built_in([effect for effect in final.robot.effects if effect.id in alone], fit.robot)

@@ -1,58 +1,85 @@
-"""Numbers of the robot that hang on other constants of its table, where one of them was found wrong.
+"""Other constants of the table, and what hangs on them, where one of them was found wrong.
 
-A load aboard moves the centre of mass, and is a larger mass, too; a table that is wrong in one place may be so in another. What
-another constant does that the fitted parameters make up for, no log tells, and they are off by it.
+A load aboard moves the centre of mass, and is a larger mass, too. Where the mass is held, parameters that make up for most of
+it leave an error that no test of the whole sees, and are off by many of their standard errors.
 """
 
-from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ...estimate.result import Fit
 from ...logs import LogSet
 from ..refits.refit import Trial
-from ..search.table_constants import STEP, Shares, known_constants, secants_of
+from ..search.table_constants import BELIEVABLE, STEP, Shares, known_constants, secants_of
 
-_UNSEEN = 9.0
-"""Chi-squared by which logs do not tell that a constant is wrong."""
+_LIKELIER = 25.0
+"""Drop of chi-squared from which a constant is likelier wrong than right, whichever of a dozen it is: 5 standard errors."""
+_ALIKE = 0.25
+"""Share of that drop by which others fall behind that may be it as well."""
 _APART = 3.0
 """Standard errors from which a parameter hangs on a constant."""
-_MOST = 2
-"""Constants, and parameters of each, that are listed."""
+_LISTED = 3
 
 
-def hung_on_other_constants(found: Trial, final: Fit, wrong: Shares, logs: LogSet) -> str:
-    """A sentence on the estimates of `final` that would move by more than their errors if other constants of the table were off
-    by as much as those that were found `wrong`, and the logs would not tell; empty where there are none."""
-    others: Sequence[str] = [name for name in known_constants(found.robot) if name not in wrong]
-    if not others or found.angles or found.held_out.diverged:
-        return ""
-    _, secants, _ = secants_of(found, [], others, logs)
-    names, table = found.robot.parameters.free_names, found.robot.parameters
-    own, share = secants[: len(names)], max(map(abs, wrong.values()))
-    if not np.isfinite(secants).all():
-        return ""
-    moved: list[tuple[float, str]] = []
-    for constant, change in zip(others, secants[len(names) :] * share / STEP, strict=True):
-        steps, *_ = np.linalg.lstsq(own.T, -change, rcond=1e-9)
-        if np.sum((change + own.T @ steps) ** 2) > _UNSEEN:
+class _Other(NamedTuple):
+    """A constant, the `share` of its value by which it would be off, how much chi-squared falls then, and by how many standard
+    errors parameters move."""
+
+    name: str
+    share: float
+    gain: float
+    moved: dict[str, float]
+
+
+def _others(found: Trial, final: Fit, names: list[str], logs: LogSet) -> list[_Other]:
+    """What each of the constants `names` would do, to first order, likeliest first."""
+    left, secants, _ = secants_of(found, [], names, logs)
+    table = found.robot.parameters
+    free = table.free_names
+    own, others = secants[: len(free)], secants[len(free) :]
+    if not np.isfinite(own).all():
+        return []
+    steps = [STEP * (abs(table[name].value) or table[name].typical or 1.0) for name in free]
+    every: list[_Other] = []
+    for name, change in zip(names, others, strict=True):
+        if not np.isfinite(change).all() or not np.any(change):
             continue
-        sizes = [
-            step * STEP * (abs(table[n].value) or table[n].typical or 1.0) for n, step in zip(names, steps, strict=True)
-        ]
-        by = {
-            name: abs(size) / final.parameters[name].std_error
-            for name, size in zip(names, sizes, strict=True)
-            if name in final.parameters and final.parameters[name].std_error > 0
+        # Beside what the fitted parameters do of it.
+        along, *_ = np.linalg.lstsq(own.T, change, rcond=1e-9)
+        beyond = change - own.T @ along
+        size = float(beyond @ beyond)
+        if size <= 1e-12 * float(change @ change):
+            continue
+        times = -float(beyond @ left) / size
+        share, gain = times * STEP, times**2 * size
+        errors = {n: final.parameters[n].std_error for n in free if n in final.parameters}
+        moved = {
+            n: abs(times * a) * step / errors[n]
+            for n, a, step in zip(free, along, steps, strict=True)
+            if errors.get(n, 0.0) > 0.0
         }
-        hung = sorted((name for name, times in by.items() if times > _APART), key=lambda name: -by[name])
-        if hung:
-            listed = " and ".join(f"{name} by {by[name]:.2g}" for name in hung[:_MOST])
-            moved.append((by[hung[0]], f"{constant} off by as much would move {listed} standard errors"))
-    if not moved:
+        every.append(_Other(name, share, gain, {n: by for n, by in moved.items() if by > _APART}))
+    return sorted(every, key=lambda other: -other.gain)
+
+
+def likelier_constants(found: Trial, final: Fit, wrong: Shares, logs: LogSet) -> str:
+    """A sentence on other constants of the table than those found `wrong` that fit the `logs` better off than as they are, and
+    on the estimates of `final` that hang on them; empty where there are none."""
+    names = [name for name in known_constants(found.robot) if name not in wrong]
+    if not names or found.angles or found.held_out.diverged:
         return ""
-    listed = "; ".join(words for _, words in sorted(moved, reverse=True)[:_MOST])
+    every = _others(found, final, names, logs)
+    every = [other for other in every if other.gain > _LIKELIER and abs(other.share) < BELIEVABLE]
+    alike = [other for other in every if other.gain > (1.0 - _ALIKE) * every[0].gain]
+    first = next((other for other in alike if other.moved), None)
+    if first is None:
+        return ""
+    constants = " or ".join(f"{other.name} ({100 * other.share:+.2g} %)" for other in alike[:_LISTED])
+    moved = sorted(first.moved, key=lambda name: -first.moved[name])[:_LISTED]
+    hung = ", ".join(f"{name} by {first.moved[name]:.2g}" for name in moved)
     return (
-        f"With {' and '.join(wrong)} off by {100 * share:.2g} %, other constants of the table may be, too (a load aboard is "
-        f"also a larger mass), and these logs do not tell: {listed}."
+        f"{' and '.join(wrong)} is hardly all that is wrong in the table: these logs would rather have {constants} off, too "
+        f"(chi-squared lower by {first.gain:.3g}), as where a load is aboard, whose mass is not in it. With {first.name} off, "
+        f"parameters move ({hung} standard errors): measure it before they are believed."
     )

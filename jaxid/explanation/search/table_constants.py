@@ -46,7 +46,7 @@ _TWICE = 2.2
 """Factor by which no table has one wrong: a diameter for a radius, a half track for a track."""
 _NONE = 1e-3
 """Share of its value by which a constant is as good as right: it is not what explains."""
-_BELIEVABLE = 0.15
+BELIEVABLE = 0.15
 """Share by which a table may be wrong that is not asked for by a name: what is farther off stands in for something else, but
 for one constant that leaves nothing."""
 Array = NDArray[np.float64]
@@ -273,7 +273,7 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
         alone = number == 1 and trial.fitted.adequate
-        if not (_too_far(shares, before.robot) if alone else max(map(abs, shares.values())) >= _BELIEVABLE):
+        if not (_too_far(shares, before.robot) if alone else max(map(abs, shares.values())) >= BELIEVABLE):
             trials.append(trial)
         if trial.fitted.adequate:
             break
