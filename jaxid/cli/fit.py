@@ -6,6 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from ..checks.in_words import doubtful_units
 from ..estimate.linear.instrumental_variables import instrumental_variables
 from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
@@ -146,6 +147,8 @@ def estimated(
     logs = between_samples(logs, intersample)
     held_out = None if held_out is None else between_samples(held_out, intersample)
     fits = estimate(robot, logs, options if law is None else {**options, "controller": law}, methods)
+    if units := doubtful_units(logs, held_out):
+        fits = [replace(fit, notes=(*fit.notes, units)) for fit in fits]
     if not fits:
         raise UnusableInput(f"{', '.join(methods)} gives no estimate here; add --method output_error.")
     if law is not None:

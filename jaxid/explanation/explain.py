@@ -8,6 +8,7 @@ from .._float64 import in_float64
 from .._memory import bounded_memory
 from .._origin import with_origin
 from .._renamed import renamed
+from ..checks.in_words import doubtful_units
 from ..effects.in_some_logs import InSomeLogs
 from ..effects.table_constants import TableConstants
 from ..estimate.output_error.conclude import Covariance
@@ -226,7 +227,7 @@ def explain(
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""
     nothing = after.adequate or verdict == "adequate" or all_noise(found)
     # Held-out logs without a gap do not say why a fit failed; the fitted ones may.
-    doubted = doubtful_logs(*recorded) if fit.failed or not nothing else ""
+    doubted = doubtful_logs(*recorded) if fit.failed or not nothing else doubtful_units(*recorded)
     unclear = verdict in ("named", "ambiguous") and named and not after.by_chance
     still = still_doubted(final) if unclear else ""
     constants: dict[str, list[Shares]] = {}

@@ -144,16 +144,21 @@ def _way(robot: Robot, logs: Sequence[Log], velocities) -> tuple[float, float] |
     """From where to where the angle of a robot's one axis goes, as measured or summed up; None where it has no such way."""
     if len(robot.angles) != 1 or len(robot.drive_axes) != 1:
         return None
-    every, p, rest = [], robot.parameters.numbers, robot.initial_state()
+    every, p, rest, angle = [], robot.parameters.numbers, robot.initial_state(), robot.angles[0]
     for log, own in zip(logs, velocities, strict=True):
         known = measured_states(robot, log)
-        if robot.angles[0] in known:
-            every.append(known[robot.angles[0]])
+        if angle in known:
+            every.append(known[angle])
             continue
-        count = len(log)
-        moving = {name: np.full(count, rest[name]) for name in rest} | known
-        moving |= {name: np.nan_to_num(values) for name, values in own.items()}
-        rate = np.broadcast_to(np.asarray(robot.angle_rates(moving, p)[0]), count)
+        speeds = {name: np.nan_to_num(values) for name, values in own.items()}
+        rate = next(
+            (speeds[name] for name, place in robot.positions.items() if place == angle and name in speeds), None
+        )
+        if angle in robot.own_states and rate is None:
+            return None
+        if rate is None:
+            still = {name: np.full(len(log), value) for name, value in rest.items()}
+            rate = np.broadcast_to(np.asarray(robot.angle_rates({**still, **known, **speeds}, p)[0]), len(log))
         every.append(np.concatenate([[0.0], np.cumsum(np.diff(log.time) * rate[:-1])]))
     low, high = min(map(np.min, every)), max(map(np.max, every))
     return (float(low), float(high)) if high > low else None

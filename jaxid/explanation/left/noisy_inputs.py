@@ -46,6 +46,8 @@ _WORTH, _MUCH = 20.0, 200.0
 """Twice the drop of -log L that a further kind of noise must bring, and all noise of the inputs together."""
 _UNRELATED = 1e-3
 """p value below which the residual itself follows what drove the robot: something is missing then, and no filter is asked."""
+_ENOUGH = 400
+"""Samples from a log's start on by which sizes are chosen; all of them are tested."""
 _LAGS = 20
 _SLACK = 0.1
 """Share by which innovations may be larger than foretold: dry friction is no linear function of the speed."""
@@ -173,9 +175,12 @@ def _innovations(model: Model, numbers, records: Record, noise, usual: Float[Arr
     return jax.lax.map(lambda size: jax.vmap(lambda record: one(record, size))(records), sizes)
 
 
-def _filtered(task: Task, numbers, usual, sensors, sizes: Float[NDArray, "K n"]):
-    """Innovations and variances [K, E, T, ny], 0 and 1 where there are none."""
+def _filtered(task: Task, numbers, usual, sensors, sizes: Float[NDArray, "K n"], first: int | None = None):
+    """Innovations and variances [K, E, T, ny], 0 and 1 where there are none, of as many samples from the `first` on."""
     records = task.problem.records
+    records = records._replace(
+        **{name: getattr(records, name)[:, :first] for name in ("dt", "inputs", "outputs", "there")}
+    )
     seen = np.asarray(records.there) & np.isfinite(sensors)
     records = records._replace(there=jnp.asarray(seen))
     known = np.where(np.isfinite(sensors), sensors, 1.0)
@@ -187,13 +192,17 @@ def _likeliest(task: Task, numbers, usual, sensors) -> NDArray[np.float64] | Non
     """The likeliest sizes of the noise of the inputs, kind by kind, and the factors of the sensors' [3 + ny]; None where noise
     of the inputs brings too little."""
 
+    there = np.asarray(task.problem.records.there)
+    # Of all samples as of those that are looked at.
+    times = float(there.sum() / max(there[:, :_ENOUGH].sum(), 1))
+
     def costs(sizes: Float[NDArray, "K n"]) -> Float[NDArray, " K"]:
         # As many at a time, whatever is tried, for one program.
         padded = np.concatenate([sizes, np.repeat(sizes[-1:], len(_SIZES) - len(sizes), axis=0)])
-        surprise, variance, seen = _filtered(task, numbers, usual, sensors, padded)
+        surprise, variance, seen = _filtered(task, numbers, usual, sensors, padded, _ENOUGH)
         with np.errstate(all="ignore"):
             found = np.sum(np.where(seen, surprise**2 / variance + np.log(variance), 0.0), axis=(1, 2, 3))
-        return np.where(np.isfinite(found), found, np.inf)[: len(sizes)]
+        return times * np.where(np.isfinite(found), found, np.inf)[: len(sizes)]
 
     def best(at: NDArray[np.float64], kind: int, of: Float[NDArray, " k"]) -> tuple[float, NDArray[np.float64]]:
         rows = np.tile(at, (len(of), 1))

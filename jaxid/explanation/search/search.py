@@ -140,6 +140,7 @@ def search(
     if not current.held_out.adequate and colour is None:
         steps, current = _beside_rounded_inputs(steps, current, baseline, held_out)
     if not current.held_out.adequate and not (colour is not None and colour.of_sensors):
+        report("looking whether noise of the inputs makes what is left")
         steps, current, colour = _beside_noise_of_inputs(steps, current, baseline, colour, logs, held_out, noise)
     if colour is None and not steps and not current.held_out.adequate:
         colour = noise_fed_back(current, logs, held_out, noise)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
+from jaxid.checks.in_words import doubtful_units
 from jaxid.explanation.left.doubtful_logs import doubtful_logs
 from jaxid.logs import Finding
 
@@ -43,3 +44,12 @@ def test_commands_on_the_recorders_clock_are_told_though_nothing_else_doubts_the
     note = Finding("run 0", "u", None, "note", "receive_stamps", text)
     logs = LogSet([replace(log, findings=(note,)) if log.name == "run 0" else log for log in logs])
     assert "/volts has no stamps" in doubtful_logs(logs, held_out)
+
+
+def test_units_that_no_robot_has_are_said_though_the_model_follows_them(axis_law):
+    logs, held_out = recorded(axis_law, 0.0)
+    assert doubtful_units(logs, held_out) == ""
+    slow = [LogSet([replace(log, time=1e3 * log.time) for log in own]) for own in (logs, held_out)]
+    said = doubtful_units(*slow)
+    assert said.startswith("Pre-flight doubts the units of these logs") and "(in 4 of 4 logs)" in said
+    assert "a sampling interval of 20 s" in said and doubtful_units(slow[0], None)
