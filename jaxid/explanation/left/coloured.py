@@ -182,6 +182,8 @@ def only_colour(
         own = own if fast or len(groups) == 1 else 0.0
         shape, simple = min(shape, own), simple and own >= level
         faster &= fast
+    if fed_back and not simple:
+        return None
     p_value = min(GATES * min(noise, shape), 1.0)
     return OnlyColour(coloured, simple and not fed_back, faster, p_value, fed_back=fed_back)
 
