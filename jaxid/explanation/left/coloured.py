@@ -145,8 +145,8 @@ def only_colour(
     relation to what drove the robot tell, at the level of the first state; else None. Whether a candidate explains it is for
     the screening to say.
 
-    `memory` is the robot's time constant in samples. Noise that is `fed_back` may follow the motion: of it only the shape is
-    asked, which does not tell it from what is missing.
+    `memory` is the robot's time constant in samples. Of noise that is `fed_back`, which may follow the motion, it is asked
+    whether it changes faster than any force would make it.
     """
     first, _ = states[0]
     if any(state.diverged for state, _ in states) or not np.isfinite(first.normalised_rms):
@@ -182,7 +182,7 @@ def only_colour(
         own = own if fast or len(groups) == 1 else 0.0
         shape, simple = min(shape, own), simple and own >= level
         faster &= fast
-    if fed_back and not simple:
+    if fed_back and not faster:
         return None
     p_value = min(GATES * min(noise, shape), 1.0)
     return OnlyColour(coloured, simple and not fed_back, faster, p_value, fed_back=fed_back)
