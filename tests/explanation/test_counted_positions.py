@@ -32,7 +32,7 @@ def test_nothing_is_missing_in_a_complete_model(name, counts):
 @pytest.mark.parametrize(
     ("name", "counts", "hidden", "effect"),
     [
-        ("axis", 8192, Hidden(dead_zone=0.3), "actuator_dead_zone"),
+        pytest.param("axis", 8192, Hidden(dead_zone=0.3), "actuator_dead_zone", marks=pytest.mark.slow),
         pytest.param("own drive", 2048, stribeck(1.5), "stribeck_friction", marks=pytest.mark.slow),
         pytest.param("pioneer", 2048, stribeck(0.4), "stribeck_friction", marks=pytest.mark.slow),
     ],

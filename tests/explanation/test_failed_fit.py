@@ -1,6 +1,7 @@
 """What is missing in a fit that went where nothing moves: found from where it began, on a skid-steered robot of our own."""
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 from jaxid import DifferentialDrive, Log, LogSet, explain, output_error
@@ -30,6 +31,7 @@ def log(name, seed, robot):
     return Log.from_arrays(name, DT * np.arange(len(u)), u, outputs, robot.channels)
 
 
+@pytest.mark.slow
 def test_a_moment_that_holds_the_robot_still_is_named_though_the_fit_without_it_failed():
     robot = DifferentialDrive().with_values(b=B, Fv=FV, Fc=0.0).change("Fv", free=False).change("Fc", free=False)
     fitted = LogSet([log("a", 0, robot), log("b", 1, robot), log("c", 2, robot)])

@@ -162,6 +162,7 @@ def test_nothing_is_missing_where_only_the_sensors_noise_is_coloured(axis_law):
         assert found.to_dict()["colour"]["channels"]["v"]["order"] == found.colour.colours["v"].order
 
 
+@pytest.mark.slow
 def test_nothing_is_missing_where_the_sensor_was_filtered_on_some_logs_only(axis_law):
     logs = []
     for k in range(6):
