@@ -284,15 +284,17 @@ def explain(
     in_some = [effect for effect in final.robot.effects if was_sorted and isinstance(effect, InSomeLogs)]
     unlike = ""
     if verdict in ("named", "ambiguous"):
-        unlike = " ".join(in_some_of(effect, logs, held_out) for effect in in_some)
+        unlike = " ".join(in_some_of(effect, logs, held_out, doubted=bool(still)) for effect in in_some)
     if was_sorted and not in_some:
         held_out = unsorted(held_out)
     changed = ""
     if verdict == "unexplained":
         final = doubted_on(final, after)
         changed = changed_between(fit, logs, held_out, report)
+    # What fitted logs hold that no model follows is missing, whatever held-out ones show.
+    failed = verdict == "adequate" and fit.failed
     return Explanation(
-        verdict=verdict,
+        verdict="unexplained" if failed else verdict,
         effects=named,
         baseline=fit,
         final=final,

@@ -109,7 +109,7 @@ class Explanation:
         if self.verdict == "unexplained" and self.colour is not None and not self.effects:
             follows = "" if self.colour.fed_back else ", and it follows nothing that drove the robot"
             return f"No effect explains what is left{follows}: the held-out error of {before:.4g} times the noise {self._slow}"
-        if self.verdict == "adequate":
+        if self.verdict == "adequate" or (self.baseline.failed and not self.effects and self.after.adequate):
             return self._nothing_found
         if self.verdict == "unexplained":
             explain = "explain" if len(self.effects) > 1 else "explains"
@@ -229,9 +229,13 @@ class Explanation:
             error += f" once it is fitted again with their weights (before: {self.before.normalised_rms:.2f})"
         doubted = judgement is not None and not judgement.trustworthy
         though = ""
+        if judgement is not None and self.baseline.failed:
+            return (
+                "The fit that was to be explained failed, so that none of its parameters is known, though held-out logs show "
+                f"nothing that is missing: {error}. {judgement.sentence.removesuffix(LOOK_FURTHER).strip()}"
+            )
         if judgement is not None and doubted:
-            what = "failed, so that none of its parameters is known" if self.baseline.failed else "is not beyond doubt"
-            though = f" The fit, though, {what}. {judgement.sentence.removesuffix(LOOK_FURTHER).strip()}"
+            though = f" The fit, though, is not beyond doubt. {judgement.sentence.removesuffix(LOOK_FURTHER).strip()}"
             if judgement.better == LOOK_FURTHER:
                 though += (
                     " These held-out logs do not show it: hold out more, or livelier ones, to see whether it is there."

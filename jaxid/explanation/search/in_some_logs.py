@@ -95,12 +95,17 @@ def unsorted(logs: LogSet) -> LogSet:
     return LogSet([replace(log, extra=log.extra.drop(columns=names, errors="ignore")) for log in logs])
 
 
-def in_some_of(law: InSomeLogs, logs: LogSet, held_out: LogSet) -> str:
-    """In which logs it was that the law is about, which nobody had written down."""
+def in_some_of(law: InSomeLogs, logs: LogSet, held_out: LogSet, doubted: bool = False) -> str:
+    """In which logs it was that the law is about, which nobody had written down, and whether the fit with it is `doubted`."""
     others = [log.name for log in (*logs, *held_out) if log.extra[law.column].iloc[0] > 0]
+    else_ = (
+        " Since the fit with it is itself to be doubted, it may be something else that these logs alone have, such as another "
+        "gain of a sensor; `jaxid change` between them and the others looks for that."
+    )
     return (
         f"The {_thing(law)} of {', '.join(others)} is another than that of the other logs. Which ones these are, each log "
         f"itself told, the held-out ones, too; a column `{law.column}` of ones and zeros in the files says it beforehand."
+        f"{else_ if doubted else ''}"
     )
 
 
