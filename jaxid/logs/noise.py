@@ -26,6 +26,8 @@ _REGULAR = 0.8
 """Share of a slower sensor's values that come at its own interval, give or take one sample."""
 _FINE = 3.0
 """Typical change of a value, in the finest steps, above which repeats show the sensor's rate and not its step."""
+_VALUES = 8
+"""Values that hardly repeat below which it may be chance that they are multiples of a step."""
 _FEWEST = 8
 """Differences of one log below which they are not counted."""
 _FEWEST_CALM, _ENOUGH = 60, 1000
@@ -40,16 +42,21 @@ def sensor_step(y: NDArray[np.float64]) -> float:
     repeats; zero where there is none.
 
     They are counted from each value to the next: files give so many digits that thousands of steps are no whole number of the
-    one between two neighbours.
+    one between two neighbours. Of values that hardly repeat there must be some, and not evenly spaced, as those of a signal are
+    that changes by the same from sample to sample.
     """
-    values = np.unique(y[np.isfinite(y)])
+    y = y[np.isfinite(y)]
+    values = np.unique(y)
     steps = np.diff(values)
     told = steps > 1e-9 * np.max(np.abs(values), initial=0.0)
     if np.count_nonzero(told) < 2:
         return 0.0
     least = steps[told]
-    numbers = np.cumsum(np.round(steps / np.median(least[least < 1.5 * np.min(least)])))
-    off = values[1:] - values[0]
+    each = np.round(steps / np.median(least[least < 1.5 * np.min(least)]))
+    hardly = len(y) < 2 * len(values)
+    if hardly and (len(values) < _VALUES or (len(values) == len(y) and np.all(each == each[0]))):
+        return 0.0
+    numbers, off = np.cumsum(each), values[1:] - values[0]
     step = float(numbers @ off / (numbers @ numbers))
     return step if np.max(np.abs(off / step - numbers)) < 0.1 else 0.0
 

@@ -187,3 +187,11 @@ def test_the_step_of_an_encoder_is_found_whatever_digits_its_file_has(form):
     read = np.array([float(form % value) for value in step * np.round(angle / step)])
     assert sensor_step(read) == pytest.approx(step, rel=1e-4)
     assert sensor_step(angle) == 0.0
+
+
+def test_a_signal_that_changes_evenly_has_no_step():
+    ramp = 0.3 * np.arange(40) + 1e-4 * np.random.default_rng(2).standard_normal(40)
+    assert sensor_step(ramp) == 0.0 and sensor_step(ramp[:5]) == 0.0
+    # A counter that runs evenly repeats a value now and then, or skips one.
+    assert sensor_step(0.1 * np.floor(0.73 * np.arange(40))) == pytest.approx(0.1)
+    assert sensor_step(0.1 * np.floor(1.73 * np.arange(40))) == pytest.approx(0.1)
