@@ -304,6 +304,7 @@ def test_fleets_of_bags(jaxid, without_dry_friction, tmp_path):
     assert status == 0 and "2 of 2 members fitted" in said
 
 
+@pytest.mark.slow
 def test_a_member_that_never_moved_has_no_fit_and_one_without_commands_no_traceback(
     jaxid, robots, without_dry_friction, tmp_path
 ):

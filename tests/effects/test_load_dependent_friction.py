@@ -112,6 +112,7 @@ def rounded_off(seed, samples=800, dt=0.02, fine=40):
     return Log.from_arrays(f"{seed}", dt * np.arange(samples), forces[:, None], seen[:, None], Axis())
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jaxid.LogWarning")
 def test_dry_friction_beside_a_law_that_is_only_near_the_right_one_holds_the_truth():
     """A share of all torque takes for its own what the rounded loss has not at small ones, and leaves less to dry friction."""

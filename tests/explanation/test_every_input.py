@@ -49,6 +49,7 @@ def log(seed, delay):
     return Log.from_arrays(f"run {seed}", INTERVAL * np.arange(SAMPLES), commands, seen, CHANNELS)
 
 
+@pytest.mark.slow
 def test_a_delay_of_all_commands_is_one_delay_of_the_inputs():
     logs, held_out = (LogSet([log(seed, 0.053) for seed in seeds]) for seeds in ((1, 2, 3), (4, 5)))
     found = explain(output_error(BASE, logs), logs, held_out)

@@ -166,6 +166,7 @@ def named_in(robot, runs, time, of_inputs, of_outputs):
     return found.verdict, tuple(effect.id for effect in found.effects), places
 
 
+@pytest.mark.slow
 def test_a_users_pendulum_lacks_the_same_in_any_units():
     runs = lacking(pendulum(1.0, 1.0), "quadratic_drag", {"quadratic_drag.coefficient": 0.3}, 1.2, [0.003])
     first = named_in(pendulum(1.0, 1.0), runs, 1.0, 1.0, [1.0])

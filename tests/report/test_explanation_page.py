@@ -139,6 +139,7 @@ def test_a_pattern_too_small_to_matter_is_not_said_to_be_none(adequate, explaine
     assert "After the last step more is left than noise, though without a pattern" in saved(found, tmp_path / "large")
 
 
+@pytest.mark.slow
 def test_a_doubted_fit_is_not_to_be_used(adequate, explained, ambiguous, tmp_path):
     def poor(fit):
         return replace(fit, judgement=fit.judgement.doubted("Drag is missing."))

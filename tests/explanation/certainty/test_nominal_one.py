@@ -29,6 +29,7 @@ def recorded(right, left, seed, name):
     return Log(name, 0.02 * np.arange(len(v)), volts, outputs, robot.channels)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "strengths", [pytest.param((1.04, 0.96), marks=pytest.mark.slow), (0.93, 1.0)], ids=["both", "one"]
 )

@@ -152,6 +152,7 @@ def test_a_sensor_that_was_filtered_since_is_no_change_of_the_robot(seed):
     assert found.verdict == "unchanged", found.sentence
 
 
+@pytest.mark.slow
 def test_what_has_no_name_is_said_to_have_none():
     found = compared("axis", recorded("axis", 50, effects={"push": {"force": 3.0, "every": 2.0, "start": 1.0}}))
     assert found.verdict == "unexplained" and found.doubts

@@ -47,6 +47,7 @@ def test_what_the_model_lacks_in_both_sets_is_no_change_of_what_drove_one_otherw
     assert {effect.id for effect in found.before.robot.effects} == set(found.lacked)
 
 
+@pytest.mark.slow
 def test_a_change_beside_what_both_lack_is_named():
     found = changed(recorded(3, 5.0), recorded(4, 5.0, mass=1.5))
     assert found.verdict == "named" and found.change.id == "M"

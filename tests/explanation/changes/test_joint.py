@@ -51,6 +51,7 @@ def weaker():
     return [(output_error(robot(), logs), logs) for logs in sets]
 
 
+@pytest.mark.slow
 def test_friction_does_not_fall_below_none(weaker):
     (before, logs), (after, later) = weaker
     sides: dict[Side, SetOfLogs] = {"before": side_of(before, logs), "after": side_of(after, later)}

@@ -37,6 +37,7 @@ def recorded(seed, radius):
     return LogSet(logs)
 
 
+@pytest.mark.slow
 def test_a_smaller_tyre_of_one_side_is_no_payload():
     before, after = recorded(1, 1.0), recorded(2, 0.97)
     robot = DifferentialDrive().with_values(M=8.0, J=0.3, Fv=4.0, Fc=1.5, b=LEVER, gain=GAIN)

@@ -49,6 +49,7 @@ def test_a_sensor_that_wanders_is_no_alarm():
     assert found.to_dict()["colour"]["while_the_robot_stands"] is True
 
 
+@pytest.mark.slow
 def test_a_disturbance_that_dry_friction_holds_is_told_as_one():
     found = explained(0.05, 0.0)
     assert found.verdict == "unexplained" and not found.effects

@@ -1,6 +1,7 @@
 """Logs that the model explains one by one and not together, on an axis in closed form that rubs more in some of them."""
 
 import numpy as np
+import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.explanation.left.between_logs import changed_between
@@ -27,6 +28,7 @@ def quiet(message):
     """Nobody listens."""
 
 
+@pytest.mark.slow
 def test_logs_on_several_floors_are_told_and_no_effect_is_said_to_be_missing():
     logs, held_out = recorded([2.0, 2.6, 2.0, 3.4, 2.0, 2.6, 3.4])
     found = explain(output_error(ROBOT, logs), logs, held_out)

@@ -38,6 +38,7 @@ def test_nothing_is_missing_in_a_complete_model_whose_logs_have_holes():
         assert found.final[name].value == pytest.approx(value, abs=4 * found.final[name].std_error)
 
 
+@pytest.mark.slow
 def test_a_dead_zone_is_named_with_its_size_beside_holes():
     logs, held_out = recorded(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0), 5)
     found = explain(output_error(ROBOT, logs), logs, held_out)

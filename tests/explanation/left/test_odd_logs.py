@@ -36,6 +36,7 @@ def pushed_once():
     return output_error(ROBOT, logs), logs, held_out
 
 
+@pytest.mark.slow
 def test_the_log_that_was_pushed_is_told_with_when(pushed_once):
     found = explain(*pushed_once)
     assert found.verdict == "unexplained" and not found.effects

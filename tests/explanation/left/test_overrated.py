@@ -34,6 +34,7 @@ def recorded(late, seed, count=4):
     return LogSet(logs[:-1]), LogSet(logs[-1:])
 
 
+@pytest.mark.slow
 def test_the_half_interval_that_differences_are_late_is_found_below_their_noise():
     logs, held_out = recorded(True, 1)
     fit = output_error(ROBOT, logs)

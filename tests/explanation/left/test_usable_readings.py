@@ -1,6 +1,7 @@
 """Explanations of logs in which a sensor is dead or at the end of its range."""
 
 import numpy as np
+import pytest
 
 from jaxid import explain, output_error
 from tests.closed_form_rover import clipped, dead, driven, rover
@@ -13,6 +14,7 @@ def test_a_sensor_that_clips_is_no_missing_effect():
     assert any("at the end of its range (0.5 rad/s)" in note for note in story.notes)
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_dead_in_some_logs_hides_no_effect():
     """A sensor that reads 10 % too much forwards, beside a gyro that is dead in a fitted and in a held-out log."""
 

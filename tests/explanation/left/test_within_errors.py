@@ -42,6 +42,7 @@ def _fit():
     return logs, output_error(robot, logs, start=start)
 
 
+@pytest.mark.slow
 def test_an_axis_that_just_breaks_away_or_just_does_not_is_within_the_errors_of_its_fit():
     logs, fit = _fit()
     assert fit.judgement.verdict == "sound"

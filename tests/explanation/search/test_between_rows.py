@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.explanation.search.between_rows import with_rows_between
@@ -43,6 +44,7 @@ def test_rows_come_between_those_of_a_log_that_others_were_put_into():
     assert len(fine) == 4 * (len(log) - 1) + 1 and not len(fine.extra.columns)
 
 
+@pytest.mark.slow
 def test_a_mean_over_the_row_before_is_not_called_a_late_input_alone():
     logs, held_out = LogSet([_log(f"run {k}", k) for k in range(3)]), LogSet([_log("check", 7)])
     robot = Axis().with_values(offset=0.0, Fc=0.0).change("offset", free=False).change("Fc", free=False)

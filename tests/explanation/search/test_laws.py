@@ -33,6 +33,7 @@ def explained(tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_another_law_of_friction_near_standstill_is_named_with_its_law(explained, tmp_path):
     found = explained("stribeck_friction/exponential", 5.0, 7)
     (effect,) = found.effects

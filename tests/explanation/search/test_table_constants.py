@@ -216,6 +216,7 @@ def test_constants_that_do_the_same_are_known_for_it():
     assert sets[:2] == [("mass",), ("resistance",)] or sets[:2] == [("resistance",), ("mass",)]
 
 
+@pytest.mark.slow
 def test_a_part_of_the_mass_that_the_table_has_none_of_is_beside_the_offset_that_does_as_much():
     """A geared drive, by SciPy: the rotors' share of the mass has no offset."""
     carried, rotors, offset, known = 9.0, 6.0, 0.08, {"b": 0.25, "Fc": 0.0, "xc": 0.08}
