@@ -271,7 +271,7 @@ def explain(
         tables += built_in([effect for effect in final.robot.effects if effect.id in alone], fit.robot)
     localisation = None
     # Of what follows nothing that drove the robot, no force is looked for: it may be the sensor's noise.
-    open_ = found.colour is not None and not found.steps
+    open_ = found.colour is not None and not found.colour.fed_back and not found.steps
     if verdict != "adequate" and not placeless and not open_:
         report("finding where simulation and data disagree")
         # Where names were found and are not the answer, the question is what is still missing.

@@ -24,8 +24,8 @@ class Scales:
     all of them; the robot's `time` constant; `acceleration`, speed over time constant; `interval` between samples and
     `duration` of a log; `length` of the driven path; `angle` through which one period of a ripple may go; `outputs`:
     amplitude by channel. `farthest`: the magnitude by channel that hardly a sample exceeds, as far as a curve has to reach
-    (none: `outputs`), and `fastest` the same of the rims' speeds (zero: `speed`), by `ways` forward and backward. `way`:
-    where the one angle of a robot on a line begins and ends."""
+    (none: `outputs`), and `fastest` the same of the rims' speeds (zero: `speed`), forward and
+    backward in `fastest_by_way`. `way`: where the one angle of a robot on a line begins and ends."""
 
     input: float = 10.0
     speed: float = 1.0
@@ -42,7 +42,7 @@ class Scales:
     inputs: Mapping[str, float] = field(default_factory=dict)
     farthest: Mapping[str, float] = field(default_factory=dict)
     fastest: float = 0.0
-    ways: Mapping[str, float] = field(default_factory=dict)
+    fastest_by_way: Mapping[str, float] = field(default_factory=dict)
     way: tuple[float, float] | None = None
 
     @property
@@ -52,7 +52,7 @@ class Scales:
 
     def rim_fastest_of(self, way: str = "") -> float:
         """The fastest that the rims go in the logs, that `way`; without any, what the robot makes them."""
-        return self.ways.get(way, self.fastest or self.speed)
+        return self.fastest_by_way.get(way, self.fastest or self.speed)
 
     def reach(self, channel: str) -> float:
         """How far a curve over an output has to reach."""

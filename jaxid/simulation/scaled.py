@@ -122,7 +122,7 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
         },
         farthest=farthest,
         fastest=_level(rims, speed, _HARDLY_EXCEEDED),
-        ways={
+        fastest_by_way={
             way: _level([np.maximum(sign * rim, 0.0) for rim in rims], 0.0, _HARDLY_EXCEEDED)
             for way, sign in zip(("forward", "backward"), (1.0, -1.0), strict=True)
         },

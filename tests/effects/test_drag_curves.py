@@ -53,7 +53,7 @@ def test_a_speed_governor_is_no_friction_that_differs_by_direction():
 def test_a_governor_of_one_way_is_seen_where_that_way_ends():
     law = effect_by_id(ROBOT, "asymmetric_viscous_friction", SHAPE).denser
     own = ROBOT.scales.speed
-    scales = replace(ROBOT.scales, fastest=own, ways={"forward": 0.75 * own, "backward": own})
+    scales = replace(ROBOT.scales, fastest=own, fastest_by_way={"forward": 0.75 * own, "backward": own})
     robot = replace(ROBOT, scales=scales) + law
     wall = {law.height(k, "forward"): {0.85: 12.0, 1.0: -60.0}.get(law.places[k], 0.0) for k in law.varying}
     assert law.doubt(robot.with_values(**wall)).startswith(f"its curve forward is a wall at {0.75 * own:.3g} ")

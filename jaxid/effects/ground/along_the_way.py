@@ -1,5 +1,4 @@
-"""Dry friction that depends on the place along a way: a rail, a ball screw, a worn stretch of a gear (EMPS: Janot, Gautier and
-Brunot, 2019)."""
+"""Dry friction that depends on the place along a way: a rail, a ball screw, a worn stretch of a gear."""
 
 from dataclasses import dataclass
 from typing import ClassVar

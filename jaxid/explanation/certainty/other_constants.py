@@ -11,7 +11,7 @@ import numpy as np
 from ...estimate.result import Fit
 from ...logs import LogSet
 from ..refits.refit import Trial
-from ..search.table_constants import BELIEVABLE, STEP, Shares, known_constants, secants_of
+from ..search.table_constants import BELIEVABLE, Shares, known_constants, measure, secants_of, small_steps
 
 _LIKELIER = 25.0
 """Drop of chi-squared from which a constant is likelier wrong than right, whichever of a dozen it is: 5 standard errors."""
@@ -35,12 +35,10 @@ class _Other(NamedTuple):
 def _others(found: Trial, final: Fit, names: list[str], logs: LogSet) -> list[_Other]:
     """What each of the constants `names` would do, to first order, likeliest first."""
     left, secants, _ = secants_of(found, [], names, logs)
-    table = found.robot.parameters
-    free = table.free_names
+    steps, free = small_steps(found.robot, names), found.robot.parameters.free_names
     own, others = secants[: len(free)], secants[len(free) :]
     if not np.isfinite(own).all():
         return []
-    steps = [STEP * (abs(table[name].value) or table[name].typical or 1.0) for name in free]
     every: list[_Other] = []
     for name, change in zip(names, others, strict=True):
         if not np.isfinite(change).all() or not np.any(change):
@@ -52,11 +50,11 @@ def _others(found: Trial, final: Fit, names: list[str], logs: LogSet) -> list[_O
         if size <= 1e-12 * float(change @ change):
             continue
         times = -float(beyond @ left) / size
-        share, gain = times * STEP, times**2 * size
+        share, gain = times * steps[name] / measure(name, found.robot), times**2 * size
         errors = {n: final.parameters[n].std_error for n in free if n in final.parameters}
         moved = {
-            n: abs(times * a) * step / errors[n]
-            for n, a, step in zip(free, along, steps, strict=True)
+            n: abs(times * a * steps[n]) / errors[n]
+            for n, a in zip(free, along, strict=True)
             if errors.get(n, 0.0) > 0.0
         }
         every.append(_Other(name, share, gain, {n: by for n, by in moved.items() if by > _APART}))

@@ -176,7 +176,7 @@ def _innovations(model: Model, numbers, records: Record, noise, usual: Float[Arr
 
 
 def _filtered(task: Task, numbers, usual, sensors, sizes: Float[NDArray, "K n"], first: int | None = None):
-    """Innovations and variances [K, E, T, ny], 0 and 1 where there are none, of as many samples from the `first` on."""
+    """Innovations and variances [K, E, T, ny], 0 and 1 where there are none, of the `first` samples of every log."""
     records = task.problem.records
     records = records._replace(
         **{name: getattr(records, name)[:, :first] for name in ("dt", "inputs", "outputs", "there")}

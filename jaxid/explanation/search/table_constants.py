@@ -26,7 +26,7 @@ from ..left.heldout import scaled_residuals
 from ..refits.refit import Trial, refit_from_itself
 from .telling_apart import told_apart_from
 
-STEP = 1e-3
+_STEP = 1e-3
 """Step of secants, in units of a parameter's magnitude."""
 _LIKE = 0.5
 """Share of what the effect changed (chi-squared) that constants may lack to first order to be fitted: large changes bend."""
@@ -63,7 +63,7 @@ def known_constants(robot: Robot) -> list[str]:
     ]
 
 
-def _measure(name: str, robot: Robot) -> float:
+def measure(name: str, robot: Robot) -> float:
     """What changes of a constant are shares of: its own value, or the whole's that it is none of so far."""
     table = robot.parameters
     return table[name].value or table[robot.parts[name]].value
@@ -146,18 +146,21 @@ def _likely(
     return sets, twins
 
 
+def small_steps(robot: Robot, names: Sequence[str]) -> dict[str, float]:
+    """Steps of the free parameters and of the constants `names`, small shares of what each is, away from an upper bound."""
+    table, found = robot.parameters, {}
+    for name in (*table.free_names, *names):
+        magnitude = measure(name, robot) if name in names else table[name].value
+        size = _STEP * (abs(magnitude) or table[name].typical or 1.0)
+        found[name] = -size if table[name].value + size > table[name].upper else size
+    return found
+
+
 def secants_of(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: LogSet) -> tuple[Array, Array, Array]:
     """Residuals of a model on the logs [samples] in units of the noise, their changes with its free parameters and `names`
     [parameters, samples], for small steps each, and those with other models of it, `after` [models, samples]."""
-    table = before.robot.parameters
-    every = (*table.free_names, *names)
-    magnitudes = [_measure(name, before.robot) if name in names else table[name].value for name in every]
-    sizes = [
-        STEP * (abs(magnitude) or table[name].typical or 1.0) for name, magnitude in zip(every, magnitudes, strict=True)
-    ]
-    # Away from an upper bound.
-    full = [table[n].value + size > table[n].upper for n, size in zip(every, sizes, strict=True)]
-    sizes = [-size if over else size for size, over in zip(sizes, full, strict=True)]
+    table, steps = before.robot.parameters, small_steps(before.robot, names)
+    every, sizes = [*steps], [*steps.values()]
     moved = [before.robot.change(n, value=table[n].value + size) for n, size in zip(every, sizes, strict=True)]
     noise = before.held_out.noise
     outputs = _outputs([before.robot, *moved], logs, noise)
