@@ -28,6 +28,8 @@ _RANGE = {
 """What a signal that is not noise usually lies in, by unit."""
 _ON_A_FLOOR = {"m/s": (2e-3, 30.0), "rad/s": (2e-3, 40.0)}
 """The same for the body of a robot on a floor: a yaw rate of 40 rad/s is six turns a second."""
+_COMMANDED = {"rad": (1e-4, 6.5)}
+"""The same for what is commanded: a steering angle of more than a whole turn is most likely in degrees."""
 _ANY = (1e-9, 1e9)
 
 
@@ -43,7 +45,8 @@ def _units(log: Log) -> Iterator[Finding]:
     for name in (*log.channels.inputs, *log.measured):
         values = log.input(name) if name in log.channels.inputs else log.output(name)
         unit = log.channels.units.get(name, "")
-        least, largest = (_RANGE | _ON_A_FLOOR if is_planar(log) else _RANGE).get(unit, _ANY)
+        usual = _RANGE | (_ON_A_FLOOR if is_planar(log) else {}) | (_COMMANDED if name in log.channels.inputs else {})
+        least, largest = usual.get(unit, _ANY)
         peak = _usual_peak(values)
         # A speed that was not driven holds nothing but noise, or a simulation's rounding.
         rests = name in log.channels.mixing and name not in driven

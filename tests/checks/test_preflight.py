@@ -340,6 +340,19 @@ def test_a_motor_may_turn_fast(axis_log):
     assert not _doubts(motor)
 
 
+@pytest.mark.parametrize("in_degrees", [False, True])
+def test_a_steering_angle_in_degrees_is_doubted(in_degrees):
+    """Numbers of a commanded angle beyond a whole turn; the same angle in rad is none, nor is a motor's counted position."""
+    random = np.random.default_rng(37)
+    steering = np.repeat(random.uniform(-0.4, 0.4, 20), 30)
+    channels = Channels(("delta",), ("w", "position"), units={"delta": "rad", "w": "rad/s", "position": "rad"})
+    time, turned = 0.02 * np.arange(600), np.cumsum(np.tan(steering)) + 300.0
+    outputs = np.stack([np.tan(steering), turned], axis=-1) + 0.01 * random.normal(size=(600, 2))
+    inputs = (np.rad2deg(steering) if in_degrees else steering)[:, None]
+    found = preflight(Log.from_arrays("car.csv", time, inputs, outputs, channels))
+    assert [f.column for f in found if f.check == "unit"] == ["delta"] * in_degrees
+
+
 def test_a_sign_is_not_read_from_a_motion_that_the_inputs_did_not_ask_for(held, pioneer_log):
     """Driven straight with wheels that differ, the robot turns a little: that says nothing of the gyro."""
     log = pioneer_log(_pioneer_inputs(held, "straight"), seed=5)

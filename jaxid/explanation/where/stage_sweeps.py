@@ -130,13 +130,18 @@ def _drive(robot: Robot, inputs: Scalars, state: State, p: Numbers, count: int):
 
 
 # -- the sweeps of each stage, the most particular variable first ---------------------------------------------------
-def _turned(robot: Robot, scales: Scales) -> Iterator[tuple[str, str, str, str, Grid]]:
-    """States other than velocities that a stage may depend on: (family, state, in words, unit, values)."""
+def _turned(robot: Robot, scales: Scales, along: bool = False) -> Iterator[tuple[str, str, str, str, Grid]]:
+    """States other than velocities that a stage may depend on: (family, state, in words, unit, values).
+
+    `along`: an angle that has a way goes all of it, instead of once round.
+    """
     if "theta" in robot.states:
         yield "heading", "theta", "heading", "rad", np.linspace(-np.pi, np.pi, POINTS)
     for name in robot.angles:
         if name in robot.states:
-            yield "angle", name, f"angle {name}", robot.angle_unit, np.linspace(0.0, 2 * np.pi * scales.angle, POINTS)
+            begin, end = (scales.way if along else None) or (0.0, 2 * np.pi * scales.angle)
+            words = f"way {name}" if along and scales.way else f"angle {name}"
+            yield "angle", name, words, robot.angle_unit, np.linspace(begin, end, POINTS)
 
 
 def _own_states(effect: Effect, robot: Robot, largest: dict[str, float]) -> Iterator[tuple[str, str, str, str, Grid]]:
@@ -157,7 +162,7 @@ def _rubbing_sweeps(robot: Robot, scales: Scales, floor: Grid) -> Iterator[Sweep
             return _friction(r, 0.5 * scales.speed, _state(r, x=floor[:, 0], y=floor[:, 1]), p, len(floor))
 
         yield Sweep(*named, "place", robot.length_unit, floor, there, "place", "place")
-    for family, state, variable, of, values in _turned(robot, scales):
+    for family, state, variable, of, values in _turned(robot, scales, along=True):
         response = lambda r, p, s=state, v=values: _friction(r, 0.5 * scales.speed, _state(r, **{s: v}), p, len(v))  # noqa: E731
         yield Sweep(*named, variable, of, values, response, family)
     rims = both_ways(scales.speed)
