@@ -45,11 +45,6 @@ def _say_outliers(fit: Fit) -> None:
         )
 
 
-def _beside_judgement(fit: Fit) -> list[str]:
-    """The notes but for the judgement, which stands with the results."""
-    return [note for note in fit.notes if fit.judgement is None or note != fit.judgement.sentence]
-
-
 def _stretch(logs: LogSet, windows: float | str | None) -> int | None:
     """Samples in a stretch of integral least squares where `--windows` gives seconds; its own choice otherwise."""
     if not isinstance(windows, float):
@@ -78,7 +73,7 @@ def _instrumental_variables(robot: Robot, logs: LogSet, start: Fit | None, optio
 def _output_error(robot: Robot, logs: LogSet, start: Fit | None, options: Mapping[str, Any]) -> Fit:
     with step("Output error") as report:
         found = output_error(robot, logs, start=start, report=report, **options)
-    for note in _beside_judgement(found):
+    for note in found.remarks:  # the judgement stands with the results
         say(f"warning: {note}", style="yellow")
     for name, offset in found.clock_offsets.items():
         say(f"{name}: the inputs' clock is {with_error(offset.value, offset.std_error)} s ahead of the outputs'")
@@ -89,7 +84,7 @@ def _output_error(robot: Robot, logs: LogSet, start: Fit | None, options: Mappin
 def _prediction_error(robot: Robot, logs: LogSet, start: Fit | None, options: Mapping[str, Any]) -> Fit:
     with step("Prediction error") as report:
         found = prediction_error(robot, logs, start=start, report=report)
-    for note in _beside_judgement(found):
+    for note in found.remarks:
         say(note)
     return found
 

@@ -190,6 +190,11 @@ class Fit:
         """Whether the residual says that the model does not follow the logs."""
         return self.judgement is not None and self.judgement.verdict == "failed"
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The notes without the judgement's own sentence."""
+        return tuple(note for note in self.notes if self.judgement is None or note != self.judgement.sentence)
+
     def status_of(self, name: str) -> str:
         """An estimate's status in words, with the qualifier that the judgement asks for."""
         status = self[name].status.replace("_", " ")

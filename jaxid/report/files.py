@@ -46,6 +46,8 @@ def fit_document(
             "combinations": {name: estimate.to_dict() for name, estimate in fit.combinations.items()},
             "check": _prediction((held_out or {}).get(fit.method)),
         }
+        if fit.remarks:
+            methods[fit.method]["notes"] = list(fit.remarks)
         horizons = (ahead or {}).get(fit.method)
         if horizons is not None:
             methods[fit.method]["check"] |= {"samples_ahead": {str(k): v.normalised_rms for k, v in horizons.items()}}

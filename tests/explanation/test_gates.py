@@ -56,6 +56,15 @@ def test_fit_and_explanation_measure_with_one_yardstick(heavy_tailed):
     assert found.to_dict()["gap"]["before"] == pytest.approx(of_fit, rel=1e-12)
 
 
+def test_what_is_said_beside_a_fit_stands_in_its_file(heavy_tailed):
+    """But for the judgement's sentence, which stands there by itself; no key where nothing is said."""
+    _, fit, *_ = heavy_tailed
+    doubted = replace(fit, notes=(fit.judgement.sentence, "a.csv is in milliseconds."))
+    assert fit_document([doubted])["methods"]["output_error"]["notes"] == ["a.csv is in milliseconds."]
+    quiet = replace(fit, notes=(fit.judgement.sentence,))
+    assert "notes" not in fit_document([quiet])["methods"]["output_error"]
+
+
 def test_logs_of_one_name_are_refused_before_anything_is_done(heavy_tailed):
     _, fit, logs, _ = heavy_tailed
     said = []
