@@ -3,7 +3,7 @@
 A first-order lag `T dy'/dt = y - y'` is a state of its own for every output (state augmentation; Simon, Optimal State
 Estimation, 2006, section 7.2), moved exactly for outputs that are straight lines over an integration step. Outputs that are
 all stamped late by d are those of the same motion begun d later, so that the inputs are shifted by d instead: the filter's
-state is then that of d earlier. Whatever else remembers earlier outputs is refused.
+state is then that of d earlier. Whatever else remembers earlier outputs is refused, other laws of a lag or a delay as well.
 """
 
 from dataclasses import replace
@@ -27,9 +27,19 @@ _LEAST = 1e-9
 _PROBED = 6
 
 
-def lag_of(robot: Robot) -> SensorLag | None:
+def _is_lag(effect: Effect) -> bool:
+    """Whether it is the first-order lag: the other laws of one derive from it, and are no such state."""
+    return type(effect) is SensorLag
+
+
+def _is_delay(effect: Effect) -> bool:
+    """Whether it is one constant delay of all: the same."""
+    return type(effect) is SensorDelay
+
+
+def lag_of(robot: Robot) -> Effect | None:
     """The lag among the robot's effects."""
-    return next((effect for effect in robot.effects if isinstance(effect, SensorLag)), None)
+    return next((effect for effect in robot.effects if _is_lag(effect)), None)
 
 
 def lagged_outputs(robot: Robot) -> tuple[str, ...]:
@@ -43,7 +53,7 @@ def _places(robot: Robot) -> np.ndarray:
 
 
 def _measured(robot: Robot, effects: tuple[Effect, ...], y: Float[Array, " ny"], p: Numbers) -> Float[Array, " ny"]:
-    late = [effect for effect in effects if not isinstance(effect, SensorLag | SensorDelay)]
+    late = [effect for effect in effects if not (_is_lag(effect) or _is_delay(effect))]
     return passed(replace(robot, effects=tuple(late)), "measure", y[None], jnp.zeros(1), p)[0]
 
 
@@ -99,7 +109,7 @@ def with_lagged(robot: Robot, p: Numbers, start: Moments, seen: Float[Array, " n
 def shifted(robot: Robot, p: Numbers, inputs: Float[Array, "T m nu"], dt: Float[Array, " T"]) -> Float[Array, "T m nu"]:
     """The inputs of every step, late by the sensors' delay; nothing acts before the start."""
     for effect in robot.effects:
-        if not isinstance(effect, SensorDelay):
+        if not _is_delay(effect):
             continue
         T, m, nu = inputs.shape
         fine, steps = inputs.reshape(T * m, nu), jnp.repeat(dt / m, m)
@@ -129,15 +139,15 @@ def _remembers(robot: Robot, effect: Effect) -> bool:
 
 def refusal(robot: Robot, logs: LogSet) -> str | None:
     """Why the filter cannot have the robot's sensors on these logs, in a sentence; None if it can."""
-    others = [e for e in robot.effects if not isinstance(e, SensorLag | SensorDelay) and _remembers(robot, e)]
+    others = [e for e in robot.effects if not (_is_lag(e) or _is_delay(e)) and _remembers(robot, e)]
     if others:
         return (
-            f"{', '.join(e.id for e in others)} remembers earlier outputs, which a filter of the state does not hold; take "
+            f"{', '.join(f'{e.id} ({e.law})' if e.law else e.id for e in others)} remembers earlier outputs, which a filter of the state does not hold; take "
             "output error for this model, or leave the effect out"
         )
     late = sensed(robot)
     extra = [c for c in robot.channels.measured if c not in late and any(c in log.measured for log in logs)]
-    if extra and any(isinstance(e, SensorDelay) for e in robot.effects):
+    if extra and any(_is_delay(e) for e in robot.effects):
         return (
             f"sensor_delay makes {', '.join(late)} late but not {', '.join(extra)}, and a filter has one "
             f"state at a time; leave {', '.join(extra)} out of the logs, or take output error for this model"

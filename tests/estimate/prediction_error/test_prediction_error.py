@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from jaxid import AXIS, Axis, Custom, Log, LogSet, ParameterError, compare, output_error, prediction_error
+from jaxid.effects import laws_of
 from jaxid.effects.sensor import SensorBias, SensorDelay, SensorLag
 from jaxid.estimate.prediction_error.disturbance import chance
+from jaxid.estimate.prediction_error.late_sensors import refusal
 from jaxid.estimate.prediction_error.noisy_states import noisy_states
 from jaxid.estimate.prediction_error.predict import predict
 from jaxid.robots.effect import Effect
@@ -206,6 +208,19 @@ def test_what_it_cannot_do_it_says(disturbed_axis):
         prediction_error(Axis() + Summed(), logs)
     with pytest.raises(ParameterError, match="no state 'w'.* q, v"):
         prediction_error(Axis(), logs, process_noise=["w"])
+
+
+def test_other_laws_of_a_late_sensor_are_none_of_the_filters(disturbed_axis):
+    """They derive from the lag and the delay that the filter has, and would have been taken for these, or have had no such
+    parameter."""
+    logs = LogSet([disturbed_axis(1)])
+    had = {("sensor_lag", "first_order"), ("sensor_delay", "constant")}
+    for effect in (e for name in ("sensor_lag", "sensor_delay") for e in laws_of(Axis(), name)):
+        why = refusal(Axis() + effect, logs)
+        if (effect.id, effect.law) in had:
+            assert why is None
+        else:
+            assert why is not None and f"{effect.id} ({effect.law}) remembers" in why
 
 
 def test_noise_acts_on_velocities_not_on_what_integrates_them(balanced):
