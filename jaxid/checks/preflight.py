@@ -5,8 +5,8 @@ Identifiers of the checks, by severity:
 - error: `never_moved`.
 - warning: `short_log`, `time_gap`, `clock_jitter`, `time_unit`, `unit`, `contradiction`, `idle`, `saturated`,
   `missing_samples`, `slow_sensor`, `frozen_sensor`, `spike`, `dead_sensor`, `moving_start`, `exchanged`, `sign_flipped`,
-  `swapped`, `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`, `turns`, `ahead_of_input`; of a set
-  `copy`; and from the reader `repeated_row`, `truncated_row`, `held_input`, `infinite`, `empty_column`, `unused_column`,
+  `swapped`, `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`, `turns`, `ahead_of_input`,
+  `repeated_value`; of a set `copy`; and from the reader `repeated_row`, `truncated_row`, `held_input`, `infinite`, `empty_column`, `unused_column`,
   `differentiated`, `out_of_order`, `falling_supply`; of recordings `truncated`, `clocks_apart`, `cut_end`, `pose_at_start`.
 - note: `constant_input`, `equal_inputs`, `quantisation`, `skipped_row`; of recordings `several_clocks`, `moved_samples`,
   `mean_commands`,
@@ -22,6 +22,7 @@ import pandas as pd
 
 from ..logs.finding import Finding, LogError
 from ..logs.log import Log, did_you_mean
+from .repeats import check_repeats
 from .response import check_response
 from .samples import check_samples
 from .scale import check_scale
@@ -44,6 +45,9 @@ def preflight(log: Log, also: Sequence[str] = ()) -> list[Finding]:
         if not pd.api.types.is_numeric_dtype(log.extra[name]) or not np.isfinite(log.extra[name]).any():
             raise LogError(f"{log.name}: extra column {name!r} holds no numbers; leave it out of `also`.")
     findings = [*log.findings, *check_samples(log, also), *check_sensors(log, also), *check_scale(log)]
+    held = {found.column for found in findings if found.check in ("slow_sensor", "frozen_sensor")}
+    for name in log.measured:
+        findings += check_repeats(log, name, log.output(name)) if name not in held else ()
     if not any(finding.severity == "error" for finding in findings):
         # Noise alone has no response worth naming.
         findings += check_response(log)
