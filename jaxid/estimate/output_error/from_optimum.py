@@ -22,6 +22,9 @@ _BOUND_COST = 0.5
 """Half chi-squared that putting a parameter on its bound may cost beyond what its standard error lets expect."""
 _MATTERS = 0.1
 """Share of the signal that a parameter without bounds, moved by its standard error, may make up if it is to be known."""
+_FARTHEST = 1e6
+"""Times what is known of a parameter's size beforehand that nothing known of it exceeds, whatever would change the
+simulation: one that hardly enters it would need any number."""
 _STANDS_OUT = 10.0
 """Ratio of a log's residual to the other logs' (root mean square, in units of the noise) that is worth a word."""
 
@@ -56,11 +59,11 @@ def known_spread(problem: Problem, optimum: Optimum) -> Spread:
 
 def _sizes(problem: Problem, optimum: Optimum) -> NDArray[np.float64]:
     """Magnitudes [n] that standard errors must not exceed: a parameter's value; of one that may take either sign, at least
-    a tenth of what would change the simulation by as much as there is to simulate; of one with two bounds, at least half
-    of what lies between them."""
+    a tenth of what would change the simulation by as much as there is to simulate, if that is no monstrous number; of one
+    with two bounds, at least half of what lies between them."""
     theta = np.asarray(parameters_at(problem, optimum.unknowns.z))
     lower, upper = np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper)
-    matters = _MATTERS * matter_at(problem, optimum.triangle)
+    matters = np.minimum(_MATTERS * matter_at(problem, optimum.triangle), _FARTHEST * np.asarray(problem.bounds.scale))
     unbounded, both = ~np.isfinite(lower) & ~np.isfinite(upper), np.isfinite(lower) & np.isfinite(upper)
     least = np.where(unbounded, matters, np.where(both, 0.5 * (upper - lower), 0.0))
     # On its bound a parameter has no size of its own; its standard error says how far from there it may be.
