@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..effects.curve import SHAPE
+from ..effects.curve import SHAPE, Curve
 from ..estimate.result import Fit
 from .certainty.straight_shares import open_gain
 from .explanation import Verdict
@@ -43,10 +43,12 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
 
 
 def _none_of_theirs(final: Fit, named: Sequence[NamedEffect]) -> list[tuple[NamedEffect, str]]:
-    """The names whose curves, or numbers, are none that they may have, and why."""
+    """The names whose curves, or numbers, are none that they may have, and why; but for those that are said to be as well the
+    name whose they are."""
     own = {effect.id: effect for effect in final.robot.effects}
-    every = [(effect, own[effect.id].doubt(final.robot)) for effect in named if effect.id in own]
-    return [(effect, why) for effect, why in every if why]
+    every = [(effect, own[effect.id]) for effect in named if effect.id in own]
+    there = [(e, law) for e, law in every if not (isinstance(law, Curve) and law.rather in e.equivalent_to)]
+    return [(e, why) for e, law in there if (why := law.doubt(final.robot))]
 
 
 def _more_than_imprecise(named: Sequence[NamedEffect], final: Fit, after: HeldOut) -> bool:

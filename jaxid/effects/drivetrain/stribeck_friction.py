@@ -191,6 +191,11 @@ class StribeckCurve(Curve):
         parts = self.parts(robot) if self.apart else ("",)
         return sum(robot.parameters[self.height(0, self.of(part))].value for part in parts) >= 0.0
 
+    def doubt(self, robot: Robot) -> str:
+        """What falls towards standstill, at it and on the whole, is the contrary of it, beside whatever made it so."""
+        whole = sum(robot.parameters[name].value for name in self.parameters(robot) if self.is_height(name))
+        return "its curve falls towards standstill" if whole < 0.0 and not self.agrees(robot) else ""
+
     def parts(self, robot: Robot) -> tuple[str, ...]:
         return axis_names(robot)
 
