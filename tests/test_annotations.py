@@ -55,6 +55,7 @@ assert output_error(own, LogSet([recorded("own", own, 1)]), integrator=Integrato
 """
 
 
+@pytest.mark.slow
 def test_every_module_imports_and_fits_run_under_the_checker():
     search = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     run = subprocess.run(

@@ -73,6 +73,7 @@ def spoiled(folder, to):
     return to
 
 
+@pytest.mark.slow
 def test_a_robust_loss_finds_what_is_missing_among_outliers(jaxid, hidden_drag, tmp_path):
     logs, out = spoiled(hidden_drag, tmp_path / "logs"), tmp_path / "out"
     files = ("--fit", *sorted(logs.glob("fit_*.csv")), "--held-out", *sorted(logs.glob("check_*.csv")))
@@ -114,6 +115,7 @@ def loop_log(path, seed, mass=1.3, viscous=2.0, drag=1.5):
     pd.DataFrame(rows, columns=["t", "u", "v", "wanted"]).to_csv(path, index=False)
 
 
+@pytest.mark.slow
 def test_what_is_missing_in_a_closed_loop(jaxid, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "laws_of_a_test.py").write_text(LOOP)

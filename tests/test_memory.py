@@ -2,11 +2,13 @@
 
 import jax
 import jax.numpy as jnp
+import pytest
 
 from jaxid import _memory
 from jaxid._memory import bounded_memory, programs
 
 
+@pytest.mark.slow
 def test_programs_are_forgotten_only_where_explanations_left_too_many(monkeypatch):
     monkeypatch.setattr(_memory, "MOST_PROGRAMS", 1)
     monkeypatch.setattr(_memory, "_made", 0)

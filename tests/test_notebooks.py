@@ -29,6 +29,8 @@ CELL_SECONDS = 600
 SAMPLES = 501
 SHORTENED = ("omni", "pioneer", "unknown")
 LEFT_OUT = ("fit_crawl", "fit_prbs_forward", "fit_turning", "fit_2", "fit_3", "fit_6")
+QUICK = ("omni_paper", "own_robot")
+"""What the default run runs."""
 EFFECTS = ("sensor_bias", "quadratic_drag", "stribeck_friction", "actuator_dead_zone")
 
 
@@ -81,7 +83,11 @@ def shell(monkeypatch):
     interactiveshell.InteractiveShell.clear_instance()
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=by_name)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=[] if path.stem in QUICK else pytest.mark.slow) for path in NOTEBOOKS],
+    ids=by_name,
+)
 def test_notebook_runs(path, less_data, shell, monkeypatch):
     monkeypatch.setattr(demo, "folder", less_data.joinpath)
     searching = importlib.import_module("jaxid.explanation.search.from_the_back")

@@ -48,7 +48,7 @@ def recorded(dry, viscous, count=5):
 @pytest.mark.parametrize(
     ("dry", "viscous", "name", "mean"),
     [
-        ((3.6, 2.0), (6.0, 6.0), "asymmetric_friction", ("Fc", 2.8)),
+        pytest.param((3.6, 2.0), (6.0, 6.0), "asymmetric_friction", ("Fc", 2.8), marks=pytest.mark.slow),
         ((2.0, 2.0), (4.0, 7.0), "asymmetric_viscous_friction", ("Fv", 5.5)),
     ],
 )

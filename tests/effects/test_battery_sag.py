@@ -32,6 +32,7 @@ def _held(time):
     return time.reshape(-1, 10).mean(axis=1).repeat(10)
 
 
+@pytest.mark.slow
 def test_a_supply_that_runs_down_is_named_with_its_rate():
     fit, held_out = driven(lambda u: u * (1.0 - SLOPE * _held(TIME)), 5)
     found = explain(output_error(Axis().change("Fc", free=False).with_values(Fc=0.0), fit), fit, held_out)

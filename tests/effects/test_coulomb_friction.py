@@ -28,6 +28,7 @@ def recorded(level, count=5, mass=1.3, viscous=2.1):
     return LogSet(logs[:-2]), LogSet(logs[-2:])
 
 
+@pytest.mark.slow
 def test_dry_friction_is_named_by_its_own_name_with_its_level():
     logs, held_out = recorded(0.6)
     fit = output_error(WITHOUT, logs)

@@ -1,6 +1,7 @@
 """A constant force along a line, against the closed form of a mass with viscous friction."""
 
 import numpy as np
+import pytest
 
 from jaxid import Axis, Channels, Custom, Log, LogSet, Omni, Parameter, explain, output_error
 from jaxid.effects import laws_of
@@ -46,6 +47,7 @@ def test_what_goes_along_a_line_may_be_pulled_along_it():
     np.testing.assert_allclose(simulated[:, 0], log.output("v"), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_it_is_named_where_the_robot_has_no_such_force_of_its_own():
     logs = LogSet([_log(f"run {k}", k, PULL) for k in range(3)])
     held_out = LogSet([_log("check", 9, PULL)])

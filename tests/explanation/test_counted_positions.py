@@ -21,7 +21,12 @@ def explained(name, counts, hidden):
 
 @pytest.mark.parametrize(
     ("name", "counts"),
-    [("axis", 64), ("own drive", 4096), pytest.param("omni", 2048, marks=pytest.mark.slow), ("pioneer", 512)],
+    [
+        ("axis", 64),
+        ("own drive", 4096),
+        pytest.param("omni", 2048, marks=pytest.mark.slow),
+        pytest.param("pioneer", 512, marks=pytest.mark.slow),
+    ],
 )
 def test_nothing_is_missing_in_a_complete_model(name, counts):
     fit, found = explained(name, counts, Hidden())

@@ -86,6 +86,7 @@ def test_what_was_added_is_an_ordinary_model(explained, hidden_drag, tmp_path):
             assert abs(estimate.value - explained.final[name].value) < 0.05 * estimate.std_error, name
 
 
+@pytest.mark.slow
 def test_the_model_file_says_why_it_is_to_be_doubted(explained, tmp_path):
     explained.save(tmp_path)
     assert not (tmp_path / "model.toml").read_text().startswith("#")
@@ -98,6 +99,7 @@ def test_the_model_file_says_why_it_is_to_be_doubted(explained, tmp_path):
     assert read_model(tmp_path / "model.toml", Axis()) == explained.model
 
 
+@pytest.mark.slow
 def test_a_proposed_experiment_is_a_log_ready_file_and_goes_with_its_explanation(explained, proposed, tmp_path):
     paths = replace(explained, next_experiment=proposed).save(tmp_path)
     table = pd.read_csv(tmp_path / "next_experiment.csv")

@@ -230,6 +230,7 @@ def test_a_model_that_does_not_follow_its_own_logs_names_nothing(heavy_tailed):
 
 
 # -- a robot whose outputs are no states ---------------------------------------------------------------------------
+@pytest.mark.slow
 def test_a_robot_without_velocities_is_told_so_first_and_explained_without_a_place():
     def decay(state, given, p):
         return {"level": given["u"] - p["rate"] * state["level"]}

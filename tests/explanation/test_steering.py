@@ -89,8 +89,8 @@ CAR = Custom(
 @pytest.mark.parametrize(
     ("kind", "size", "named"),
     [
-        ("servo", 0.12, "steering_lag"),
-        ("delay", 0.08, "steering_delay"),
+        pytest.param("servo", 0.12, "steering_lag", marks=pytest.mark.slow),
+        pytest.param("delay", 0.08, "steering_delay", marks=pytest.mark.slow),
         ("trim", 0.04, "steering_error"),
         pytest.param("rate", 0.5, "steering_lag", marks=pytest.mark.slow),
         pytest.param("linkage", 0.3, "steering_error", marks=pytest.mark.slow),

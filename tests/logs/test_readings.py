@@ -58,6 +58,7 @@ def test_a_speed_and_a_position_that_is_not_counted_count_throughout():
     assert counting(log).all()
 
 
+@pytest.mark.slow
 def test_intervals_hold_where_only_rounding_is_left():
     robot, far, count, poor = Axis().with_values(gain=GAIN, back_emf=BACK_EMF), 0, 0, 0
     for seed in range(6):

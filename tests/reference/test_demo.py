@@ -21,6 +21,7 @@ def written(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_shipped_logs_are_reproduced(written):
     names = sorted(path.relative_to(written) for path in written.rglob("*.csv"))
     assert names == sorted(path.relative_to(SHIPPED) for path in SHIPPED.rglob("*.csv")) and len(names) == 55

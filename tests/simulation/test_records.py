@@ -37,7 +37,11 @@ def laws_on_commands():
 
 
 @pytest.mark.parametrize(
-    ("robot", "law"), [pytest.param(*own, id=f"{own[0].name}-{own[1].title}") for own in laws_on_commands()]
+    ("robot", "law"),
+    [
+        pytest.param(*own, id=f"{own[0].name}-{own[1].title}", marks=[] if own[0].name == "axis" else pytest.mark.slow)
+        for own in laws_on_commands()
+    ],
 )
 def test_effects_without_memory_answer_every_command_alone(robot, law):
     """Whatever comes before a command and whenever it comes, they make the same of it; of the others that is not so."""

@@ -141,8 +141,9 @@ def refusal(robot: Robot, logs: LogSet) -> str | None:
     """Why the filter cannot have the robot's sensors on these logs, in a sentence; None if it can."""
     others = [e for e in robot.effects if not (_is_lag(e) or _is_delay(e)) and _remembers(robot, e)]
     if others:
+        named = ", ".join(f"{e.id} ({e.law})" if e.law else e.id for e in others)
         return (
-            f"{', '.join(f'{e.id} ({e.law})' if e.law else e.id for e in others)} remembers earlier outputs, which a filter of the state does not hold; take "
+            f"{named} remembers earlier outputs, which a filter of the state does not hold; take "
             "output error for this model, or leave the effect out"
         )
     late = sensed(robot)

@@ -34,6 +34,7 @@ def arviz():
         return pytest.importorskip("arviz", reason="to_arviz needs ArviZ (extra `arviz`)")
 
 
+@pytest.mark.slow
 def test_arviz_finds_the_same_numbers_in_the_same_draws(drawn):
     """r_hat as Gelman and Rubin defined it (ArviZ: "identity"), effective draws after Geyer, whose chains ArviZ halves."""
     az = arviz()

@@ -101,6 +101,7 @@ def first_order(a, b, h, sigma, seed):
     return Log.from_arrays("first order", h * np.arange(SAMPLES), u, noisy, FIRST_ORDER)
 
 
+@pytest.mark.slow
 def test_least_squares_is_what_it_mends():
     """A fast system, whose measured output is itself the regressor: least squares is off by a standard
     deviation of one fit, which no longer record mends, instrumental variables by none."""
@@ -264,6 +265,7 @@ COUPLED = Custom(
 )
 
 
+@pytest.mark.slow
 def test_noise_of_one_speed_in_the_equation_of_another_is_counted():
     """Two speeds that turn into each other (gyroscopic coupling), exact at the samples: the noise of each is a slow error of
     the other's equation. Counted as noise of its own equation alone, `a` and `b` would scatter 1.75 times what is reported."""

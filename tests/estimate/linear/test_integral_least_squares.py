@@ -184,6 +184,7 @@ def test_the_balance_is_bridged_over_a_short_gap_and_broken_by_a_long_gap():
     np.testing.assert_array_equal(rows.whole, ~broken)
 
 
+@pytest.mark.slow
 def test_omni_moving_in_all_directions():
     kinds = ["prbs_reversing", "multilevel", "turning"]
     logs = [
@@ -240,6 +241,7 @@ def test_prior_weighs_in(axis_logs):
 
 
 # -- noise -------------------------------------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_standard_errors_against_monte_carlo(axis_logs):
     """24 noisy repeats, whose scatter is known to a seventh: it is as the standard errors say, the bias small beside it."""
     names = list(AXIS_TRUTH)

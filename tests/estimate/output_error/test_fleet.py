@@ -110,6 +110,7 @@ def test_members_have_their_own_constants_starts_and_outliers(fleet):
     assert found.fits["light"]["M"].value == pytest.approx(2.0 * MASSES["light"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_members_have_their_own_clocks(fleet):
     """The light robot's outputs were stamped 10 ms late: its inputs' clock is behind."""
     late = LogSet(replace(log, outputs=shifted(log)) for log in fleet["light"])

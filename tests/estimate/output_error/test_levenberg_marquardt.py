@@ -279,6 +279,7 @@ def test_priors_pull_as_the_closed_form_says(linear):
     np.testing.assert_allclose(shared.T @ shared, normal, rtol=1e-9, atol=1e-9 * normal.max())
 
 
+@pytest.mark.slow
 def test_many_starts_in_one_batch_are_the_single_fits_and_a_diverging_one_harms_nobody(axis):
     structure, problem, start = axis
     shifts = jnp.array([[0.0, 0.0, 0.0, 0.0], [0.5, -0.4, 0.3, 0.1], [-40.0, 3.0, 0.0, 0.0]])

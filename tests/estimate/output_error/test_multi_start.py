@@ -50,6 +50,7 @@ def test_the_best_basin_is_found_and_the_stuck_one_is_told(logs):
     assert f"{found.basins[0].starts} of 32 starts" in repr(found)
 
 
+@pytest.mark.slow
 def test_starts_of_a_robot_without_machine_code_are_fitted_where_no_initial_state_is_estimated():
     """Its program answers for all starts together; a log that begins at rest leaves no initial state to estimate."""
     robot = Custom(

@@ -245,6 +245,7 @@ def test_an_unknown_start_in_motion_is_estimated(axis_log):
     assert fit.initial_states["c"] == {"q": 0.0, "v": 0.0}  # at rest: nothing to estimate
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("double_precision")
 def test_the_covariance_is_that_of_sixty_repetitions(axis_logs):
     """Sixty noise realisations fitted in one compiled batch: spread, bias and joint distances as the theory says."""

@@ -91,6 +91,7 @@ def test_a_log_without_noise_is_told_so_and_not_that_its_motion_is_chaotic() -> 
     assert "no noise to speak of" in said and "chaotic" not in said
 
 
+@pytest.mark.slow
 def test_shorter_steps_are_fitted_by_the_solver_that_was_given(monkeypatch) -> None:
     mine, used = optx.LevenbergMarquardt(1e-8, 1e-8), []
     own = step_check.minimise_compiled

@@ -14,7 +14,7 @@ def arriving(time, rng):
     return np.maximum.accumulate(time + rng.gamma(2.0, 0.0006, len(time)))
 
 
-@pytest.mark.parametrize(("name", "counts"), [("axis", 2048), ("own drive", 4096)])
+@pytest.mark.parametrize(("name", "counts"), [("axis", 2048), pytest.param("own drive", 4096, marks=pytest.mark.slow)])
 def test_a_complete_model_is_told_that_its_stamps_are_those_of_arrival(name, counts):
     logs, held_out = logged(name, counts, Hidden(), seed=2, stamps=arriving)
     fit = jaxid.output_error(model(name), logs)

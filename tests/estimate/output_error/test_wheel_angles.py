@@ -54,7 +54,7 @@ def measured(robot, name, kinds, noise, rng):
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.0])
-@pytest.mark.parametrize("name", ["pioneer", "omni"])
+@pytest.mark.parametrize("name", ["pioneer", pytest.param("omni", marks=pytest.mark.slow)])
 def test_angles_give_the_parameters_with_intervals_that_hold_them(name, noise, demo_truth):
     robot = Pioneer(wheel_angles=True) if name == "pioneer" else Omni(wheel_angles=True)
     truth = demo_truth(name)

@@ -12,7 +12,12 @@ STRIBECK = {"axis": 4.0, "own drive": 1.5, "pioneer": 0.4, "omni": 12.0}
 
 @pytest.mark.parametrize(
     ("name", "counts", "seconds"),
-    [("axis", 2048, 1.0), ("own drive", 8192, 1.0), ("pioneer", 512, 0.4), ("omni", 4096, 1.0)],
+    [
+        ("axis", 2048, 1.0),
+        ("own drive", 8192, 1.0),
+        ("pioneer", 512, 0.4),
+        pytest.param("omni", 4096, 1.0, marks=pytest.mark.slow),
+    ],
 )
 def test_a_complete_model_is_believed_in_windows(name, counts, seconds):
     """Initial states that are estimated from a window leave what is not white; innovations are."""
@@ -31,6 +36,7 @@ def test_windows_do_not_hide_what_a_model_lacks(name, counts):
     assert not fit.trustworthy and fit.judgement.normalised_rms > 2
 
 
+@pytest.mark.slow
 def test_a_caster_driven_backwards_is_no_unstable_plant():
     """Its angle stands in no log; taken for zero while the robot reverses, it made every such log unstable."""
     from jaxid.estimate.output_error.predictability import predictability

@@ -116,6 +116,7 @@ def test_predictions_lie_between_one_sample_ahead_and_a_free_simulation(disturbe
         predict(fit, held_out, 0)
 
 
+@pytest.mark.slow
 def test_a_balanced_pendulum_is_found_though_no_simulation_follows_it(balanced):
     robot, logs = balanced
     fit = prediction_error(robot, logs)
@@ -239,6 +240,7 @@ def test_chance_of_a_likelihood_ratio_at_the_edge_of_what_is_possible():
     assert chance(4.0, 2) == pytest.approx(np.mean(ratio > 4.0), abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_start_that_is_not_known_is_no_noise(axis_log):
     """A log that starts in motion: how little is known of its first sample says nothing of what the others leave."""
     inputs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 50)

@@ -69,6 +69,7 @@ def within(difference, true, errors=4.0):
     return abs(difference.size.value - true) < errors * difference.size.std_error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "noise"), [(0, "white"), pytest.param(1, "coloured", marks=pytest.mark.slow)])
 def test_nothing_changed_and_what_would_have_been_seen(seed, noise):
     found = compared("axis", recorded("axis", 50 + seed, noise=noise), seed, noise)
@@ -99,6 +100,7 @@ def test_a_payload_is_named_with_its_size_and_saved(tmp_path):
     assert "The fits of both sets are poor" in " ".join(str(both).split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "name", "true"),
     [

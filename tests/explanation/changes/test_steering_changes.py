@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxid import Channels, Custom, Log, LogSet, Parameter, explain_change, output_error
 
@@ -96,6 +97,7 @@ def test_a_trim_that_is_off_since_is_an_error_of_steering_and_no_cross_talk():
     assert abs(trim.size.value - 0.015) < 4.0 * trim.size.std_error
 
 
+@pytest.mark.slow
 def test_commands_that_all_come_later_since_may_be_late_and_not_the_sensors_alone():
     found = changed(BASE, commanded, 0.0, 0.03, [0.01, 0.03])
     assert {found.change.id, *(own.id for own in found.equivalent)} >= {"input_delay"}

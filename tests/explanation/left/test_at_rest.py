@@ -41,6 +41,7 @@ def explained(force, bias):
     return explain(fit, LogSet(logs[:6]), LogSet(logs[6:]))
 
 
+@pytest.mark.slow
 def test_a_sensor_that_wanders_is_no_alarm():
     found = explained(0.0, 0.02)
     assert found.verdict == "adequate" and not found.effects

@@ -29,6 +29,7 @@ def test_nothing_is_missing_where_stamps_alone_are_wrong(axis_law, scattered):
     assert [note for note in found.notes if note.startswith("The stamps of 4 of 4 logs scatter about an even clock")]
 
 
+@pytest.mark.slow
 def test_what_is_missing_beside_wrong_stamps_is_named(axis_law):
     logs, held_out = runs(axis_law, 0.007, bias=0.02)
     found = explain(output_error(Axis(), logs), logs, held_out)

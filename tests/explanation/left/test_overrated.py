@@ -91,7 +91,7 @@ def controlled(width, seed, count=4, gain=24.0):
     return LogSet(logs[:-1]), LogSet(logs[-1:])
 
 
-@pytest.mark.parametrize("width", [0.0, 0.16])
+@pytest.mark.parametrize("width", [0.0, pytest.param(0.16, marks=pytest.mark.slow)])
 def test_noise_that_a_hard_controller_makes_quick_hides_nothing(width):
     logs, held_out = controlled(width, 3)
     fit = output_error(ROBOT, logs)

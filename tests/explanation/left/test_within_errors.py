@@ -85,6 +85,7 @@ def _near_the_right_law(seconds_pushed):
     return fit, LogSet([_log("pushed", pushed, 11), _log("driven", _steps(12), 12)])
 
 
+@pytest.mark.slow
 def test_of_a_law_near_the_right_one_it_is_said_which_log_hangs_on_little_and_what_the_others_leave():
     fit, held_out = _near_the_right_law(60)
     state = held_out_state(fit.robot, held_out)

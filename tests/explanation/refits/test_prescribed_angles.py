@@ -80,6 +80,7 @@ def prescribed_fit(runs):
     return fit_with_prescribed_angles(RIPPLED, runs[0], NOISE, start, {})
 
 
+@pytest.mark.slow
 def test_a_fit_with_prescribed_angles_finds_the_ripple(prescribed_fit):
     amplitude = np.hypot(prescribed_fit["cogging_torque.sine_q"].value, prescribed_fit["cogging_torque.cosine_q"].value)
     assert prescribed_fit["M"].value == pytest.approx(20.0, rel=0.02)

@@ -53,6 +53,7 @@ def test_a_ripple_is_found_whatever_its_period_and_the_units(period):
         assert len(periods.values) <= 8 < periods.looked_at
 
 
+@pytest.mark.slow
 def test_noise_repeats_with_nothing():
     """Hundreds of periods are looked at each time; 5 % of complete models may show one. (P(4 or more of 20) = 1.6 %.)"""
     assert sum(bool(found([driven(seed, 0.0, 1.0)]).values) for seed in range(20)) <= 3

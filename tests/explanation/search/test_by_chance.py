@@ -50,6 +50,7 @@ def _judged(law, fit_logs, held_out):
     return by_chance(fit, fit_logs, held_out, held_out_state(fit.robot, held_out, {"v": NOISE}))
 
 
+@pytest.mark.slow
 def test_commands_that_scatter_leave_what_draws_of_them_leave_and_no_draws_of_samples_do():
     logs = _logs(commands=True)
     state = _judged("input_delay", *logs)

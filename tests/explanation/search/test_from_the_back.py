@@ -1,6 +1,7 @@
 """An effect that was added first looked for again beside the later one, on an axis in closed form."""
 
 import numpy as np
+import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, output_error
 from jaxid.effects import effect_by_id
@@ -53,6 +54,7 @@ def searched(first, law, edge=0.6, left_out=()):
     return steps, two, revised, current, said
 
 
+@pytest.mark.slow
 def test_a_name_that_stood_in_for_another_is_exchanged_beside_the_later_one():
     # Added before and left out again, it is found anew: one step to it, not two.
     again = ("actuator_dead_zone",)

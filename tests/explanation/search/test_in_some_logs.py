@@ -45,6 +45,7 @@ def test_a_load_in_some_logs_is_named_with_its_size_and_its_logs():
     assert any(note.startswith("The payload of run 1, run 3, run 6 is another") for note in found.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changed", "effect", "size"),
     [

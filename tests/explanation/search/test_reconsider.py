@@ -168,6 +168,7 @@ def late(u):
     return np.concatenate([np.zeros(2), u[:-2]])
 
 
+@pytest.mark.slow
 def test_the_last_law_is_chosen_anew_where_an_earlier_one_has_changed():
     """A late command with a dead zone: beside a delay that grows, a dead zone by a wrong law was as good as any."""
     logs, held_out = driven(lambda u: np.where(np.abs(late(u)) > 1.0, late(u) - np.sign(late(u)), 0.0), SEED)

@@ -177,6 +177,7 @@ def braked_log(name, seed):
     return Log.from_arrays(name, DT * np.arange(300), spin[:, None], outputs[:, None], BRAKED.channels)
 
 
+@pytest.mark.slow
 def test_where_one_constant_would_have_to_be_wrong_by_too_much_others_together_are_found():
     fitted = LogSet([braked_log("a", 0), braked_log("b", 1)])
     found = explain(output_error(BRAKED, fitted), fitted, LogSet([braked_log("held", 2)]))

@@ -28,6 +28,7 @@ def swept(robot, effect, floor=NO_FLOOR, largest=None, **values):
     return found
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_drag_is_its_formula_and_the_data_lies_on_it(explained):
     forces = explained.localisation.forces
     (curve,) = law_curves(["quadratic_drag"], explained.baseline, explained.final, explained.held_out, forces)[

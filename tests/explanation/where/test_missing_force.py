@@ -92,6 +92,7 @@ def test_a_slope_pulls_with_the_heading():
         assert np.corrcoef(force.force[:, 0], pull)[0, 1] > 0.95
 
 
+@pytest.mark.slow
 def test_effects_of_the_model_are_accounted_for():
     hidden = {
         "ground_slope": {"angle": 0.03, "direction": 0.7},

@@ -45,6 +45,7 @@ def test_two_samples_a_stretch_are_equation_31(name, mass):
     assert fit["1/a11"].value == pytest.approx(1 / expected[0], abs=0.15 * fit["1/a11"].std_error)
 
 
+@pytest.mark.slow
 def test_equation_31_scatters_as_its_standard_errors_say():
     """Neighbouring integrals share samples: errors that count them as independent would be several times too large."""
     log = straight("2_prbs")
