@@ -480,3 +480,13 @@ def test_a_channel_called_by_its_own_name_with_its_unit_is_found_though_it_is_of
     # The speed v of a body is not v_right's, nor that of a side which is not its own.
     body = Channels(inputs=("ur", "ul"), outputs=("v", "w"), units={**units, "v": "m/s", "w": "rad/s"})
     assert not {one.field for one in propose(look(path), body, {})} & {"vr_km_h", "vl_km_h"}
+
+
+def test_columns_called_as_channels_are_these_whatever_wheel_they_seem_to_be_of(tmp_path):
+    """Two sides' speeds, of a robot whose channels have the same names and whose words say no side."""
+    path = tmp_path / "run.csv"
+    names = ("cl", "cr", "wl", "wr")
+    table = pd.DataFrame(np.random.default_rng(0).normal(size=(50, 4)), columns=names)
+    table.assign(t=np.arange(50) * 0.02).to_csv(path, index=False)
+    own = Channels(inputs=names[:2], outputs=names[2:], units=dict.fromkeys(names, "rad/s"))
+    assert {one.channel: one.field for one in propose(look(path), own, {})} == {name: name for name in names}

@@ -31,6 +31,9 @@ _ON_A_FLOOR = {"m/s": (2e-3, 30.0), "rad/s": (2e-3, 40.0)}
 _COMMANDED = {"rad": (1e-4, 6.5)}
 """The same for what is commanded: a steering angle of more than a whole turn is most likely in degrees."""
 _ANY = (1e-9, 1e9)
+_FOLLOWS, _NEARLY = 0.7, 0.5
+"""Correlation from which an angle is what the other commands, and the share of the degrees in a rad by which it goes farther
+where it is likely in degrees: a servo does not go all the way."""
 
 
 def _usual_peak(values: Array) -> float:
@@ -84,7 +87,31 @@ def _contradictions(log: Log) -> Iterator[Finding]:
             yield finding(log, substitute, None, "warning", "contradiction", text)
 
 
+def _in_degrees(log: Log) -> Iterator[Finding]:
+    """An angle that goes about as many times as far as the angle that is commanded as a rad has degrees."""
+    for name in log.measured:
+        for command in log.channels.inputs:
+            if not {log.channels.units.get(name), log.channels.units.get(command)} == {"rad"}:
+                continue
+            own, asked = log.output(name), log.input(command)
+            there = np.isfinite(own)
+            wide, commanded = (np.ptp(np.quantile(x, [0.02, 0.98])) for x in (own[there], asked[there]))
+            if not wide * commanded > 0 or np.corrcoef(own[there], asked[there])[0, 1] < _FOLLOWS:
+                continue
+            ratio = wide / commanded
+            for column, factor, other in ((name, ratio, command), (command, 1.0 / ratio, name)):
+                if _NEARLY < factor / np.degrees(1.0) < 1.0 / _NEARLY:
+                    text = (
+                        f"goes {factor:.3g} times as far as {other!r}, about as many as a rad has degrees; if it is in "
+                        "degrees, map it with the scale 0.0174533"
+                    )
+                    yield finding(log, column, None, "warning", "unit", text)
+
+
 def check_scale(log: Log) -> Iterator[Finding]:
     """Findings about the sizes of the channels, each by itself and those that measure the same motion."""
-    yield from _units(log)
+    doubted = list(_units(log))
+    yield from doubted
+    said = {found.column for found in doubted}
+    yield from (found for found in _in_degrees(log) if found.column not in said)
     yield from _contradictions(log)

@@ -167,6 +167,7 @@ def propose(seen: Look, channels: Channels, words: Mapping[str, str]) -> list[Pr
             for series in usable
             # What one wheel does is not what the body does.
             if command
+            or series.name == channel
             or series.name not in sides
             or _of_side("right", wanted)
             or _of_side("left", wanted)

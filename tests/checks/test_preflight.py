@@ -340,6 +340,18 @@ def test_a_motor_may_turn_fast(axis_log):
     assert not _doubts(motor)
 
 
+@pytest.mark.parametrize("column", ["goal", "q", ""])
+def test_an_angle_in_degrees_beside_one_in_rad_is_doubted(column):
+    """A servo whose goal and position are both called rad."""
+    random = np.random.default_rng(41)
+    goal = np.repeat(random.uniform(-0.9, 0.9, 20), 30)
+    q = np.convolve(goal, np.exp(-np.arange(60) / 12.0) / 12.5)[:600] + 0.001 * random.normal(size=600)
+    channels = Channels(("goal",), ("q",), units={"goal": "rad", "q": "rad"})
+    sizes = {name: np.rad2deg(values) if name == column else values for name, values in (("goal", goal), ("q", q))}
+    log = Log.from_arrays("servo.csv", 0.02 * np.arange(600), sizes["goal"][:, None], sizes["q"], channels)
+    assert [f.column for f in preflight(log) if f.check == "unit"] == [column] * bool(column)
+
+
 @pytest.mark.parametrize("in_degrees", [False, True])
 def test_a_steering_angle_in_degrees_is_doubted(in_degrees):
     """Numbers of a commanded angle beyond a whole turn; the same angle in rad is none, nor is a motor's counted position."""
