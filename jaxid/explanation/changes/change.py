@@ -91,6 +91,11 @@ class NamedChange:
         }
 
 
+def _percent(share: float, sign: str = "") -> str:
+    """A share in two digits, or in whole per cents above a hundred: no powers of ten."""
+    return f"{100 * share:{sign}.0f}" if abs(share) >= 1.0 else f"{100 * share:{sign}.2g}"
+
+
 def _sized(name: str, d: Difference) -> str:
     unit = f" {d.size.unit}" if d.size.unit else ""
     low, high = d.size.ci95
@@ -99,7 +104,7 @@ def _sized(name: str, d: Difference) -> str:
     if not unit and not d.before:
         low, high = 100 * low, 100 * high
         return f"{name} {100 * d.size.value:+.3g} % (95 % {low:.3g} to {high:.3g} %)"
-    share = f", {100 * d.share:+.2g} %" if math.isfinite(d.share) else ""
+    share = f", {_percent(d.share, '+')} %" if math.isfinite(d.share) else ""
     return f"{name} {d.size.value:+.3g}{unit} (95 % {low:.3g} to {high:.3g}{share})"
 
 
@@ -119,9 +124,9 @@ class Noticeable:
     def text(self) -> str:
         """Name and size in words."""
         if self.is_share:
-            return f"{self.words} by {100 * self.size:.2g} %"
+            return f"{self.words} by {_percent(self.size)} %"
         unit = f" {self.unit}" if self.unit else ""
-        share = f" ({100 * self.size / abs(self.value):.2g} %)" if self.value else ""
+        share = f" ({_percent(self.size / abs(self.value))} %)" if self.value else ""
         return f"{self.words} by {self.size:.2g}{unit}{share}"
 
     @property

@@ -15,7 +15,7 @@ from ..._distributions import chi_squared_beyond, chi_squared_tail, normal_beyon
 from ..._float64 import in_float64
 from ..._memory import bounded_memory
 from ..._origin import with_origin
-from ...estimate.result import Estimate, Fit, checked_fit
+from ...estimate.result import Estimate, Fit, Status, checked_fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.effect import in_words
@@ -78,7 +78,9 @@ def _named(pair: Pair, trial: Trial, rows: int) -> NamedChange:
     errors = np.sqrt(np.maximum(np.diag(joint.covariance), 0.0))
     found = {}
     for c, size, error in zip(candidate.coordinates, joint.delta, errors, strict=True):
-        estimate = Estimate.of(float(size), float(error) if error > 0 else float("nan"), c.unit)
+        known = bool(np.isfinite(error) and error > 0)  # none of what no sample asks for
+        status: Status = "identified" if known else "not_identifiable"
+        estimate = Estimate.of(float(size), float(error) if known else float("nan"), c.unit, status)
         shared = numbers[c.of] if c.of else 0.0
         found[c.name] = Difference(shared, shared + float(size), estimate)
     if candidate.side == "before":
@@ -174,7 +176,8 @@ def _explained(
     best, equivalent, doubts, notes = None, [], list[str](), ()
     if p < level:
         trials, null, colours = refitted(pair, look, null, held_out, report)
-        best, *equivalent = simplest_first(trials)
+        poor = any(fit.judgement is not None and fit.judgement.doubt for fit in (before, after))
+        best, *equivalent = simplest_first(trials, null, poor)
         equivalent += only_later(best, [t for t in trials if t is not best and t not in equivalent], null)
         tried = [trial.joint for trial in trials if not trial.score.own]
         lacking = lacking_in_both(pair, look, tried, best.joint, colours) if len(lacked) <= _IN_BOTH else None

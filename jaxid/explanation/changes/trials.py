@@ -22,6 +22,8 @@ _IN_THE_RUNNING, _FAR = 0.3, 100.0
 _NEAR = 16.0
 """Chi-squared by which two candidates must differ to be told apart, and standard errors of the difference."""
 _APART = 2.0
+_NEARLY = 0.05
+"""Share of the difference by which candidates beside models that are poor themselves must differ."""
 LEFT = 0.03
 """Share of the difference that a change may leave, significant or not: how far the models themselves are from nature."""
 
@@ -115,14 +117,17 @@ def refitted(
     return trials, refit(pair, None, colours, null.theta, None, null.states), colours
 
 
-def simplest_first(trials: list[Trial]) -> list[Trial]:
-    """The best and those that the data cannot tell from it, the simplest first; none that says the same with more numbers."""
+def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
+    """The best and those that the data cannot tell from it, the simplest first; none that says the same with more numbers. Of
+    `poor` models, which lack what both sets have, those that explain nearly as much of what `null` leaves are as good."""
     best = trials[0]
+    nearly = _NEARLY * (null.squares - best.joint.squares) if poor else 0.0
     near = [best]
     for trial in trials[1:]:
         behind = trial.total - best.total
         # Of what is the same but for rounding a next to nothing may be many of its own standard errors.
-        if behind < _NEAR and (vuong(best.compared, trial.compared) < _APART or behind < _APART**2):
+        alike = behind < _NEAR and (vuong(best.compared, trial.compared) < _APART or behind < _APART**2)
+        if alike or behind < nearly:
             near.append(trial)
     near.sort(key=lambda trial: (len(trial.joint.delta), trial.total))
     kept: list[Trial] = []
