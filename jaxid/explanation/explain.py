@@ -39,7 +39,7 @@ from .left.passing_jumps import without_passing_jumps
 from .left.usable_readings import on_usable_readings
 from .level import FALSE_ALARM, keeps_level
 from .looked import Asked, looked
-from .named_effects import named_effects, or_the_same_curve
+from .named_effects import named_effects, or_parts_of_others, or_the_same_curve, parts_of_others
 from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .policy import Policy, current_policy, keeps_policy
@@ -260,6 +260,7 @@ def explain(
         named = tuple(effect.as_in(final) for effect in named)
         named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
         named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
+        named = or_parts_of_others(named, final.robot)
         verdict = verdict_of(found, named, most, doubts)
     tables = tuple(in_a_sentence(identifier, sets, fit.robot) for identifier, sets in constants.items() if sets)
     contradicted = [effect.constants[0] for effect in named if effect.id == TableConstants.id]
@@ -315,6 +316,7 @@ def explain(
                 delays_in_common(final),
                 *without_a_name(final),
                 *by_weight(final),
+                *(parts_of_others(named, final.robot) if verdict in ("named", "ambiguous") else ()),
                 hinges,
                 still,
                 unusable,

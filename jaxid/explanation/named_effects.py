@@ -1,5 +1,6 @@
 """The effects that a search found, as they are named: with their evidence, their parameters and what is not told apart."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..effects.curve import SHAPE, Curve
@@ -85,6 +86,30 @@ def or_the_same_curve(named: NamedEffect, step: Step, logs: LogSet) -> NamedEffe
     promised = [c.effect.id for c in step.screened if max(law.gain for law in (c, *c.laws)) > least]
     same = curves_that_are(step.before, step.after, promised, logs)
     return replace(named, equivalent_to=(*named.equivalent_to, *(n for n in same if n not in named.equivalent_to)))
+
+
+def or_parts_of_others(named: Sequence[NamedEffect], robot: Robot) -> tuple[NamedEffect, ...]:
+    """The names, those that may be a part of another one's mechanism, which its laws do not have, with that one's beside."""
+    found = []
+    for effect in named:
+        others = [e.id for e in named if _may_be_part(effect.id, e.id, robot) and e.id not in effect.equivalent_to]
+        found.append(replace(effect, equivalent_to=(*effect.equivalent_to, *others)))
+    return tuple(found)
+
+
+def parts_of_others(named: Sequence[NamedEffect], robot: Robot) -> tuple[str, ...]:
+    """A sentence on each of the names that may be a part of another one's mechanism."""
+    own = {effect.id: effect for effect in robot.effects}
+    return tuple(
+        f"What is called {effect.title} beside {other.title} may be a part of that: {own[other.id].part_in_words}."
+        for other in named
+        for effect in named
+        if _may_be_part(effect.id, other.id, robot)
+    )
+
+
+def _may_be_part(one: str, of: str, robot: Robot) -> bool:
+    return any(effect.id == of and one in effect.its_part for effect in robot.effects)
 
 
 def _wrong(effect: Effect, baseline: Fit, final: Fit) -> tuple[Shares, ...]:

@@ -24,6 +24,12 @@ _SOFT = 0.4
 _FASTEST = 0.25
 """Sampling intervals that half the play takes at least."""
 _TINY = 1e-30
+_LATE = ("motor_lag", "input_delay", "sensor_lag", "sensor_delay")
+"""What a motor with an inertia of its own, behind its play, looks like."""
+_OWN_INERTIA = (
+    "a motor with an inertia of its own on the near side of the play, or teeth that give; the robot's inertia found here is then "
+    "that of the far side alone. Commands that never reverse, which leave the teeth in touch, would show no lag then"
+)
 _SHARES = (0.01, 0.03, 0.1, 0.3)
 """Impulses that are tried, in units of the largest torque for one time constant of the robot, and widths in units of the
 largest input."""
@@ -41,6 +47,8 @@ class GearPlay(Effect):
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "torque' = torque where |q| = 1, else 0; impulse * dq/dt = 2 torque within |q| < 1"
     finer: ClassVar[float] = 2.0
+    its_part: ClassVar[tuple[str, ...]] = _LATE
+    part_in_words: ClassVar[str] = _OWN_INERTIA
 
     def refusal(self, robot: Robot) -> str | None:
         if one_torque_each(robot):
@@ -125,6 +133,8 @@ class PlayOfCommands(Effect):
     law: ClassVar[str] = "command"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "u' = clip(u' before, u - width / 2, u + width / 2)"
+    its_part: ClassVar[tuple[str, ...]] = _LATE
+    part_in_words: ClassVar[str] = _OWN_INERTIA
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "width", input_unit(robot), 0.1 * robot.scales.input)
