@@ -485,8 +485,6 @@ def test_a_channel_called_by_its_own_name_with_its_unit_is_found_though_it_is_of
 def test_columns_called_as_channels_are_these_whatever_wheel_they_seem_to_be_of(tmp_path):
     """Two sides' speeds, of a robot whose channels have the same names and whose words say no side."""
     from jaxid import Channels
-    from jaxid.logs import look
-    from jaxid.logs.look import look
     from jaxid.logs.propose import propose
 
     path = tmp_path / "run.csv"

@@ -35,6 +35,7 @@ from .left.doubtful_logs import doubtful_logs
 from .left.even_stamps import on_even_stamps
 from .left.holes import cut_at_holes
 from .left.lost_inputs import with_inputs_put_back
+from .left.other_way import other_way
 from .left.passing_jumps import without_passing_jumps
 from .left.usable_readings import on_usable_readings
 from .level import FALSE_ALARM, keeps_level
@@ -205,6 +206,9 @@ def explain(
     if not isinstance(loss, Squares):
         logs, held_out, noted = without_passing_jumps(fit.robot, logs, held_out)
         report(noted)
+    columns = other_way(fit, *recorded)
+    if columns:
+        report(columns)
     report("looking for a gap on the held-out logs")
 
     asked = Asked(fit, tuple(effects), most, loss, covariance, with_gaps if estimated else None, report)
@@ -222,6 +226,7 @@ def explain(
     held_out = judging
     named = named_effects(found, fit, final)
     doubts = doubts_of(found, final, named, after)
+    doubts += ("columns of the logs contradict the model by their signs or units",) if columns and named else ()
     verdict = verdict_of(found, named, most, doubts)
     smoothed = smoothed_friction(final.robot) if verdict != "adequate" else ""
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""
@@ -326,6 +331,7 @@ def explain(
                 put_back,
                 placeless,
                 noted,
+                columns,
                 doubted,
                 smoothed,
                 untried,

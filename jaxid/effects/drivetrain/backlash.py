@@ -27,8 +27,8 @@ _TINY = 1e-30
 _LATE = ("motor_lag", "input_delay", "sensor_lag", "sensor_delay")
 """What a motor with an inertia of its own, behind its play, looks like."""
 _OWN_INERTIA = (
-    "a motor with an inertia of its own on the near side of the play, or teeth that give; the robot's inertia found here is then "
-    "that of the far side alone. Commands that never reverse, which leave the teeth in touch, would show no lag then"
+    "a motor with an inertia of its own on the near side of the play, or teeth that give; the robot's inertia found here is "
+    "then that of the far side alone. Commands that never reverse, which leave the teeth in touch, would show no lag then"
 )
 _SHARES = (0.01, 0.03, 0.1, 0.3)
 """Impulses that are tried, in units of the largest torque for one time constant of the robot, and widths in units of the

@@ -1,0 +1,119 @@
+"""Outputs that go the other way than the model says, or many times as far in one log as in the others: a sign or a unit.
+
+Pre-flight knows the signs of robots that declare how their inputs mix, and units that no robot reaches. Of any other robot its
+model says the same: a fit can make a gain zero, where it must not be negative, and no parameter turns one log alone. What is
+added to such a model to follow its logs is no missing effect.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...estimate.result import Fit
+from ...logs import LogSet, noise_scale
+from ...robots.robot import Robot
+from .heldout import held_out_state
+
+Array = NDArray[np.float64]
+
+_AGAINST = -0.5
+"""Correlation of an output with its simulation below which it goes the other way."""
+_WITH = 0.3
+"""The same above which a fit follows an output, whatever its start did."""
+_FOLLOWS = 0.7
+"""The same from which the two differ by a factor."""
+_FACTOR = 1.7
+"""Ratio of one log's factor to the others' from which it is another unit: a third for a robot, 3.6 for km/h."""
+_MOVES = 1.2
+"""Standard deviation of an output, in those of its noise, from which it moves."""
+_FEWEST = 50
+_TOLD = 3
+
+
+class _Seen(NamedTuple):
+    """An output of one log beside its simulation: their correlation, and the factor from the one to the other."""
+
+    log: str
+    channel: str
+    correlation: float
+    factor: float
+
+
+def _seen(robot: Robot, logs: LogSet, noise: dict[str, float]) -> Iterator[_Seen]:
+    """Every output that moves, in the logs and in the simulation."""
+    state = held_out_state(robot, logs, noise)
+    for log, residual in zip(logs, state.residuals, strict=True):
+        for i, name in enumerate(state.by_channel):
+            if name not in log.measured or log.name in state.diverged:
+                continue
+            measured, level = log.output(name), state.noise[name]
+            there = np.isfinite(measured) & np.isfinite(residual[:, i])
+            own, theirs = measured[there], (measured + residual[:, i] * level)[there]
+            if len(own) < _FEWEST or np.std(own) < _MOVES * level or np.std(theirs) < 0.5 * level:
+                continue
+            own, theirs = own - own.mean(), theirs - theirs.mean()
+            product, length = float(own @ theirs), float(np.linalg.norm(theirs))
+            # Of what moved alone: noise makes every correlation small.
+            moved = np.sqrt(max(float(own @ own) - len(own) * level**2, 1e-300))
+            yield _Seen(log.name, name, product / (moved * length), product / length**2)
+
+
+def _turned(fitted: Sequence[_Seen], first: Sequence[_Seen]) -> dict[str, list[str]]:
+    """The logs in which each output goes the other way: by the fitted model, or by the table's numbers where the fit does not
+    follow it."""
+    by_fit = {(one.log, one.channel): one.correlation for one in fitted}
+    against = {place for place, correlation in by_fit.items() if correlation < _AGAINST}
+    against |= {
+        (one.log, one.channel)
+        for one in first
+        if one.correlation < _AGAINST and by_fit.get((one.log, one.channel), 0.0) < _WITH
+    }
+    found: dict[str, list[str]] = {}
+    for log, channel in sorted(against):
+        found.setdefault(channel, []).append(log)
+    return found
+
+
+def _other_units(fitted: Sequence[_Seen]) -> Iterator[tuple[str, str, float]]:
+    """(log, output, factor) of outputs that go many times as far in one log as in most of the others."""
+    for channel in dict.fromkeys(one.channel for one in fitted):
+        own = [one for one in fitted if one.channel == channel and one.correlation > _FOLLOWS]
+        if len(own) < 4:
+            continue
+        usual = float(np.median([one.factor for one in own]))
+        far = [one for one in own if not usual / _FACTOR < one.factor < usual * _FACTOR]
+        if len(far) <= len(own) / 3:
+            yield from ((one.log, channel, one.factor / usual) for one in far)
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _TOLD} more" if len(names) > _TOLD else ""
+    return ", ".join(names[:_TOLD]) + more
+
+
+def other_way(fit: Fit, logs: LogSet, held_out: LogSet) -> str:
+    """A sentence on the outputs of the logs that contradict the model by their sign or their size; empty where none do, where
+    the fit does well, and for fits in windows."""
+    if fit.window is not None or fit.judgement is None or not (fit.judgement.doubt or _at_bounds(fit)):
+        return ""
+    every = LogSet([*logs, *held_out])
+    noise = noise_scale(held_out, otherwise=logs)
+    fitted = list(_seen(fit.robot, every, noise))
+    table = fit.robot.defaults()
+    start = {n: table[n].value for n in fit.free_names if n in table}
+    first = list(_seen(fit.robot.with_values(**start), every, noise))
+    turned, units = _turned(fitted, first), list(_other_units(fitted))
+    parts = [
+        f"{channel} goes the other way than the model says in {_listed(names) if len(names) < len(every) else 'every log'} "
+        "(its sign, that of an input, or columns that are exchanged)"
+        for channel, names in turned.items()
+    ]
+    parts += [f"{channel} goes {by:.3g} times as far in {log} as in the other logs (its unit)" for log, channel, by in units]
+    return f"Check the columns before anything is added: {'; '.join(parts)}." if parts else ""
+
+
+def _at_bounds(fit: Fit) -> bool:
+    """Whether a parameter ended on a bound, or is not determined."""
+    return any(fit[name].status in ("at_bound", "not_identifiable") for name in fit.free_names)

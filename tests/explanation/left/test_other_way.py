@@ -1,0 +1,44 @@
+"""Outputs whose sign, or unit in one log, contradicts the model, on an axis in closed form."""
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, Log, LogSet, output_error
+from jaxid.explanation.left.other_way import other_way
+
+ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5)
+
+
+def runs(axis_log, factors, noise=0.01):
+    logs = []
+    for k, factor in enumerate(factors):
+        inputs = np.repeat(np.random.default_rng(k).uniform(-5, 5, 25), 20)
+        log = axis_log(f"run {k}", inputs, noise=noise, seed=k, position=False, M=1.3, Fv=2.0, Fc=0.5)
+        logs.append(Log.from_arrays(log.name, log.time, log.inputs, factor * log.output("v"), "axis"))
+    return LogSet(logs[:-2]), LogSet(logs[-2:])
+
+
+@pytest.mark.parametrize("factors", [(1, 1, 1, 1, 1, 1), (1.1, 1, 0.9, 1, 1.2, 1)])
+def test_of_logs_that_agree_in_sign_and_unit_nothing_is_said(axis_log, factors):
+    logs, held_out = runs(axis_log, factors)
+    assert other_way(output_error(ROBOT, logs), logs, held_out) == ""
+
+
+def test_a_sign_that_one_log_has_alone_is_said_with_the_log(axis_log):
+    logs, held_out = runs(axis_log, (1, 1, -1, 1, 1, 1))
+    said = other_way(output_error(ROBOT, logs), logs, held_out)
+    assert "v goes the other way than the model says in run 2" in said and "run 1" not in said
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.6])
+def test_a_sign_that_is_wrong_in_every_log_is_said(axis_log, noise):
+    """No mass is negative: the fit makes it so large that nothing moves, or the friction."""
+    logs, held_out = runs(axis_log, (-1, -1, -1, -1, -1, -1), noise)
+    said = other_way(output_error(ROBOT, logs), logs, held_out)
+    assert "v goes the other way than the model says" in said and "its unit" not in said
+
+
+def test_a_unit_that_one_log_has_alone_is_said_with_the_factor(axis_log):
+    logs, held_out = runs(axis_log, (1, 3.6, 1, 1, 1, 1))
+    said = other_way(output_error(ROBOT, logs), logs, held_out)
+    assert "times as far in run 1 as in the other logs (its unit)" in said and "other way" not in said
