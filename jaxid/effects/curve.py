@@ -82,6 +82,21 @@ def is_wall(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> boo
     return bool(off[-1] > _WALL * np.max(np.abs(off[early])))
 
 
+_STEEP = 0.25
+"""Share of a curve's range by which neighbouring heights must differ to be a turn of it."""
+_TURNS = 4
+"""Turns from which a curve goes up and down as no law of one variable does."""
+
+
+def is_jagged(heights: Float[np.ndarray, " N"], errors: Float[np.ndarray, " N"]) -> bool:
+    """Whether a curve goes up and down again and again, by more than the `errors` of its heights (infinite: not known, as where
+    they have a factor in common): it takes up what depends on something else."""
+    steps, known = np.diff(heights), np.where(np.isfinite(errors), errors, 0.0)
+    clear = np.abs(steps) > np.maximum(_STEEP * np.ptp(heights), 3.0 * np.hypot(known[1:], known[:-1]))
+    ways = np.sign(steps[clear])
+    return bool(np.sum(ways[1:] != ways[:-1]) >= _TURNS)
+
+
 @dataclass(frozen=True)
 class Curve(Effect):
     """A mechanism's curve, or one of each of several things (`each`): heights `at_1`, `at_2` ... at `places`, shares of the
@@ -107,6 +122,8 @@ class Curve(Effect):
     settled_by_holding: ClassVar[bool] = False
     """Whether a height is held at zero wherever the data does not tell it, since all heights together, as a sensor's scale, may
     be other parameters'."""
+    wanders: ClassVar[bool] = False
+    """Whether it may go up and down as often as it likes, as what depends on time or place does."""
     rather: ClassVar[str] = ""
     """The mechanism whose curve it is where it does not agree, if that has another formula."""
     may_as_well: ClassVar[str] = ""

@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..effects.curve import SHAPE, Curve
+import numpy as np
+
+from ..effects.curve import SHAPE, Curve, is_jagged
 from ..estimate.result import Fit
+from ..robots.effect import Effect
 from .certainty.straight_shares import open_gain
 from .explanation import Verdict
 from .left.heldout import HeldOut
@@ -48,7 +51,20 @@ def _none_of_theirs(final: Fit, named: Sequence[NamedEffect]) -> list[tuple[Name
     own = {effect.id: effect for effect in final.robot.effects}
     every = [(effect, own[effect.id]) for effect in named if effect.id in own]
     there = [(e, law) for e, law in every if not (isinstance(law, Curve) and law.rather in e.equivalent_to)]
-    return [(e, why) for e, law in there if (why := law.doubt(final.robot))]
+    return [(e, why) for e, law in there if (why := law.doubt(final.robot) or _jagged(law, final))]
+
+
+def _jagged(law: Effect, final: Fit) -> str:
+    """What is wrong with a curve that goes up and down as no law of its variable does; empty where it does not, and for none."""
+    if not isinstance(law, Curve) or law.wanders:
+        return ""
+    for name in law.each(final.robot):
+        own = [final[law.height(place, name)] if place in law.varying else None for place in range(len(law.places))]
+        heights = np.array([e.value if e is not None else 0.0 for e in own])
+        errors = np.array([e.std_error if e is not None else 0.0 for e in own])
+        if is_jagged(heights, errors):
+            return f"its curve goes up and down again and again over {law.variable}"
+    return ""
 
 
 def _more_than_imprecise(named: Sequence[NamedEffect], final: Fit, after: HeldOut) -> bool:

@@ -1,10 +1,11 @@
 """What a Stribeck curve may look like, and what the verdict makes of one that falls towards standstill."""
 
+import numpy as np
 import pytest
 
 from jaxid import Axis
 from jaxid.effects import effect_by_id
-from jaxid.effects.curve import SHAPE
+from jaxid.effects.curve import SHAPE, is_jagged
 
 
 def with_excess(*heights):
@@ -21,3 +22,11 @@ def test_friction_that_falls_towards_standstill_is_no_stribeck_friction(heights,
     """One height at standstill, of a curve that rises otherwise, is hardly known."""
     law, robot = with_excess(*heights)
     assert bool(law.doubt(robot)) == contrary
+
+
+def test_what_goes_up_and_down_again_and_again_is_no_law_of_one_variable():
+    jagged = np.array([0.0, -22.0, -17.6, -26.2, -5.2, -34.9, -7.4, -37.1, -8.3])
+    smooth = np.array([0.0, 4.0, 7.0, 8.0, 6.0, 3.0, 4.0, 2.0, 0.0])
+    for errors in (np.full(9, np.inf), np.full(9, 0.5)):
+        assert is_jagged(jagged, errors) and not is_jagged(smooth, errors)
+    assert not is_jagged(jagged, np.full(9, 8.0))  # by chance

@@ -140,6 +140,7 @@ class LoadCurve(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.25, 0.5, 0.75, 1.0)
     free: ClassVar[tuple[int, ...]] = (1, 2, 3, 4)
     variable: ClassVar[str] = "time"
+    wanders: ClassVar[bool] = True
 
     def states_on(self, robot: Robot) -> tuple[str, ...]:
         return (self.own("time_under_way"),)

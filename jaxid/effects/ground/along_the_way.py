@@ -28,6 +28,7 @@ class FrictionAlongTheWay(Curve):
     knots: ClassVar[tuple[float, ...]] = _KNOTS
     free: ClassVar[tuple[int, ...]] = (0, 1, 2, 4, 5, 6)
     variable: ClassVar[str] = "way from where the logs begin"
+    wanders: ClassVar[bool] = True
 
     def refusal(self, robot: Robot) -> str | None:
         if "pose" in traits_of(robot) or len(robot.drive_axes) != 1 or len(robot.angles) != 1:

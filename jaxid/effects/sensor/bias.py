@@ -61,6 +61,7 @@ class BiasCurves(Curve):
     knots: ClassVar[tuple[float, ...]] = (0.0, 0.15, 0.4, 0.7, 1.0)
     free: ClassVar[tuple[int, ...]] = (0, 1, 2, 3, 4)
     variable: ClassVar[str] = "time"
+    wanders: ClassVar[bool] = True
 
     def each(self, robot: Robot) -> tuple[str, ...]:
         return robot.channels.outputs
