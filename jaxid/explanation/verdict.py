@@ -55,7 +55,7 @@ def _none_of_theirs(final: Fit, named: Sequence[NamedEffect]) -> list[tuple[Name
 
 
 def _jagged(law: Effect, final: Fit) -> str:
-    """What is wrong with a curve that goes up and down as no law of its variable does; empty where it does not, and for none."""
+    """What is wrong with a curve that goes up and down as no law of its variable does; else empty."""
     if not isinstance(law, Curve) or law.wanders:
         return ""
     for name in law.each(final.robot):

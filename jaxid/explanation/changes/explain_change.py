@@ -20,6 +20,7 @@ from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.effect import in_words
 from ...robots.given import given_logs
+from ..left.other_way import CHECK, other_way
 from ..level import FALSE_ALARM, checked_level
 from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
@@ -193,6 +194,7 @@ def _explained(
     rows = sum(int(own.there.sum()) for own in pair.sides.values())
     separate = _separate(pair, after, colours)
     if best is not None:
+        doubts += _columns(before, after, logs)
         doubts += _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
     if best is not None and null.squares - best.joint.squares < LEFT * gained:
@@ -242,6 +244,14 @@ def _separate(pair: Pair, after: Fit, colours: Colours) -> float:
 def _held_out_gain(pair: Pair, held_out: HeldOutLogs, null: Joint, joint: Joint, colours: Colours) -> float:
     one, other = (held_out.residuals(pair, own, colours) for own in (null, joint))
     return float(sum(np.sum(a**2) - np.sum(b**2) for a, b in zip(one, other, strict=True)))
+
+
+def _columns(before: Fit, after: Fit, logs: tuple[LogSet, LogSet]) -> list[str]:
+    """That columns of one of the sets contradict the model of the other by their sign or unit: no change of the robot's."""
+    said = other_way(before, logs[0]), other_way(after, logs[1], first=before.robot)
+    return [
+        f"in the logs {side} {text.removeprefix(CHECK).strip(': .')}" for side, text in zip(SIDES, said, strict=True) if text
+    ]
 
 
 def _significant(left: float, level: float, free: int) -> bool:

@@ -18,6 +18,7 @@ from .heldout import held_out_state
 
 Array = NDArray[np.float64]
 
+CHECK = "Check the columns before anything is added"
 _AGAINST = -0.5
 """Correlation of an output with its simulation below which it goes the other way."""
 _WITH = 0.3
@@ -93,25 +94,25 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:_TOLD]) + more
 
 
-def other_way(fit: Fit, logs: LogSet, held_out: LogSet) -> str:
+def other_way(fit: Fit, logs: LogSet, held_out: LogSet | None = None, first: Robot | None = None) -> str:
     """A sentence on the outputs of the logs that contradict the model by their sign or their size; empty where none do, where
-    the fit does well, and for fits in windows."""
+    the fit does well, and for fits in windows. `first`: the robot as it is known to be, by default that of the table."""
     if fit.window is not None or fit.judgement is None or not (fit.judgement.doubt or _at_bounds(fit)):
         return ""
-    every = LogSet([*logs, *held_out])
-    noise = noise_scale(held_out, otherwise=logs)
+    every = logs if held_out is None else LogSet([*logs, *held_out])
+    noise = noise_scale(logs if held_out is None else held_out, otherwise=logs)
     fitted = list(_seen(fit.robot, every, noise))
-    table = fit.robot.defaults()
+    table = fit.robot.defaults() if first is None else first.parameters
     start = {n: table[n].value for n in fit.free_names if n in table}
-    first = list(_seen(fit.robot.with_values(**start), every, noise))
-    turned, units = _turned(fitted, first), list(_other_units(fitted))
+    begun = list(_seen(fit.robot.with_values(**start), every, noise))
+    turned, units = _turned(fitted, begun), list(_other_units(fitted))
     parts = [
         f"{channel} goes the other way than the model says in {_listed(names) if len(names) < len(every) else 'every log'} "
         "(its sign, that of an input, or columns that are exchanged)"
         for channel, names in turned.items()
     ]
     parts += [f"{channel} goes {by:.3g} times as far in {log} as in the other logs (its unit)" for log, channel, by in units]
-    return f"Check the columns before anything is added: {'; '.join(parts)}." if parts else ""
+    return f"{CHECK}: {'; '.join(parts)}." if parts else ""
 
 
 def _at_bounds(fit: Fit) -> bool:

@@ -1,9 +1,11 @@
 """Outputs whose sign, or unit in one log, contradicts the model, on an axis in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, output_error
+from jaxid import Axis, Log, LogSet, explain_change, output_error
 from jaxid.explanation.left.other_way import other_way
 
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5)
@@ -42,3 +44,11 @@ def test_a_unit_that_one_log_has_alone_is_said_with_the_factor(axis_log):
     logs, held_out = runs(axis_log, (1, 3.6, 1, 1, 1, 1))
     said = other_way(output_error(ROBOT, logs), logs, held_out)
     assert "times as far in run 1 as in the other logs (its unit)" in said and "other way" not in said
+
+
+def test_between_two_sets_a_turned_sign_is_no_change_of_the_robot(axis_log):
+    usual, turned = (runs(axis_log, (sign,) * 6)[0] for sign in (1, -1))
+    before, after = output_error(ROBOT, usual), output_error(ROBOT, turned)
+    renamed = LogSet([replace(log, name=f"after {log.name}") for log in turned])
+    found = explain_change(before, after, usual, renamed)
+    assert found.verdict == "unexplained" and "v goes the other way" in " ".join(found.doubts)
