@@ -37,6 +37,7 @@ from .left.holes import cut_at_holes
 from .left.lost_inputs import with_inputs_put_back
 from .left.other_way import other_way
 from .left.passing_jumps import without_passing_jumps
+from .left.row_before import row_before
 from .left.usable_readings import on_usable_readings
 from .level import FALSE_ALARM, keeps_level
 from .looked import Asked, looked
@@ -224,6 +225,7 @@ def explain(
             else:
                 was_sorted = False
     held_out = judging
+    rows = row_before(fit.robot, held_out, found.before)
     named = named_effects(found, fit, final)
     doubts = doubts_of(found, final, named, after)
     doubts += ("columns of the logs contradict the model by their signs or units",) if columns and named else ()
@@ -332,6 +334,7 @@ def explain(
                 placeless,
                 noted,
                 columns,
+                rows,
                 doubted,
                 smoothed,
                 untried,

@@ -111,7 +111,9 @@ def other_way(fit: Fit, logs: LogSet, held_out: LogSet | None = None, first: Rob
         "(its sign, that of an input, or columns that are exchanged)"
         for channel, names in turned.items()
     ]
-    parts += [f"{channel} goes {by:.3g} times as far in {log} as in the other logs (its unit)" for log, channel, by in units]
+    parts += [
+        f"{channel} goes {by:.3g} times as far in {log} as in the other logs (its unit)" for log, channel, by in units
+    ]
     return f"{CHECK}: {'; '.join(parts)}." if parts else ""
 
 
