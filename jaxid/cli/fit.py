@@ -12,6 +12,7 @@ from ..estimate.linear.integral_least_squares import integral_least_squares
 from ..estimate.output_error.output_error import output_error
 from ..estimate.prediction_error.prediction_error import prediction_error
 from ..estimate.result import Fit
+from ..explanation.left.other_way import other_way
 from ..logs import LogError, LogSet, noise_scale, read_logs
 from ..logs.intersample import Intersample, between_samples
 from ..model_file import read_model
@@ -144,6 +145,9 @@ def estimated(
     fits = estimate(robot, logs, options if law is None else {**options, "controller": law}, methods)
     if units := doubtful_units(logs, held_out):
         fits = [replace(fit, notes=(*fit.notes, units)) for fit in fits]
+    if fits and law is None and (columns := other_way(fits[-1], logs, held_out)):
+        say(f"warning: {columns}", style="yellow")
+        fits[-1] = replace(fits[-1], notes=(*fits[-1].notes, columns))
     if not fits:
         raise UnusableInput(f"{', '.join(methods)} gives no estimate here; add --method output_error.")
     if law is not None:

@@ -28,8 +28,8 @@ def at_once(robot: Robot) -> tuple[str, ...]:
 
 
 def row_before(robot: Robot, logs: LogSet, left: HeldOut) -> str:
-    """A sentence on outputs of which the changes of the inputs in their own rows make most of what the model leaves; empty where
-    there are none."""
+    """A sentence on outputs of which the changes of the inputs in their own rows make most of what the model leaves; empty
+    where there are none."""
     found = []
     for name in at_once(robot):
         if name not in left.by_channel or left.by_channel[name] < 1.0:
