@@ -7,7 +7,6 @@ every row.
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import isotonic_regression
 
 from .log import Log, LogSet
 
@@ -43,6 +42,8 @@ def _places(time: np.ndarray, first: int) -> np.ndarray:
 def _one_each(ticks: np.ndarray) -> np.ndarray:
     """The whole numbers that are nearest to these ones and increase, from zero: least squares of what is missing before every
     row, which never falls, is rounded isotonic regression."""
+    from scipy.optimize import isotonic_regression  # takes a while to import, and few logs ask for it
+
     own = np.arange(len(ticks))
     missing = np.round(isotonic_regression(ticks - own).x)
     return own + missing - missing[0]
@@ -60,6 +61,8 @@ def scatter(log: Log) -> tuple[np.ndarray, float]:
             interval, begin = round_one, float(np.mean(log.time - round_one * places))
         even = begin + interval * places
         found.append((even, (log.time - even) / interval))
+        if np.std(found[-1][1]) < _LEAST:
+            break
     even, apart = min(found, key=lambda one: float(np.std(one[1])))
     size = float(np.std(apart))
     known = len(log) >= _FEWEST and _LEAST < size < _MOST and float(np.max(np.abs(apart))) < _FARTHEST
