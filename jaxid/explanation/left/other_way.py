@@ -23,10 +23,10 @@ _AGAINST = -0.5
 """Correlation of an output with its simulation below which it goes the other way."""
 _WITH = 0.3
 """The same above which a fit follows an output, whatever its start did."""
-_FOLLOWS = 0.7
+_FOLLOWS = 0.9
 """The same from which the two differ by a factor."""
-_FACTOR = 1.7
-"""Ratio of one log's factor to the others' from which it is another unit: a third for a robot, 3.6 for km/h."""
+_FACTOR = 2.5
+"""Ratio of one log's factor to the others' from which it is another unit (3.6 for km/h): at a crawl wrong friction makes two."""
 _MOVES = 1.2
 """Standard deviation of an output, in those of its noise, from which it moves."""
 _FEWEST = 50
