@@ -250,7 +250,9 @@ def _columns(before: Fit, after: Fit, logs: tuple[LogSet, LogSet]) -> list[str]:
     """That columns of one of the sets contradict the model of the other by their sign or unit: no change of the robot's."""
     said = other_way(before, logs[0]), other_way(after, logs[1], first=before.robot)
     return [
-        f"in the logs {side} {text.removeprefix(CHECK).strip(': .')}" for side, text in zip(SIDES, said, strict=True) if text
+        f"in the logs {side} {text.removeprefix(CHECK).strip(': .')}"
+        for side, text in zip(SIDES, said, strict=True)
+        if text
     ]
 
 

@@ -26,7 +26,7 @@ _WITH = 0.3
 _FOLLOWS = 0.9
 """The same from which the two differ by a factor."""
 _FACTOR = 2.5
-"""Ratio of one log's factor to the others' from which it is another unit (3.6 for km/h): at a crawl wrong friction makes two."""
+"""Ratio of one log's factor to the others' from which it is another unit (3.6 for km/h): at a crawl friction makes two."""
 _MOVES = 1.2
 """Standard deviation of an output, in those of its noise, from which it moves."""
 _FEWEST = 50
