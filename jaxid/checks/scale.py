@@ -31,9 +31,9 @@ _ON_A_FLOOR = {"m/s": (2e-3, 30.0), "rad/s": (2e-3, 40.0)}
 _COMMANDED = {"rad": (1e-4, 6.5)}
 """The same for what is commanded: a steering angle of more than a whole turn is most likely in degrees."""
 _ANY = (1e-9, 1e9)
-_FOLLOWS, _NEARLY = 0.7, 0.5
-"""Correlation from which an angle is what the other commands, and the share of the degrees in a rad by which it goes farther
-where it is likely in degrees: a servo does not go all the way."""
+_FEWEST, _FOLLOWS, _NEARLY = 50, 0.7, 0.5
+"""Samples, and correlation, from which an angle is what the other commands, and the share of the degrees in a rad by which it
+goes farther where it is likely in degrees: a servo does not go all the way."""
 
 
 def _usual_peak(values: Array) -> float:
@@ -95,6 +95,8 @@ def _in_degrees(log: Log) -> Iterator[Finding]:
                 continue
             own, asked = log.output(name), log.input(command)
             there = np.isfinite(own)
+            if there.sum() < _FEWEST:
+                continue
             wide, commanded = (np.ptp(np.quantile(x, [0.02, 0.98])) for x in (own[there], asked[there]))
             if not wide * commanded > 0 or np.corrcoef(own[there], asked[there])[0, 1] < _FOLLOWS:
                 continue

@@ -99,8 +99,9 @@ def other_way(fit: Fit, logs: LogSet, held_out: LogSet | None = None, first: Rob
     the fit does well, and for fits in windows. `first`: the robot as it is known to be, by default that of the table."""
     if fit.window is not None or fit.judgement is None or not (fit.judgement.doubt or _at_bounds(fit)):
         return ""
-    every = logs if held_out is None else LogSet([*logs, *held_out])
-    noise = noise_scale(logs if held_out is None else held_out, otherwise=logs)
+    more = [log for log in held_out or () if log.name not in logs.names]
+    every = LogSet([*logs, *more])
+    noise = noise_scale(LogSet(more) if more else logs, otherwise=logs)
     fitted = list(_seen(fit.robot, every, noise))
     table = fit.robot.defaults() if first is None else first.parameters
     start = {n: table[n].value for n in fit.free_names if n in table}

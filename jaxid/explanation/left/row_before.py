@@ -4,6 +4,7 @@ A motor's current is (voltage - back-EMF) / resistance. A loop that reads it, co
 into a row has the current of the row before's command, so that every change of the command leaves an error as large as itself.
 """
 
+import jax.numpy as jnp
 import numpy as np
 
 from ...logs import LogSet
@@ -18,13 +19,15 @@ _FEWEST = 20
 
 def at_once(robot: Robot) -> tuple[str, ...]:
     """The measured outputs that hang on the inputs of their own row."""
-    count, size = len(robot.channels.inputs), robot.scales.input
-    state, numbers = dict.fromkeys(robot.states, 0.0) | robot.initial_state(), robot.parameters.numbers
+    rest = dict.fromkeys(robot.states, 0.0) | robot.initial_state()
+    # As arrays, of which a division by zero is no error.
+    state = {name: jnp.asarray(value, float) for name, value in rest.items()}
     still, driven = (
-        np.asarray([float(y) for y in robot.observe(state, (value,) * count, numbers)]) for value in (0.0, size)
+        robot.observe(state, (jnp.asarray(value),) * len(robot.channels.inputs), robot.parameters.numbers)
+        for value in (0.0, robot.scales.input)
     )
     names = robot.channels.measured
-    return tuple(name for name, a, b in zip(names, still, driven, strict=False) if a != b)
+    return tuple(name for name, a, b in zip(names, still, driven, strict=False) if float(a) != float(b))
 
 
 def row_before(robot: Robot, logs: LogSet, left: HeldOut) -> str:
@@ -36,6 +39,8 @@ def row_before(robot: Robot, logs: LogSet, left: HeldOut) -> str:
             continue
         changes, residuals = [], []
         for log, residual in zip(logs, left.residuals, strict=True):
+            if len(residual) != len(log):
+                return ""
             own = residual[1:, list(left.by_channel).index(name)]
             there = np.isfinite(own)
             changes.append(np.diff(log.inputs, axis=0)[there])

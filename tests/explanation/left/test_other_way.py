@@ -28,8 +28,10 @@ def test_of_logs_that_agree_in_sign_and_unit_nothing_is_said(axis_log, factors):
 
 def test_a_sign_that_one_log_has_alone_is_said_with_the_log(axis_log):
     logs, held_out = runs(axis_log, (1, 1, -1, 1, 1, 1))
-    said = other_way(output_error(ROBOT, logs), logs, held_out)
+    fit = output_error(ROBOT, logs)
+    said = other_way(fit, logs, held_out)
     assert "v goes the other way than the model says in run 2" in said and "run 1" not in said
+    assert other_way(fit, logs, logs) == other_way(fit, logs)  # names that both have are looked at once
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.6])
