@@ -36,6 +36,7 @@ def at(problem: FitProblem, x: np.ndarray):
     return structure, arrays, unknowns._replace(z=z, states=jnp.asarray(states) / arrays.state_scale)
 
 
+@pytest.mark.slow
 def test_all_see_the_same_model_and_cost(problem):
     """The scalar loops are jaxid's rollout to rounding, and jaxid's reduced cost is the plain residual's."""
     x = point_of(problem)

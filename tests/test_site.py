@@ -47,6 +47,7 @@ def test_the_first_page_leads_to_every_page():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     any(importlib.util.find_spec(name) is None for name in ("sphinx", "myst_nb", "furo")),
     reason="the site needs the extra 'docs'",

@@ -45,6 +45,7 @@ def recorded(dry, viscous, count=5):
     return LogSet(logs[:-2]), LogSet(logs[-2:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dry", "viscous", "name", "mean"),
     [

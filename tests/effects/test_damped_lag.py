@@ -35,6 +35,7 @@ def test_a_low_pass_of_second_order(mean, damping):
     assert np.abs(found - truth).max() < 5e-3 * np.abs(truth - speed(TIME)).max()
 
 
+@pytest.mark.slow
 def test_none_of_it_is_none_and_may_grow():
     with float64():
         y, t = jnp.asarray(speed(TIME))[:, None], jnp.asarray(TIME)

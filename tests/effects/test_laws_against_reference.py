@@ -136,7 +136,7 @@ def test_law_moves_the_robot_as_the_simulator_says(plain, law):
 
 @pytest.mark.parametrize(
     "robot",
-    [MODEL["pioneer"](), pytest.param(MODEL["omni"](), marks=pytest.mark.slow), MODEL["axis"]()],
+    [MODEL["axis"](), *(pytest.param(MODEL[name](), marks=pytest.mark.slow) for name in ("pioneer", "omni"))],
     ids=lambda robot: robot.name,
 )
 def test_every_law_at_its_first_values_is_no_effect(robot):

@@ -408,7 +408,7 @@ def test_what_a_controller_answers_to_noise_is_nothing_that_the_residual_follows
     assert lacking.judgement.verdict == "poor"
 
 
-@pytest.mark.parametrize("method", [output_error, prediction_error])
+@pytest.mark.parametrize("method", [output_error, pytest.param(prediction_error, marks=pytest.mark.slow)])
 def test_of_a_robot_that_never_moved_nothing_is_sound(axis_log, method):
     rng = np.random.default_rng(3)
     time = 0.02 * np.arange(SAMPLES)

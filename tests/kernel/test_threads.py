@@ -10,7 +10,7 @@ from jaxid.kernel import threads
 from jaxid.kernel.threads import over_groups
 
 
-@pytest.fixture(params=[1, 2, 5])
+@pytest.fixture(params=[pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(5, marks=pytest.mark.slow)])
 def several(request, monkeypatch):
     from concurrent.futures import ThreadPoolExecutor
 

@@ -74,6 +74,7 @@ def test_the_page_is_one_file_with_the_verdict_first(explained, tmp_path):
         assert escape(words) in page, words
 
 
+@pytest.mark.slow
 def test_open_names_are_said_to_be_open_and_settled_next(ambiguous, tmp_path):
     page = saved(ambiguous, tmp_path)
     assert check(page).sections == [ambiguous.sentence, *SECTIONS]

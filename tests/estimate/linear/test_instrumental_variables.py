@@ -73,6 +73,7 @@ def test_time_stamps_may_be_irregular_and_the_first_interval_an_odd_one(axis_log
         assert all(fit.converged for fit in fits) and abs(np.mean(off)) < 3.5 / np.sqrt(10) and np.max(np.abs(off)) < 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colour", [0.8, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_unbiased_and_covered_where_the_regressors_are_noisy(clean, colour):
     fits, off, errors = repeated(instrumental_variables, clean, 0.05, colour)
@@ -129,6 +130,7 @@ def test_least_squares_is_what_it_mends():
     assert 0.85 <= np.mean(np.abs(off["iv"]) <= 1.96 * errors)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "estimator", [pytest.param(integral_least_squares, marks=pytest.mark.slow), instrumental_variables]
 )

@@ -321,6 +321,7 @@ def test_a_step_into_divergence_is_rejected():
     assert float(parameters_at(problem, optimum.unknowns.z)[0]) == pytest.approx(0.002, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_batch_of_data_sets_is_fitted_as_each_alone(axis):
     structure, problem, start = axis
     noise = jnp.asarray(np.random.default_rng(5).normal(size=(2, *problem.outputs.shape))) * problem.sigma

@@ -43,6 +43,7 @@ def test_a_search_may_end_where_no_more_than_so_much_is_promised(logs):
     assert float(there.cost) <= float(near.cost) < float(there.cost) + 0.1
 
 
+@pytest.mark.slow
 def test_whole_fits_run_under_jit_and_vmap_and_give_what_output_error_gives(logs, fit):
     rng = np.random.default_rng(4)
     with jaxid.float64():

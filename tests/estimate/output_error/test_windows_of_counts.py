@@ -28,7 +28,7 @@ def test_a_complete_model_is_believed_in_windows(name, counts, seconds):
     assert 0.6 < fit.judgement.normalised_rms < 1.1
 
 
-@pytest.mark.parametrize(("name", "counts"), [("axis", 2048), ("own drive", 1024)])
+@pytest.mark.parametrize(("name", "counts"), [("axis", 2048), pytest.param("own drive", 1024, marks=pytest.mark.slow)])
 def test_windows_do_not_hide_what_a_model_lacks(name, counts):
     lacking = Hidden(effects=(("stribeck_friction", (("amplitude", STRIBECK[name]), ("speed", 0.05))),))
     logs, _ = logged(name, counts, lacking)

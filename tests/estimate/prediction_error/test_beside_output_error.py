@@ -31,6 +31,7 @@ def slow_sensor(disturbed_axis):
     return LogSet(logs), prediction_error(Axis(), LogSet(logs), integrator=FINE)
 
 
+@pytest.mark.slow
 def test_slow_noise_of_a_sensor_that_is_taken_for_a_disturbance_is_no_sound_fit(slow_sensor):
     _, fit = slow_sensor
     # What makes it dangerous: the process noise counts as certain.

@@ -80,6 +80,7 @@ def test_nothing_changed_and_what_would_have_been_seen(seed, noise):
     assert "Nothing changed" in str(found) and "would have been noticed" in str(found)
 
 
+@pytest.mark.slow
 def test_a_payload_is_named_with_its_size_and_saved(tmp_path):
     check = recorded("axis", 70, kinds=("arcs",)), recorded("axis", 71, {"J": 1.2}, kinds=("arcs",))
     logs = recorded("axis", 50, {"J": 1.2})

@@ -89,6 +89,7 @@ def changed(robot, make, before, after, noise):
     return explain_change(*(output_error(robot, own) for own in sets), *sets)
 
 
+@pytest.mark.slow
 def test_a_trim_that_is_off_since_is_an_error_of_steering_and_no_cross_talk():
     """A curve of the command promises more to first order than the offset that it is."""
     found = changed(CAR, driven, 0.0, 0.015, [0.01, 0.03])

@@ -176,6 +176,7 @@ def test_nothing_is_missing_where_the_sensor_was_filtered_on_some_logs_only(axis
     assert found.verdict == "adequate" and found.colour is not None and found.colour.simple
 
 
+@pytest.mark.slow
 def test_slow_noise_beside_white_noise_is_left_open_and_no_force_is_blamed(axis_law):
     logs = []
     for k in range(3):

@@ -80,6 +80,7 @@ def test_what_is_missing_besides_is_not_left_by_chance():
     assert not _judged("input_delay", *_logs(commands=True, push=0.4)).by_chance
 
 
+@pytest.mark.slow
 def test_what_is_missing_in_fitted_logs_alone_is_not_left_by_chance():
     pushed, held_out = _logs(commands=True, push=1.0)[0], _logs(commands=True)[1]
     assert _judged("input_delay", *_logs(commands=True)).by_chance

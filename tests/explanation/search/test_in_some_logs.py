@@ -72,6 +72,7 @@ def test_a_single_log_with_less_is_found():
     assert payloads(found, others) == [0, 0, 0, 1, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_what_the_files_say_is_believed():
     logs, held_out = recorded([1.0, 1.3, 1.0, 1.3, 1.0, 1.0, 1.3], more=[0, 1, 0, 1, 0, 0, 1])
     fit = output_error(ROBOT, logs)

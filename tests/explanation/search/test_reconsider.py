@@ -139,6 +139,7 @@ def test_a_rival_has_the_law_that_suits_beside_the_later_effects_too():
     assert {steps[0].chosen.id, *steps[0].equivalent} == {"sensor_delay", "input_delay"}
 
 
+@pytest.mark.slow
 def test_laws_that_what_is_in_the_model_refuses_are_not_tried_again():
     """A delay, and later a lag of the sensor: stamps that are early stand beside no lag."""
     logs, held_out = driven(late, SEED)

@@ -56,6 +56,7 @@ def test_a_wrong_radius_is_named_beside_the_sensors_scale_with_its_error(radius)
     assert share == pytest.approx(100 * (0.1 / radius - 1.0), abs=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [{}, {"drag": Parameter(1e-3, "1/m")}], ids=["no constant", "another constant"])
 def test_a_length_that_is_written_into_the_model_is_said_beside_the_sensors_scale(known):
     """The radius is no parameter, so that nothing of the table does as well in the sensor's place."""

@@ -71,6 +71,7 @@ def test_a_slope_follows_the_heading_and_no_condition():
     assert "follows the heading" in found.sentence
 
 
+@pytest.mark.slow
 def test_pushes_come_in_bursts_and_under_no_condition():
     found = located({"push": {"force": 10.0, "moment": 0.0, "start": 3.0, "duration": 0.4, "every": 4.0}})
     assert found.force_share["eta1"] > 0.95

@@ -80,6 +80,7 @@ def test_a_push_is_found_when_it_came_and_as_strong_as_it_was():
     assert np.mean(found) == pytest.approx(PUSH["force"] * PUSH["duration"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_slope_pulls_with_the_heading():
     slope = {"angle": 0.03, "direction": 0.7}
     logs = pioneer_logs({"ground_slope": slope})
