@@ -177,7 +177,8 @@ def _explained(
     best, equivalent, doubts, notes = None, [], list[str](), ()
     if p < level:
         trials, null, colours = refitted(pair, look, null, held_out, report)
-        poor = any(fit.judgement is not None and fit.judgement.doubt for fit in (before, after))
+        # One alone may lack just what has changed.
+        poor = all(fit.judgement is not None and fit.judgement.doubt for fit in (before, after))
         best, *equivalent = simplest_first(trials, null, poor)
         equivalent += only_later(best, [t for t in trials if t is not best and t not in equivalent], null)
         tried = [trial.joint for trial in trials if not trial.score.own]
