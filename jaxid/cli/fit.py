@@ -145,9 +145,6 @@ def estimated(
     fits = estimate(robot, logs, options if law is None else {**options, "controller": law}, methods)
     if units := doubtful_units(logs, held_out):
         fits = [replace(fit, notes=(*fit.notes, units)) for fit in fits]
-    if fits and law is None and (columns := other_way(fits[-1], logs, held_out)):
-        say(f"warning: {columns}", style="yellow")
-        fits[-1] = replace(fits[-1], notes=(*fits[-1].notes, columns))
     if not fits:
         raise UnusableInput(f"{', '.join(methods)} gives no estimate here; add --method output_error.")
     if law is not None:
@@ -262,5 +259,9 @@ def run_fit(
     with results_in(out, "fit", robot.name, overwrite):
         fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping)
         fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, law, methods)
+        # An explanation asks by itself.
+        if law is None and (columns := other_way(fits[-1], fit_logs, held_out_logs)):
+            say(f"warning: {columns}", style="yellow")
+            fits[-1] = replace(fits[-1], notes=(*fits[-1].notes, columns))
         write_results(out, fits, held_out_logs, fit_logs)
     say(f"{out}: fit.json, model.toml, report.html" + (" and pictures" if held_out_logs is not None else ""))

@@ -101,7 +101,7 @@ def parts_of_others(named: Sequence[NamedEffect], robot: Robot) -> tuple[str, ..
     """A sentence on each of the names that may be a part of another one's mechanism."""
     own = {effect.id: effect for effect in robot.effects}
     return tuple(
-        f"What is called {effect.title} beside {other.title} may be a part of that: {own[other.id].part_in_words}."
+        f"What is called {effect.title} beside {other.title} may be a part of that: {own[other.id].why_also}."
         for other in named
         for effect in named
         if _may_be_part(effect.id, other.id, robot)
@@ -109,7 +109,7 @@ def parts_of_others(named: Sequence[NamedEffect], robot: Robot) -> tuple[str, ..
 
 
 def _may_be_part(one: str, of: str, robot: Robot) -> bool:
-    return any(effect.id == of and one in effect.its_part for effect in robot.effects)
+    return any(effect.id == of and one in effect.also_seen_as for effect in robot.effects)
 
 
 def _wrong(effect: Effect, baseline: Fit, final: Fit) -> tuple[Shares, ...]:

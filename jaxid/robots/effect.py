@@ -74,9 +74,9 @@ class Effect:
     """What of the robot itself does the same, in words, so that no log tells it apart where the table does not hold it."""
     same_as: ClassVar[str] = ""
     """What no effect has the name of and does the same, in words, with what would tell the two apart."""
-    its_part: ClassVar[tuple[str, ...]] = ()
+    also_seen_as: ClassVar[tuple[str, ...]] = ()
     """Effects that may be a part of this one where both are found, since none of its laws has that part."""
-    part_in_words: ClassVar[str] = ""
+    why_also: ClassVar[str] = ""
     """What that part is, and what would tell."""
     memoryless: ClassVar[bool] = False
     """Whether what it makes of a command depends on nothing but that command: not on earlier ones, and not on the time."""

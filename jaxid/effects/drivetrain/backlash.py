@@ -47,8 +47,8 @@ class GearPlay(Effect):
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "torque' = torque where |q| = 1, else 0; impulse * dq/dt = 2 torque within |q| < 1"
     finer: ClassVar[float] = 2.0
-    its_part: ClassVar[tuple[str, ...]] = _LATE
-    part_in_words: ClassVar[str] = _OWN_INERTIA
+    also_seen_as: ClassVar[tuple[str, ...]] = _LATE
+    why_also: ClassVar[str] = _OWN_INERTIA
 
     def refusal(self, robot: Robot) -> str | None:
         if one_torque_each(robot):
@@ -133,8 +133,8 @@ class PlayOfCommands(Effect):
     law: ClassVar[str] = "command"
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "u' = clip(u' before, u - width / 2, u + width / 2)"
-    its_part: ClassVar[tuple[str, ...]] = _LATE
-    part_in_words: ClassVar[str] = _OWN_INERTIA
+    also_seen_as: ClassVar[tuple[str, ...]] = _LATE
+    why_also: ClassVar[str] = _OWN_INERTIA
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "width", input_unit(robot), 0.1 * robot.scales.input)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, Pioneer
+from jaxid import Axis, Channels, Custom, Log, LogSet, Parameter, Pioneer, output_error
 from jaxid.estimate.result import Estimate
 from jaxid.estimate.uncertainty import combinations, estimates, spread
 
@@ -122,3 +122,22 @@ def test_a_parameter_that_hardly_shows_is_not_determined_where_it_scales_with_ot
     assert found.unseen.tolist() == [True, True, True, True, False]
     assert found.determined.tolist() == [False, False, False, False, True]
     assert np.sqrt(found.covariance[4, 4]) == pytest.approx(theta[4] / np.linalg.norm(relative[:, 4]), rel=0.1)
+
+
+def test_a_parameter_that_next_to_nothing_shows_is_not_identified():
+    """It would have to be 1e18 to change the simulation: that its error is a little less says nothing of it."""
+    channels = Channels(("u",), ("v",), units={"u": "N", "v": "m/s"})
+    robot = Custom(
+        dynamics=lambda x, u, p: {"v": u["u"] / p["M"] - p["d"] * x["v"] + 1e-18 * p["faint"] * x["v"] ** 2},
+        state_names=("v",),
+        own_channels=channels,
+        table={name: Parameter(1.0, free=True) for name in ("M", "d", "faint")},
+    )
+    rng = np.random.default_rng(6)
+    u, v = np.repeat(rng.uniform(-3.0, 3.0, 30), 20), np.zeros(600)
+    for k in range(599):
+        v[k + 1] = v[k] * np.exp(-0.03) + u[k] / 2.0 / 1.5 * (1.0 - np.exp(-0.03))
+    log = Log.from_arrays("a", 0.02 * np.arange(600), u, v + 0.01 * rng.normal(size=600), channels)
+    fit = output_error(robot, LogSet([log]))
+    assert fit["faint"].status == "not_identifiable" and fit["faint"].std_error > 1e12
+    assert fit["M"].value == pytest.approx(2.0, abs=4 * fit["M"].std_error) and fit["M"].status == "identified"

@@ -1,4 +1,4 @@
-"""What a Stribeck curve may look like, and what the verdict makes of one that falls towards standstill."""
+"""Curves that no law of their mechanism is: a Stribeck curve that falls towards standstill, one that goes up and down."""
 
 import numpy as np
 import pytest
