@@ -82,6 +82,9 @@ class Axis(Robot):
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
         return (rates["v"],)
 
+    def angle_rates(self, state: State, p: Numbers) -> Scalars:
+        return (state["v"],)
+
     def rim_levers(self, p: Numbers) -> Scalars:
         return (1.0,)
 

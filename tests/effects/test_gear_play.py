@@ -6,7 +6,7 @@ import pytest
 from jaxid import Axis, Integrator, Log, LogSet, Omni, Pioneer, output_error
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.simulation.simulate import simulate
-from reference.gear_play import speeds
+from reference.gear_play import DAMPING, STIFFNESS, speeds
 
 P = {"M": 2.0, "Fv": 1.0, "gain": 4.0, "back_emf": 1.5}
 MOTOR, WIDTH, DT, N = 0.02, 0.08, 0.02, 240
@@ -47,10 +47,51 @@ def test_a_fit_finds_the_width_of_the_play(driven):
     assert fit["M"].value == pytest.approx(P["M"] + MOTOR, rel=0.02)
 
 
+def test_a_heavy_motor_runs_through_the_play_and_the_mass_stays_that_of_both():
+    """Nothing is fitted: the law's numbers are those of the two masses and of their teeth."""
+    motor, width = 0.2, 0.02
+    u = np.repeat(np.random.default_rng(5).uniform(-4.0, 4.0, N // 12), 12)
+    far = P | {"M": P["M"] - motor}
+    with_play, without = (speeds(far, w, motor, u, DT) for w in (width, 0.0))
+    effect = effect_by_id(AXIS, "backlash", "motor_behind_play")
+    numbers = {
+        "width": width,
+        "inertia": motor,
+        "ring": np.sqrt(motor / STIFFNESS),
+        "damping": DAMPING / (2.0 * np.sqrt(STIFFNESS * motor)),
+    }
+    axis = AXIS.with_values(M=P["M"])
+    robot = (axis + effect).with_values(**{effect.key(name): value for name, value in numbers.items()})
+    (found,) = simulate(robot, logs(u, with_play), integrator=Integrator(16))
+    (plain,) = simulate(axis, logs(u, with_play), integrator=Integrator(16))
+    size = np.sqrt(np.mean((with_play - without) ** 2))
+    assert size > 0.02 and np.sqrt(np.mean((plain[:, 0] - without) ** 2)) < 0.2 * size
+    assert np.sqrt(np.mean((found[:, 0] - with_play) ** 2)) < 0.15 * size
+
+
+def test_without_a_width_the_motor_is_a_part_of_the_robot():
+    u = np.repeat(np.random.default_rng(6).uniform(-4.0, 4.0, N // 12), 12)
+    for robot, inputs in (
+        (AXIS, u[:, None]),
+        (Pioneer(), np.stack([u, -u], axis=1)),
+        (Omni(), np.stack([u] * 4, axis=1)),
+    ):
+        behind = robot + effect_by_id(robot, "backlash", "motor_behind_play")
+        still = np.zeros((N, len(robot.channels.outputs)))
+        log = LogSet([Log.from_arrays("one", DT * np.arange(N), inputs, still, robot)])
+        plain, found = (simulate(model, log, integrator=Integrator(4))[0] for model in (robot, behind))
+        np.testing.assert_allclose(found, plain, atol=1e-12)
+
+
 def test_each_drive_can_have_its_own_play():
-    assert [law.law for law in laws_of(Pioneer(), "backlash")] == ["gear_play", "per_drive", "command"]
+    assert [law.law for law in laws_of(Pioneer(), "backlash")] == [
+        "gear_play",
+        "motor_behind_play",
+        "per_drive",
+        "command",
+    ]
     own = (Omni() + effect_by_id(Omni(), "backlash", "per_drive")).parameters
     assert [name for name in own if name.startswith("backlash.") and own[name].free] == [
         f"backlash.impulse_u{k}" for k in range(1, 5)
     ]
-    assert [law.law for law in laws_of(AXIS, "backlash")] == ["gear_play", "command"]
+    assert [law.law for law in laws_of(AXIS, "backlash")] == ["gear_play", "motor_behind_play", "command"]

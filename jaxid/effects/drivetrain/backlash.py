@@ -7,6 +7,7 @@ than their back-EMF cross it a little later.
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import ClassVar
 
 import jax
@@ -17,13 +18,19 @@ from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..actuator.drives import drive_names, input_unit, on_drives, one_torque_each
-from ..effect_parameters import positive, shortest
+from ..effect_parameters import positive, shape, shortest
 
 _SOFT = 0.4
 """Share of half the play within which the teeth take up the torque, so that it differentiates."""
 _FASTEST = 0.25
 """Sampling intervals that half the play takes at least."""
 _TINY = 1e-30
+_MEETING = 0.05
+"""Share of half the play over which teeth that meet take up their damping, so that it differentiates."""
+_STIFFEST = 0.1
+"""Sampling intervals of a radian of the oscillation of the stiffest teeth."""
+_RINGS = 0.3
+"""Damping ratio of teeth that have met."""
 _LATE = ("motor_lag", "input_delay", "sensor_lag", "sensor_delay")
 """What a motor with an inertia of its own, behind its play, looks like."""
 _OWN_INERTIA = (
@@ -119,6 +126,113 @@ class PlayOfEach(GearPlay):
         return tuple(Probe(dict.fromkeys(self.names(robot), size), out_of=len(sizes)) for size in sizes)
 
 
+@dataclass(frozen=True)
+class MotorBehindPlay(Effect):
+    """A motor with an inertia of its own, which runs through the play and meets teeth that give: two masses and a spring.
+
+    The states of a drive are where the motor is ahead of its wheel, from the middle of the play, and how fast it turns. The
+    mass of a robot of one drive stays that of both sides together, where the robot says which parameter it is; any other
+    inertia is that beyond the play.
+    """
+
+    id: ClassVar[str] = "backlash"
+    law: ClassVar[str] = "motor_behind_play"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = (
+        "inertia * dw/dt = torque(w) - torque', dq/dt = w - wheel's speed, torque' = inertia ((|q| - width / 2) sign(q) / "
+        "ring^2 + 2 damping dq/dt / ring) where |q| > width / 2, else 0, pushing only; the robot's own inertia is that beyond "
+        "the play, the mass of one with one drive that of both sides"
+    )
+    finer: ClassVar[float] = 2.0
+
+    def refusal(self, robot: Robot) -> str | None:
+        if len(robot.angles) != len(robot.drive_inputs):
+            return f"{robot.name!r} has not one wheel's angle for every drive input, which {self.title} asks for"
+        return GearPlay().refusal(robot)
+
+    def _places(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(self.own(f"play_{name}") for name in drive_names(robot))
+
+    def _speeds(self, robot: Robot) -> tuple[str, ...]:
+        return tuple(self.own(f"motor_speed_{name}") for name in drive_names(robot))
+
+    def states_on(self, robot: Robot) -> tuple[str, ...]:
+        return self._places(robot) + self._speeds(robot)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        scales, angle = robot.scales, robot.angle_unit
+        rate = scales.speed / (robot.metre or 1.0)
+        width, inertia = 0.05 * rate * scales.time, 0.05 * scales.torque * scales.time / rate
+        found = positive(self, "width", angle, width)
+        found |= shape(self, "inertia", f"{robot.torque_unit} s^2/{angle}", inertia)
+        found |= shape(self, "ring", "s", 2.0 * scales.interval)
+        found |= shape(self, "damping", "", _RINGS)
+        found |= shape(self, "least", f"{robot.torque_unit} s^2", 1e-3 * inertia * width, free=False)
+        return found | shortest(self, _STIFFEST * scales.interval)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        width, inertia, ring = (self.key(name) for name in ("width", "inertia", "ring"))
+        typical = robot.parameters[width].typical or 1.0
+        tried = list(product((0.4, 1.6), (1.0, 4.0), (0.25, 1.0)))
+        return tuple(
+            Probe(
+                {width: typical * wide},
+                {inertia: robot.parameters[inertia].value * heavy, ring: robot.parameters[ring].value * soft},
+                out_of=len(tried),
+            )
+            for wide, heavy, soft in tried
+        )
+
+    def _there(self, p: Numbers) -> Scalar:
+        """0 without a play, which passes on the torque as it is, 1 with any that counts."""
+        size = p[self.key("inertia")] * p[self.key("width")]
+        return size / (size + p[self.key("least")])
+
+    def _passed(self, place: Scalar, ahead: Scalar, p: Numbers) -> Scalar:
+        """What the teeth pass on."""
+        ring, half = jnp.maximum(p[self.key("ring")], p[self.key("shortest")]), 0.5 * p[self.key("width")]
+        beyond, side = jnp.maximum(jnp.abs(place) - half, 0.0), jnp.sign(place)
+        touch = jnp.clip(beyond / (_MEETING * half + _TINY), 0.0, 1.0)
+        pushed = beyond / ring**2 + 2.0 * p[self.key("damping")] * touch * side * ahead / ring
+        return p[self.key("inertia")] * side * jnp.maximum(pushed, 0.0)
+
+    def _ahead(self, state: State, p: Numbers, robot: Robot) -> Scalars:
+        turning = robot.angle_rates(state, p)
+        return tuple(state[name] - w for name, w in zip(self._speeds(robot), turning, strict=True))
+
+    def numbers(self, p: Numbers, state: State, robot: Robot) -> Numbers:
+        mechanism = robot.mechanisms.get("payload_change", ())
+        if len(robot.drive_inputs) != 1 or not mechanism:
+            return p
+        return {**p, mechanism[0]: p[mechanism[0]] - self._there(p) * p[self.key("inertia")]}
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        there, drives = self._there(p), zip(self._places(robot), self._ahead(state, p, robot), strict=True)
+        return tuple(
+            t + there * (self._passed(state[place], ahead, p) - t)
+            for t, (place, ahead) in zip(torques, drives, strict=True)
+        )
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot, torques: Scalars = ()) -> State:
+        found, slopes = {}, _falls_with_speed(robot, p)
+        drives = zip(
+            torques, slopes, self._places(robot), self._speeds(robot), self._ahead(state, p, robot), strict=True
+        )
+        for t, slope, place, speed, ahead in drives:
+            found[place] = ahead
+            found[speed] = (t - slope * ahead - self._passed(state[place], ahead, p)) / p[self.key("inertia")]
+        return found
+
+
+def _falls_with_speed(robot: Robot, p: Numbers) -> Scalars:
+    """By how much each drive torque falls with its motor's speed, as a back-EMF makes it: the slope, that of a line."""
+    idle, rest = (0.0,) * len(robot.channels.inputs), dict.fromkeys(robot.states, 0.0)
+    moving = rest | {name: 1.0 / (1.0 + k) for k, name in enumerate(robot.velocities)}
+    at_rest, braked = (robot.drive_torques(idle, state, p) for state in (rest, moving))
+    turning = robot.angle_rates(moving, p)
+    return tuple((a - b) / w for a, b, w in zip(at_rest, braked, turning, strict=True))
+
+
 def _narrower(earlier, later):
     """Two steps of the play operator as one: to clip between a and b and then between c and d is to clip once."""
     (a, b), (c, d) = earlier, later
@@ -148,4 +262,4 @@ class PlayOfCommands(Effect):
         return on_drives(robot, inputs, jnp.clip(0.0, low, high))
 
 
-LAWS: tuple[Effect, ...] = (GearPlay(), PlayOfEach(), PlayOfCommands())
+LAWS: tuple[Effect, ...] = (GearPlay(), MotorBehindPlay(), PlayOfEach(), PlayOfCommands())
