@@ -35,8 +35,10 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
         doubts.append(
             f"the model does not follow the logs it was fitted to ({final.judgement.sentences[0].rstrip('.')})"
         )
+    enough = after.adequate or all_noise(found)
     for effect in named:
-        if not effect.identified:
+        # One of several names that explain it all alike: that there is one of them is sure, though no size of either is.
+        if not effect.identified and not (enough and effect.equivalent_to):
             doubts.append(f"the errors of {effect.title} do not exclude that there is none")
     identified = any(final[name].status == "identified" for name in final.free_names)
     if len(named) > 1 and not identified and not open_gain(final):

@@ -162,6 +162,14 @@ def test_a_name_that_may_be_nothing_is_not_given(heavy_tailed):
     assert found == "unexplained" and "errors of quadratic drag do not exclude that there is none" in doubts[0]
 
 
+def test_of_several_names_that_explain_all_alike_one_is_there_though_the_size_of_each_may_be_nothing(heavy_tailed):
+    """What excess near standstill, viscous and drag make of slow noise: a level of dry friction takes any of them up."""
+    _, fit, *_ = heavy_tailed
+    either = replace(named(sure=False), equivalent_to=("sublinear_viscous_friction",))
+    assert verdict(fit, 4.1, 1.0, either)[0] == "ambiguous"
+    assert verdict(fit, 4.1, 1.5, either)[0] == "unexplained"
+
+
 def test_two_names_beside_which_nothing_is_known_are_none_unless_it_is_all_but_for_one_factor(heavy_tailed):
     _, fit, *_ = heavy_tailed
     two = (named(), replace(named(), id="effective_track"))
