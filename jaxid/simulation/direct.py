@@ -89,33 +89,46 @@ def simulated_directly(
     if model is None:
         return None
     (E, T, U), (system, places, records) = inputs.shape, model
-    p = np.stack([np.asarray(numbers[name], float) for name in names], axis=1)
-    x = np.stack([np.broadcast_to(start[name], (len(p), E)) for name in robot.states], axis=2)
+    every = np.stack([np.asarray(numbers[name], float) for name in names], axis=1)
+    first, same = _apart(every, [*places, *(records.commands or ())], start)
+    p = every[first]
+    x = np.stack([np.broadcast_to(start[name], (len(every), E))[first] for name in robot.states], axis=2)
     fixed = np.stack([np.asarray(v) for v in prescribed.values()], axis=-1) if prescribed else np.zeros((E, T, 0))
     shares = np.full((n, lanes()), 1.0 / n)
     rows = records.rows(n)
     most = max(1, _TOGETHER // max(1, T * (U * rows + system.outputs)))
     if E > most:  # experiments know nothing of one another
         parts = []
-        for first in range(0, E, most):
-            some = slice(first, first + most)
+        for begin in range(0, E, most):
+            some = slice(begin, begin + most)
             own = {name: np.asarray(v)[..., some] for name, v in start.items()}
             there = inputs[some], dt[some], {name: v[some] for name, v in prescribed.items()}
             parts.append(simulated_directly(robot, integrator, numbers, own, *there))
         return np.concatenate(parts, axis=1)
     several = max(1, min(len(p), most // max(1, E)))
     found = []
-    for first in range(0, len(p), several):
-        own_p = p[first : first + several]
+    for begin in range(0, len(p), several):
+        own_p = p[begin : begin + several]
         own = (
             grouped(np.repeat(own_p[:, places], E, axis=0)),
-            grouped(x[first : first + several].reshape(-1, x.shape[-1])),
+            grouped(x[begin : begin + several].reshape(-1, x.shape[-1])),
         )
         u = grouped(commanded_each(records, own_p, inputs, dt, n).reshape(-1, T, rows, U))
         d, known = (_times(len(own_p), a) for a in (dt, fixed))
-        y = ungrouped(outputs(system, (shares, *own, u, d, known)), len(own_p) * E).reshape(-1, E, T, system.outputs)
-        found.append(measured_each(records, own_p, y, dt))
-    return np.concatenate(found)
+        y = ungrouped(outputs(system, (shares, *own, u, d, known)), len(own_p) * E)
+        found.append(y.reshape(-1, E, T, system.outputs))
+    moved = np.concatenate(found)
+    return measured_each(records, every, moved if len(moved) == len(every) else moved[same], dt)
+
+
+def _apart(p: np.ndarray, moving: list[int], start: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """The first of each set of parameters [c, P] of which the motion is another one, and which of these every set has: those
+    alike in what is `moving` the robot, in which what the sensors make of the motion is not."""
+    each = np.arange(len(p))
+    if any(np.ndim(own) > 1 for own in start.values()) or not moving:
+        return each, each
+    _, first, same = np.unique(p[:, moving], axis=0, return_index=True, return_inverse=True)
+    return (each, each) if len(first) == len(p) else (first, same.reshape(-1))
 
 
 def _times(times: int, a: Float[Array, "E ..."]) -> Float[Array, "G ... L"]:

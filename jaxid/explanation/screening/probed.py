@@ -99,18 +99,26 @@ def _with(robot: Robot, pairs: Iterable[tuple[Effect, Effect]]) -> Robot:
 def _apart(robot: Robot, integrator: Integrator, pairs: Pairs) -> list[Pairs]:
     """The effects in sets, each for a program of its own: all in one where a program is XLA's and takes seconds to compile.
 
-    Else those of one place in the signal path together; but mechanisms apart that act on whole records, for which the
-    robot's own program serves, and those that have places or angles integrated, where they are looked for in many.
+    Else those of one place in the signal path together. Apart are laws that act on whole records, for which the robot's own
+    program serves; mechanisms that have places or angles integrated, where they are looked for in many; and those with fast
+    states of their own, so that no other pays for these or for their finer steps.
     """
     names = tuple(sorted(robot.parameters))
     if machine_model(robot, names, integrator.friction) is None:
         return _admitted(robot, pairs)
     sets: dict[str, list[tuple[Effect, Effect]]] = {}
     for pair in pairs:
-        effect = pair[0]
-        alone = on_records_alone(effect, robot) or {"pose", "wheel_angles"} & set(effect.needs)
-        sets.setdefault(effect.id if alone else effect.where, []).append(pair)
+        sets.setdefault(_stands_with(pair[0], robot), []).append(pair)
     return [part for some in sets.values() for part in _admitted(robot, some)]
+
+
+def _stands_with(effect: Effect, robot: Robot) -> str:
+    """What the effects of one set of a first look have in common."""
+    if on_records_alone(effect, robot):
+        return f"{effect.id}:{effect.law}"
+    if effect.finer > 1.0 and effect.states_on(robot):
+        return f"{effect.id}, fast states"
+    return effect.id if {"pose", "wheel_angles"} & set(effect.needs) else effect.where
 
 
 def _admitted(robot: Robot, pairs: Pairs) -> list[Pairs]:
