@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxid import EffectError, Log, LogSet, Omni, Pioneer, simulate
+from jaxid import Differential, EffectError, Log, LogSet, Omni, Pioneer, simulate
 from jaxid.effects import effect_by_id, laws_of
-from jaxid.effects.ground.wheel_radius_mismatch import RadiusOfEach
+from jaxid.effects.ground.wheel_radius_mismatch import RadiusOfEach, WithTheirMean
 from jaxid.simulation.rollout import Integrator
 
 
@@ -42,7 +42,7 @@ def test_one_wheel_is_told_as_one_of_another_torque_constant_is():
 
 
 def test_a_robot_with_two_wheels_has_the_law_of_its_sides():
-    assert [law.law for law in laws_of(Pioneer(), "wheel_radius_mismatch")] == [""]
+    assert [law.law for law in laws_of(Pioneer(), "wheel_radius_mismatch")] == ["", "with_their_mean"]
     with pytest.raises(EffectError, match="drives two wheels or fewer"):
         Pioneer() + RadiusOfEach()
 
@@ -51,5 +51,14 @@ def test_where_wheels_are_measured_their_radii_are_the_robots_own():
     """An encoder turns by as much more as its wheel is smaller, which a law of forces alone knows nothing of."""
     with pytest.raises(EffectError, match="how fast its wheels turn"):
         Omni(wheel_angles=True) + RadiusOfEach()
-    assert [law.law for law in laws_of(Omni(wheel_angles=True), "wheel_radius_mismatch")] == [""]
-    assert [law.law for law in laws_of(Omni(pose=True), "wheel_radius_mismatch")] == ["", "each_wheel"]
+    assert [law.law for law in laws_of(Omni(wheel_angles=True), "wheel_radius_mismatch")] == ["", "with_their_mean"]
+    assert [law.law for law in laws_of(Omni(pose=True), "wheel_radius_mismatch")] == ["", "with_their_mean", "each_wheel"]
+
+
+def test_a_wheel_that_is_larger_alone_makes_their_mean_larger_too():
+    """The law of the sides keeps the table's mean, and the robot's friction takes up what that is off."""
+    robot = Pioneer() + effect_by_id(Pioneer(), "wheel_radius_mismatch", "with_their_mean")
+    assert {"R", "radius_mismatch"} <= set(robot.parameters.free_names)
+    assert "R" not in Pioneer().parameters.free_names
+    with pytest.raises(EffectError, match="no parameter that is its wheels' radius"):
+        Differential() + WithTheirMean()

@@ -20,6 +20,22 @@ class WheelRadiusMismatch(OwnParameter):
 
 
 @dataclass(frozen=True)
+class WithTheirMean(WheelRadiusMismatch):
+    """The same where their mean is not what the table says either, as where one wheel is worn and the other as it was."""
+
+    law: ClassVar[str] = "with_their_mean"
+    formula: ClassVar[str] = "R_right = R (1 + radius_mismatch), R_left = R (1 - radius_mismatch), R another than the table's"
+
+    def refusal(self, robot: Robot) -> str | None:
+        if robot.wheel_radius in robot.parameters:
+            return None
+        return f"{robot.name!r} has no parameter that is its wheels' radius, whose mean {self.title} frees"
+
+    def frees(self, robot: Robot) -> tuple[str, ...]:
+        return (*super().frees(robot), robot.wheel_radius)
+
+
+@dataclass(frozen=True)
 class RadiusOfEach(OfTorque):
     """Every driving wheel of three or more with a radius of its own: less force of the same torque, and fewer turns of the same
     way, so that its motor's back-EMF is smaller, too. No log of the body's motion tells it from another torque constant; one of
@@ -57,4 +73,4 @@ class RadiusOfEach(OfTorque):
         return tuple(t / (1.0 + larger) for t, larger in zip(torques, self.shares_of(p, robot), strict=True))
 
 
-LAWS: tuple[Effect, ...] = (WheelRadiusMismatch(), RadiusOfEach())
+LAWS: tuple[Effect, ...] = (WheelRadiusMismatch(), WithTheirMean(), RadiusOfEach())
