@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Differential, EffectError, Log, LogSet, Omni, Pioneer, simulate
+from jaxid import DifferentialDrive, EffectError, Log, LogSet, Omni, Pioneer, simulate
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.effects.ground.wheel_radius_mismatch import RadiusOfEach, WithTheirMean
 from jaxid.simulation.rollout import Integrator
@@ -61,4 +61,4 @@ def test_a_wheel_that_is_larger_alone_makes_their_mean_larger_too():
     assert {"R", "radius_mismatch"} <= set(robot.parameters.free_names)
     assert "R" not in Pioneer().parameters.free_names
     with pytest.raises(EffectError, match="no parameter that is its wheels' radius"):
-        Differential() + WithTheirMean()
+        DifferentialDrive() + WithTheirMean()
