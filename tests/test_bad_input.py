@@ -3,6 +3,7 @@
 import os
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import jaxid
@@ -43,6 +44,10 @@ def test_logs_must_be_logs_of_the_robot(estimate, logs):
         estimate(Axis(), "a.csv")
     with pytest.raises(TypeError, match=r"a is a single log; give LogSet\(\[log\]\)"):
         estimate(Axis(), logs[0])
+    with pytest.raises(
+        TypeError, match=r"place 0 of the logs has a DataFrame, no Log; make one of its columns with Log\."
+    ):
+        estimate(Axis(), [pd.DataFrame({"t": [0.0, 0.1]})])
     with pytest.raises(LogError, match=r"a has the columns \['u', 'v', 'q'\] and the robot 'omni' has \['u1',"):
         estimate(Omni(), logs)
 

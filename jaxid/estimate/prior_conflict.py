@@ -14,8 +14,9 @@ from .result import Estimate
 
 _APART = 3.5
 """Standard errors from which the two contradict each other: a prior that is right is said to be wrong in one fit of 2,000."""
-_LEAST = 1e-4
-"""Share of the prior's variance, at least, that the data takes off: less is lost in rounding."""
+_LEAST = 0.01
+"""Share of the prior's variance, at least, that the data takes off: less is hardly a word against the prior, and whatever else
+moves the estimate, such as another parameter's bound, would count a hundredfold."""
 
 
 def prior_conflicts(
@@ -35,7 +36,9 @@ def prior_conflicts(
         scatter, error, weight = spread**2 + estimate.std_error**2, float("nan"), float("nan")
         if white is not None and name in white:
             # The weight that the data has, and what it would say with all of it.
-            weight = max(1.0 - (white[name] / spread) ** 2, _LEAST)
+            weight = 1.0 - (white[name] / spread) ** 2
+            if weight < _LEAST:
+                continue
             own = max(estimate.std_error, white[name]) ** 2 - (1.0 - weight) * white[name] ** 2
             scatter, error = weight**2 * spread**2 + own, np.sqrt(own) / weight
         if not abs(estimate.value - mean) > _APART * np.sqrt(scatter):

@@ -255,6 +255,6 @@ def checked_fit(given: Any, method: str = "output_error") -> Fit:
     """What a user gives as a fit. Raises `TypeError` for anything else, a robot above all, with the remedy."""
     if not isinstance(given, Fit):
         raise TypeError(
-            f"{given!r:.60} is no fit; give what an estimator returns, such as jaxid.{method}(robot, logs)."
+            f"a {type(given).__name__} is no fit; give what an estimator returns, such as jaxid.{method}(robot, logs)."
         )
     return given

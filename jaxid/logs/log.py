@@ -307,13 +307,19 @@ class LogSet(Sequence[Log]):
     """An immutable sequence of logs of one robot, each with its own name.
 
     Index it with a number, a slice (a `LogSet`) or a log's name. Raises `LogError` if it would be empty, if two logs
-    share a name, or if their channels differ.
+    share a name, or if their channels differ, `TypeError` for what is no log.
     """
 
     def __init__(self, logs: Iterable[Log]):
         self._logs = tuple(logs)
         if not self._logs:
             raise LogError("There are no logs here; give at least one.")
+        for place, log in enumerate(self._logs):
+            if not isinstance(log, Log):
+                raise TypeError(
+                    f"place {place} of the logs has a {type(log).__name__}, no Log; make one of its columns with "
+                    "Log.from_arrays(name, time, inputs, outputs, robot)"
+                )
         names = [log.name for log in self._logs]
         for log in self._logs:
             if names.count(log.name) > 1:

@@ -52,7 +52,11 @@ def test_where_wheels_are_measured_their_radii_are_the_robots_own():
     with pytest.raises(EffectError, match="how fast its wheels turn"):
         Omni(wheel_angles=True) + RadiusOfEach()
     assert [law.law for law in laws_of(Omni(wheel_angles=True), "wheel_radius_mismatch")] == ["", "with_their_mean"]
-    assert [law.law for law in laws_of(Omni(pose=True), "wheel_radius_mismatch")] == ["", "with_their_mean", "each_wheel"]
+    assert [law.law for law in laws_of(Omni(pose=True), "wheel_radius_mismatch")] == [
+        "",
+        "with_their_mean",
+        "each_wheel",
+    ]
 
 
 def test_a_wheel_that_is_larger_alone_makes_their_mean_larger_too():

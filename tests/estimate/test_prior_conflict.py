@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Log, LogSet, output_error
+from jaxid import Channels, Custom, Log, LogSet, output_error
 from jaxid.estimate.prior_conflict import prior_conflicts
 from jaxid.estimate.result import Estimate
 from jaxid.parameters import Parameter, ParameterTable
@@ -82,3 +82,30 @@ def test_coloured_noise_makes_no_conflict(known):
             far = Estimate.of(float(value) + 40.0, error, "kg")
             conflicts += bool(prior_conflicts(table, {"M": far}, white))
     assert said < 40 and conflicts > 29_000  # 14 expected
+
+
+def test_a_true_prior_that_alone_says_how_far_another_is_from_its_bound_is_no_contradiction():
+    """Gain and back-EMF by one constant, of which the logs know no more than its share in two sums: K / R, and Fv + K² / R."""
+
+    def model(K, **prior):
+        return Custom(
+            dynamics=lambda s, u, p: {"v": (p["K"] * (u["u"] - p["K"] * s["v"]) / p["R"] - p["Fv"] * s["v"]) / p["M"]},
+            state_names=("v",),
+            own_channels=Channels(inputs=("u",), outputs=("v",)),
+            table={
+                "K": Parameter(K, free=True, lower=1e-4, **prior),
+                "R": Parameter(1.2, free=True, lower=0.01),
+                "Fv": Parameter(0.5, free=True, lower=0.0),
+                "M": Parameter(1.0),
+            },
+        )
+
+    rng, robot = np.random.default_rng(9), model(2.0)
+    inputs = np.repeat(rng.uniform(-6.0, 6.0, (20, 1)), 20, axis=0)
+    time = 0.02 * np.arange(400)
+    (v,) = simulate(robot, LogSet([Log.from_arrays("a", time, inputs, np.zeros((400, 1)), robot)]))
+    logs = LogSet([Log.from_arrays("a", time, inputs, v[:, :1] + 0.01 * rng.standard_normal((400, 1)), robot)])
+    fit = output_error(model(2.0, prior=(2.0, 0.2)), logs)
+    assert fit.judgement.verdict == "sound"
+    assert fit["K"].value == pytest.approx(2.0, abs=0.01) and fit["K"].std_error == pytest.approx(0.2, rel=0.05)
+    assert abs(fit["Fv"].value - 0.5) < fit["Fv"].std_error

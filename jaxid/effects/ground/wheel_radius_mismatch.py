@@ -24,7 +24,9 @@ class WithTheirMean(WheelRadiusMismatch):
     """The same where their mean is not what the table says either, as where one wheel is worn and the other as it was."""
 
     law: ClassVar[str] = "with_their_mean"
-    formula: ClassVar[str] = "R_right = R (1 + radius_mismatch), R_left = R (1 - radius_mismatch), R another than the table's"
+    formula: ClassVar[str] = (
+        "R_right = R (1 + radius_mismatch), R_left = R (1 - radius_mismatch), R another than the table's"
+    )
 
     def refusal(self, robot: Robot) -> str | None:
         if robot.wheel_radius in robot.parameters:

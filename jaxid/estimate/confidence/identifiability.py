@@ -27,6 +27,9 @@ from ..uncertainty import PRACTICAL, RANK, combinations, spread
 
 _TAKES_PART = 0.05
 """Share of a direction below which a parameter is left out of its description."""
+_MOVES_AT_ALL = 1e-3
+"""The same of a direction in which nothing at all shows: a parameter that moves with it however little is as open as those that
+move most; less is rounding."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,8 @@ def _directions(
         if not structural and value * PRACTICAL > 1.0:
             continue
         leading = direction * np.sign(direction[np.argmax(np.abs(direction))])
-        part = {n: float(v) for n, v in zip(names, leading, strict=True) if abs(v) > _TAKES_PART}
+        least = _MOVES_AT_ALL if structural else _TAKES_PART
+        part = {n: float(v) for n, v in zip(names, leading, strict=True) if abs(v) > least}
         error = float("inf") if structural else float(1 / value)
         decisive = max(part, key=lambda n: abs(part[n]))
         free.append(FreeDirection("structural" if structural else "practical", part, error, decisive))

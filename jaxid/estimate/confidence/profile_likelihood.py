@@ -267,6 +267,10 @@ def profile_likelihood(
         starts = Unknowns(array(z), array(states))
         return fit_lanes(structure, problem, own, starts, rounds=1, lanes=min(len(names) * len(_FIRST) + 1, 32)).optimum
 
+    def prior(i: int, value: float) -> float:
+        """What the prior says of a parameter that is held, as of one that is free."""
+        return float(problem.prior_precision[i] * (value - problem.prior_mean[i]) ** 2)
+
     def sides(name: str, i: int, rises: dict[float, float]) -> list[_Side]:
         at = float(centre[i])
         edges = np.clip(at + _WIDEST * error[i] * np.array([-1.0, 1.0]), *limits[name]).tolist()
@@ -282,6 +286,7 @@ def profile_likelihood(
     for number in range(_ROUNDS):
         found = jax.tree.map(np.asarray, look(wanted))
         costs = 2.0 * found.cost
+        costs[: len(wanted)] += [prior(index[name], value) for name, value in wanted]
         if costs[-1] < best:
             best, centre = float(costs[-1]), np.asarray(parameters_at(problem, array(np.asarray(found.unknowns.z)[-1])))
         for lane, (name, value) in enumerate(wanted):

@@ -86,9 +86,15 @@ def near_bounds(problem: Problem, optimum: Optimum) -> tuple[NDArray[np.bool_], 
 def on_bounds(
     structure: Structure, problem: Problem, optimum: Optimum, max_steps: int, solver: Solver = DEFAULT
 ) -> AtBounds:
-    """Put parameters that cannot be told from their bound exactly on it, one after another, where that costs nothing."""
+    """Put parameters that cannot be told from their bound exactly on it, one after another, where that costs nothing.
+
+    Not beside priors: where these alone say how far a parameter is from its bound, to hold it there would move what they are
+    of to where no log and no prior has it.
+    """
     on, near, bound = near_bounds(problem, optimum)
     current = AtBounds(problem, optimum, on)
+    if np.any(np.asarray(problem.prior_precision)[np.asarray(problem.free)] > 0):
+        return current
     for i in np.flatnonzero(near):
         trial = holding(current.problem, int(i), bound[i])
         held = minimise_compiled(structure, trial, current.optimum.unknowns, max_steps=max_steps, solver=solver)

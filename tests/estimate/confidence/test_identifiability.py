@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, LogSet, ParameterError, Pioneer, identifiability, output_error
+from jaxid import (
+    Axis,
+    Channels,
+    Custom,
+    Log,
+    LogSet,
+    Parameter,
+    ParameterError,
+    Pioneer,
+    identifiability,
+    output_error,
+)
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +74,21 @@ def test_nothing_free_is_an_error(driven):
         robot = robot.change(name, free=False)
     with pytest.raises(ParameterError, match="no parameter is free"):
         identifiability(robot, driven)
+
+
+def test_what_moves_a_little_along_a_free_direction_is_as_open_as_what_moves_most():
+    """Of torque constant, winding and friction two sums show: K / R, and Fv + K² / R, of which the friction is next to nothing."""
+    motor = Custom(
+        dynamics=lambda s, u, p: {"v": p["K"] * (u["u"] - p["K"] * s["v"]) / p["R"] - p["Fv"] * s["v"]},
+        state_names=("v",),
+        own_channels=Channels(inputs=("u",), outputs=("v",)),
+        table={
+            name: Parameter(value, free=True, lower=0.0) for name, value in {"K": 2.0, "R": 1.2, "Fv": 0.05}.items()
+        },
+    )
+    inputs = np.repeat(np.random.default_rng(2).uniform(-6.0, 6.0, (20, 1)), 20, axis=0)
+    log = Log.from_arrays("a", 0.02 * np.arange(400), inputs, np.zeros((400, 1)), motor)
+    found = identifiability(motor, LogSet([log]), noise={"v": 0.01})
+    assert found.rank == 2 and set(found.free_directions[0].change) == {"K", "R", "Fv"}
+    assert abs(found.free_directions[0].change["K"]) < 0.05
+    assert all(error == np.inf for error in found.std_errors.values())

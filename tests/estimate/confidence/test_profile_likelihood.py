@@ -111,3 +111,13 @@ def test_where_no_search_converges_the_end_is_not_found():
 def test_a_parameter_that_was_not_estimated_is_an_error(fit, logs):
     with pytest.raises(ParameterError, match="did not estimate 'offset'; its free parameters are M, Fv, Fc"):
         profile_likelihood(fit, logs, ["offset"])
+
+
+def test_a_prior_holds_the_parameter_that_it_is_of_where_no_log_does(logs):
+    """Of mass, friction and gain the logs know all but one factor, which the mass's prior alone says."""
+    robot = ROBOT.change("gain", free=True).change("M", prior=(TRUE["M"], 0.05))
+    found = output_error(robot, logs, integrator=STEP)
+    profiles = profile_likelihood(found, logs, ["M", "gain"], integrator=STEP)
+    for name in ("M", "gain"):
+        assert not profiles[name].open_ends
+        np.testing.assert_allclose(profiles[name].ci95, profiles[name].wald, rtol=0.05)
