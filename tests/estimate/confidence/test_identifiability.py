@@ -77,7 +77,7 @@ def test_nothing_free_is_an_error(driven):
 
 
 def test_what_moves_a_little_along_a_free_direction_is_as_open_as_what_moves_most():
-    """Of torque constant, winding and friction two sums show: K / R, and Fv + K² / R, of which the friction is next to nothing."""
+    """Of torque constant, winding and friction two sums show: K / R and Fv + K² / R, of which the friction is hardly any."""
     motor = Custom(
         dynamics=lambda s, u, p: {"v": p["K"] * (u["u"] - p["K"] * s["v"]) / p["R"] - p["Fv"] * s["v"]},
         state_names=("v",),
