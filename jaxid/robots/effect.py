@@ -132,6 +132,11 @@ class Effect:
         none."""
         return {}
 
+    def conventions(self, robot: "Robot") -> Mapping[str, Mapping[str, float]]:
+        """What of `robot` would be otherwise where the table counts from something else, which no log may tell: values of its
+        parameters, each set with what it supposes, in words; mostly none."""
+        return {}
+
     def doubt(self, robot: "Robot") -> str:
         """Why the numbers, or the curve, that `robot` has of it are none that this mechanism may have, in words; empty where
         they may be its own."""

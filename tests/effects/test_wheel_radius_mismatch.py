@@ -66,3 +66,15 @@ def test_a_wheel_that_is_larger_alone_makes_their_mean_larger_too():
     assert "R" not in Pioneer().parameters.free_names
     with pytest.raises(EffectError, match="no parameter that is its wheels' radius"):
         DifferentialDrive() + WithTheirMean()
+
+
+def test_either_wheel_alone_may_be_off_where_the_robot_has_no_radius():
+    """With the mean that makes one wheel the table's, the other is larger by all of the difference."""
+    effect = effect_by_id(DifferentialDrive(), "wheel_radius_mismatch")
+    robot = (DifferentialDrive() + effect).with_values(radius_mismatch=0.04)
+    other = effect.conventions(robot)
+    assert list(other) == ["the right wheel is as the table says", "the left wheel is as the table says"]
+    gain = robot.parameters["gain"].value
+    assert other["the left wheel is as the table says"]["gain"] == pytest.approx(gain * 0.96)
+    assert other["the right wheel is as the table says"]["gain"] == pytest.approx(gain * 1.04)
+    assert effect_by_id(Pioneer(), "wheel_radius_mismatch").conventions(Pioneer()) == {}

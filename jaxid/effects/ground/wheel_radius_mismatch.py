@@ -18,6 +18,16 @@ class WheelRadiusMismatch(OwnParameter):
     where: ClassVar[str] = "ground contact"
     formula: ClassVar[str] = "R_right = R (1 + radius_mismatch), R_left = R (1 - radius_mismatch)"
 
+    def conventions(self, robot: Robot) -> dict[str, dict[str, float]]:
+        """Either wheel alone may be the one that is off: their mean is then another, which a robot that has no radius among its
+        parameters cannot have free."""
+        if robot.wheel_radius in robot.parameters or len(self.frees(robot)) != 1:
+            return {}
+        mismatch, numbers = robot.parameters[self.frees(robot)[0]].value, robot.parameters.numbers
+        own = zip(robot.wheel_sides, (-mismatch / (1.0 + mismatch), mismatch / (1.0 - mismatch)), strict=True)
+        found = {f"the {side} is as the table says": robot.with_larger_wheels(numbers, mean) for side, mean in own}
+        return {words: values for words, values in found.items() if values}
+
 
 @dataclass(frozen=True)
 class WithTheirMean(WheelRadiusMismatch):

@@ -32,7 +32,8 @@ def with_another_nominal(
     said = []
     for effect in last.robot.effects if not last.angles else ():
         others = {}
-        for words, robot in _others(last.robot, effect):
+        counted = {words: last.robot.with_values(**v) for words, v in effect.conventions(last.robot).items()}
+        for words, robot in (*_others(last.robot, effect), *counted.items()):
             say(f"refitting {effect.title} as if {words}")
             again = refit_from_itself(robot, last, logs, held_out, noise)
             if not told_apart_from(last, replace(again, id=last.id)):
