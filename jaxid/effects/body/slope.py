@@ -163,18 +163,25 @@ class AlongALine(Effect):
     needs: ClassVar[tuple[str, ...]] = ("translation",)
 
     def refusal(self, robot: Robot) -> str | None:
-        if len(robot.velocities) != 1 or robot.in_plane:
+        if robot.in_plane or robot.turns:
             return f"{robot.name!r} does not go along a line alone"
         if _pulled_already(robot):
             return f"a parameter of {robot.name!r} itself that is free is such a force"
         return None
 
+    def _names(self, robot: Robot) -> dict[str, str]:
+        """Velocity -> the name of the force on it: more than one where parts move against each other, as behind a belt."""
+        several = len(robot.velocities) > 1
+        return {velocity: f"force_{velocity}" if several else "force" for velocity in robot.velocities}
+
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        (name,) = robot.velocities
-        return signed(self, "force", robot.force_unit(name), 0.03 * robot.scales.force)
+        found: dict[str, Parameter] = {}
+        for velocity, name in self._names(robot).items():
+            found |= signed(self, name, robot.force_unit(velocity), 0.03 * robot.scales.force)
+        return found
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        return (forces[0] + p[self.key("force")],)
+        return tuple(f + p[self.key(name)] for f, name in zip(forces, self._names(robot).values(), strict=True))
 
 
 def _pulled_already(robot: Robot) -> bool:

@@ -96,11 +96,16 @@ def has_one_axis(effect: Effect, robot: Robot) -> str | None:
     return None if len(robot.drive_axes) > 1 else f"{robot.name!r} has one drive axis, of which {effect.id} has a law"
 
 
+def _asymmetry(effect: Effect, name: str) -> dict[str, Parameter]:
+    """A share that is more one way and less the other: beyond all of it friction would drive."""
+    return {effect.key(name): Parameter(0.0, "", free=True, lower=-1.0, upper=1.0, typical=0.1, source="catalogue")}
+
+
 class OneAsymmetry(Effect):
     """An asymmetry that all drive axes have."""
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return signed(self, "asymmetry", "", 0.1)
+        return _asymmetry(self, "asymmetry")
 
     def asymmetries(self, robot: Robot, p: Numbers) -> Scalars:
         """One for each drive axis."""
@@ -116,7 +121,7 @@ class AsymmetryPerAxis(OneAsymmetry):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
         for name in axis_names(robot):
-            found |= signed(self, f"asymmetry_{name}", "", 0.1)
+            found |= _asymmetry(self, f"asymmetry_{name}")
         return found
 
     def asymmetries(self, robot: Robot, p: Numbers) -> Scalars:
