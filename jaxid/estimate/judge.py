@@ -6,7 +6,7 @@ parameters (the start, the linear estimate). A fit that fails there has no stand
 that follows the logs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -173,6 +173,8 @@ def judge(
     *,
     others: Mapping[str, Sequence[Array]] | None = None,
     own_error: Mapping[str, float] | None = None,
+    moved: Sequence[Array] | None = None,
+    unrelated: Collection[str] = (),
 ) -> Judgement:
     """Judge a fit by what it simulates of the logs it was fitted to.
 
@@ -182,6 +184,8 @@ def judge(
     - `noise`: standard deviation of each channel's noise, from the data alone (`noise_scale`).
     - `others`: what other parameters simulate, by words such as "its own start"; the fit must not be worse.
     - `own_error`: of channels that are positions, what the simulation's own error was seen to be, in the channel's unit.
+    - `moved`: the motion [T, channels.measured] of each log which a residual may follow, where it is not what is simulated.
+    - `unrelated`: channels whose residual is known to follow the motion by chance alone.
     """
     noise = with_integration(logs, noise, own_error)
     channels = [c for c in logs.channels.measured if any(c in counted_channels(log) for log in logs)]
@@ -223,10 +227,10 @@ def judge(
     coloured = [c for c, own in series.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
     outlying = [c for c, own in parts.items() if by_channel[c] > max(ABOVE, TAILS * _usual(own) / noise[c])]
     outlying = [] if any(_usual(own) > ABOVE * noise[c] for c, own in parts.items()) else outlying
-    driving = drivers(LogSet([logs[k] for k in kept]), [simulated[k] for k in kept])
+    driving = drivers(LogSet([logs[k] for k in kept]), [(moved or simulated)[k] for k in kept])
     follows = {}
     for c in parts:
-        if by_channel[c] < NOTHING:
+        if by_channel[c] < NOTHING or c in unrelated:
             continue
         there = [c in errors[k] for k in kept]
         mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in driving.items()}

@@ -16,6 +16,7 @@ from ..judgement import LOOK_FURTHER
 from ..lacking import FALSE_ALARM
 from ..nothing_moved import where_nothing_moved
 from ..result import Fit
+from .by_prediction import related_by_prediction
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at, known_spread
 from .impossible import without_impossible
@@ -94,8 +95,11 @@ def conclude(
     kept = [e for e, log in enumerate(logs) if log.name not in left_out]
     seen = _without_outliers(logs, problem)
     own: Sequence[NDArray[np.float64]] = ()
+    apart: Sequence[NDArray[np.float64]] = ()
+    moved: Sequence[NDArray[np.float64]] | None = None
     if whole is not None:
-        own = list(innovations(structure, bounded.problem, bounded.optimum.unknowns))
+        told = innovations(structure, bounded.problem, bounded.optimum.unknowns)
+        own = list(told.white)
         # A sample that tells where its window began says nothing of the residual.
         absent = [
             np.where(np.isfinite(each[: len(log)]) & (log.name not in left_out), log.outputs, np.nan)
@@ -122,15 +126,29 @@ def conclude(
         apart = [each[: len(log)] * np.asarray(bounded.problem.sigma) for log, each in zip(logs, own, strict=True)]
         apart = stitched(*whole, apart)
         here = [np.where(np.isfinite(e), log.outputs + e, y) for log, e, y in zip(whole[0], apart, here, strict=True)]
+        # What each sample's noise is no part of: innovations over their own deviation leave some of it, and what the window
+        # simulates hangs on all of its samples.
+        ahead = [
+            each[: len(log)] * np.asarray(bounded.problem.sigma) for log, each in zip(logs, told.ahead, strict=True)
+        ]
+        moved = [
+            np.where(np.isfinite(log.outputs), log.outputs + np.nan_to_num(e), y)
+            for log, e, y in zip(whole[0], stitched(*whole, ahead), here, strict=True)
+        ]
     own_error = _own_error(robot, logs, bounded.problem, integration)
-    judgement = judge(seen, here, noise, own_error=own_error)
+    judgement = judge(seen, here, noise, own_error=own_error, moved=moved)
+    unrelated: set[str] = set()
+    if whole is not None and moved is not None and judgement.follows:
+        there, at, plain = bounded.problem, optimum.unknowns, outputs(bounded.problem, optimum.unknowns)
+        unrelated = related_by_prediction(structure, there, at, logs, whole, apart, moved, plain, judgement.follows)
+        judgement = judge(seen, here, noise, own_error=own_error, moved=moved, unrelated=unrelated)
     if not judgement.trustworthy and rivals:
         found = {}
         for words, rival in rivals.items():
             there = rival()
             if there is not None:
                 found[words] = outputs(problem, there._replace(states=optimum.unknowns.states))
-        judgement = judge(seen, here, noise, others=found, own_error=own_error)
+        judgement = judge(seen, here, noise, others=found, own_error=own_error, moved=moved, unrelated=unrelated)
     robust = covariance == "robust" or (covariance == "auto" and not (judgement.white and read is None))
     as_read = problem if read is None else replace(problem, outputs=read)
     found = robust_covariance(structure, as_read, inner.unknowns) if robust else None
