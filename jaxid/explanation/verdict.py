@@ -35,6 +35,10 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
         doubts.append(
             f"the model does not follow the logs it was fitted to ({final.judgement.sentences[0].rstrip('.')})"
         )
+    if named and final.window is not None and final.judgement is not None and final.judgement.follows:
+        # Windows' own initial states take up what is slow: what little is left tells more there than its size does.
+        follows = ", ".join(final.judgement.follows)
+        doubts.append(f"what is left in {follows} still follows the motion, though every window begins anew")
     enough = after.adequate or all_noise(found)
     for effect in named:
         # One of several names that explain it all alike: that there is one of them is sure, though no size of either is.

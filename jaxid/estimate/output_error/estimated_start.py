@@ -22,6 +22,10 @@ _SECANT = 1e-3
 _FELT, _TRIES = (1e-3, 1e3), 12
 """Change of a residual, in units of the noise, by which a secant is neither rounding nor curved, and how often its length
 is changed by a thousand to get there."""
+_CURVED = 10.0
+"""The same beyond which the secant of a measured state is shortened: what is off by the noise grows many times over in a motion
+that is unstable, and bends.
+"""
 _SHRINK = (1.0, 0.3, 0.05)
 """Shares of a Gauss-Newton step that are tried."""
 _NOTICEABLE = 0.01
@@ -97,6 +101,10 @@ def estimated_start(
             if felt == 0.0 or _FELT[0] < felt < _FELT[1]:
                 break
             lengths[j] *= 1e3 if felt <= _FELT[0] else 1e-3
+        if name in counted:
+            there = residuals(x + lengths[j] * (np.arange(len(names)) == j))
+            felt = max(float(np.max(np.abs(a - b))) for a, b in zip(there, now, strict=True))
+            lengths[j] *= min(1.0, _CURVED / max(felt, 1e-300))
 
     def descend(share: float) -> None:
         """Gauss-Newton steps of the logs that are searched, over that share of them."""

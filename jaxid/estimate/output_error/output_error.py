@@ -12,6 +12,7 @@ from ..._compile import seldom_collected
 from ..._float64 import in_float64
 from ..._origin import with_origin
 from ...logs import LogSet
+from ...logs.windows import Windows as Cut
 from ...robots.closed_loop import Controller, Law, closed_loop
 from ...robots.given import check_choice, check_free, given_logs
 from ...robots.robot import Robot
@@ -119,7 +120,9 @@ def refined(
     covariance: Covariance = "auto",
 ) -> Fit:
     """`output_error` by free simulation from `start`, values to which a fit of this model to these logs came already: none
-    further off are tried, whatever it leaves."""
+    further off are tried, whatever it leaves. Logs that were cut into windows are fitted and judged as such."""
     options = Options("auto", None, loss_named(loss), DEFAULT, covariance, False, _REFINING, _silent, far_starts=False)
     logs = given_logs(robot, logs)
+    if isinstance(logs, Cut):
+        return _with_stamps_noted(fitted(robot, logs.whole, options, start, logs.seconds), robot, logs.whole, options)
     return _with_stamps_noted(fitted(robot, logs, options, start, None), robot, logs, options)
