@@ -78,6 +78,8 @@ class Effect:
     """Effects that may be a part of this one where both are found, since none of its laws has that part."""
     why_also: ClassVar[str] = ""
     """What that part is, and what would tell."""
+    since_start: ClassVar[bool] = False
+    """Whether it counts the time, or what has happened, since the start of a log, which a window cut out of it does not know."""
     memoryless: ClassVar[bool] = False
     """Whether what it makes of a command depends on nothing but that command: not on earlier ones, and not on the time."""
     upon: ClassVar[str] = ""

@@ -93,6 +93,7 @@ class SagBySum(BatterySag):
 class SagWithRecovery(BatterySag):
     """A supply whose voltage falls and recovers with a time constant: a resistor beside a capacitor, and one before them."""
 
+    since_start: ClassVar[bool] = True
     law: ClassVar[str] = "with_recovery"
     formula: ClassVar[str] = (
         "supply = nominal - resistance_at_once * total - drop, time_constant * d(drop)/dt = resistance * total - drop, "
@@ -151,6 +152,7 @@ class SagOverTime(Effect):
     """What a command makes falls evenly with the time since the start of each log: all that a robot without motor constants
     shows of a battery that runs down, or of a drive that grows weaker."""
 
+    since_start: ClassVar[bool] = True
     id: ClassVar[str] = "battery_sag"
     law: ClassVar[str] = "over_time"
     where: ClassVar[str] = "actuator"

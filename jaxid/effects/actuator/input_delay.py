@@ -136,6 +136,7 @@ class JitteringDelay(InputDelay):
 class GrowingDelay(InputDelay):
     """Later and later: commands queue up, or two clocks run apart."""
 
+    since_start: ClassVar[bool] = True
     law: ClassVar[str] = "growing"
     formula: ClassVar[str] = "u'(t) = u(t - rate * (t - t_0)), from the log's start t_0"
 

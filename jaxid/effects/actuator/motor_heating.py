@@ -19,6 +19,7 @@ from .drives import back_emf, one_torque_each
 class MotorHeating(Effect):
     """Winding resistance `Ra (1 + coefficient * E)` with the energy E dissipated in that winding since the start."""
 
+    since_start: ClassVar[bool] = True
     id: ClassVar[str] = "motor_heating"
     law: ClassVar[str] = "stored_energy"
     where: ClassVar[str] = "actuator"
@@ -125,6 +126,7 @@ class WeakerMagnets(MotorHeating):
 class HeatingCurve(Curve):
     """The rise of the winding's resistance, a curve of the energy i² R that was dissipated in it."""
 
+    since_start: ClassVar[bool] = True
     id: ClassVar[str] = "motor_heating"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "R = R_cold (1 + rise(integral of R_cold i^2))"

@@ -88,6 +88,7 @@ class FromAMoment(_Load):
 
     edge: float = 1.0
 
+    since_start: ClassVar[bool] = True
     law: ClassVar[str] = "from_a_moment"
     formula: ClassVar[str] = "M' = M + mass, J' = J + inertia where t > moment"
 
@@ -115,6 +116,7 @@ class FromAMoment(_Load):
 class Leaking(_Load):
     """A load that is lost at a steady rate and gone after `time`."""
 
+    since_start: ClassVar[bool] = True
     law: ClassVar[str] = "leaking"
     formula: ClassVar[str] = "M' = M + mass max(0, 1 - t / time), J' = J + inertia max(0, 1 - t / time)"
 
@@ -133,6 +135,7 @@ class Leaking(_Load):
 class LoadCurve(Curve):
     """The mass beyond that at the start of each log, a curve of the time."""
 
+    since_start: ClassVar[bool] = True
     id: ClassVar[str] = "payload_change"
     where: ClassVar[str] = "body"
     formula: ClassVar[str] = "M' = M + load(t)"

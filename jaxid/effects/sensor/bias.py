@@ -36,6 +36,7 @@ class SensorBias(Effect):
 class DriftingBias(SensorBias):
     """An offset that drifts with the time since the start of each log."""
 
+    since_start: ClassVar[bool] = True
     law: ClassVar[str] = "drifting"
     formula: ClassVar[str] = "y' = y + bias + drift * t"
 
@@ -55,6 +56,7 @@ class DriftingBias(SensorBias):
 class BiasCurves(Curve):
     """Every output's offset, a curve of the time since the start of each log: warming up."""
 
+    since_start: ClassVar[bool] = True
     id: ClassVar[str] = "sensor_bias"
     where: ClassVar[str] = "sensor"
     formula: ClassVar[str] = "y_i' = y_i + bias_i(t)"

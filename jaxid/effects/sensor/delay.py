@@ -127,6 +127,7 @@ class JitteringSensorDelay(SensorDelay):
 class GrowingSensorDelay(SensorDelay):
     """Later and later: the sensor's clock runs slow, or what it sent queues up."""
 
+    since_start: ClassVar[bool] = True
     law: ClassVar[str] = "growing"
     formula: ClassVar[str] = "y'(t) = y(t - rate * (t - t_0)), from the log's start t_0"
 

@@ -27,6 +27,9 @@ from ...simulation.simulate import integrator_for
 from ...simulation.start import initial_states
 from ..refits.smoothed_angles import Angles
 
+_SAID = 8
+"""About how often it is said how far the simulations are."""
+
 Pairs = Sequence[tuple[Effect, Effect]]
 """Effects as candidates have them, each with itself as it stands beside the other laws of its mechanism."""
 
@@ -178,5 +181,6 @@ def probed(
             found.append(Group(alone, there, probe, full, outputs[at : at + n]))
             places.append(list(range(count, count + n)))
             at, count = at + n, count + n
-        report(f"simulated with what may be missing: {number} of {len(sets)} groups of effects")
+        if number % max(1, len(sets) // _SAID) == 0 or number == len(sets):
+            report(f"simulated with what may be missing: {number} of {len(sets)} groups of effects")
     return first, found, places, prescribed

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 from ...effects import catalogue, laws_of
 from ...effects.table_constants import TableConstants
-from ...logs import LogSet
+from ...logs import Log, LogSet
+from ...logs.windows import Windows
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ..refits.candidate_refits import Report
@@ -22,12 +23,13 @@ _SAME = 10.0
 """Score (chi-squared) by which a model refitted from another start may differ and be the same one; as in `pruned`."""
 
 
-def not_present(robot: Robot, effects: Sequence[Effect]) -> list[Effect]:
+def not_present(robot: Robot, effects: Sequence[Effect], logs: Sequence[Log] = ()) -> list[Effect]:
     """The laws that may be added to `robot`: the catalogue's and `effects`, of mechanisms that it has not got, and not upon
-    one that it might have and has not."""
+    one that it might have and has not; of `logs` that are windows none that counts from the start of the whole ones."""
     present = {effect.id for effect in robot.effects}
     own = [law for effect in catalogue(robot) for law in laws_of(robot, effect.id)]
     absent = [effect for effect in (*own, *effects) if effect.id not in present]
+    absent = [effect for effect in absent if not (effect.since_start and isinstance(logs, Windows))]
     missing = {effect.id for effect in absent}
     return [effect.blurred for effect in absent if effect.upon not in missing]
 
@@ -55,7 +57,7 @@ def named_from_the_back(
             continue
         say(f"looking for {step.chosen.id} again, beside what was added later")
         bare = without(step.chosen.id, current, base, logs, held_out, noise)
-        screened = first_look(bare, logs, not_present(bare.robot, effects), noise, say)
+        screened = first_look(bare, logs, not_present(bare.robot, effects, logs), noise, say)
         found = name_next(bare, base, screened, logs, held_out, noise, say)
         if found is None or found.chosen.id == step.chosen.id or found.chosen.in_colour is not None:
             continue

@@ -52,7 +52,7 @@ def with_the_little_more(
     if not steps or left.adequate or current.angles or left.diverged or left.normalised_rms > policy.many:
         return steps, current
     little = left.normalised_rms <= policy.coarse_law
-    remaining = [e for e in not_present(current.robot, effects) if e.where == "sensor" or not little]
+    remaining = [e for e in not_present(current.robot, effects, logs) if e.where == "sensor" or not little]
     say("looking whether one effect takes up all the little that is left")
     screened = first_look(current, logs, remaining, noise, say) if remaining else []
     likely = [c for c in screened if c.share > _least_share(c.effect)][:_TRIED]

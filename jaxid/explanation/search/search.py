@@ -75,7 +75,7 @@ def search(
             full = _added(current, baseline) >= most or len(steps) > most
             if colour is None and full:
                 break
-            remaining = not_present(current.robot, effects)
+            remaining = not_present(current.robot, effects, logs)
             count = len({effect.id for effect in remaining})
             report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
             shown = current if colour is None else generalised_trial(current, logs, held_out, noise)

@@ -6,9 +6,10 @@ import pytest
 from jaxid import AXIS, Axis, Log, LogSet, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.refits.refit import refit
-from jaxid.explanation.search.from_the_back import named_from_the_back
+from jaxid.explanation.search.from_the_back import named_from_the_back, not_present
 from jaxid.explanation.search.steps import Step
 from jaxid.logs import noise_scale
+from jaxid.logs.windows import in_windows
 from jaxid.simulation.scaled import scaled_to
 
 BIAS = 0.05
@@ -72,3 +73,11 @@ def test_a_name_that_stood_in_for_another_is_exchanged_beside_the_later_one():
 def test_nothing_is_looked_for_where_only_noise_is_left():
     steps, before, revised, current, said = searched("actuator_dead_zone", "subtractive")
     assert before.held_out.adequate and current is before and revised == steps and not said
+
+
+def test_of_windows_no_law_counts_from_the_start_of_the_whole_logs(axis_log):
+    """A drift that begins anew in every window is none, and follows whatever each of them leaves."""
+    logs = LogSet([axis_log("a", np.repeat([3.0, -2.0], 100), 0.01, 1)])
+    whole, cut = ({(e.id, e.law) for e in not_present(Axis(), (), own)} for own in (logs, in_windows(logs, 1.0)))
+    assert {("sensor_bias", "drifting"), ("sensor_delay", "growing")} <= whole - cut
+    assert cut < whole and {identifier for identifier, _ in cut} >= {"sensor_bias", "sensor_delay", "stribeck_friction"}
