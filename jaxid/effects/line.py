@@ -27,7 +27,8 @@ def beyond_line(effect: Effect, state: State, p: Numbers, edge: float) -> Scalar
 
 def lines_across(effect: Effect, seen: Seen, shares: tuple[float, ...], half: bool = False) -> list[dict[str, float]]:
     """Lines in eight directions (with `half`, in the four that are no other's far side) that leave `shares` of the driven path
-    on their near side; none where the path is not known."""
+    on their near side; none where the path is not known. The near side, on which the robot is what its own parameters say,
+    is that on which the first log begins: a line with its sides exchanged is another robot on another floor, and the same."""
     path = seen.path()
     if path is None:
         return []
@@ -35,5 +36,7 @@ def lines_across(effect: Effect, seen: Seen, shares: tuple[float, ...], half: bo
     for angle in np.arange(4 if half else 8) * np.pi / 4:
         along = path @ np.array([np.cos(angle), np.sin(angle)])
         for offset in np.quantile(along, shares):
-            places.append({effect.key("angle"): float(angle), effect.key("offset"): float(offset)})
+            side = 1.0 if along[0] <= offset else -1.0
+            turned = angle if side > 0.0 else (angle + np.pi) % (2.0 * np.pi)
+            places.append({effect.key("angle"): float(turned), effect.key("offset"): float(side * offset)})
     return places

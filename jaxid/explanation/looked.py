@@ -20,6 +20,7 @@ from .left.rounding import within_rounding
 from .left.within_errors import hanging, within_errors
 from .named_effects import named_effects
 from .refits.held_parameters import with_parameters_held
+from .refits.near_side import begun_on_the_near_side
 from .refits.prescribed_angles import predicted
 from .refits.refit import Trial, in_full
 from .search.by_chance import by_chance
@@ -64,6 +65,9 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
     mended = found.after.adequate and not found.before.adequate
     if not ((found.steps or mended) and found.final):
         return Looked(found, fit, found.before, held_out)
+    own_side = begun_on_the_near_side(found.final, logs, held_out, found.before.noise, report)
+    if own_side is not found.final:
+        found = replace(found, final=own_side)
     report("fitting the model with what was added, and its standard errors")
     noise, lost = found.before.noise, None
     if asked.with_gaps is not None:  # as the model says that has what was found

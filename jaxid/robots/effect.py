@@ -79,7 +79,7 @@ class Effect:
     why_also: ClassVar[str] = ""
     """What that part is, and what would tell."""
     since_start: ClassVar[bool] = False
-    """Whether it counts the time, or what has happened, since the start of a log, which a window cut out of it does not know."""
+    """Whether it counts time, or what has happened, since the start of a log, which a window cut out of it does not know."""
     memoryless: ClassVar[bool] = False
     """Whether what it makes of a command depends on nothing but that command: not on earlier ones, and not on the time."""
     upon: ClassVar[str] = ""
@@ -132,6 +132,11 @@ class Effect:
     def either_nominal(self, robot: "Robot") -> Mapping[str, str]:
         """Its shares, of which the data may tell only by how much they differ, each with what it means that it is none; mostly
         none."""
+        return {}
+
+    def sides_exchanged(self, robot: "Robot", x: float, y: float) -> Mapping[str, float]:
+        """Where a robot that begins at that place begins on the far side of what it has beyond a line: values of its
+        parameters with the sides exchanged, beside which the robot's own are those of where it begins; else none."""
         return {}
 
     def conventions(self, robot: "Robot") -> Mapping[str, Mapping[str, float]]:

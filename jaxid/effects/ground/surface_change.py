@@ -68,6 +68,18 @@ class SurfaceChange(Effect):
     def _beyond(self, state: State, p: Numbers) -> Scalar:
         return beyond_line(self, state, p, self.edge)
 
+    def sides_exchanged(self, robot: Robot, x: float, y: float) -> dict[str, float]:
+        if self.law not in (SurfaceChange.law, GradualChange.law):
+            return {}
+        coulomb, viscous, angle, offset = (
+            robot.parameters[self.key(name)].value for name in ("coulomb", "viscous", "angle", "offset")
+        )
+        if not (x * np.cos(angle) + y * np.sin(angle) > offset and min(coulomb, viscous) > -1.0):
+            return {}
+        turned = float((angle + np.pi) % (2.0 * np.pi))
+        shares = {name: 1.0 / (1.0 + share) - 1.0 for name, share in (("coulomb", coulomb), ("viscous", viscous))}
+        return {self.key(name): value for name, value in ({**shares, "angle": turned, "offset": -offset}).items()}
+
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         factor, changed = 1.0 + p[self.key("coulomb")] * self._beyond(state, p), list(levels)
         for axis in robot.drive_axes:

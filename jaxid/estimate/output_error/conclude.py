@@ -96,10 +96,11 @@ def conclude(
     seen = _without_outliers(logs, problem)
     own: Sequence[NDArray[np.float64]] = ()
     apart: Sequence[NDArray[np.float64]] = ()
+    ahead: Sequence[NDArray[np.float64]] = ()
     moved: Sequence[NDArray[np.float64]] | None = None
     if whole is not None:
         told = innovations(structure, bounded.problem, bounded.optimum.unknowns)
-        own = list(told.white)
+        own, ahead = list(told.white), list(told.ahead)
         # A sample that tells where its window began says nothing of the residual.
         absent = [
             np.where(np.isfinite(each[: len(log)]) & (log.name not in left_out), log.outputs, np.nan)
@@ -128,19 +129,18 @@ def conclude(
         here = [np.where(np.isfinite(e), log.outputs + e, y) for log, e, y in zip(whole[0], apart, here, strict=True)]
         # What each sample's noise is no part of: innovations over their own deviation leave some of it, and what the window
         # simulates hangs on all of its samples.
-        ahead = [
-            each[: len(log)] * np.asarray(bounded.problem.sigma) for log, each in zip(logs, told.ahead, strict=True)
-        ]
+        errors = [each[: len(log)] * np.asarray(bounded.problem.sigma) for log, each in zip(logs, ahead, strict=True)]
         moved = [
             np.where(np.isfinite(log.outputs), log.outputs + np.nan_to_num(e), y)
-            for log, e, y in zip(whole[0], stitched(*whole, ahead), here, strict=True)
+            for log, e, y in zip(whole[0], stitched(*whole, errors), here, strict=True)
         ]
     own_error = _own_error(robot, logs, bounded.problem, integration)
     judgement = judge(seen, here, noise, own_error=own_error, moved=moved)
     unrelated: set[str] = set()
     if whole is not None and moved is not None and judgement.follows:
-        there, at, plain = bounded.problem, optimum.unknowns, outputs(bounded.problem, optimum.unknowns)
-        unrelated = related_by_prediction(structure, there, at, logs, whole, apart, moved, plain, judgement.follows)
+        at, plain = optimum.unknowns, outputs(bounded.problem, optimum.unknowns)
+        asked = structure, bounded.problem, at, logs, whole
+        unrelated = related_by_prediction(*asked, apart, moved, plain, judgement.follows)
         judgement = judge(seen, here, noise, own_error=own_error, moved=moved, unrelated=unrelated)
     if not judgement.trustworthy and rivals:
         found = {}
