@@ -6,12 +6,14 @@ on (`declared.py`): `axes` (where something rubs or drives), `forces` (what a ge
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import jax
 import numpy as np
 
+from ..logs.channels import Channels
 from .declared import Declared, takes_friction
 from .effect import Levels, Numbers, Scalar, Scalars, State
 from .signal_path import overrides
@@ -23,6 +25,12 @@ def _asked(function: Callable[..., Any], *named: Mapping[str, Any]) -> Any:
     no complex number, and a speed of zero below a fraction's line raises nothing."""
     with np.errstate(all="ignore"):
         return function(*({n: np.float64(x) if isinstance(x, float) else x for n, x in part.items()} for part in named))
+
+
+@cache
+def _states(names: tuple[str, ...]) -> Callable[..., Mapping[str, Scalar]]:
+    """An output function of these states: the same one for the same names, so that what is compiled for it serves again."""
+    return lambda state, inputs, p: {name: state[name] for name in names}
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -55,6 +63,10 @@ class Custom(Declared):
     Raises `ParameterError` if outputs, axes or parameters do not fit together, or if `dynamics` and `output`, which are tried
     once on symbols, ask for what does not exist, do not return what they must, or cannot be traced by JAX.
     """
+
+    def showing(self, names: tuple[str, ...]) -> "Custom":
+        channels = Channels(inputs=self.own_channels.inputs, outputs=names)
+        return replace(self, effects=(), output=_states(names), own_channels=channels, wheel_angles=False, words={})
 
     def _acts(self, stage: str) -> bool:
         return any(overrides(type(effect), stage) for effect in self.effects)

@@ -188,6 +188,10 @@ class Robot:
         added = dict(zip(self.translations, each, strict=True))
         return tuple(f + added[n] if n in added else f for n, f in zip(self.velocities, forces, strict=True))
 
+    def showing(self, names: tuple[str, ...]) -> "Robot | None":
+        """The robot without effects that measures these states of its own, and nothing else; None where it cannot."""
+        return None
+
     def with_larger_wheels(self, numbers: Mapping[str, float], share: float) -> dict[str, float]:
         """What differs from the `numbers` of its parameters where all driving wheels are larger by a share; nothing where that
         is not known."""

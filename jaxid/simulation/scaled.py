@@ -1,6 +1,6 @@
 """A robot with the orders of magnitude of its logs, so that first guesses of effects do not depend on anybody's units."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 
 from .._float64 import in_float64
 from ..logs import Log, LogSet
+from ..parameters import ParameterError
 from ..robots.closed_loop import at_commands
 from ..robots.robot import Robot
 from ..robots.scales import Scales, time_constant
 from .reckoning import measured_states, measured_velocities, reckoned
+from .simulate import simulate
+from .start import initial_states
 
 _FASTEST = 0.95
 """Quantile of a speed that counts as its largest."""
@@ -81,6 +84,29 @@ def _efforts(robot: Robot, largest: float) -> tuple[float, float, float]:
     return torque, force, friction if np.isfinite(friction) else 0.0
 
 
+def _unseen(robot: Robot, logs: LogSet, seen: Collection[str]) -> dict[str, float]:
+    """Magnitudes of the velocities that nothing measures, as the robot at its parameters has them; none where it does not
+    follow: the speeds of one part say nothing of those of another, in another unit."""
+    names = tuple(name for name in robot.velocities if name in robot.own_states and name not in seen)
+    showing = robot.showing(names) if names else None
+    if showing is None:
+        return {}
+    still = [np.zeros((len(log), len(names))) for log in logs]
+    asked = LogSet(
+        [
+            Log.from_arrays(log.name, log.time, log.inputs, own, showing.channels)
+            for log, own in zip(logs, still, strict=True)
+        ]
+    )
+    try:
+        start = {name: own for name, own in initial_states(robot, logs).states.items() if name in showing.states}
+        moved = simulate(showing, asked, start=start)
+    except ParameterError:
+        return {}
+    found = {name: _level([own[:, k] for own in moved], 0.0) for k, name in enumerate(names)}
+    return {name: level for name, level in found.items() if 0.0 < level < np.inf}
+
+
 def scales_of(robot: Robot, logs: LogSet) -> Scales:
     """Orders of magnitude of what `robot`, at its parameters, does in `logs`; in a closed loop, of its plant at the commands.
 
@@ -96,9 +122,16 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
             for log, v in zip(logs, velocities, strict=True)]  # fmt: skip
     measured = {n: _level([own[n] for own in seen], 0.0) for n in robot.channels.outputs}
     outputs = {name: level or max(measured.values()) or 1.0 for name, level in measured.items()}
-    farthest = {n: _level([own[n] for own in seen], level, _HARDLY_EXCEEDED) for n, level in outputs.items()}
+    told = {name for own in velocities for name, values in own.items() if np.any(np.isfinite(values))}
+    unseen = _unseen(robot, logs, {*outputs, *told})
+    outputs = unseen | outputs
+    farthest = {n: _level([own[n] for own in seen], outputs[n], _HARDLY_EXCEEDED) for n in measured}
     rims = [rim.ravel() for rim in _rims(robot, velocities)]
-    speed = _level(rims, max(outputs.values()))
+    usual = max(outputs.values())
+    if unseen and not told:
+        sizes = np.array([unseen.get(name, 0.0) for name in velocities[0]])
+        usual = float(np.max(sizes @ np.abs(axis_map(robot, list(velocities[0]))), initial=0.0)) or usual
+    speed = _level(rims, usual)
     time = time_constant(robot)
     time = min(max(time, 2.0 * interval), 0.1 * duration)
     torque, force, friction = _efforts(robot, largest)

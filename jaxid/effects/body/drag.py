@@ -46,6 +46,11 @@ class QuadraticDrag(Effect):
     formula: ClassVar[str] = "F = -coefficient v |v|"
     needs: ClassVar[tuple[str, ...]] = ("translation",)
 
+    def refusal(self, robot: Robot) -> str | None:
+        if len(robot.translations) < 2 or robot.in_plane or robot.turns:
+            return None
+        return f"the velocities of {robot.name!r} are of parts that move against each other, and none a whole one's"
+
     @property
     def freer(self) -> Effect | None:
         return DragOfAnyPower(stands_as=self.stands_as)

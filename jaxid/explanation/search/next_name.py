@@ -98,7 +98,10 @@ def name_next(
     shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
     trials += all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise, say)
     leader, _ = _best(shortlist, trials)
-    alike_to_it = [c for c in likely if c.like(leader) and c not in shortlist][:_MOST_ALIKE]
+    # Of one that ran away nothing is known; who explains like it has not been asked then.
+    lost = {trial.id for trial in trials if not np.isfinite(trial.score)}
+    led = [leader, *(c for c in shortlist if c.effect.id in lost)]
+    alike_to_it = [c for c in likely if c not in shortlist and any(c.like(own) for own in led)][:_MOST_ALIKE]
     trials += all_added(base, alike_to_it, logs, held_out, noise, say)
     best, near = min(trials, key=lambda t: t.score), in_the_running(trials, base)
     promising = base.fitted.normalised_rms - best.fitted.normalised_rms > 0.5 * least_gain(base, first)
