@@ -95,3 +95,11 @@ def test_all_wheels_but_the_last_have_a_difference_and_friction_never_drives():
     p = {**model.parameters.numbers, names[0]: 0.9, names[1]: 0.3}
     levels = model.coulomb(dict.fromkeys("abc", 0.0), p)
     assert np.array(levels, float)[:, 1] == pytest.approx([3.8, 2.6, 0.0])  # the third would be -0.4
+
+
+def test_an_asymmetry_is_less_than_all_of_the_friction():
+    """Beyond it friction would drive one way: what a slope under a robot that balances itself was called (1.34)."""
+    for identifier in ("asymmetric_friction", "asymmetric_viscous_friction"):
+        effect = effect_by_id(DifferentialDrive(), identifier)
+        (asymmetry,) = effect.parameters(DifferentialDrive()).values()
+        assert (asymmetry.lower, asymmetry.upper) == (-1.0, 1.0)

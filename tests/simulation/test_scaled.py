@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxid import Log, LogSet, Omni
+from jaxid import Channels, Custom, DriveAxis, Log, LogSet, Omni, Parameter, simulate
+from jaxid.effects import laws_of
 from jaxid.simulation.scaled import scales_of
 
 
@@ -21,3 +22,45 @@ def test_a_parameter_at_its_bound_that_something_is_divided_by_is_no_error():
     assert bound.torque == usual.torque
     assert bound.force == usual.force
     assert np.isfinite(bound.friction) and bound.friction > 0.0
+
+
+def two_parts():
+    """A motor behind a spring, of which an encoder's counts are all that is measured."""
+
+    def dynamics(s, u, p, friction):
+        pull = p["k"] * s["stretch"] + p["c"] * (p["r"] * s["W"] - s["v"])
+        return {
+            "W": (u["i"] - p["r"] * pull - friction["motor"]) / p["J"],
+            "stretch": p["r"] * s["W"] - s["v"],
+            "v": (pull - p["B"] * s["v"]) / p["m"],
+        }
+
+    table = {"J": 2e-6, "k": 5000.0, "c": 15.0, "m": 5.0, "B": 8.0, "Cm": 1e-4, "r": 1e-3}
+    return Custom(
+        dynamics=dynamics,
+        state_names=("W", "stretch", "v"),
+        own_channels=Channels(inputs=("i",), outputs=("counts",), units={"counts": "counts/s"}),
+        table={name: Parameter(value) for name, value in table.items()},
+        output=lambda s, u, p: {"counts": 80.0 * s["W"]},
+        axes={"motor": DriveAxis("W", "Cm", torque=lambda s, u, p: u["i"], lever="r")},
+        forces={"v": "m", "W": "J"},
+        velocities=("v", "W"),
+    )
+
+
+def test_velocities_that_nothing_measures_are_as_large_as_the_robot_makes_them():
+    """Counts a second say nothing of metres a second: a drag of the load was 10^10 times what was thought usual."""
+    robot, time = two_parts(), 0.01 * np.arange(600)
+    forces = np.repeat(np.random.default_rng(1).uniform(-0.02, 0.02, (12, 1)), 50, axis=0)
+    made = LogSet([Log.from_arrays("run", time, forces, np.zeros((600, 1)), robot)])
+    (counts,) = simulate(robot, made)
+    scales = scales_of(robot, LogSet([Log.from_arrays("run", time, forces, counts, robot)]))
+    assert scales.output("W") == pytest.approx(scales.output("counts") / 80.0, rel=0.02)
+    assert scales.output("v") == pytest.approx(1e-3 * scales.output("W"), rel=0.2)
+    assert scales.speed == pytest.approx(scales.output("v"), rel=0.2)
+
+
+def test_parts_that_move_against_each_other_have_no_whole_speed():
+    assert [law.law for law in laws_of(two_parts(), "quadratic_drag")] == ["per_axis", "shape"]
+    (pull,) = laws_of(two_parts(), "ground_slope")
+    assert list(pull.parameters(two_parts())) == ["ground_slope.force_v", "ground_slope.force_W"]
