@@ -65,14 +65,14 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
     mended = found.after.adequate and not found.before.adequate
     if not ((found.steps or mended) and found.final):
         return Looked(found, fit, found.before, held_out)
-    own_side = begun_on_the_near_side(found.final, logs, held_out, found.before.noise, report)
-    if own_side is not found.final:
-        found = replace(found, final=own_side)
+    ended = begun_on_the_near_side(found.final, logs, held_out, found.before.noise, report)
+    if ended is not found.final:
+        found = replace(found, final=ended)
     report("fitting the model with what was added, and its standard errors")
     noise, lost = found.before.noise, None
     if asked.with_gaps is not None:  # as the model says that has what was found
-        lost = with_lost_inputs(found.final.robot, asked.with_gaps[0], noise)
-        whole, held_out = lost.logs, with_lost_inputs(found.final.robot, asked.with_gaps[1], noise).logs
+        lost = with_lost_inputs(ended.robot, asked.with_gaps[0], noise)
+        whole, held_out = lost.logs, with_lost_inputs(ended.robot, asked.with_gaps[1], noise).logs
 
     def finished(trial: Trial) -> Fit:
         own = in_full(trial, whole, noise, loss=asked.loss, covariance=asked.covariance)
@@ -86,7 +86,7 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         left = within_input_rounding(model.robot, held_out, left) if found.after.inputs_rounded else left
         return hanging(model, held_out, within_rounding(held_out, left))
 
-    final = finished(found.final)
+    final = finished(ended)
     after = left_by(final)
     found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
     if found.final and not (_all_sure(found, fit, final) and _settled(final)):
