@@ -91,12 +91,9 @@ def _unseen(robot: Robot, logs: LogSet, seen: Collection[str]) -> dict[str, floa
     showing = robot.showing(names) if names else None
     if showing is None:
         return {}
-    still = [np.zeros((len(log), len(names))) for log in logs]
+    still = (np.zeros((len(log), len(names))) for log in logs)
     asked = LogSet(
-        [
-            Log.from_arrays(log.name, log.time, log.inputs, own, showing.channels)
-            for log, own in zip(logs, still, strict=True)
-        ]
+        [Log(log.name, log.time, log.inputs, own, showing.channels) for log, own in zip(logs, still, strict=True)]
     )
     try:
         start = {name: own for name, own in initial_states(robot, logs).states.items() if name in showing.states}
