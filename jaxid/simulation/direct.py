@@ -90,7 +90,7 @@ def simulated_directly(
         return None
     (E, T, U), (system, places, records) = inputs.shape, model
     every = np.stack([np.asarray(numbers[name], float) for name in names], axis=1)
-    first, same = _apart(every, [*places, *(records.commands or ())], start)
+    first, same = _motions(every, [*places, *(records.commands or ())], start)
     p = every[first]
     x = np.stack([np.broadcast_to(start[name], (len(every), E))[first] for name in robot.states], axis=2)
     fixed = np.stack([np.asarray(v) for v in prescribed.values()], axis=-1) if prescribed else np.zeros((E, T, 0))
@@ -121,7 +121,7 @@ def simulated_directly(
     return measured_each(records, every, moved if len(moved) == len(every) else moved[same], dt)
 
 
-def _apart(p: np.ndarray, moving: list[int], start: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def _motions(p: np.ndarray, moving: list[int], start: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """The first of each set of parameters [c, P] of which the motion is another one, and which of these every set has: those
     alike in what is `moving` the robot, in which what the sensors make of the motion is not."""
     each = np.arange(len(p))

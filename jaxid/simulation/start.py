@@ -118,6 +118,25 @@ def _showing(
     return {**state, **dict(zip(names, x.tolist(), strict=True))} if np.isfinite(x).all() else dict(state)
 
 
+@in_float64
+def _of_velocities(robot: Robot, log: Log) -> set[str]:
+    """The outputs that are no states and show a velocity, as the robot at rest has them; all of them where it names none."""
+    others = {*log.channels.outputs} - {*robot.states}
+    moving = [name for name in robot.velocities if name in robot.states]
+    if not others or not moving:
+        return others
+    rest = dict.fromkeys(robot.states, 0.0) | robot.initial_state()
+    inputs, numbers = tuple(log.inputs[0]), robot.parameters.numbers
+
+    def outputs(speeds):
+        seen = robot.observe({**rest, **dict(zip(moving, speeds, strict=True))}, inputs, numbers)
+        return jnp.stack([jnp.asarray(y, float) for y in seen[: len(robot.channels.outputs)]])
+
+    slopes = np.asarray(jax.jacfwd(outputs)(jnp.zeros(len(moving))))
+    shows = np.any(slopes != 0.0, axis=1) | ~np.all(np.isfinite(slopes), axis=1)
+    return others & {name for name, ok in zip(robot.channels.outputs, shows, strict=True) if ok}
+
+
 def counted(robot: Robot, logs: LogSet) -> NDArray[np.bool_]:
     """Which measured positions are counted in steps that the noise does not hide, so that their start is known to a step only
     [E, estimated states]."""
@@ -179,7 +198,7 @@ def _by_first_samples(robot: Robot, logs: LogSet, asked: Sequence[bool] | None =
     level = np.array([noise[name] if np.isfinite(noise[name]) else 0.0 for name in measured])
     largest = np.array([np.nanmax(np.abs(log.outputs), axis=0, initial=0.0) for log in logs])
     # What is no velocity and no output of any, such as a temperature, has no rest that a small offset could be one of.
-    resting = {*logs[0].channels.outputs} - {*robot.states} | {*robot.velocities}
+    resting = _of_velocities(robot, logs[0]) | {*robot.velocities}
     largest[:, [name not in logs[0].channels.outputs or name not in resting for name in measured]] = 0.0
     least = np.maximum(_AT_REST * level, _STILL * largest)
     known = [i for i, name in enumerate(outputs) if name not in states]

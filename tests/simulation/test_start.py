@@ -1,9 +1,10 @@
 """Where runs start: at rest, as pose columns say, or in motion."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, Pioneer, output_error
+from jaxid import Axis, Channels, Custom, Log, LogSet, Parameter, Pioneer, output_error
 from jaxid.effects import effect_by_id
 from jaxid.simulation.start import free_states, initial_states
 
@@ -80,8 +81,6 @@ def test_a_position_that_starts_elsewhere_is_taken_from_the_noisy_first_sample_a
 
 def test_a_start_in_motion_is_seen_through_outputs_that_are_no_states():
     """Wheel speeds are the states, body speeds are measured: (right + left) / 2 and (right - left) / 2 L."""
-    from jaxid import Channels, Custom, Parameter
-
     channels = Channels(inputs=("u",), outputs=("v", "w"))
     robot = Custom(
         dynamics=lambda s, u, p: {"right": u["u"] - s["right"], "left": u["u"] - s["left"]},
@@ -102,8 +101,6 @@ def test_a_start_in_motion_is_seen_through_outputs_that_are_no_states():
 
 def test_optional_outputs_that_are_no_states_do_not_stand_in_a_starts_way():
     """Measured is the sum of two speeds; each of them may be in a log as well, and a state is in no column."""
-    from jaxid import Channels, Custom, Parameter
-
     channels = Channels(inputs=("u",), outputs=("sum",), optional=("right", "twice"))
     robot = Custom(
         dynamics=lambda s, u, p: {"right": u["u"] - s["right"], "left": u["u"] - p["a"] * s["left"]},
@@ -225,3 +222,26 @@ def test_what_is_driven_from_rest_at_once_is_at_rest(axis_law):
     q = axis_law(inputs, 0.02, M=0.2)[1] + 1e-6 * np.random.default_rng(0).normal(size=360)
     logs = LogSet([Log.from_arrays("driven", 0.02 * np.arange(360), inputs[:, None], {"q": q}, Axis().channels)])
     assert not initial_states(Axis(), logs).uncertain.any()
+
+
+def test_a_robot_at_rest_may_stand_turned_as_a_sensor_of_an_angle_says():
+    """A tenth of the largest count is no sensor's offset on an angle, as it may be on a speed: a trailer that stood at 0.3 rad
+    was fitted as if it stood straight, at 40 times the noise."""
+    trailer = Custom(
+        dynamics=lambda s, u, p: {"v": u["f"] - s["v"], "psi": -s["v"] * jnp.sin(s["psi"])},
+        state_names=("v", "psi"),
+        own_channels=Channels(inputs=("f",), outputs=("speed", "hitch")),
+        table={"zero": Parameter(1000.0, free=True), "counts": Parameter(650.0)},
+        output=lambda s, u, p: {"speed": s["v"], "hitch": p["zero"] + p["counts"] * s["psi"]},
+        velocities=("v",),
+    )
+    rng, time = np.random.default_rng(3), 0.02 * np.arange(200)
+    logs = []
+    for k, turned in enumerate((0.0, 0.3)):
+        angle = turned + 3.0 * np.maximum(time - 1.0, 0.0)
+        read = np.stack([0.02 + 0.5 * np.maximum(time - 1.0, 0.0), 1000.0 + 650.0 * angle], axis=1)
+        read += [0.001, 1.0] * rng.standard_normal((200, 2))
+        logs.append(Log.from_arrays(f"log {k}", time, np.zeros((200, 1)), read, trailer))
+    begun = initial_states(trailer, LogSet(logs))
+    assert begun.uncertain.tolist() == [False, True]  # a speed of 0.02 of 1.5 is an offset
+    assert begun.states["psi"] == pytest.approx([0.0, 0.3], abs=0.01)
