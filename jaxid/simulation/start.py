@@ -12,7 +12,7 @@ rest show says nothing of motion (`rest`). Where the model knows of a sensor's b
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -46,6 +46,7 @@ _MANY_STEPS = 30
 """Steps that a counter goes through, somewhere in a log, in as long as it stands still at the start of a robot at rest."""
 _FINE = 0.2
 """Step of a counter in units of the noise from which half of it is not lost among the noise."""
+_MOST_ROBOTS = 64
 _STEPS, _RANK = 8, 1e-8
 """Gauss-Newton steps from outputs to states, and the share of the largest slope below which one says nothing."""
 
@@ -118,23 +119,31 @@ def _showing(
     return {**state, **dict(zip(names, x.tolist(), strict=True))} if np.isfinite(x).all() else dict(state)
 
 
-@in_float64
 def _of_velocities(robot: Robot, log: Log) -> set[str]:
     """The outputs that are no states and show a velocity, as the robot at rest has them; all of them where it names none."""
     others = {*log.channels.outputs} - {*robot.states}
-    moving = [name for name in robot.velocities if name in robot.states]
-    if not others or not moving:
+    if not others or not any(name in robot.states for name in robot.velocities):
         return others
+    # A first look begins every candidate's model; what is observed of a motion is the robot's own.
+    bare = replace(robot, effects=())
+    return others & _showing_speeds(bare.structure, tuple(sorted(bare.parameters.numbers.items())))
+
+
+@lru_cache(_MOST_ROBOTS)
+@in_float64
+def _showing_speeds(robot: Robot, numbers: tuple[tuple[str, float], ...]) -> frozenset[str]:
+    """The outputs that another velocity changes, of the robot at rest with these parameters and without a command."""
     rest = dict.fromkeys(robot.states, 0.0) | robot.initial_state()
-    inputs, numbers = tuple(log.inputs[0]), robot.parameters.numbers
+    moving = [name for name in robot.velocities if name in robot.states]
+    idle, p = (0.0,) * len(robot.channels.inputs), dict(numbers)
 
     def outputs(speeds):
-        seen = robot.observe({**rest, **dict(zip(moving, speeds, strict=True))}, inputs, numbers)
+        seen = robot.observe({**rest, **dict(zip(moving, speeds, strict=True))}, idle, p)
         return jnp.stack([jnp.asarray(y, float) for y in seen[: len(robot.channels.outputs)]])
 
     slopes = np.asarray(jax.jacfwd(outputs)(jnp.zeros(len(moving))))
     shows = np.any(slopes != 0.0, axis=1) | ~np.all(np.isfinite(slopes), axis=1)
-    return others & {name for name, ok in zip(robot.channels.outputs, shows, strict=True) if ok}
+    return frozenset(name for name, ok in zip(robot.channels.outputs, shows, strict=True) if ok)
 
 
 def counted(robot: Robot, logs: LogSet) -> NDArray[np.bool_]:

@@ -29,6 +29,7 @@ _MEETING = 0.05
 """Share of half the play over which teeth that meet take up their damping, so that it differentiates."""
 _STIFFEST = 0.1
 """Sampling intervals of a radian of the oscillation of the stiffest teeth."""
+_RATIO = 0.6180339887
 _RINGS = 0.3
 """Damping ratio of teeth that have met."""
 _LATE = ("motor_lag", "input_delay", "sensor_lag", "sensor_delay")
@@ -227,7 +228,8 @@ class MotorBehindPlay(Effect):
 def _falls_with_speed(robot: Robot, p: Numbers) -> Scalars:
     """By how much each drive torque falls with its motor's speed, as a back-EMF makes it: the slope, that of a line."""
     idle, rest = (0.0,) * len(robot.channels.inputs), dict.fromkeys(robot.states, 0.0)
-    moving = rest | {name: 1.0 / (1.0 + k) for k, name in enumerate(robot.velocities)}
+    # Speeds of no simple ratio, so that no wheel stands still while the robot turns about it.
+    moving = rest | {name: _RATIO**k for k, name in enumerate(robot.velocities)}
     at_rest, braked = (robot.drive_torques(idle, state, p) for state in (rest, moving))
     turning = robot.angle_rates(moving, p)
     return tuple((a - b) / w for a, b, w in zip(at_rest, braked, turning, strict=True))
