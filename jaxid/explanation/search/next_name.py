@@ -101,7 +101,10 @@ def name_next(
     # Of one that ran away nothing is known; who explains like it has not been asked then.
     lost = {trial.id for trial in trials if not np.isfinite(trial.score)}
     led = [leader, *(c for c in shortlist if c.effect.id in lost)]
-    alike_to_it = [c for c in likely if c not in shortlist and any(c.like(own) for own in led)][:_MOST_ALIKE]
+    # Nor has one that promises as much as the leader and was left out for a third that it is like.
+    as_much = (1.0 - policy.in_the_running) * leader.gain
+    alike_to_it = [c for c in likely if c not in shortlist and (c.gain >= as_much or any(c.like(own) for own in led))]
+    alike_to_it = alike_to_it[:_MOST_ALIKE]
     trials += all_added(base, alike_to_it, logs, held_out, noise, say)
     best, near = min(trials, key=lambda t: t.score), in_the_running(trials, base)
     promising = base.fitted.normalised_rms - best.fitted.normalised_rms > 0.5 * least_gain(base, first)
