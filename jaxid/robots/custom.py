@@ -193,8 +193,17 @@ class Custom(Declared):
         sine, cosine = sincos(state["theta"])
         along = p[self.mass] * (cosine * field[0] + sine * field[1])
         left = p[self.mass] * (cosine * field[1] - sine * field[0])
+        if callable(self.plane):
+            return tuple(self._power(name, (along, left), state, p) for name in self.velocities)
         by_name = dict(zip(self.plane[:2], (along, left), strict=True))
         return tuple(by_name.get(name, 0.0) for name in self.velocities)
+
+    def _power(self, velocity: str, force: tuple[Scalar, Scalar], state: State, p: Numbers) -> Scalar:
+        """The generalised force at a velocity of a force in body axes: its power for one unit of that velocity."""
+        primal = {n: 1.0 * v for n, v in state.items()}
+        tangent = {n: (1.0 if n == velocity else 0.0) + 0.0 * v for n, v in primal.items()}
+        along, left, _ = jax.jvp(lambda s: self.planar(s, p), (primal,), (tangent,))[1]
+        return force[0] * along + force[1] * left
 
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         angles = tuple(state[name] for name in self.measured_angles)

@@ -233,7 +233,7 @@ class Declared(Robot):
 
     @property
     def weighs(self) -> bool:
-        return bool(self.mass and self.forces and isinstance(self.plane, tuple))
+        return bool(self.mass and self.forces and self.plane is not None)
 
     def _unit_of(self, names: tuple[str | None, ...], usual: str) -> str:
         units = [self.table[name].unit for name in names if name]

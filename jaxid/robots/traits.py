@@ -22,7 +22,7 @@ TRAITS = {
     "wheel_angles": "the angles of its driving wheels (`axes=` with `angle`)",
     "pose": "how it moves in the plane (`plane=`)",
     "translation": "which of its velocities is no turning (`velocities=`)",
-    "weight": "how weight pulls at it in the plane (`plane=` of states, `mass=` and `forces=`)",
+    "weight": "how weight pulls at it in the plane (`plane=`, `mass=` and `forces=`)",
     "winding": "the resistance of its motors' windings (`winding=`)",
     "supply_voltage": "its supply's voltage (`supply_voltage=`)",
     "several_drives": "more than one drive input",

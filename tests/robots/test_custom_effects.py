@@ -198,6 +198,46 @@ def test_two_axes_that_rub_at_one_speed_are_pushed_once():
     np.testing.assert_allclose(ours(robot(dynamics=two, axes=axes) + Wind()), ours(robot() + Wind()), atol=1e-9)
 
 
+def test_weight_pulls_at_a_tricycle_whose_plane_is_a_function_of_its_steering():
+    """Speed `s` of the steered front wheel, `plane` a function of it: the weight's power on a slope, by SciPy."""
+    mass, drag, slope = 30.0, 12.0, (0.02, -0.03)
+
+    def dynamics(state, u, p):
+        return {"s": (u["force"] - drag * state["s"]) / p["mass"], "d": u["rate"]}
+
+    def plane(state, p):
+        return state["s"] * jnp.cos(state["d"]), 0.0, state["s"] * jnp.sin(state["d"]) / 0.8
+
+    units = {"force": "N", "rate": "rad/s", "s": "m/s"}
+    tricycle = Custom(
+        dynamics=dynamics,
+        state_names=("s", "d"),
+        own_channels=Channels(("force", "rate"), ("s",), units=units),
+        table={"mass": Parameter(mass, "kg", free=True, lower=1.0)},
+        forces={"s": "mass"},
+        plane=plane,
+        mass="mass",
+    )
+    tilted = tricycle + effect_by_id(tricycle, "ground_slope")
+    tilted = tilted.with_values(**{"ground_slope.slope_x": slope[0], "ground_slope.slope_y": slope[1]})
+    t = np.arange(N) * DT
+    inputs = np.stack([np.full(N, 20.0), np.where(t < 1.0, 0.8, -0.3)], axis=1)
+
+    def rates(time, state, force, rate):
+        s, d, heading = state
+        along = 9.81 * mass * (slope[0] * np.cos(heading) + slope[1] * np.sin(heading))
+        return [(force - drag * s + along * np.cos(d)) / mass, rate, s * np.sin(d) / 0.8]
+
+    state, expected = np.zeros(3), []
+    for row in inputs:
+        expected.append(state[0])
+        state = solve_ivp(rates, (0.0, DT), state, args=tuple(row), rtol=1e-10, atol=1e-12).y[:, -1]
+    log = Log("tilted", t, inputs, np.array(expected)[:, None], tricycle.channels)
+    (found,) = simulate(tilted, LogSet([log]), integrator=Integrator(4))
+    np.testing.assert_allclose(found[:, 0], expected, atol=1e-7)
+    assert abs(simulate(tricycle, LogSet([log]))[0][-1, 0] - expected[-1]) > 0.2
+
+
 def test_what_cannot_act_is_refused_in_a_sentence():
     bare = robot(dynamics=smooth_pendulum, axes={}, velocities=("rate",))
     with pytest.raises(EffectError, match="'pendulum' cannot have the effect 'wind': it does not say .*`forces=`"):
