@@ -114,7 +114,9 @@ def _sure(found: ExplainedChange) -> Section:
     looked = found.distinct[:_CANDIDATES]
     top = max([own.gain for own in looked], default=0.0)
     if top > 0:
-        chosen = {own.id: "after" for own in (found.change,) if own} | {own.id: "alike" for own in found.equivalent}
+        named = [] if found.change is None else [found.change, *found.change.parts]
+        chosen = {own.id: "alike" for other in found.equivalent for own in (other, *other.parts)}
+        chosen |= {own.id: "after" for own in named}
         rows = tuple(
             Bar(own.title, 100.0 * max(own.gain, 0.0) / top, f"{own.gain:,.0f}, {_chance(own.p_value)}",
                 chosen.get(own.id, ""), chosen.get(own.id) == "after")

@@ -44,7 +44,7 @@ class Candidate:
 
     `effects` are what the robot has to carry for it (absent while their parameters are zero); `move` gives the numbers of the
     `side` that differs when the `coordinates` have certain values, from those that both sides share. `start` are values to
-    begin a refit from.
+    begin a refit from, `parts` the two that it joins.
     """
 
     id: str
@@ -54,6 +54,7 @@ class Candidate:
     effects: tuple[Effect, ...] = ()
     side: Side = "after"
     start: tuple[float, ...] = ()
+    parts: tuple["Candidate", ...] = ()
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -180,6 +181,25 @@ def of_mechanism(effect: Effect, robot: Robot, side: Side, start: Mapping[str, f
     return replace(found, side=side, start=values)
 
 
+def both(first: Candidate, second: Candidate) -> Candidate:
+    """Two candidates of one side that have changed together."""
+    k = len(first.coordinates)
+
+    def move(numbers: Numbers, d: Float[np.ndarray, " k"]) -> dict[str, float]:
+        moved = first.move(numbers, d[:k])
+        return {**moved, **second.move({**numbers, **moved}, d[k:])}
+
+    return Candidate(
+        f"{first.id}+{second.id}",
+        f"{first.title} and {second.title}",
+        first.coordinates + second.coordinates,
+        move,
+        (*first.effects, *(effect for effect in second.effects if effect not in first.effects)),
+        first.side,
+        parts=(first, second),
+    )
+
+
 def candidates_of(robot: Robot) -> list[Candidate]:
     """Everything but the catalogue's mechanisms, causes first; one of each set of coordinates."""
     found: dict[tuple[str, ...], Candidate] = {}
@@ -194,4 +214,4 @@ def mechanisms_of(robot: Robot) -> list[Effect]:
     return [e for e in catalogue(robot) if not isinstance(e, OwnParameter) and not e.repeats]
 
 
-__all__ = ["Candidate", "Coordinate", "Side", "candidates_of", "mechanisms_of", "of_mechanism"]
+__all__ = ["Candidate", "Coordinate", "Side", "both", "candidates_of", "mechanisms_of", "of_mechanism"]

@@ -53,7 +53,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class NamedChange:
-    """One thing that would explain the difference between the two sets of logs.
+    """One thing that would explain the difference between the two sets of logs, or two that do so together (`parts`).
 
     `differences` by name; `rms` is the error that it leaves on all logs of both sets, in units of the (whitened) noise. `same`
     are other names of the very same model.
@@ -64,10 +64,13 @@ class NamedChange:
     differences: dict[str, Difference]
     rms: float
     same: tuple[str, ...] = ()
+    parts: tuple["NamedChange", ...] = ()
 
     @property
     def words(self) -> str:
         """The title, with the names that mean the same model."""
+        if self.parts:
+            return " and ".join(part.words for part in self.parts)
         return f"{self.title}, which is the same as {' or '.join(self.same)}" if self.same else self.title
 
     @property
@@ -77,6 +80,9 @@ class NamedChange:
 
     def words_of(self, name: str) -> str:
         """A key of `differences` in words."""
+        whose = next((part for part in self.parts if name in part.differences), None)
+        if whose is not None:
+            return whose.words_of(name)
         return number_in_words(name, self.id, self.title)
 
     def to_dict(self) -> dict[str, Any]:
@@ -88,6 +94,7 @@ class NamedChange:
             "parameters": parameters,
             "rms": self.rms,
             "same_as": list(self.same),
+            "together": [part.to_dict() for part in self.parts],
         }
 
 
@@ -155,9 +162,9 @@ class Looked:
 class ExplainedChange:
     """What changed between two sets of logs of one robot. `str()` has it for people, `to_dict()` for programs.
 
-    - `verdict`: "unchanged"; "named": one thing (`change`) explains the difference; "ambiguous": it or one of `equivalent`,
-      which these logs cannot tell apart; "unexplained": something changed that no single candidate explains (`doubts` say
-      why not; `change` is then the one that comes nearest).
+    - `verdict`: "unchanged"; "named": one thing (`change`), or two together, explain the difference; "ambiguous": it or one of
+      `equivalent`, which these logs cannot tell apart; "unexplained": something changed that neither one candidate nor two
+      explain (`doubts` say why not; `change` is then the one that comes nearest).
     - `p_value`: of two sets this different if nothing had changed, all candidates accounted for.
     - `rms_unchanged` and `rms_separate`: error of one model for both sets and of two models, in units of the (whitened) noise.
     - `noticeable`: the smallest changes that would have been noticed; `unseen`: what these logs do not show at all.

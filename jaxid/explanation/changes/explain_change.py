@@ -22,6 +22,7 @@ from ...robots.effect import in_words
 from ...robots.given import given_logs
 from ..left.other_way import CHECK, other_way
 from ..level import FALSE_ALARM, checked_level
+from .beside import changed_beside
 from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, first_look
@@ -72,7 +73,7 @@ def _two_sets(before: LogSet, after: LogSet) -> None:
 
 
 def _named(pair: Pair, trial: Trial, rows: int) -> NamedChange:
-    """The change in words and numbers."""
+    """The change in words and numbers; of two together the parts besides."""
     candidate, joint = trial.score.candidate, trial.joint
     robot = with_candidate(pair.robot, candidate)
     numbers = {**robot.parameters.numbers, **dict(zip(pair.free, map(float, joint.theta), strict=True))}
@@ -86,7 +87,12 @@ def _named(pair: Pair, trial: Trial, rows: int) -> NamedChange:
         found[c.name] = Difference(shared, shared + float(size), estimate)
     if candidate.side == "before":
         found = {name: Difference(d.after, d.before, _negative(d.size)) for name, d in found.items()}
-    return NamedChange(candidate.id, candidate.title, found, float(np.sqrt(joint.squares / rows)), trial.score.same)
+    rms = float(np.sqrt(joint.squares / rows))
+    parts = tuple(
+        NamedChange(part.id, part.title, {c.name: found[c.name] for c in part.coordinates}, rms)
+        for part in candidate.parts
+    )
+    return NamedChange(candidate.id, candidate.title, found, rms, trial.score.same, parts)
 
 
 def _negative(size: Estimate) -> Estimate:
@@ -174,7 +180,7 @@ def _explained(
     likelier = chi_squared_tail(null.squares - _separate(pair, after, colours), len(pair.free))
     apart = max(differ_at_all(before, after), float(likelier))
     p = min(2.0 * by_name, 4.0 * apart, 4.0 * worse, 1.0)
-    best, equivalent, doubts, notes = None, [], list[str](), ()
+    best, equivalent, doubts, notes, poor = None, [], list[str](), (), False
     if p < level:
         trials, null, colours = refitted(pair, look, null, held_out, report)
         # One alone may lack just what has changed.
@@ -195,7 +201,15 @@ def _explained(
     rows = sum(int(own.there.sum()) for own in pair.sides.values())
     separate = _separate(pair, after, colours)
     if best is not None:
-        doubts += _columns(before, after, logs)
+        columns = _columns(before, after, logs)
+        left = best.joint.squares - separate
+        # Beside what both sets lacked, how far its law is from nature's would pass for a second change.
+        if not doubts and not columns and not lacked and _significant(left, level, len(pair.free)):
+            together = _together(pair, look, best, null, separate, colours, held_out, level, poor, report)
+            if together:
+                best, *equivalent = together
+                worse, ratio = follows_one_worse(pair, best.joint.residuals)
+        doubts += columns
         doubts += _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
     if best is not None and null.squares - best.joint.squares < LEFT * gained:
@@ -255,6 +269,27 @@ def _columns(before: Fit, after: Fit, logs: tuple[LogSet, LogSet]) -> list[str]:
         for side, text in zip(SIDES, said, strict=True)
         if text
     ]
+
+
+def _together(
+    pair: Pair, look: FirstLook, best: Trial, null: Joint, separate: float, colours: Colours, held_out: HeldOutLogs | None,
+    level: float, poor: bool, report: Callable[[str], None],
+) -> list[Trial]:  # fmt: skip
+    """What changed beside the best candidate, and what these logs cannot tell from the two; empty where no two do as well as
+    separate models, or better than one on logs that chose nothing."""
+    found = changed_beside(pair, look, best, colours, held_out, level, report)
+    if not found:
+        return []
+    first, *others = simplest_first(found, null, poor)
+    gained = null.squares - first.joint.squares
+    left = first.joint.squares - separate
+    if _significant(left, level, len(pair.free)) and left > LEFT * gained:
+        return []
+    if held_out is not None:
+        more = _held_out_gain(pair, held_out, best.joint, first.joint, colours)
+        if more <= float(normal_beyond(level / 2.0)) ** 2:
+            return []
+    return [first, *others]
 
 
 def _significant(left: float, level: float, free: int) -> bool:

@@ -75,11 +75,24 @@ def _shortlist(look: FirstLook) -> list[Score]:
     return [*(score for score in look.scores if score.own), *kept]
 
 
+def _price(pair: Pair) -> float:
+    """What a number more must gain (Schwarz's criterion)."""
+    return float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
+
+
+def trial_of(pair: Pair, score: Score, joint: Joint, held_out: HeldOutLogs | None, colours: Colours) -> Trial:
+    """The refit of a candidate, with what it leaves of the logs by which candidates are compared."""
+    compared = held_out.residuals(pair, joint, colours) if held_out is not None else _whitened(pair, joint, colours)
+    total = joint.squares + _price(pair) * len(joint.delta)
+    total += sum(float(np.sum(r**2)) for r in compared) if held_out is not None else 0.0
+    return Trial(score, joint, total, compared)
+
+
 def refitted(
     pair: Pair, look: FirstLook, null: Joint, held_out: HeldOutLogs | None, report: Callable[[str], None]
 ) -> tuple[list[Trial], Joint, Colours]:
     """The shortlist refitted, the best first; the model without any change; the colours of the noise that the best leaves."""
-    rows = float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
+    rows = _price(pair)
     joints: list[tuple[Score, Joint]] = []
     for score in _shortlist(look):
         start = score.delta if np.all(np.isfinite(score.delta)) else None
@@ -101,13 +114,7 @@ def refitted(
             return refit(pair, joint.candidate, colours, joint.theta, joint.delta, joint.states)
         return replace(joint, squares=squares)
 
-    trials = []
-    for score, old in joints:
-        joint = again(old)
-        compared = held_out.residuals(pair, joint, colours) if held_out is not None else _whitened(pair, joint, colours)
-        total = joint.squares + rows * len(joint.delta)
-        total += sum(float(np.sum(r**2)) for r in compared) if held_out is not None else 0.0
-        trials.append(Trial(score, joint, total, compared))
+    trials = [trial_of(pair, score, again(old), held_out, colours) for score, old in joints]
     trials.sort(key=lambda trial: trial.total)
     # Of a mechanism's laws the best.
     first_of = {(t.score.candidate.id, t.score.candidate.side): t for t in reversed(trials)}

@@ -1,0 +1,84 @@
+"""A second change beside the first: a load and a battery, a floor and a steering lag.
+
+Two sets of logs are seldom one change apart. Where two separate models follow them better than one change does, every number of
+the robot and every cause is tried beside the one that came nearest, and what came nearest is tried anew beside that.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..._distributions import chi_squared_beyond
+from .candidates import both
+from .first_look import FirstLook, Score
+from .joint import Colours, Joint, Pair, refit
+from .trials import HeldOutLogs, Trial, trial_of
+
+_FEW, _KEPT = 3, 4
+_IN_THE_RUNNING = 0.3
+
+
+def _apart(one: Score, other: Score) -> bool:
+    """Whether two candidates move different numbers of the same side."""
+    a, b = one.candidate, other.candidate
+    return a.side == b.side and not {c.name for c in a.coordinates} & {c.name for c in b.coordinates}
+
+
+def _beside(pair: Pair, first: Score, second: Score, joint: Joint, kept: np.ndarray, colours: Colours) -> Joint:
+    """A few steps of the refit in which both have changed, the first by `kept`, from what `joint` has of the rest."""
+    delta = np.concatenate([kept, np.zeros(len(second.candidate.coordinates))])
+    candidate = both(first.candidate, second.candidate)
+    return refit(pair, candidate, colours, joint.theta, delta, joint.states, steps=_FEW)
+
+
+def changed_beside(
+    pair: Pair,
+    look: FirstLook,
+    best: Trial,
+    colours: Colours,
+    held_out: HeldOutLogs | None,
+    level: float,
+    report: Callable[[str], None],
+) -> list[Trial]:
+    """The refits in which something has changed beside the `best` change, the best first; none where nothing does so that is
+    beyond chance, all that were tried accounted for."""
+    own = [score for score in look.scores if score.own]
+    seconds = [score for score in own if _apart(score, best.score)]
+    if not seconds:
+        return []
+    report(f"looking whether something else changed beside {best.score.candidate.title}")
+
+    def ended(tried: Sequence[tuple[Score, Joint]]) -> list[Trial]:
+        least = min(joint.squares for _, joint in tried)
+        near = least + _IN_THE_RUNNING * max(best.joint.squares - least, 0.0)
+        running = sorted((own for own in tried if own[1].squares <= near), key=lambda own: own[1].squares)[:_KEPT]
+        trials = []
+        for score, joint in running:
+            end = refit(pair, joint.candidate, colours, joint.theta, joint.delta, joint.states)
+            trials.append(trial_of(pair, _together(score, end), end, held_out, colours))
+        return trials
+
+    k = len(best.joint.delta)
+    found = ended([(s, _beside(pair, best.score, s, best.joint, best.joint.delta, colours)) for s in seconds])
+    leader = min(found, key=lambda trial: trial.total)
+    gained = best.joint.squares - leader.joint.squares
+    chance = level / len(seconds)
+    if gained < float(chi_squared_beyond(chance, len(leader.joint.delta) - k)):
+        return []
+    second = next(s for s in seconds if s.candidate == leader.score.candidate.parts[1])
+    firsts = [s for s in own if _apart(s, second) and s.candidate != best.score.candidate]
+    if firsts:
+        found += ended([(s, _beside(pair, second, s, leader.joint, leader.joint.delta[k:], colours)) for s in firsts])
+    found.sort(key=lambda trial: trial.total)
+    for trial in found:
+        report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
+    return found
+
+
+def _together(score: Score, joint: Joint) -> Score:
+    """The score as that of both, whose names stand in the candidate."""
+    assert joint.candidate is not None
+    return Score(joint.candidate, score.gain, score.p_value, joint.delta, score.errors, score.directions, True, ())
+
+
+__all__ = ["changed_beside"]
