@@ -39,6 +39,10 @@ class Parameter:
     source: str = ""
     meaning: str = ""
 
+    def inside(self, value: float) -> float:
+        """The value, or the bound that it lies beyond."""
+        return float(min(max(value, self.lower), self.upper))
+
     def check(self, name: str) -> None:
         """Raise `ParameterError` if value, bounds or prior contradict one another."""
         if not math.isfinite(self.value):

@@ -119,9 +119,7 @@ def neglected(
     def changed(values: Mapping[str, float]) -> Robot:
         """With parameters changed by `values`, or by as much of them as their bounds allow."""
         table = wide.parameters
-        return wide.with_values(
-            **{n: min(max(table[n].value + by, table[n].lower), table[n].upper) for n, by in values.items()}
-        )
+        return wide.with_values(**{n: table[n].inside(table[n].value + by) for n, by in values.items()})
 
     def simulated(robots: Sequence[Robot]) -> list[Array]:
         by_log = simulate_models(robots, logs, start=begin.states, integrator=steps)

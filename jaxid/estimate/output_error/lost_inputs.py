@@ -196,7 +196,7 @@ def with_lost_inputs(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> 
     def moved_by(model: Robot, step: Array) -> Robot:
         table = model.parameters
         values = {n: table[n].value + float(h) for n, h in zip(names, step, strict=True)}
-        return model.with_values(**{n: min(max(v, table[n].lower), table[n].upper) for n, v in values.items()})
+        return model.with_values(**{n: table[n].inside(v) for n, v in values.items()})
 
     names, wider, price = robot.parameters.free_names, {}, 0.0
     here = residuals(robot, now)

@@ -77,7 +77,7 @@ def with_candidate(robot: Robot, candidate: Candidate | None) -> Robot:
 def inside(robot: Robot, numbers: Numbers) -> dict[str, float]:
     """The numbers, put on their bounds where they lie outside."""
     table = robot.parameters
-    return {n: float(min(max(x, table[n].lower), table[n].upper)) for n, x in numbers.items()}
+    return {n: table[n].inside(x) for n, x in numbers.items()}
 
 
 def numbers_on(

@@ -6,15 +6,17 @@ added to such a model to follow its logs is no missing effect.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...estimate.output_error.estimated_start import estimated_start
 from ...estimate.result import Fit
 from ...logs import LogSet, noise_scale
 from ...robots.robot import Robot
-from .heldout import held_out_state
+from .heldout import held_out_state, residuals_of
 
 Array = NDArray[np.float64]
 
@@ -42,16 +44,33 @@ class _Seen(NamedTuple):
     factor: float
 
 
-def _seen(robot: Robot, logs: LogSet, noise: dict[str, float]) -> Iterator[_Seen]:
-    """Every output that moves, in the logs and in the simulation."""
+def _undriven(robot: Robot, logs: LogSet, noise: dict[str, float], channels: Sequence[str]) -> list[Array]:
+    """What the robot would do without any input, from the states in which the logs begin, [T, channels] each."""
+    levels = {name: noise[name] for name in channels}
+    start = estimated_start(robot, logs, noise, {})
+    still = LogSet([replace(log, inputs=np.zeros_like(log.inputs)) for log in logs])
+    every = residuals_of(robot, still, levels, start)
+    sizes = np.array([levels[name] for name in channels])
+    read = [
+        np.stack([log.output(n) if n in log.measured else np.full(len(log), np.nan) for n in channels], axis=1)
+        for log in logs
+    ]
+    return [own + left * sizes for own, left in zip(read, every, strict=True)]
+
+
+def _seen(robot: Robot, logs: LogSet, noise: dict[str, float], driven: bool = False) -> Iterator[_Seen]:
+    """Every output that moves, in the logs and in the simulation; of the simulation only what the inputs make of it where
+    `driven`: how a motion dies out says nothing of a sign."""
     state = held_out_state(robot, logs, noise)
-    for log, residual in zip(logs, state.residuals, strict=True):
+    undriven = _undriven(robot, logs, noise, list(state.by_channel)) if driven else [None] * len(logs)
+    for log, residual, still in zip(logs, state.residuals, undriven, strict=True):
         for i, name in enumerate(state.by_channel):
             if name not in log.measured or log.name in state.diverged:
                 continue
             measured, level = log.output(name), state.noise[name]
             there = np.isfinite(measured) & np.isfinite(residual[:, i])
             own, theirs = measured[there], (measured + residual[:, i] * level)[there]
+            theirs = theirs if still is None else theirs - still[there, i]
             if len(own) < _FEWEST or np.std(own) < _MOVES * level or np.std(theirs) < 0.5 * level:
                 continue
             own, theirs = own - own.mean(), theirs - theirs.mean()
@@ -75,6 +94,12 @@ def _turned(fitted: Sequence[_Seen], first: Sequence[_Seen]) -> dict[str, list[s
     for log, channel in sorted(against):
         found.setdefault(channel, []).append(log)
     return found
+
+
+def _in_both(one: dict[str, list[str]], other: dict[str, list[str]]) -> dict[str, list[str]]:
+    """The logs that both say of a channel."""
+    both = {channel: [log for log in logs if log in other.get(channel, ())] for channel, logs in one.items()}
+    return {channel: logs for channel, logs in both.items() if logs}
 
 
 def _other_units(fitted: Sequence[_Seen]) -> Iterator[tuple[str, str, float]]:
@@ -105,8 +130,12 @@ def other_way(fit: Fit, logs: LogSet, held_out: LogSet | None = None, first: Rob
     fitted = list(_seen(fit.robot, every, noise))
     table = fit.robot.defaults() if first is None else first.parameters
     start = {n: table[n].value for n in fit.free_names if n in table}
-    begun = list(_seen(fit.robot.with_values(**start), every, noise))
+    beginning = fit.robot.with_values(**start)
+    begun = list(_seen(beginning, every, noise))
     turned, units = _turned(fitted, begun), list(_other_units(fitted))
+    if turned:
+        driven = [list(_seen(robot, every, noise, driven=True)) for robot in (fit.robot, beginning)]
+        turned = _in_both(turned, _turned(*driven))
     parts = [
         f"{channel} goes the other way than the model says in {_listed(names) if len(names) < len(every) else 'every log'} "
         "(its sign, that of an input, or columns that are exchanged)"

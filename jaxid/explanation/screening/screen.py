@@ -254,7 +254,7 @@ def _promise(
     # A strength that must be positive explains nothing with the wrong sign.
     if len(values) == 1 and any(value < table[name].lower for name, value in values.items()):
         gain = 0.0
-    return gain, {**group.probe.shape, **{n: max(value, table[n].lower) for n, value in values.items()}}, change
+    return gain, {**group.probe.shape, **{n: table[n].inside(value) for n, value in values.items()}}, change
 
 
 def _weights(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
