@@ -13,6 +13,7 @@ from ..effects.in_some_logs import InSomeLogs
 from ..effects.table_constants import TableConstants
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
+from ..estimate.output_error.one_way import one_way
 from ..estimate.output_error.output_error import Windows, output_error
 from ..estimate.output_error.predictability import predictability
 from ..estimate.result import Fit, checked_fit
@@ -338,6 +339,7 @@ def explain(
                 doubted,
                 smoothed,
                 untried,
+                one_way(final, recorded[0]),
             )
             if note
         ),
