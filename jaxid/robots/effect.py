@@ -80,6 +80,9 @@ class Effect:
     """What that part is, and what would tell."""
     since_start: ClassVar[bool] = False
     """Whether it counts time, or what has happened, since the start of a log, which a window cut out of it does not know."""
+    settles: ClassVar[bool] = False
+    """Whether all that it remembers of a command is gone once another was held for long, so that a log that begins in motion
+    may be taken to begin with its first command held."""
     memoryless: ClassVar[bool] = False
     """Whether what it makes of a command depends on nothing but that command: not on earlier ones, and not on the time."""
     upon: ClassVar[str] = ""

@@ -10,12 +10,16 @@ from functools import cache, partial
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
+import jax.numpy as jnp
+
 from .effect import Effect, EffectError, Levels, Numbers, Scalars, State
 from .trigonometry import sincos
 
 if TYPE_CHECKING:
     from .robot import Robot
 
+_LONG = 1e4
+"""Seconds for which a first command was held before a log: so long that the mean over them is that command behind any lag."""
 POSE_STATES = ("x", "y", "theta")
 STAGES = ("supply", "torque", "dry", "viscous", "force")
 """Stages inside the equations of motion, at which an effect can act only where the robot has them."""
@@ -41,6 +45,22 @@ def acting(robot: "Robot", stage: str, **more: Any) -> Iterator[Any]:
                 name: value for name, value in {"robot": robot, **more}.items() if _asks(type(effect), stage, name)
             }
             yield partial(getattr(effect, stage), **asked)
+
+
+def sent(robot: "Robot", signal: Any, time: Any, dt: Any, p: Numbers, held: Any) -> Any:
+    """Commands `signal` [T, nu] at `time` [T], held for `dt` [T], after all effects on commands.
+
+    `held` (0 or 1): whether what was commanded before is taken to be the first command, as of a log that begins in motion; else
+    there was none.
+    """
+    first = -_LONG * jnp.ones(1)
+    for act in acting(robot, "command"):
+        if not act.func.__self__.settles:
+            signal = act(signal, time, dt, p)
+            continue
+        longer = jnp.concatenate([held * signal[:1], signal])
+        signal = act(longer, jnp.concatenate([first, time]), jnp.concatenate([-first, dt]), p)[1:]
+    return signal
 
 
 def passed(robot: "Robot", stage: str, signal: Any, *others: Any, **more: Any) -> Any:

@@ -21,7 +21,7 @@ from ..kernel.symbolic import Untranslated
 from ..robots.robot import Robot
 from ..robots.signal_path import overrides
 from .local_slopes import showing_states
-from .rollout import Integrator, commanded, step
+from .rollout import Integrator, begins_in_motion, commanded, step
 
 Array = np.ndarray
 
@@ -39,7 +39,8 @@ def carried(
     numbers = {name: float(value) for name, value in robot.parameters.numbers.items()}
     begin = {name: float(start[name]) for name in robot.states}
     known = {name: np.asarray(values, float) for name, values in shown.items()}
-    fine = _arriving(robot.structure, integrator, numbers, np.asarray(inputs, float), np.asarray(dt, float))
+    held = float(begins_in_motion(robot, begin))
+    fine = _arriving(robot.structure, integrator, numbers, np.asarray(inputs, float), np.asarray(dt, float), held)
     found = _directly(robot, integrator, numbers, begin, fine, dt, known)
     if found is None:
         found = np.asarray(_in_xla(robot.structure, integrator, numbers, begin, fine, np.asarray(dt, float), known))
@@ -47,14 +48,14 @@ def carried(
 
 
 @partial(compiled, static_argnames=("robot", "integrator"))
-def _in_substeps(robot: Robot, integrator: Integrator, numbers, inputs, dt):
-    return commanded(robot, numbers, inputs, dt, integrator.substeps)
+def _in_substeps(robot: Robot, integrator: Integrator, numbers, inputs, dt, held):
+    return commanded(robot, numbers, inputs, dt, integrator.substeps, held)
 
 
-def _arriving(robot: Robot, integrator: Integrator, numbers, inputs: Array, dt: Array) -> Array:
+def _arriving(robot: Robot, integrator: Integrator, numbers, inputs: Array, dt: Array, held: float) -> Array:
     """What arrives of the inputs [T, substeps, nu]."""
     if any(overrides(type(effect), "command") for effect in robot.effects):
-        return np.asarray(_in_substeps(robot, integrator, numbers, inputs, dt))
+        return np.asarray(_in_substeps(robot, integrator, numbers, inputs, dt, held))
     return np.repeat(inputs[:, None], integrator.substeps, axis=1)
 
 

@@ -17,7 +17,7 @@ from ..kernel.symbolic import Untranslated
 from ..robots.robot import Robot
 from .friction import DryFriction
 from .machine_rollout import system_of
-from .records import Records, commanded_each, measured_each, records_of, without_records
+from .records import Records, commanded_each, in_motion, measured_each, records_of, without_records
 from .rollout import Integrator, step
 
 Array = Any
@@ -95,7 +95,7 @@ def simulated_directly(
     x = np.stack([np.broadcast_to(start[name], (len(every), E))[first] for name in robot.states], axis=2)
     fixed = np.stack([np.asarray(v) for v in prescribed.values()], axis=-1) if prescribed else np.zeros((E, T, 0))
     shares = np.full((n, lanes()), 1.0 / n)
-    rows = records.rows(n)
+    rows, held = records.rows(n), in_motion(robot, x)
     most = max(1, _TOGETHER // max(1, T * (U * rows + system.outputs)))
     if E > most:  # experiments know nothing of one another
         parts = []
@@ -113,12 +113,12 @@ def simulated_directly(
             grouped(np.repeat(own_p[:, places], E, axis=0)),
             grouped(x[begin : begin + several].reshape(-1, x.shape[-1])),
         )
-        u = grouped(commanded_each(records, own_p, inputs, dt, n).reshape(-1, T, rows, U))
+        u = grouped(commanded_each(records, own_p, inputs, dt, n, held).reshape(-1, T, rows, U))
         d, known = (_times(len(own_p), a) for a in (dt, fixed))
         y = ungrouped(outputs(system, (shares, *own, u, d, known)), len(own_p) * E)
         found.append(y.reshape(-1, E, T, system.outputs))
     moved = np.concatenate(found)
-    return measured_each(records, every, moved if len(moved) == len(every) else moved[same], dt)
+    return measured_each(records, every, moved if len(moved) == len(every) else moved[same], dt, held)
 
 
 def _motions(p: np.ndarray, moving: list[int], start: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:

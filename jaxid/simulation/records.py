@@ -114,39 +114,39 @@ def records_of(robot: Robot, names: tuple[str, ...]) -> Records:
     return Records(bare, names, commands, measures, memoryless)
 
 
-def _measured_one(robot: Robot, p: Mapping[str, Any], y: Float[Array, "T Y"], dt: Float[Array, " T"]):
+def _measured_one(robot: Robot, p: Mapping[str, Any], y: Float[Array, "T Y"], dt: Float[Array, " T"], held: Any = 0.0):
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
-    return passed(robot, "measure", y, time, p)
+    return passed(robot, "measure", y, time, p, moving=held)
 
 
-def _commanded_all(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt):
+def _commanded_all(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, held):
     numbers = dict(zip(names, q, strict=True))
-    return jax.vmap(lambda u, d: _commanded_one(robot, numbers, u, d, substeps))(inputs, dt)
+    return jax.vmap(lambda u, d, h: _commanded_one(robot, numbers, u, d, substeps, h))(inputs, dt, held)
 
 
-def _command(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt):
-    return _commanded_all(robot, names, substeps, q, inputs, dt)
+def _command(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, held):
+    return _commanded_all(robot, names, substeps, q, inputs, dt, held)
 
 
-def _command_slopes(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, dq):
+def _command_slopes(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, held, dq):
     def moved(step):
-        return jax.jvp(lambda q: _commanded_all(robot, names, substeps, q, inputs, dt), (q,), (step,))[1]
+        return jax.jvp(lambda q: _commanded_all(robot, names, substeps, q, inputs, dt, held), (q,), (step,))[1]
 
     return jax.vmap(moved)(dq)
 
 
-def _measured_all(robot: Robot, names: tuple[str, ...], q, y, dt):
+def _measured_all(robot: Robot, names: tuple[str, ...], q, y, dt, held):
     numbers = dict(zip(names, q, strict=True))
-    return jax.vmap(lambda own, d: _measured_one(robot, numbers, own, d))(y, dt)
+    return jax.vmap(lambda own, d, h: _measured_one(robot, numbers, own, d, h))(y, dt, held)
 
 
-def _measure(robot: Robot, names: tuple[str, ...], q, y, dt):
-    return _measured_all(robot, names, q, y, dt)
+def _measure(robot: Robot, names: tuple[str, ...], q, y, dt, held):
+    return _measured_all(robot, names, q, y, dt, held)
 
 
-def _measure_slopes(robot: Robot, names: tuple[str, ...], q, y, dt, dq, dy):
+def _measure_slopes(robot: Robot, names: tuple[str, ...], q, y, dt, held, dq, dy):
     def moved(step, change):
-        return jax.jvp(lambda q, y: _measured_all(robot, names, q, y, dt), (q, y), (step, change))[1]
+        return jax.jvp(lambda q, y: _measured_all(robot, names, q, y, dt, held), (q, y), (step, change))[1]
 
     return jax.vmap(moved, in_axes=(0, -1), out_axes=-1)(dq, dy)
 
@@ -189,19 +189,37 @@ def _names(records: Records, places: tuple[int, ...]) -> tuple[str, ...]:
     return tuple(records.names[i] for i in places)
 
 
+def in_motion(robot: Robot, begin: Float[Array, "*c E S"]) -> Float[np.ndarray, " E"]:
+    """Whether each log begins in motion, by the robot's states in which it does, of which any set says so."""
+    moving = [robot.states.index(name) for name in robot.velocities if name in robot.states]
+    there = np.any(np.asarray(begin)[..., moving] != 0.0, axis=-1)
+    return np.asarray(np.any(there, axis=tuple(range(there.ndim - 1))), float)
+
+
 def commanded(
-    records: Records, p: Float[Array, " P"], inputs: Float[Array, "E T U"], dt: Float[Array, "E T"], substeps: int
+    records: Records,
+    p: Float[Array, " P"],
+    inputs: Float[Array, "E T U"],
+    dt: Float[Array, "E T"],
+    substeps: int,
+    held: Float[Array, " E"],
 ) -> Float[np.ndarray, "E T R U"]:
-    """What arrives of the inputs: one row a sample, or, with effects that remember earlier commands, one a sub-step."""
+    """What arrives of the inputs: one row a sample, or, with effects that remember earlier commands, one a sub-step. `held` (0
+    or 1) as `robots.signal_path.sent` has it."""
     if records.commands is None:
         return np.asarray(inputs)[:, :, None, :]
     own = np.asarray(p, float)[list(records.commands)]
     fixed = records.robot, _names(records, records.commands), records.rows(substeps)
-    return _run(_command, fixed, own, inputs, dt)
+    return _run(_command, fixed, own, inputs, dt, held)
 
 
 def commanded_each(
-    records: Records, p: Float[Array, "c P"], inputs: Float[Array, "E T U"], dt: Float[Array, "E T"], substeps: int
+    records: Records,
+    p: Float[Array, "c P"],
+    inputs: Float[Array, "E T U"],
+    dt: Float[Array, "E T"],
+    substeps: int,
+    held: Float[Array, " E"],
 ) -> Float[np.ndarray, "c E T R U"]:
     """`commanded` with each of c sets of parameters; computed once for those that no effect on commands tells apart."""
     if records.commands is None:
@@ -209,7 +227,7 @@ def commanded_each(
             np.asarray(inputs)[:, :, None, :], (len(p), *np.shape(inputs)[:2], 1, np.shape(inputs)[2])
         )
     _, first, same = np.unique(p[:, records.commands], axis=0, return_index=True, return_inverse=True)
-    return np.stack([commanded(records, p[k], inputs, dt, substeps) for k in first])[same.reshape(-1)]
+    return np.stack([commanded(records, p[k], inputs, dt, substeps, held) for k in first])[same.reshape(-1)]
 
 
 def command_slopes(
@@ -218,6 +236,7 @@ def command_slopes(
     inputs: Float[Array, "E T U"],
     dt: Float[Array, "E T"],
     substeps: int,
+    held: Float[Array, " E"],
     dp: Float[Array, "k P"],
 ) -> Float[np.ndarray, "k E T R U"]:
     """Its derivatives in k directions of the parameters; with effects on commands only."""
@@ -225,26 +244,34 @@ def command_slopes(
     places = list(records.commands)
     own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
     fixed = records.robot, _names(records, records.commands), records.rows(substeps)
-    return _run(_command_slopes, fixed, own, inputs, dt, step)
+    return _run(_command_slopes, fixed, own, inputs, dt, held, step)
 
 
 def measured(
-    records: Records, p: Float[Array, " P"], y: Float[Array, "E T Y"], dt: Float[Array, "E T"]
+    records: Records,
+    p: Float[Array, " P"],
+    y: Float[Array, "E T Y"],
+    dt: Float[Array, "E T"],
+    held: Float[Array, " E"],
 ) -> Float[np.ndarray, "E T Y"]:
-    """What the sensors report of the outputs `y`."""
+    """What the sensors report of the outputs `y`; `held` (0 or 1): whether each log begins in motion."""
     if records.measures is None:
         return np.asarray(y)
     own = np.asarray(p, float)[list(records.measures)]
-    return _run(_measure, (records.robot, _names(records, records.measures)), own, y, dt)
+    return _run(_measure, (records.robot, _names(records, records.measures)), own, y, dt, held)
 
 
 def measured_each(
-    records: Records, p: Float[Array, "c P"], y: Float[Array, "c E T Y"], dt: Float[Array, "E T"]
+    records: Records,
+    p: Float[Array, "c P"],
+    y: Float[Array, "c E T Y"],
+    dt: Float[Array, "E T"],
+    held: Float[Array, " E"],
 ) -> Float[np.ndarray, "c E T Y"]:
     """`measured` with each of c sets of parameters."""
     if records.measures is None:
         return y
-    return np.stack([measured(records, *own, dt) for own in zip(p, y, strict=True)])
+    return np.stack([measured(records, *own, dt, held) for own in zip(p, y, strict=True)])
 
 
 def measured_slopes(
@@ -252,6 +279,7 @@ def measured_slopes(
     p: Float[Array, " P"],
     y: Float[Array, "E T Y"],
     dt: Float[Array, "E T"],
+    held: Float[Array, " E"],
     dp: Float[Array, "K P"],
     dy: Float[Array, "E T Y K"],
 ) -> Float[np.ndarray, "E T Y K"]:
@@ -260,4 +288,4 @@ def measured_slopes(
         return np.asarray(dy)
     places = list(records.measures)
     own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
-    return _run(_measure_slopes, (records.robot, _names(records, records.measures)), own, y, dt, step, dy)
+    return _run(_measure_slopes, (records.robot, _names(records, records.measures)), own, y, dt, held, step, dy)

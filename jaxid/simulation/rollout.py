@@ -8,8 +8,9 @@ starts) come from `jax.vmap` around it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from types import MappingProxyType
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ from ..parameters import ParameterError
 from ..robots.effect import Numbers, Scalars, State
 from ..robots.robot import Robot
 from ..robots.scales import time_constant
-from ..robots.signal_path import overrides, passed
+from ..robots.signal_path import overrides, passed, sent
 from .friction import DryFriction, Sticking
 from .machine_rollout import machine_rollout
 
@@ -99,13 +100,22 @@ def step(robot: Robot, state: State, inputs: Scalars, h, p: Numbers, friction: D
     return robot.settle(state, after, inputs, h, p)
 
 
-def commanded(robot: Robot, p: Numbers, inputs: Float[Array, "T nu"], dt: Float[Array, " T"], substeps: int):
-    """What arrives of the inputs [T, substeps, nu] in every substep: effects on commands act at the integrator's pace."""
+def begins_in_motion(robot: Robot, start: Mapping[str, Any]) -> Any:
+    """Whether any velocity differs from zero in the states `start`, as 0.0 or 1.0: a robot at rest starts at zero exactly."""
+    moving = [jnp.asarray(start[name]) != 0.0 for name in robot.velocities if name in start]
+    return jnp.asarray(reduce(jnp.logical_or, moving), float) if moving else 0.0
+
+
+def commanded(
+    robot: Robot, p: Numbers, inputs: Float[Array, "T nu"], dt: Float[Array, " T"], substeps: int, held: Any = 0.0
+):
+    """What arrives of the inputs [T, substeps, nu] in every substep: effects on commands act at the integrator's pace. `held`
+    as `sent` has it."""
     fine_dt = jnp.repeat(dt / substeps, substeps)
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
     fine_time = jnp.repeat(time, substeps) + jnp.tile(jnp.arange(substeps), len(dt)) * fine_dt
     fine = jnp.repeat(inputs, substeps, axis=0)
-    fine = passed(robot, "command", fine, fine_time, fine_dt, p)
+    fine = sent(robot, fine, fine_time, fine_dt, p, held)
     return fine.reshape(len(dt), substeps, -1)
 
 
@@ -148,9 +158,9 @@ def rollout(
     On a processor this is machine code made of the robot's own functions (`jaxid.kernel`), on other devices, and for
     functions that have no translation, or with `in_xla`, XLA's scan.
     """
-    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
+    time, moving = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]]), begins_in_motion(robot, start)
     if any(overrides(type(effect), "command") for effect in robot.effects):
-        inputs = commanded(robot, p, inputs, dt, integrator.substeps)
+        inputs = commanded(robot, p, inputs, dt, integrator.substeps, moving)
     start = {name: jnp.asarray(start[name], dtype=float) for name in robot.states}
     outputs = None
     if not in_xla:
@@ -158,7 +168,7 @@ def rollout(
         outputs = machine_rollout(robot, p, start, inputs, dt, n, step, friction, prescribed)
     if outputs is None:
         outputs = _scanned(robot, p, start, inputs, dt, integrator, prescribed)
-    return passed(robot, "measure", outputs, time, p)
+    return passed(robot, "measure", outputs, time, p, moving=moving)
 
 
 rollout_in_xla = partial(rollout, in_xla=True)

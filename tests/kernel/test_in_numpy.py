@@ -90,6 +90,7 @@ def test_every_law_on_commands_and_sensors_against_xla(robot, most):
     rng, E, T, tried = np.random.default_rng(3), 2, 30, 0
     U, Y = len(robot.channels.inputs), len(robot.channels.measured)
     dt = rng.uniform(0.008, 0.012, (E, T))
+    held = np.array([0.0, 1.0])  # one log at rest, one in motion
     for effect in (law for first in catalogue(robot) for law in laws_of(robot, first.id)[:most]):
         if not any(overrides(type(effect), stage) for stage in ("command", "measure")):
             continue
@@ -100,11 +101,11 @@ def test_every_law_on_commands_and_sensors_against_xla(robot, most):
         dq, dy = rng.normal(size=(3, len(q))), rng.normal(size=(E, T, Y, 3))
         cases = []
         if own.commands is not None:
-            cases += [(records._command, (own.robot, own.names, 2), (q, u, dt))]
-            cases += [(records._command_slopes, (own.robot, own.names, 2), (q, u, dt, dq))]
+            cases += [(records._command, (own.robot, own.names, 2), (q, u, dt, held))]
+            cases += [(records._command_slopes, (own.robot, own.names, 2), (q, u, dt, held, dq))]
         if own.measures is not None:
-            cases += [(records._measure, (own.robot, own.names), (q, y, dt))]
-            cases += [(records._measure_slopes, (own.robot, own.names), (q, y, dt, dq, dy))]
+            cases += [(records._measure, (own.robot, own.names), (q, y, dt, held))]
+            cases += [(records._measure_slopes, (own.robot, own.names), (q, y, dt, held, dq, dy))]
         with jax.enable_x64(True):
             for function, fixed, arrays in cases:
                 (found,) = in_numpy(lambda *a, f=function, s=fixed: f(*s, *a), *arrays)(*arrays)

@@ -16,9 +16,9 @@ def test_what_computes_much_on_one_shape_is_compiled_and_stays_the_same():
     rng, dt = np.random.default_rng(0), np.full((1000, 40), 0.01)
     inputs = rng.normal(size=(1000, 40, 1))
     with float64():
-        first = records.commanded(own, [0.03], inputs, dt, 2)
+        first = records.commanded(own, [0.03], inputs, dt, 2, np.zeros(len(dt)))
         for _ in range(records._SELDOM // first.size + 2):
-            last = records.commanded(own, [0.03], inputs, dt, 2)
+            last = records.commanded(own, [0.03], inputs, dt, 2, np.zeros(len(dt)))
     program = records._in_xla[records._command]
     assert program._outer._cache_size() >= 1
     np.testing.assert_allclose(last, first, rtol=0, atol=1e-13)
@@ -57,8 +57,8 @@ def test_effects_without_memory_answer_every_command_alone(robot, law):
     own = records.records_of(model.structure, names)
     with float64():
         numbers = np.array([float(model.parameters[name].value) for name in names])
-        once = records.commanded(own, numbers, inputs, dt, 4)
-        again = records.commanded(own, numbers, inputs[:, other], 2.0 * dt, 4)
+        once = records.commanded(own, numbers, inputs, dt, 4, np.zeros(1))
+        again = records.commanded(own, numbers, inputs[:, other], 2.0 * dt, 4, np.zeros(1))
         fine = np.asarray(commanded(model, dict(zip(names, numbers, strict=True)), inputs[0], dt[0], 4))
     same = np.allclose(again, once[:, other], rtol=1e-12, atol=1e-12 * size)
     assert same == law.memoryless

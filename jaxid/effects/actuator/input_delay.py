@@ -24,10 +24,12 @@ _LEAST = 1e-6
 
 def late(inputs, time, dt, delay):
     """The mean of `inputs` [T, n], held over steps `dt`, `delay` seconds later (one, or one at every edge of the steps,
-    [T + 1]), over every step; nothing acts before the start."""
+    [T + 1]), over every step; nothing acts before the first."""
     # Differences of its integral, which is linear between stamps.
     edges = jnp.concatenate([time, time[-1:] + dt[-1:]])
-    whole = jnp.concatenate([jnp.zeros_like(inputs[:1]), jnp.cumsum(inputs * dt[:, None], axis=0)])
+    # From the end of the first step on, which may stand for all that came before a log: sums of it would be rounded.
+    steps = inputs * dt[:, None]
+    whole = jnp.concatenate([-steps[:1], jnp.zeros_like(steps[:1]), jnp.cumsum(steps[1:], axis=0)])
     before, share = earlier(edges, delay)
     then = whole[before] + share[:, None] * (whole[before + 1] - whole[before])
     # A delay that grows within a step shows less of the past than the step is long: a command that is held stays as large.
@@ -41,13 +43,14 @@ _PARTS = 8
 
 @dataclass(frozen=True)
 class InputDelay(Effect):
-    """`u'(t) = u(t - delay)`: pure transport delay between logged command and torque; nothing acts before the start."""
+    """`u'(t) = u(t - delay)`: pure transport delay between logged command and torque."""
 
     id: ClassVar[str] = "input_delay"
     law: ClassVar[str] = "constant"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u'(t) = u(t - delay)"
     late: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     only_later: ClassVar[bool] = True
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
@@ -137,6 +140,7 @@ class GrowingDelay(InputDelay):
     """Later and later: commands queue up, or two clocks run apart."""
 
     since_start: ClassVar[bool] = True
+    settles: ClassVar[bool] = False
     law: ClassVar[str] = "growing"
     formula: ClassVar[str] = "u'(t) = u(t - rate * (t - t_0)), from the log's start t_0"
 

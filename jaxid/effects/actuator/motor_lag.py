@@ -68,6 +68,7 @@ class MotorLag(Effect):
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "time_constant * du'/dt = u - u'"
     late: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     finer: ClassVar[float] = 2.0
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
@@ -330,6 +331,7 @@ class StepResponse(Effect):
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u'(t) = u(t) + sum over k of share_k (u(t - k spacing) - u(t)), k = 1, 2, 4"
     finer: ClassVar[float] = 2.0
+    settles: ClassVar[bool] = True
     multiples: ClassVar[tuple[int, ...]] = (1, 2, 4)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

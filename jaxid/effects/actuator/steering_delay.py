@@ -19,13 +19,14 @@ from .input_delay import late
 
 @dataclass(frozen=True)
 class SteeringDelay(Effect):
-    """Every command that does not drive arrives `delay` later; none before the start."""
+    """Every command that does not drive arrives `delay` later."""
 
     id: ClassVar[str] = "steering_delay"
     law: ClassVar[str] = "constant"
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "u_i'(t) = u_i(t - delay)"
     only_later: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("steered",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -26,6 +26,7 @@ class SteeringLag(Effect):
     where: ClassVar[str] = "actuator"
     formula: ClassVar[str] = "time_constant * du'/dt = u - u'"
     finer: ClassVar[float] = 2.0
+    settles: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("steered",)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

@@ -247,6 +247,7 @@ class PlayOfCommands(Effect):
 
     id: ClassVar[str] = "backlash"
     law: ClassVar[str] = "command"
+    settles: ClassVar[bool] = True
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "u' = clip(u' before, u - width / 2, u + width / 2)"
     also_seen_as: ClassVar[tuple[str, ...]] = _LATE

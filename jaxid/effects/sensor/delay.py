@@ -17,14 +17,17 @@ from ..earlier import earlier
 from ..effect_parameters import positive
 from ..scattered import samples_late
 from .lag import averaged
-from .outputs import all_late, bends, each_channel, sensed, sensed_only
+from .outputs import all_late, bends, each_channel, first_slope, sensed, sensed_only
 
 
-def stamped_late(outputs, time, delay):
-    """`outputs` [T, n] as they were `delay` earlier, exact for speeds that are parabolas between samples."""
+def stamped_late(outputs, time, delay, moving=0.0):
+    """`outputs` [T, n] as they were `delay` earlier, exact for speeds that are parabolas between samples; before the first
+    stamp as they are there, or, where the log begins in motion (`moving` 1, else 0), on a line."""
     before, share = earlier(time, delay)
     interval, share = (time[before + 1] - time[before])[:, None], share[:, None]
     straight = outputs[before] + share * (outputs[before + 1] - outputs[before])
+    early = jnp.minimum(time - delay - time[0], 0.0)[:, None]
+    straight = straight + moving * early * first_slope(outputs, time)
     return straight - 0.5 * interval**2 * share * (1.0 - share) * bends(outputs, time)[before]
 
 
@@ -60,8 +63,8 @@ class SensorDelay(Effect):
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("delay"), robot.scales.times_to_try)
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return sensed_only(robot, stamped_late(outputs, time, p[self.key("delay")]), outputs)
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        return sensed_only(robot, stamped_late(outputs, time, p[self.key("delay")], moving), outputs)
 
 
 @dataclass(frozen=True)
@@ -91,9 +94,9 @@ class SensorDelayOfEach(SensorDelay):
         names = [self.key(f"delay_{name}") for name in sensed(robot)]
         return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
         delays = each_channel(self, p, "delay", robot)
-        each = jax.vmap(stamped_late, (2, None, 0), 2)(outputs[:, None], time, delays)
+        each = jax.vmap(stamped_late, (2, None, 0, None), 2)(outputs[:, None], time, delays, moving)
         return sensed_only(robot, each[:, 0], outputs)
 
 
@@ -119,8 +122,8 @@ class JitteringSensorDelay(SensorDelay):
 
         return (Draw("outputs", once),)
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return sensed_only(robot, averaged(outputs, time, 2.0 * p[self.key("delay")]), outputs)
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        return sensed_only(robot, averaged(outputs, time, 2.0 * p[self.key("delay")], moving=moving), outputs)
 
 
 @dataclass(frozen=True)

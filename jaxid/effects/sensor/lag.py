@@ -12,15 +12,15 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import exchanged, positive
-from .outputs import bends, each_channel, sensed, sensed_only
+from .outputs import bends, each_channel, first_slope, sensed, sensed_only
 
 _TINY = 1e-9
 """Share of a sample below which a time constant is none."""
 
 
-def low_passed(outputs, time, T):
+def low_passed(outputs, time, T, moving=0.0):
     """`outputs` [T, ny] behind a first-order lag of time constant `T` (one, or one a channel), exact for speeds that are
-    parabolas between samples."""
+    parabolas between samples. Where the log begins in motion (`moving` 1, else 0) the filter runs behind a line."""
     dt = jnp.diff(time)[:, None]
     before, now = outputs[:-1], outputs[1:]
     bent = bends(outputs, time)
@@ -29,13 +29,14 @@ def low_passed(outputs, time, T):
     # Where the filter runs behind a parabola, at either end.
     first = before - T * (slope - turn) + bend
     last = now - T * (slope + turn) + bend
-    filtered = recurrence(keep, last - first * keep, outputs[0])
-    return jnp.concatenate([outputs[:1], filtered])
+    begun = outputs[0] - moving * T * first_slope(outputs, time)
+    filtered = recurrence(keep, last - first * keep, begun)
+    return jnp.concatenate([begun[None], filtered])
 
 
-def damped(outputs, time, asked, damping):
+def damped(outputs, time, asked, damping, moving=0.0):
     """`outputs` [T, ny] behind a low-pass of second order of mean delay `asked` (one, or one a channel) and `damping` < 1,
-    exact for speeds that are parabolas between samples.
+    exact for speeds that are parabolas between samples; `moving` as `low_passed` has it.
 
     One of its two poles z = -decay + i turn tells all: y' is the imaginary part of x with dx/dt = z x + y, times |z|^2 / turn.
     Seen from axes that turn with it, x runs through a recurrence that is real.
@@ -62,15 +63,17 @@ def damped(outputs, time, asked, damping):
     real, imaginary = (c + dt * (b + dt * a) - keep * d for a, b, c, d in zip(square, line, level, left, strict=True))
     along = turn * (time - time[0])[:, None]
     fixed = turned(real, imaginary, -along[1:])
-    held = over_pole(-outputs[0], 0.0)
+    line = over_pole(-moving * first_slope(outputs, time), 0.0)
+    held = over_pole(line[0] - outputs[0], line[1])
     real, imaginary = (recurrence(keep, part, first) for part, first in zip(fixed, held, strict=True))
-    late = turned(real, imaginary, along[1:])[1] * size / turn
-    return outputs + asked / mean * (jnp.concatenate([outputs[:1], late]) - outputs)
+    late = jnp.concatenate([held[1][None], turned(real, imaginary, along[1:])[1]]) * size / turn
+    return outputs + asked / mean * (late - outputs)
 
 
-def averaged(outputs, time, asked, ahead=0.0):
+def averaged(outputs, time, asked, ahead=0.0, moving=0.0):
     """The mean of `outputs` [T, ny], parabolas between samples, over `asked` seconds, of which the share `ahead` is still to
-    come; what is before the first stamp and after the last is as it is there."""
+    come; what is before the first stamp and after the last is as it is there; before the first it is on a line where `moving`
+    is 1."""
     dt = jnp.diff(time)[:, None]
     window = jnp.maximum(asked, 0.1 * jnp.max(dt))  # of a shorter one, a share of what this changes
     bent = bends(outputs, time, ahead > 0.0)
@@ -85,7 +88,8 @@ def averaged(outputs, time, asked, ahead=0.0):
         turn = step**2 * (0.25 - share / 6.0) * bent[before]
         found = whole[before] + step * (share * start + share**2 * (0.5 * slope - turn))
         early, late = jnp.minimum(then - time[0], 0.0), jnp.maximum(then - time[-1], 0.0)
-        return found + early[:, None] * outputs[0] + late[:, None] * outputs[-1]
+        begun = early[:, None] * outputs[0] + moving * 0.5 * early[:, None] ** 2 * first_slope(outputs, time)
+        return found + begun + late[:, None] * outputs[-1]
 
     end = until(time + ahead * window) if ahead else whole
     return outputs + asked / window * ((end - until(time - (1.0 - ahead) * window)) / window - outputs)
@@ -111,8 +115,8 @@ class SensorLag(Effect):
         name = self.key("time_constant")
         return exchanged(robot, name) if name in robot.parameters else {}
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return sensed_only(robot, low_passed(outputs, time, p[self.key("time_constant")]), outputs)
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        return sensed_only(robot, low_passed(outputs, time, p[self.key("time_constant")], moving), outputs)
 
 
 @dataclass(frozen=True)
@@ -122,9 +126,10 @@ class SecondOrderSensorLag(SensorLag):
     law: ClassVar[str] = "second_order"
     formula: ClassVar[str] = "two lags of time_constant / 2, one after the other"
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
         half = 0.5 * p[self.key("time_constant")]
-        return sensed_only(robot, low_passed(low_passed(outputs, time, half), time, half), outputs)
+        once = low_passed(outputs, time, half, moving)
+        return sensed_only(robot, low_passed(once, time, half, moving), outputs)
 
 
 @dataclass(frozen=True)
@@ -151,8 +156,9 @@ class SensorLagOfEach(SensorLag):
         names = [self.key(f"time_constant_{name}") for name in sensed(robot)]
         return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return sensed_only(robot, low_passed(outputs, time, each_channel(self, p, "time_constant", robot)), outputs)
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        each = each_channel(self, p, "time_constant", robot)
+        return sensed_only(robot, low_passed(outputs, time, each, moving), outputs)
 
 
 _BUTTERWORTH = 0.7071067811865476
@@ -190,8 +196,9 @@ class Butterworth(SensorLag):
     def damping(self, p: Numbers):
         return _BUTTERWORTH
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return sensed_only(robot, damped(outputs, time, p[self.key("time_constant")], self.damping(p)), outputs)
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        own = p[self.key("time_constant")]
+        return sensed_only(robot, damped(outputs, time, own, self.damping(p), moving), outputs)
 
 
 @dataclass(frozen=True)
@@ -216,9 +223,9 @@ class ButterworthOfEach(SensorLagOfEach):
     def damping(self, p: Numbers):
         return _BUTTERWORTH
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
         each = each_channel(self, p, "time_constant", robot)
-        return sensed_only(robot, damped(outputs, time, each, self.damping(p)), outputs)
+        return sensed_only(robot, damped(outputs, time, each, self.damping(p), moving), outputs)
 
 
 @dataclass(frozen=True)
@@ -246,8 +253,8 @@ class MovingAverage(SensorLag):
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("window"), tuple(2.0 * time for time in robot.scales.times_to_try))
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return sensed_only(robot, averaged(outputs, time, p[self.key("window")], self.ahead), outputs)
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        return sensed_only(robot, averaged(outputs, time, p[self.key("window")], self.ahead, moving), outputs)
 
 
 @dataclass(frozen=True)

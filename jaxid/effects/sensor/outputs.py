@@ -36,6 +36,11 @@ def sensed_only(robot: Robot, changed, outputs):
     return jnp.where(jnp.array([name in names for name in robot.channels.measured]), changed, outputs)
 
 
+def first_slope(y, time):
+    """Slope of y [T, ny] at the first stamp: before it, what moves is taken to have moved on a straight line."""
+    return (y[1] - y[0]) / (time[1] - time[0])
+
+
 def bends(y, time, ahead=False):
     """Second derivative of y [T, ny] within each interval [T - 1, ny]: the smaller of those at its start and one sample before.
 

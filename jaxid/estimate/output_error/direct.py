@@ -62,12 +62,12 @@ def _tangents(
     moved[np.arange(n), list(d.moving)] = columns
     before = [j for j, place in enumerate(d.moving) if place in (records.commands or ())]
     if before:
-        du = command_slopes(records, numbers, problem.inputs, problem.dt, len(d.shares), moved[before])
+        du = command_slopes(records, numbers, problem.inputs, problem.dt, len(d.shares), d.held, moved[before])
         dy[:, :, :, [s + j for j in before]] += input_tangents(system, seen, grouped(np.moveaxis(du, 0, 3)))
     if records.measures is None:
         return dy
     steps = np.concatenate([np.zeros((s, len(d.numbers))), moved])
-    return grouped(measured_slopes(records, numbers, ungrouped(y, E), problem.dt, steps, ungrouped(dy, E)))
+    return grouped(measured_slopes(records, numbers, ungrouped(y, E), problem.dt, d.held, steps, ungrouped(dy, E)))
 
 
 def _alone(d: Direct) -> Alone | None:

@@ -52,14 +52,14 @@ def log_squares(
         x = grouped(starts_at(d, states[some]).reshape(-1, d.begin.shape[1]))
         u = of.u
         if records.commands is not None:
-            after = commanded_each(records, numbers, d.problem.inputs, d.problem.dt, len(d.shares))
+            after = commanded_each(records, numbers, d.problem.inputs, d.problem.dt, len(d.shares), d.held)
             u = grouped(after.reshape(-1, *after.shape[2:]))
         seen = d.shares, p, x, u, of.dt, of.fixed
         if records.measures is None:
             summed = squares_of(system, seen, of.measured, of.weight).sum(axis=1)
         else:
             plain = ungrouped(outputs(system, seen), many.together * E)
-            shown = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt)
+            shown = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt, d.held)
             residual = weighted_residual(grouped(shown.reshape(plain.shape)), of.measured, of.weight)
             summed = np.einsum("gtyl,gtyl->gl", residual, residual)
         squares.append(ungrouped(summed, many.together * E).reshape(many.together, E))

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.direct import MachineModel, machine_model
-from ...simulation.records import commanded, measured
+from ...simulation.records import commanded, in_motion, measured
 from .bounds import Plain
 from .problem import CLOCK_OFFSET, Problem, Structure, plain, residual_weights
 
@@ -36,7 +36,7 @@ class Direct(NamedTuple):
 
     `moving`: places of the problem's parameters among all `numbers`; `starts`: those of the free initial states among the
     robot's, of which a unit of the optimiser is `state_scale`; one moves by `state_slope`, which is zero for what is held,
-    and its prior has the stiffness `state_stiffness` a unit.
+    and its prior has the stiffness `state_stiffness` a unit. `held`: whether each log begins in motion, with its first command.
     """
 
     model: MachineModel
@@ -45,6 +45,7 @@ class Direct(NamedTuple):
     starts: tuple[int, ...]
     numbers: Float[Array, "*E P"]
     begin: Float[Array, "E S"]
+    held: Float[Array, " E"]
     state_scale: Float[Array, "E s"]
     state_slope: Float[Array, "E s"]
     state_stiffness: Float[Array, "E s"]
@@ -79,13 +80,15 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
     n = structure.integrator.substeps
     scale = np.broadcast_to(numbers.state_scale, numbers.state_free.shape)
     slope = np.where(numbers.state_free, scale, 0.0)
+    begin = np.stack([np.broadcast_to(numbers.start[name], E) for name in robot.states], axis=1)
     return Direct(
         model=model,
         problem=numbers,
         moving=tuple(names.index(name) for name in structure.names),
         starts=tuple(robot.states.index(name) for name in structure.state_names),
         numbers=np.array([float(numbers.numbers.get(name, 0.0)) for name in names]),
-        begin=np.stack([np.broadcast_to(numbers.start[name], E) for name in robot.states], axis=1),
+        begin=begin,
+        held=in_motion(robot, begin),
         state_scale=scale,
         state_slope=slope,
         state_stiffness=np.sqrt(numbers.state_precision) * slope,
@@ -123,7 +126,7 @@ def seen_by(d: Direct, theta: Float[Array, "*E n"], states: Float[Array, "E s"])
     own = numbers[..., list(d.model.places)]
     u = d.logs.u
     if records.commands is not None:
-        u = grouped(commanded(records, numbers, d.problem.inputs, d.problem.dt, n))
+        u = grouped(commanded(records, numbers, d.problem.inputs, d.problem.dt, n, d.held))
     if own.ndim == 1:  # of all logs
         p = np.empty((len(u), len(own), lanes()))
         p[:] = own[:, None]
@@ -136,7 +139,7 @@ def shown(d: Direct, theta: Float[Array, "*E n"], y: Float[Array, "G T Y L"]) ->
     """What the sensors report of the outputs."""
     if d.model.records.measures is None:
         return y
-    return grouped(measured(d.model.records, numbers_at(d, theta), ungrouped(y, len(d.begin)), d.problem.dt))
+    return grouped(measured(d.model.records, numbers_at(d, theta), ungrouped(y, len(d.begin)), d.problem.dt, d.held))
 
 
 def weighted_residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Float[Array, "G T Y L"]:

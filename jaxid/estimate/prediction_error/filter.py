@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float
 
 from ...robots.effect import Numbers, State
 from ...robots.robot import Robot
-from ...simulation.rollout import Integrator, commanded, step
+from ...simulation.rollout import Integrator, begins_in_motion, commanded, step
 from .cubature import Innovations, Moments, carried, measured
 from .late_sensors import before_lag, moved, shifted, shown, with_lagged
 
@@ -112,7 +112,8 @@ def advance(model: Model, p: Numbers, vector: Float[Array, " n"], inputs: Float[
 
 def held_inputs(model: Model, p: Numbers, record: Record) -> Float[Array, "T m nu"]:
     """The inputs of every step between samples, effects on commands and the sensors' delay included."""
-    fine = commanded(model.robot, p, record.inputs, record.dt, substeps(model.integrator))
+    held = begins_in_motion(model.robot, as_state(model.robot, record.start.mean))
+    fine = commanded(model.robot, p, record.inputs, record.dt, substeps(model.integrator), held)
     return shifted(model.robot, p, fine, record.dt)
 
 

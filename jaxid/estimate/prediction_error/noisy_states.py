@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..._compile import compiled
 from ...parameters import ParameterError
 from ...robots.robot import Robot
-from ...simulation.rollout import Integrator, commanded, step
+from ...simulation.rollout import Integrator, begins_in_motion, commanded, step
 
 _PROBES = 3
 
@@ -73,7 +73,7 @@ def _trajectories(robot: Robot, integrator: Integrator, numbers, start, inputs, 
             after, _ = jax.lax.scan(substep, state, u)
             return after, jnp.stack([state[name] for name in robot.states])
 
-        fine = commanded(robot, numbers, inputs, dt, integrator.substeps)
+        fine = commanded(robot, numbers, inputs, dt, integrator.substeps, begins_in_motion(robot, start))
         return jax.lax.scan(sample, start, (fine, dt, known))[1]
 
     return jax.vmap(one)(start, inputs, dt, known)

@@ -21,7 +21,7 @@ from ...estimate.prediction_error.filter import as_state, filter_pass
 from ...kernel.dense import solved
 from ...robots.effect import Numbers
 from ...robots.robot import Robot
-from ...simulation.rollout import Integrator, commanded, step
+from ...simulation.rollout import Integrator, begins_in_motion, commanded, step
 
 PREFIX = "missing_force."
 """Names of the forces' states begin with this, and end with the velocity they accelerate."""
@@ -71,7 +71,8 @@ def _filter(setting: Setting, p: Numbers, log, intensity):
         ahead = Moments(ahead.mean, ahead.covariance + _walked(setting, intensity, interval, log))
         return ahead, (ahead, cross)
 
-    volts = commanded(robot, p, log["inputs"], log["dt"], integrator.substeps)
+    held = begins_in_motion(robot, dict(zip(robot.states, log["start"], strict=True)))
+    volts = commanded(robot, p, log["inputs"], log["dt"], integrator.substeps, held)
     start = Moments(log["start"], _start_covariance(setting, intensity, log))
     rows = ((volts, log["dt"]), volts[:, 0], log["outputs"], log["there"])
     found = filter_pass(look, propagate, start, rows, log["noise"])

@@ -19,7 +19,7 @@ from ...kernel.machine import lanes
 from ...kernel.traced import shown_states
 from ...robots.effect import Scalars
 from ...simulation.direct import machine_model
-from ...simulation.records import commanded
+from ...simulation.records import commanded, in_motion
 from .force_filter import LEAST, PREFIX, Setting
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ def filtered_directly(
     own = {name: np.asarray(x) for name, x in logs.items()}
     dt, y, there, noise, jitter = (own[name] for name in ("dt", "outputs", "there", "noise", "jitter"))
     (E, T), ny = dt.shape, y.shape[2]
-    u = commanded(model.records, values, own["inputs"], dt, integrator.substeps)
+    u = commanded(model.records, values, own["inputs"], dt, integrator.substeps, in_motion(robot, own["start"]))
     p = np.broadcast_to(values[list(model.places)], (E, len(model.places)))
     system = model.system
     shown = shown_states(system.step, system.output, system.sizes, system.fixed, system.identity)
