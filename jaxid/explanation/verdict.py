@@ -24,7 +24,7 @@ def doubts_of(found: Search, final: Fit, named: Sequence[NamedEffect], after: He
     doubts = []
     if after.diverged:
         doubts.append(f"the simulation diverges on {', '.join(after.diverged)}")
-    elif after.foretold > current_policy().many and not (after.by_chance or after.within_errors or all_noise(found)):
+    elif after.foretold > current_policy().many and not (after.adequate or all_noise(found)):
         doubts.append(f"the held-out error is still {after.normalised_rms:.3g} times the noise")
     elif len(named) > 1 and _more_than_imprecise(named, final, after) and not (all_noise(found) or _closing(found)):
         doubts.append(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz, toeplitz
 
 from ..._float64 import in_float64
-from ...estimate.noise_colour import Colour
+from ...estimate.noise_colour import Colour, colour_of
 from ...estimate.output_error.estimated_start import estimated_start
 from ...logs import LogSet
 from ...logs.noise import usual_size
@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 _STILL = 1e-9
 """Speed as a share of the largest below which a simulated robot stands: held by dry friction it does exactly."""
+_LESS = 0.5
+"""Share of a noise's variance below which another one at rest is less, and not the same that drifted."""
 _SHORTEST, _LONGEST = 10, 400
 """Samples of a rest that are looked at: of longer ones, in parts."""
 _STEP = 1e-6
@@ -129,7 +131,8 @@ def _runs(still: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _there(colour: Colour, rests: Sequence[Array]) -> bool | None:
-    """Whether noise of this colour is there in `rests` [T]: by the likelihood ratio to white noise of any size."""
+    """Whether noise of this colour is there in `rests` [T]: by the likelihood ratio to white noise of any size, and, where it is
+    the likelier, to noise of a colour and size of the rests' own, which is another noise where it is less."""
     rests = [own[np.isfinite(own)] for own in rests]
     rests = [own for own in rests if len(own) >= _SHORTEST]
     if not rests:
@@ -144,7 +147,15 @@ def _there(colour: Colour, rests: Sequence[Array]) -> bool | None:
     certain = -float(np.log(current_level()))
     if abs(coloured - alone) < certain:
         return None
-    return bool(coloured > alone)
+    if coloured < alone:
+        return False
+    own = colour_of(rests)
+    size, response = _variance(own), own.correlations[:longest]
+    price = 0.5 * (own.order + 1) * float(np.log(len(pooled)))
+    better = sum(_log_likelihood(rest, size * response[: len(rest)]) for rest in rests) - price - coloured
+    if better < certain:
+        return True
+    return False if size < _LESS * variance else None
 
 
 def _variance(colour: Colour) -> float:
