@@ -44,10 +44,11 @@ def shown_at_rest(
     still: Sequence[Still],
     colours: Mapping[str, Colour],
     scales: Scales,
+    quiet: float = 0.0,
 ) -> bool | None:
     """Whether the noise of the channels in `colours` is there while `robot` stands (`still`, of every state) as while it moves
     (True: the sensors'), or not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same
-    of all channels."""
+    of all channels. Of sensors that at rest show less than `quiet` of it (variance), such as counters, they tell nothing."""
     rests: dict[str, list[Array]] = {name: [] for name in colours}
     sizes: dict[str, list[Array]] = {name: [] for name in colours}
     speeds = list(robot.alone.channels.outputs)
@@ -65,7 +66,7 @@ def shown_at_rest(
         size = usual_size(moving) if moving.size else np.inf
         # What makes so large a slow error works against viscous friction, and against inertia within its own memory.
         needed = size * (1.0 / scales.time + 1.0 / (max(colour.memory, 1.0) * scales.interval))
-        said.add(_there(colour, rests[name]) if held.get(name, 0.0) > needed else None)
+        said.add(_there(colour, rests[name], quiet) if held.get(name, 0.0) > needed else None)
     return said.pop() if len(said) == 1 else None
 
 
@@ -130,7 +131,7 @@ def _runs(still: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _SHORTEST]
 
 
-def _there(colour: Colour, rests: Sequence[Array]) -> bool | None:
+def _there(colour: Colour, rests: Sequence[Array], quiet: float) -> bool | None:
     """Whether noise of this colour is there in `rests` [T]: by the likelihood ratio to white noise of any size, and, where it is
     the likelier, to noise of a colour and size of the rests' own, which is another noise where it is less."""
     rests = [own[np.isfinite(own)] for own in rests]
@@ -143,6 +144,8 @@ def _there(colour: Colour, rests: Sequence[Array]) -> bool | None:
     longest = max(map(len, rests))
     response = colour.correlations[:longest]
     variance = _variance(colour)
+    if white < quiet * variance:
+        return None
     coloured = sum(_log_likelihood(own, variance * response[: len(own)]) for own in rests)
     certain = -float(np.log(current_level()))
     if abs(coloured - alone) < certain:

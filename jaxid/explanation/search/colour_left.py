@@ -27,6 +27,8 @@ from .worth import matters, worth_in_colour
 _COUNTED = 2.0
 """By how much more chance explains where rounding makes most of what a channel leaves (8 where 7.6 is the most expected, of a
 complete model whose speed is counted in steps of three standard deviations)."""
+_QUIET = 0.02
+"""Share of a noise's variance below which a sensor at rest says nothing of it."""
 _MOST_LEADING = 4
 """Trials of which it is asked whether all that they leave is coloured noise."""
 
@@ -43,11 +45,13 @@ def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, f
     states = states if trial.angles else less_absorbed(trial.robot, states)
     memory = scales.time / scales.interval
     found = only_colour(states, memory)
-    if trial.angles or (found is not None and found.simple):
-        return found
-    if any(state.diverged for state, _ in states) or not held_rates(trial.robot).any():
+    if trial.angles or any(state.diverged for state, _ in states) or not held_rates(trial.robot).any():
         return found
     still = standing(trial.robot, states)
+    if found is not None and found.simple:
+        # A sensor whose noise grows with the speed has no noise at rest, as a counter; what shows less of it is another.
+        less = shown_at_rest(trial.robot, states, still, found.colours, scales, quiet=_QUIET) is False
+        return replace(found, simple=False, at_rest=False) if less else found
     if found is not None:
         return replace(found, at_rest=shown_at_rest(trial.robot, states, still, found.colours, scales))
     # A disturbance that dry friction holds is not as large at rest as in motion.
