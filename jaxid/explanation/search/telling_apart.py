@@ -14,6 +14,9 @@ UNKNOWN_PAST = 10
 """First samples of a log, which show what was commanded before it began."""
 _INTERPOLATED = 0.01
 """Share of what a delay makes of a motion that interpolation between samples may get wrong of it."""
+_SAME = 0.05
+"""RMS difference of two models' predictions, times the noise, below which they predict the same, whatever the likelihood of some
+ten thousand samples says, or the number of their parameters."""
 _AS_MUCH = 1.02
 """Ratio of what two curves of the same thing leave, with points at other places."""
 _BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated
@@ -65,11 +68,17 @@ def clearly_better(one: HeldOut, other: HeldOut) -> bool:
 
 def told_apart_from(best: Trial, trial: Trial) -> bool:
     """Whether `trial` is less likely than `best` by more than chance, on the fitted logs."""
+    if differ(best.fitted, trial.fitted) < _SAME:
+        return False
     # Parameters are paid for. Twice the log-likelihood difference of two wrong-by-noise models has a standard deviation of
     # about 2 sqrt(it).
     price = (trial.free - best.free) * float(np.log(max(best.fitted.samples, 1)))
-    far = _less_likely(best.fitted, trial.fitted) + price >= (2 * current_policy().separated) ** 2
-    return far or clearly_better(best.fitted, trial.fitted)
+    separated, less = current_policy().separated, _less_likely(best.fitted, trial.fitted)
+    if less + price >= (2 * separated) ** 2:
+        return True
+    # What the best one has won by more parameters than the other has is no evidence for it.
+    share = min(less + price, less) / max(less, 1e-300)
+    return told_apart(best.fitted, trial.fitted) * share >= separated and less >= separated**2
 
 
 def _delays(trial: Trial) -> bool:
