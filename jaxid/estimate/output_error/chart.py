@@ -25,6 +25,11 @@ from .bounds import Bounds, Plain
 from .problem import Triangle, Unknowns
 
 
+_FAR = 100.0
+"""Times a parameter's size, or its scale, that a unit is at most: of one that hardly shows, the little that it does would lead
+anywhere, and far from what it is nothing of it shows any more."""
+
+
 class Chart(NamedTuple):
     """Units of the unknowns at `here`. `held` parameters are on a bound that the cost pushes them against. `slope` and `norm`:
     the gradient of the cost and the lengths of the Jacobian's columns, in the problem's own units."""
@@ -89,11 +94,12 @@ def chart_at(bounds: Bounds | Plain, here: Unknowns, triangle: Triangle) -> Char
     # Without a bound: as far as the unknown alone could go to explain all of the residual.
     residual = xp.maximum(xp.sqrt(2.0 * triangle.cost), 1.0)
     free = xp.maximum(size, xp.where(norm.z > 0, residual, 1.0) * width)
+    units = xp.minimum(xp.where(bounded, xp.hypot(nearest, width), free), _FAR * xp.maximum(size, 1.0))
     states = _widths(norm.states, xp.abs(here.states)) * xp.where(norm.states > 0, residual, 1.0)
     slope = gradient(triangle)
     return Chart(
         here=here,
-        units=Unknowns(xp.where(bounded, xp.hypot(nearest, width), free), xp.maximum(states, xp.abs(here.states))),
+        units=Unknowns(units, xp.maximum(states, xp.abs(here.states))),
         lower=lower,
         upper=upper,
         width=width,

@@ -142,7 +142,10 @@ def _principal(covariance: NDArray[np.float64], errors: NDArray[np.float64]) -> 
     """Steps of one standard error along the principal directions of the covariance, parameters in their errors' units, as
     columns [n, n]."""
     units = np.where(errors > 0, errors, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(units, units))
+    # What no log shows at all has a variance beyond what numbers reach, and no direction.
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = covariance / np.outer(units, units)
+    values, vectors = np.linalg.eigh(np.where(np.isfinite(scaled), scaled, 0.0))
     return units[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 

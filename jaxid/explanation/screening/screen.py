@@ -26,6 +26,8 @@ _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
 _SAME = 1e-3
 """Smallest singular value of changes of length one below which a curve is held at one of its heights."""
+_OUTLIER = 4.0
+"""Whitened residual, in its own standard deviations, beyond which a sample counts for no more."""
 _STEP = 1e-3
 """Step of the fitted parameters' secants, in units of their magnitude."""
 
@@ -198,7 +200,8 @@ def _in_colour(
         return white.reshape(len(rows), -1)
 
     basis, _ = np.linalg.qr(whitened(moved[:own]).T)
-    (residual,) = whitened(whole[None])
+    # An outlier would be explained by whatever is large where it is.
+    residual = np.clip(whitened(whole[None])[0], -_OUTLIER, _OUTLIER)
     residual = residual - basis @ (basis.T @ residual)
     gains: dict[Effect, float] = {}
     for group, mine in zip(found, columns, strict=True):
