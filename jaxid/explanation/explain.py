@@ -207,6 +207,8 @@ def explain(
     noted, whole = "", logs
     if not isinstance(loss, Squares):
         logs, held_out, noted = without_passing_jumps(fit.robot, logs, held_out)
+        # Those are judged in the end where rows are missing: without what jumps, too.
+        with_gaps = with_gaps[0], without_passing_jumps(fit.robot, *with_gaps)[1]
         report(noted)
     columns = other_way(fit, *recorded)
     if columns:

@@ -148,17 +148,20 @@ def rollout(
     integrator: Integrator,
     prescribed: Mapping[str, Float[Array, " T"]] = MappingProxyType({}),
     in_xla: bool = False,
+    moving: Any = None,
 ) -> Float[Array, "T ny"]:
     """Outputs at the sample times of one experiment.
 
     Row k of `inputs` acts from sample k to k+1, `dt[k]` seconds later (zero-order hold); row k of the result is what
-    the sensors of the model show at sample k. States in `prescribed` are set to these values at every sample. Runs under
-    `jit`, `vmap` and first derivatives (forward mode; reverse mode by parameters and initial states).
+    the sensors of the model show at sample k. `moving` (0 or 1): whether it begins in motion, with its first command held
+    before; by default where a velocity in `start` differs from zero. States in `prescribed` are set to these values at every
+    sample. Runs under `jit`, `vmap` and first derivatives (forward mode; reverse mode by parameters and initial states).
 
     On a processor this is machine code made of the robot's own functions (`jaxid.kernel`), on other devices, and for
     functions that have no translation, or with `in_xla`, XLA's scan.
     """
-    time, moving = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]]), begins_in_motion(robot, start)
+    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
+    moving = begins_in_motion(robot, start) if moving is None else moving
     if any(overrides(type(effect), "command") for effect in robot.effects):
         inputs = commanded(robot, p, inputs, dt, integrator.substeps, moving)
     start = {name: jnp.asarray(start[name], dtype=float) for name in robot.states}

@@ -140,8 +140,9 @@ class GrowingSensorDelay(SensorDelay):
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("rate"), tuple(2.0 * time / seen.duration for time in robot.scales.times_to_try))
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
-        return sensed_only(robot, stamped_late(outputs, time, p[self.key("rate")] * (time - time[0])), outputs)
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        later = p[self.key("rate")] * (time - time[0])
+        return sensed_only(robot, stamped_late(outputs, time, later, moving), outputs)
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,7 @@ class StampedEarly(SensorDelay):
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         return one_by_one(self.key("lead"), robot.scales.times_to_try)
 
-    def measure(self, outputs, time, p: Numbers, robot: Robot):
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
         return sensed_only(robot, stamped_early(outputs, time, p[self.key("lead")]), outputs)
 
 

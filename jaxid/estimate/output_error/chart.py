@@ -24,7 +24,6 @@ from .arrow import gradient, in_units, norms
 from .bounds import Bounds, Plain
 from .problem import Triangle, Unknowns
 
-
 _FAR = 100.0
 """Times a parameter's size, or its scale, that a unit is at most: of one that hardly shows, the little that it does would lead
 anywhere, and far from what it is nothing of it shows any more."""

@@ -24,7 +24,7 @@ from ..._arrays import AnyArray as Array
 from ..._arrays import namespace
 from ...kernel.dense import triangle_of
 from ...robots.robot import Robot
-from ...simulation.rollout import Integrator, rollout
+from ...simulation.rollout import Integrator, begins_in_motion, rollout
 from .bounds import Bounds, Plain, physical
 from .over_experiments import over_experiments
 
@@ -136,7 +136,8 @@ def _experiment(structure: Structure, problem: Problem, theta, own_states, e):
     dt, inputs, start, prescribed = e
     p = {**problem.numbers, **dict(zip(structure.names, theta, strict=True))}
     moved = {name: start[name] + problem.state_scale[i] * own_states[i] for i, name in enumerate(structure.state_names)}
-    y = rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator, prescribed)
+    moving = begins_in_motion(structure.robot, start)  # whatever the states are moved by
+    y = rollout(structure.robot, p, {**start, **moved}, inputs, dt, structure.integrator, prescribed, moving=moving)
     return shifted(y, dt, moved[CLOCK_OFFSET]) if CLOCK_OFFSET in moved else y
 
 

@@ -132,8 +132,8 @@ def _runs(still: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _there(colour: Colour, rests: Sequence[Array], quiet: float) -> bool | None:
-    """Whether noise of this colour is there in `rests` [T]: by the likelihood ratio to white noise of any size, and, where it is
-    the likelier, to noise of a colour and size of the rests' own, which is another noise where it is less."""
+    """Whether noise of this colour is there in `rests` [T]: by the likelihood ratio to white noise of any size, and, where it
+    is the likelier, to noise of a colour and size of the rests' own, which is another noise where it is less."""
     rests = [own[np.isfinite(own)] for own in rests]
     rests = [own for own in rests if len(own) >= _SHORTEST]
     if not rests:

@@ -9,16 +9,16 @@ from ...effects.curve import Curve
 from ...logs import LogSet
 from ..policy import current_policy
 from ..refits.refit import Trial, continued, refit_from_itself
-from .telling_apart import told_apart_from
 
 
 def with_one_alone(trial: Trial, best: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
     """The trial with all numbers of its effect but the strongest held at none, where it fits about as well as `best` and is
     told from it by its number of parameters alone; else the trial."""
     effect, table = trial.effect, trial.robot.parameters
-    if effect is None or isinstance(effect, Curve) or trial.free <= best.free or not told_apart_from(best, trial):
+    certain = (2 * current_policy().separated) ** 2
+    if effect is None or isinstance(effect, Curve) or trial.free <= best.free or trial.score - best.score < certain:
         return trial
-    if trial.squares - best.squares >= (2 * current_policy().separated) ** 2:
+    if trial.squares - best.squares >= certain:
         return trial
     signed = {n: p for n, p in table.items() if n.startswith(effect.key("")) and p.free and p.lower < 0.0 < p.upper}
     if len(signed) < 2:

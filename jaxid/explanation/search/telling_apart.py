@@ -15,8 +15,8 @@ UNKNOWN_PAST = 10
 _INTERPOLATED = 0.01
 """Share of what a delay makes of a motion that interpolation between samples may get wrong of it."""
 _SAME = 0.05
-"""RMS difference of two models' predictions, times the noise, below which they predict the same, whatever the likelihood of some
-ten thousand samples says, or the number of their parameters."""
+"""RMS difference of two models' predictions, times the noise, below which they predict the same, whatever the likelihood of
+some ten thousand samples says, or the number of their parameters."""
 _AS_MUCH = 1.02
 """Ratio of what two curves of the same thing leave, with points at other places."""
 _BLOCK = 25  # samples over which differences of squared residuals are summed, since neighbours are correlated

@@ -59,7 +59,7 @@ def trials():
 
 def test_one_number_alone_is_no_dearer_than_a_rival_of_one(trials):
     each, one, rest = trials
-    assert told_apart_from(one, each)  # by the price of five numbers that do nothing
+    assert each.score - one.score > 16.0  # the price of five numbers that do nothing
     alone = with_one_alone(each, one, *rest)
     table = alone.robot.parameters
     assert [name for name in table.free_names if "." in name] == ["sensor_scale.error_c"]

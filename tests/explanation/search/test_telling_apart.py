@@ -82,9 +82,21 @@ def test_one_model_by_two_names_is_not_told_apart_by_rounding(residuals):
     first, second = trial("sensor_lag", right), trial("sensor_delay", again)
     assert told_apart(first.fitted, second.fitted) > 50.0
     assert not_told_apart([first, second]) == ("sensor_delay",)
-    # As sure, and by a likelihood ratio that says something.
+    # By a likelihood ratio that says something, of predictions that nobody could tell; and of such as one could.
     further = trial("sensor_delay", right * (1.0 + 1e-3))
-    assert not_told_apart([first, further]) == ()
+    assert not_told_apart([first, further]) == ("sensor_delay",)
+    assert not_told_apart([first, trial("sensor_delay", right * 1.06)]) == ()
+
+
+def test_what_is_won_by_more_parameters_alone_is_no_evidence(residuals):
+    """A curve's few more numbers follow the noise a little: as sure as many blocks are, and no more than their price."""
+    right, _ = residuals
+    worse = right + 0.06 * np.sign(right)
+    many, few = trial("stribeck_friction", right), trial("quadratic_drag", worse)
+    gained = float(np.sum(worse**2 - right**2))
+    assert not_told_apart([many, few]) == () and told_apart(many.fitted, few.fitted) > 2.0
+    count = round(gained / np.log(right.size))
+    assert not_told_apart([replace(many, free=few.free + count), few]) == ("quadratic_drag",)
 
 
 def test_a_formula_that_does_as_well_comes_before_a_curve_of_more_parameters_which_is_no_rival(residuals):
