@@ -15,7 +15,9 @@ from .joint import Colours, Joint, Pair, refit
 from .trials import HeldOutLogs, Trial, trial_of
 
 _FEW, _KEPT = 3, 4
+"""Steps after which the refits of two changes are compared, and how many of them are refitted to the end."""
 _IN_THE_RUNNING = 0.3
+"""Share of what the best second change gains that others may lack after these steps and still be refitted to the end."""
 
 
 def _apart(one: Score, other: Score) -> bool:
