@@ -15,7 +15,7 @@ STRIBECK = {"axis": 4.0, "own drive": 1.5, "pioneer": 0.4, "omni": 12.0}
     [
         ("axis", 2048, 1.0),
         ("own drive", 8192, 1.0),
-        ("pioneer", 512, 0.4),
+        pytest.param("pioneer", 512, 0.4, marks=pytest.mark.slow),
         pytest.param("omni", 4096, 1.0, marks=pytest.mark.slow),
     ],
 )

@@ -41,6 +41,7 @@ def test_slow_noise_of_a_sensor_that_is_taken_for_a_disturbance_is_no_sound_fit(
     assert "Output error makes other numbers" in fit.judgement.sentence and "slow noise of a sensor" in fit.notes[0]
 
 
+@pytest.mark.slow
 def test_a_disturbed_motion_is_no_contradiction(disturbed_axis):
     logs = LogSet([disturbed_axis(seed) for seed in (21, 22)])
     fit = prediction_error(Axis(), logs, integrator=FINE)

@@ -38,6 +38,7 @@ def test_what_is_missing_beside_wrong_stamps_is_named(axis_law):
     assert bias.value == pytest.approx(0.02, abs=4 * bias.std_error)
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_uneven_itself_is_left_alone(axis_law):
     """Samples taken, and commands held, at the times that the stamps say."""
     steps, logs = 10, []

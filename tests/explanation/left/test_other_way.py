@@ -48,6 +48,7 @@ def test_a_unit_that_one_log_has_alone_is_said_with_the_factor(axis_log):
     assert "times as far in run 1 as in the other logs (its unit)" in said and "other way" not in said
 
 
+@pytest.mark.slow
 def test_between_two_sets_a_turned_sign_is_no_change_of_the_robot(axis_log):
     usual, turned = (runs(axis_log, (sign,) * 6)[0] for sign in (1, -1))
     before, after = output_error(ROBOT, usual), output_error(ROBOT, turned)
