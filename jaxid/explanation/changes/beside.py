@@ -19,6 +19,9 @@ _FEW, _KEPT = 3, 4
 _IN_THE_RUNNING = 0.3
 """Share of what the best second change gains that others may lack after these steps and still be refitted to the end."""
 
+_DIFFERENT = 0.1
+"""Share of a change, squared, that another must not make for the two to be different."""
+
 
 def _apart(one: Score, other: Score) -> bool:
     """Whether two candidates move different numbers of the same side."""
@@ -31,6 +34,19 @@ def _beside(pair: Pair, first: Score, second: Score, joint: Joint, kept: np.ndar
     delta = np.concatenate([kept, np.zeros(len(second.candidate.coordinates))])
     candidate = both(first.candidate, second.candidate)
     return refit(pair, candidate, colours, joint.theta, delta, joint.states, steps=_FEW)
+
+
+def _alike(look: FirstLook, score: Score) -> list[Score]:
+    """Mechanisms of the catalogue that make nearly the same change as a candidate of the robot's own."""
+    found = []
+    for other in look.scores:
+        if other.own or not _apart(other, score):
+            continue
+        onto = np.linalg.qr(other.directions)[0]
+        left = score.directions - onto @ (onto.T @ score.directions)
+        if float(np.sum(left**2)) < _DIFFERENT * float(np.sum(score.directions**2)):
+            found.append(other)
+    return found[:_KEPT]
 
 
 def changed_beside(
@@ -69,6 +85,11 @@ def changed_beside(
         return []
     second = next(s for s in seconds if s.candidate == leader.score.candidate.parts[1])
     firsts = [s for s in own if _apart(s, second) and s.candidate != best.score.candidate]
+    # What does the same as either is no candidate of the robot's own alone: a sensor's scale, and the gain of what drives it.
+    firsts += [score for score in _alike(look, best.score) if _apart(score, second)]
+    instead = [score for score in _alike(look, second) if _apart(score, best.score)]
+    if instead:
+        found += ended([(s, _beside(pair, best.score, s, best.joint, best.joint.delta, colours)) for s in instead])
     if firsts:
         found += ended([(s, _beside(pair, second, s, leader.joint, leader.joint.delta[k:], colours)) for s in firsts])
     found.sort(key=lambda trial: trial.total)

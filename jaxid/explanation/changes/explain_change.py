@@ -72,8 +72,8 @@ def _two_sets(before: LogSet, after: LogSet) -> None:
         )
 
 
-def _named(pair: Pair, trial: Trial, rows: int) -> NamedChange:
-    """The change in words and numbers; of two together the parts besides."""
+def _named(pair: Pair, trial: Trial, rows: int, look: FirstLook) -> NamedChange:
+    """The change in words and numbers; of two together the parts besides, each with the other names of the same model."""
     candidate, joint = trial.score.candidate, trial.joint
     robot = with_candidate(pair.robot, candidate)
     numbers = {**robot.parameters.numbers, **dict(zip(pair.free, map(float, joint.theta), strict=True))}
@@ -88,8 +88,9 @@ def _named(pair: Pair, trial: Trial, rows: int) -> NamedChange:
     if candidate.side == "before":
         found = {name: Difference(d.after, d.before, _negative(d.size)) for name, d in found.items()}
     rms = float(np.sqrt(joint.squares / rows))
+    same = {score.candidate: score.same for score in look.scores}
     parts = tuple(
-        NamedChange(part.id, part.title, {c.name: found[c.name] for c in part.coordinates}, rms)
+        NamedChange(part.id, part.title, {c.name: found[c.name] for c in part.coordinates}, rms, same.get(part, ()))
         for part in candidate.parts
     )
     return NamedChange(candidate.id, candidate.title, found, rms, trial.score.same, parts)
@@ -222,8 +223,8 @@ def _explained(
         gain = _held_out_gain(pair, held_out, null, best.joint, colours)
     return ExplainedChange(
         verdict=verdict,
-        change=_named(pair, best, rows) if best is not None else None,
-        equivalent=tuple(_named(pair, own, rows) for own in equivalent) if not doubts else (),
+        change=_named(pair, best, rows, look) if best is not None else None,
+        equivalent=tuple(_named(pair, own, rows, look) for own in equivalent) if not doubts else (),
         p_value=float(p),
         false_alarm=level,
         rms_unchanged=float(np.sqrt(null.squares / rows)),
