@@ -75,12 +75,10 @@ def _rise_time(laboratory: Laboratory, limits: Limits) -> float:
 
 
 def _family(robot: Robot, limits: Limits, duration: float, interval: float, rise: float) -> list[Drive]:
-    """All candidates of the family, every input clipped at its own limit."""
-    size = float(np.max(limits.inputs))
-    sizes = [level * size for level in _LEVELS]
+    """All candidates of the family, every input within its own limit."""
     shapes = plain_shapes(duration, interval) | tuned_shapes(duration, interval, rise)
-    family = single_modes(robot, shapes, sizes) + combined_modes(robot.channels, shapes, sizes)
-    return [Drive(d.description, np.clip(d.inputs, -limits.inputs, limits.inputs)) for d in family]
+    combined = combined_modes(robot.channels, shapes, _LEVELS, limits.inputs)
+    return single_modes(robot, shapes, _LEVELS, limits.inputs) + combined
 
 
 def _impossible(limits: Limits, robot: Robot, shares: Mapping[str, Array]) -> DesignError:

@@ -21,7 +21,7 @@ from ..logs import LogError, LogSet
 from ..logs.useless import useless
 from ..logs.windows import in_windows
 from ..parameters import ParameterError
-from ..robots.effect import Effect
+from ..robots.effect import Effect, in_words
 from ..robots.given import given_logs
 from .certainty.beyond_reach import going_on_beyond
 from .certainty.finer_curves import hangs_on_forms
@@ -51,7 +51,7 @@ from .search.reconsider import as_in_the_end
 from .search.search import MOST_EFFECTS
 from .search.steps import Search
 from .search.table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
-from .search.telling_apart import differ, same_but_later, supersets
+from .search.telling_apart import same_but_later, supersets
 from .smooth_friction import smoothed_friction
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
 from .where.localise import localise, without_place
@@ -61,8 +61,10 @@ _WEAK = 100.0
 """Lead over the runner-up (chi-squared) below which an experiment is proposed to confirm a name."""
 
 
-def _next(found: Search, logs: LogSet) -> NextExperiment | None:
-    """An experiment for the first pair of names that this data leaves open or tells apart by little only."""
+def _next(found: Search, logs: LogSet) -> tuple[NextExperiment | None, str]:
+    """An experiment for the first pair of names that this data leaves open or tells apart by little only, and a sentence about
+    those that are open and that no experiment would tell apart."""
+    untold = []
     for step in found.steps:
         best = step.chosen
         rivals = [t for t in step.trials[1:] if t.id not in supersets(step.trials)]
@@ -70,13 +72,21 @@ def _next(found: Search, logs: LogSet) -> NextExperiment | None:
         if not open_:
             continue
         other = open_[0]
+        names = f"{in_words(best.id)} and {in_words(other.id)}"
         if same_but_later(best, other, step.before):
-            continue  # the same motion, whatever is driven
-        two = (best.id, best.robot), (other.id, other.robot)
-        proposal = propose(*two, logs, best.held_out.noise, differ(best.held_out, other.held_out))
+            # The same motion, whatever is driven.
+            untold.append(f"{names} are the same motion later, whatever is driven: only another sensor tells them apart.")
+            continue
+        proposal = propose(best, other, logs)
         if proposal:
-            return proposal
-    return None
+            return proposal, ""
+        if other.id in step.equivalent:
+            untold.append(
+                f"No drive that was tried, with inputs as large as those of the logs, would tell {names} apart once both are "
+                "refitted; larger inputs, other loads or floors, or another sensor may."
+            )
+    sentences = (sentence[0].upper() + sentence[1:] for sentence in untold)
+    return None, " ".join(sentences)
 
 
 def _stages(found: Search) -> dict[str, float]:
@@ -292,6 +302,7 @@ def explain(
         )
     if found.steps:
         report("looking for the experiment that would tell more")
+    proposal, untold = _next(found, logs)
     in_some = [effect for effect in final.robot.effects if was_sorted and isinstance(effect, InSomeLogs)]
     unlike = ""
     if verdict in ("named", "ambiguous"):
@@ -314,7 +325,7 @@ def explain(
         search=found,
         held_out=held_out,
         localisation=localisation,
-        next_experiment=_next(found, logs),
+        next_experiment=proposal,
         doubts=doubts if verdict == "unexplained" else (),
         notes=tuple(
             note
@@ -326,6 +337,7 @@ def explain(
                 delays_in_common(final),
                 *without_a_name(final),
                 *by_weight(final),
+                untold if verdict == "ambiguous" else "",
                 *(parts_of_others(named, final.robot) if verdict in ("named", "ambiguous") else ()),
                 hinges,
                 still,

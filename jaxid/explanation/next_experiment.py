@@ -1,6 +1,6 @@
 """Which experiment would separate two names that the data so far leaves open."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,23 +14,36 @@ from ..estimate.confidence.agreement import counted_channels
 from ..logs import Log, LogSet
 from ..robots.effect import in_words
 from ..robots.robot import Robot
-from ..simulation.excitation import Drive, single_modes, tuned_shapes
+from ..simulation.excitation import Drive, combined_modes, single_modes, tuned_shapes
 from ..simulation.reckoning import measured_velocities
 from ..simulation.simulate import integrator_for, simulate
 from .policy import current_policy
+from .refits.planned_runs import left_after_refit, left_by_refit
+from .refits.refit import Trial
+from .search.telling_apart import differ
 
 _LEVELS = (0.15, 0.4, 1.0)
 """Of the largest input seen in the logs."""
 _FASTEST = 1.05
 """Of the fastest motion seen in the logs, which the simulated experiment must not exceed."""
+_DRIVEN = 0.1
+"""Share of the fastest motion that inputs as large would make, below which the logs did not drive that way at all."""
+_SURE = 5.0
+"""Times the evidence that tells two models apart at least (`policy.separated`), which an experiment is to promise."""
 
+_STEPPED = 60
+"""Experiments in which the models as they are differ that one linear step of a refit is tried on, from all sizes of difference:
+where a parameter ran away, all of the largest are alike."""
+_CONFIRMED = 3
+"""Experiments that are tried by a whole refit, the most promising by one linear step first."""
 _FAR = 1000.0
 """Times the noise beyond which a difference of predictions is said to be large, and no more: one of the two ran away."""
 
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """Inputs [T, nu] to drive, `separation`: RMS difference of the two models' outputs in units of noise."""
+    """Inputs [T, nu] to drive, `separation`: RMS difference in units of noise that the better of two refits would leave between
+    the two models' outputs. `only_if`: the one of the two that has to be true for it, where the other can be made of it."""
 
     between: tuple[str, str]
     description: str
@@ -39,6 +52,7 @@ class NextExperiment:
     time: NDArray[np.float64]
     inputs: NDArray[np.float64]
     input_names: tuple[str, ...]
+    only_if: str = ""
 
     @property
     def sentence(self) -> str:
@@ -46,9 +60,12 @@ class NextExperiment:
         one, other = map(in_words, self.between)
         there = f"{self.separation:.1f}" if self.separation < _FAR else f"more than {_FAR:,.0f}"
         so_far = f"{self.so_far:.2f}" if self.so_far < _FAR else f"more than {_FAR:,.0f}"
+        told = f"Drive {self.description}: "
+        if self.only_if:
+            told += f"if it is {in_words(self.only_if)}, "
         return (
-            f"Drive {self.description}: there the models with {one} and with {other} differ by {there} times the noise (RMS), "
-            f"against {so_far} on the held-out logs."
+            f"{told}there the models with {one} and with {other} would still differ by {there} times the noise (RMS) after a "
+            f"refit, against {so_far} on the held-out logs."
         )
 
     def save(self, path: str | Path) -> None:
@@ -64,52 +81,118 @@ class NextExperiment:
             "description": self.description,
             "separation": self.separation,
             "so_far": self.so_far,
+            "only_if": self.only_if,
             "file": "next_experiment.csv",
             "sentence": self.sentence,
         }
 
 
 def _family(robot: Robot, logs: LogSet) -> list[Drive]:
-    """Drivable experiments as long as those so far, with inputs as large."""
+    """Drivable experiments as long as those so far, every input as large as it was: directions of driving on their own, and
+    what drives several of them."""
     interval = float(np.median([log.sampling_interval for log in logs]))
-    largest = max(float(np.max(np.abs(log.inputs))) for log in logs)
-    sizes = [level * largest for level in _LEVELS]
+    largest = np.max([np.max(np.abs(log.inputs), axis=0) for log in logs], axis=0)
     duration = float(np.median([log.duration for log in logs]))
-    return single_modes(robot, tuned_shapes(duration, interval, robot.scales.time), sizes)
+    shapes = tuned_shapes(duration, interval, robot.scales.time)
+    family = single_modes(robot, shapes, _LEVELS, largest) + combined_modes(logs.channels, shapes, _LEVELS, largest)
+    return [drive for drive in family if np.any(drive.inputs)]
 
 
-def propose(
-    one: tuple[str, Robot], other: tuple[str, Robot], logs: LogSet, noise: dict[str, float], so_far: float
-) -> NextExperiment | None:
-    """The experiment of the family in which the two fitted models differ most, within the speeds seen so far.
+def propose(one: Trial, other: Trial, logs: LogSet) -> NextExperiment | None:
+    """The experiment of the family that would tell most of the two models apart, within the speeds seen so far.
 
-    `so_far` is their RMS difference on the held-out logs in units of the noise. None if no drivable input tells more, or
-    none that lasts as long as the logs tells anything.
+    What counts is what would be left of their difference once either is refitted to the logs so far and to what the other
+    would show there: what a refit makes up for separates nothing, however far apart the two are as they stand. Where each
+    experiment lets one of them be made the other, it is one that tells if the other is true (`only_if`). None if no
+    drivable input would tell more than the held-out logs do, or none that lasts as long as the logs tells anything.
     """
-    channels = logs.channels
+    channels, noise = logs.channels, one.held_out.noise
+    so_far = differ(one.held_out, other.held_out)
     judged = dict.fromkeys(c for log in logs for c in counted_channels(log) if c in noise)
     columns = [channels.measured.index(c) for c in judged]
     scale = np.array([noise[c] for c in judged])
-    family = _family(one[1], logs)
+    family = _family(one.robot, logs)
     interval = float(np.median([log.sampling_interval for log in logs]))
     time = np.asarray(np.arange(len(family[0].inputs)) * interval, np.float64)
-    nothing = np.zeros((len(time), len(channels.measured)))
-    runs = LogSet(
-        [Log.from_arrays(f"run {i}", time, drive.inputs, nothing, channels) for i, drive in enumerate(family)]
-    )
+
+    def driven(drives: Sequence[Drive], shown: Sequence[NDArray[np.float64]]) -> LogSet:
+        runs = [
+            Log.from_arrays(f"experiment {i}", time, drive.inputs, outputs, channels)
+            for i, (drive, outputs) in enumerate(zip(drives, shown, strict=True))
+        ]
+        return LogSet(runs)
+
+    runs = driven(family, [np.zeros((len(time), len(channels.measured)))] * len(family))
     # The same steps for both, so that these make no difference between them.
-    steps = max((integrator_for(robot, runs) for _, robot in (one, other)), key=lambda own: own.substeps)
-    first, second = (simulate(robot, runs, integrator=steps) for _, robot in (one, other))
-    differences = _differences(first, second, columns, scale, _fastest(one[1], logs))
-    best = int(np.argmax(differences))
-    # A difference in which the likelihoods of the two would stay within chance tells nothing, however much more it is.
-    enough = differences[best] ** 2 * len(time) * len(columns) >= (2.0 * current_policy().separated) ** 2
-    if differences[best] <= so_far or not enough:
+    steps = max((integrator_for(trial.robot, runs) for trial in (one, other)), key=lambda own: own.substeps)
+    first, second = (simulate(trial.robot, runs, integrator=steps) for trial in (one, other))
+    # Chance takes some of what is promised, and what two models' numbers cost some more.
+    least = max(so_far, _SURE * current_policy().separated / np.sqrt(len(time) * len(columns)))
+    shown = [_judged(np.asarray(outputs), columns) for outputs in (first, second)]
+
+    def best_of(apart: NDArray[np.float64], of_two: Callable[..., Any]) -> NextExperiment | None:
+        """The best of the experiments in which the models as they are differ by more than the least: `apart`, for each."""
+        order = [int(i) for i in np.argsort(-apart, kind="stable") if apart[i] > least]
+        order = order[:: -(-len(order) // _STEPPED)] if order else []
+        left = of_two(*(by_one_step(order, which) for which in (0, 1))) if order else np.zeros(0)
+        for k in np.argsort(-left, kind="stable")[:_CONFIRMED]:
+            if left[k] <= least:
+                break
+            i = order[k]
+            refitted = [
+                left_after_refit(trial, logs, driven([family[i]], own[i : i + 1]), noise)
+                for trial, own in zip((other, one), shown, strict=True)
+            ]
+            separation = float(of_two(*refitted))
+            if separation > least:
+                sure = min(refitted) > least
+                only_if = "" if sure else (one, other)[int(np.argmax(refitted))].id
+                drive = family[i]
+                return NextExperiment(
+                    (one.id, other.id),
+                    drive.description,
+                    separation,
+                    so_far,
+                    time,
+                    drive.inputs,
+                    channels.inputs,
+                    only_if,
+                )
         return None
-    drive = family[best]
-    return NextExperiment(
-        (one[0], other[0]), drive.description, float(differences[best]), so_far, time, drive.inputs, channels.inputs
-    )
+
+    stepped: dict[tuple[int, int], float] = {}
+
+    def by_one_step(order: Sequence[int], which: int) -> NDArray[np.float64]:
+        """What one linear step of a refit would leave of the `which`-th model's runs, by the other model."""
+        new = [i for i in order if (i, which) not in stepped]
+        if new:
+            runs = driven([family[i] for i in new], shown[which][new])
+            left = left_by_refit((other, one)[which], logs, runs, noise)
+            stepped.update({(i, which): float(own) for i, own in zip(new, left, strict=True)})
+        return np.array([stepped[i, which] for i in order])
+
+    fastest = _fastest(one.robot, logs)
+    within = _differences(first, second, columns, scale, fastest)
+    # Where logs never turned, say, an experiment that turns is no faster than they were.
+    possible = {c: _possible(np.asarray(first)[..., c]) for c in fastest}
+    driven_so_far = {c: top for c, top in fastest.items() if top >= _DRIVEN * possible[c]}
+    further = np.where(within > 0, 0.0, _differences(first, second, columns, scale, driven_so_far))
+    # One model may be made the other, as a curve a straight line: then only one of the two answers is told.
+    ways = [(apart, of_two) for of_two in (np.minimum, np.maximum) for apart in (within, further)]
+    return next(filter(None, (best_of(apart, of_two) for apart, of_two in ways)), None)
+
+
+def _possible(outputs: NDArray[np.float64]) -> float:
+    """The largest value of an output that runs [N, T] reach, those that diverge apart."""
+    finite = outputs[np.all(np.isfinite(outputs), axis=1)]
+    return float(np.max(np.abs(finite))) if finite.size else 0.0
+
+
+def _judged(outputs: NDArray[np.float64], columns: list[int]) -> NDArray[np.float64]:
+    """The simulated channels [..., ny] as they would be measured: those that count."""
+    found = np.full_like(outputs, np.nan)
+    found[..., columns] = outputs[..., columns]
+    return found
 
 
 def _fastest(robot: Robot, logs: LogSet) -> dict[int, float]:

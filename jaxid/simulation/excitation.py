@@ -102,34 +102,47 @@ def in_turn(shape: Array, directions: Sequence[Direction]) -> Array:
     return inputs / max(float(np.max(np.abs(inputs))), 1e-300)
 
 
-def single_modes(robot: Robot, shapes: Mapping[str, Array], sizes: Sequence[float]) -> list[Drive]:
-    """Every mode with every shape at every size, in the unit of the inputs."""
-    channels = robot.channels
-    unit = channels.units.get(channels.inputs[0], "")
+def _amount(channels: Channels, which: Sequence[int], size: float, share: float) -> str:
+    """How large the inputs at `which` places are, in their unit or, where they have several, as a share of what each may be."""
+    units = {channels.units.get(channels.inputs[i], "") for i in which}
+    return f"{size:.3g} {units.pop()}".strip() if len(units) == 1 else f"{100 * share:.3g} % of what each input may be"
+
+
+def single_modes(robot: Robot, shapes: Mapping[str, Array], shares: Sequence[float], largest: Array) -> list[Drive]:
+    """Every mode with every shape, as large as each of the `shares` of the `largest` inputs [nu] allows."""
     family = []
     for mode, direction in modes(robot).items():
+        gains = np.asarray(direction, float)
+        driven = np.flatnonzero(gains)
+        size = float(np.min(largest[driven] / np.abs(gains[driven])))
         for shape, signal in shapes.items():
-            for size in sizes:
+            for share in shares:
                 where = f"{mode} with " if mode else "with "
-                title = f"{where}{shape} at {size:.3g} {unit}".strip()
-                family.append(Drive(title, size * signal[:, None] * np.array(direction)))
+                title = f"{where}{shape} at {_amount(robot.channels, driven, share * size, share)}"
+                family.append(Drive(title, share * size * signal[:, None] * gains))
     return family
 
 
-def combined_modes(channels: Channels, shapes: Mapping[str, Array], sizes: Sequence[float]) -> list[Drive]:
-    """Motions (by the channels' `mixing`) in turn and all at once, and inputs all on their own. Empty for one input."""
+def combined_modes(
+    channels: Channels, shapes: Mapping[str, Array], shares: Sequence[float], largest: Array
+) -> list[Drive]:
+    """Motions (by the channels' `mixing`) in turn and all at once, and inputs all on their own, each as large as the `shares`
+    of its `largest` [nu]. Empty for one input."""
     count = len(channels.inputs)
     if count == 1:
         return []
-    unit = channels.units.get(channels.inputs[0], "")
     single = [tuple(float(i == k) for i in range(count)) for k in range(count)]
     motions = [tuple(float(v) for v in gains) for gains in channels.mixing.values()]
     ways = {"every input on its own": (together, single)}
     if len(motions) > 1:
         ways |= {"all motions at once": (together, motions), "one motion after another": (in_turn, motions)}
+    size = float(np.max(largest))
     return [
-        Drive(f"{way} with {shape} at {size:.3g} {unit}".strip(), size * combine(signal, directions))
+        Drive(
+            f"{way} with {shape} at {_amount(channels, range(count), share * size, share)}",
+            share * largest * combine(signal, directions),
+        )
         for way, (combine, directions) in ways.items()
         for shape, signal in shapes.items()
-        for size in sizes
+        for share in shares
     ]
