@@ -25,6 +25,9 @@ _MATTERS = 0.1
 _FARTHEST = 1e6
 """Times what is known of a parameter's size beforehand that nothing known of it exceeds, whatever would change the
 simulation: one that hardly enters it would need any number."""
+_TYPICALLY = 30.0
+"""Times the size to expect of a parameter of either sign beyond which an error says nothing of it, whatever would change the
+simulation."""
 _STANDS_OUT = 10.0
 """Ratio of a log's residual to the other logs' (root mean square, in units of the noise) that is worth a word."""
 
@@ -69,6 +72,14 @@ def _sizes(problem: Problem, optimum: Optimum) -> NDArray[np.float64]:
     # On its bound a parameter has no size of its own; its standard error says how far from there it may be.
     least = np.where((theta <= lower) | (theta >= upper), np.inf, least)
     return np.maximum(np.abs(theta), least)
+
+
+def _expected(robot: Robot, names: Sequence[str], theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What standard errors [n] of parameters of either sign must not exceed by the size to expect of them; no limit where none
+    is known."""
+    table = [robot.parameters[name] for name in names]
+    typical = np.array([p.typical if p.typical and p.lower == -np.inf and p.upper == np.inf else np.inf for p in table])
+    return np.maximum(np.abs(theta), _TYPICALLY * typical)
 
 
 def near_bounds(problem: Problem, optimum: Optimum) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]:
@@ -211,6 +222,7 @@ def fit_at(
     covariance_z = found.covariance / np.outer(slope, slope)
     # What was put on a bound may have changed the others' sizes, and a robust covariance is a larger one.
     sizes = np.minimum(_sizes(problem, inner), _sizes(bounded.problem, optimum))
+    sizes = np.minimum(sizes, _expected(robot, names, theta))
     found = with_covariance(found, found.covariance if covariance is None else covariance, sizes)
     values = dict(zip(names, theta.tolist(), strict=True))
     identified = robot.with_values(**values)
