@@ -44,6 +44,15 @@ def limited(
     return limited_p.bind(wanted, away, away if back is None else jnp.broadcast_to(back, wanted.shape))
 
 
+def approached(
+    wanted: Float[Array, " T *n"], away: Float[Array, "#T *#n"], back: Float[Array, "#T *#n"]
+) -> Float[jax.Array, " T *n"]:
+    """`x[t]` on the way from `x[t - 1]` to `wanted[t]`, of which a step leaves exp(-away[t]) where |x| grows and exp(-back[t])
+    where it shrinks; from zero. A step through zero leaves of the second half what the first has not used up of the step."""
+    wanted = jnp.asarray(wanted)
+    return approached_p.bind(wanted, jnp.broadcast_to(away, wanted.shape), jnp.broadcast_to(back, wanted.shape))
+
+
 @cache
 def _code(name: str, after: Callable[..., Node], parts: int) -> Map:
     """`after` (of the last value and of the `parts` of a row) along rows."""
@@ -83,6 +92,20 @@ def _near_and_no_farther(graph: Graph, x: Node, wanted: Node, away: Node, back: 
     return graph.apply("min", graph.apply("max", wanted, low), high)
 
 
+def _part_of_the_way(graph: Graph, x: Node, wanted: Node, away: Node, back: Node) -> Node:
+    zero, one = graph.constant(0.0), graph.constant(1.0)
+    crosses = graph.apply("lt", graph.mul(x, wanted), zero)
+    gap = graph.sub(x, wanted)
+    share = graph.select(crosses, one, graph.neg(graph.div(wanted, graph.select(crosses, one, gap))))
+    used = graph.neg(graph.apply("log", share))
+    left = graph.apply("max", graph.sub(one, graph.div(used, back)), zero)
+    through = graph.mul(wanted, graph.sub(one, graph.apply("exp", graph.neg(graph.mul(away, left)))))
+    grows = graph.apply("lt", graph.apply("abs", x), graph.apply("abs", wanted))
+    rate = graph.select(crosses, graph.select(grows, back, away), back)
+    plain = graph.add(wanted, graph.mul(gap, graph.apply("exp", graph.neg(rate))))
+    return graph.select(crosses, plain, graph.select(graph.apply("lt", used, back), plain, through))
+
+
 def recurrence_in_numpy(keep: np.ndarray, new: np.ndarray) -> np.ndarray:
     """From zero, in machine code; `keep` and `new` [T, ...]."""
     return _along("recurrence", _kept_and_new, keep, new)
@@ -91,6 +114,11 @@ def recurrence_in_numpy(keep: np.ndarray, new: np.ndarray) -> np.ndarray:
 def limited_in_numpy(wanted: np.ndarray, away: np.ndarray, back: np.ndarray) -> np.ndarray:
     """The same of limited steps."""
     return _along("limited", _near_and_no_farther, wanted, away, back)
+
+
+def approached_in_numpy(wanted: np.ndarray, away: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """The same of parts of the way."""
+    return _along("approached", _part_of_the_way, wanted, away, back)
 
 
 def _recurring(keep, new):
@@ -116,6 +144,36 @@ def _limiting(wanted, away, back):
         wanted, *most = row
         low, high = -_up_from(-x, *most)[0], _up_from(x, *most)[0]
         x = jnp.minimum(jnp.maximum(wanted, low), high)
+        return x, x
+
+    return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, away, back))[1]
+
+
+def _on_the_way(x, wanted, away, back):
+    """Where a step gets from `x`, and its derivatives by the four."""
+    crosses, gap = x * wanted < 0.0, x - wanted
+    length = jnp.where(crosses, gap, 1.0)
+    used = -jnp.log(jnp.where(crosses, -wanted / length, 1.0))
+    passes = crosses & (used < back)
+    left = jnp.where(passes, 1.0 - used / back, 0.0)
+    rest = jnp.exp(-away * left)
+    grows = ~crosses & (jnp.abs(x) < jnp.abs(wanted))
+    keep = jnp.exp(-jnp.where(grows, away, back))
+    after = jnp.where(passes, wanted * (1.0 - rest), wanted + gap * keep)
+    # Through zero, what is used up hangs on how far either is from there.
+    by_left = wanted * away * rest
+    own = wanted * length
+    by_used = -by_left / back
+    by_x = jnp.where(passes, by_used / length, keep)
+    by_wanted = jnp.where(passes, 1.0 - rest + by_used * -x / jnp.where(passes, own, 1.0), 1.0 - keep)
+    by_away = jnp.where(passes, wanted * left * rest, jnp.where(grows, -gap * keep, 0.0))
+    by_back = jnp.where(passes, by_left * used / back**2, jnp.where(grows, 0.0, -gap * keep))
+    return after, (by_x, by_wanted, by_away, by_back)
+
+
+def _approaching(wanted, away, back):
+    def advance(x, row):
+        x = _on_the_way(x, *row)[0]
         return x, x
 
     return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, away, back))[1]
@@ -149,6 +207,13 @@ def _limiting_moved(values, tangents):
     return x, recurrence_p.bind(jnp.where(short, by_x, 0.0), new)
 
 
+def _approaching_moved(values, tangents):
+    x = approached_p.bind(*values)
+    by_x, *by = _on_the_way(_before(x), *values)[1]
+    new = sum(slope * d for slope, d in zip(by, tangents, strict=True) if not isinstance(d, ad.Zero))
+    return x, recurrence_p.bind(by_x, new) if not isinstance(new, int) else ad.Zero(x.aval)
+
+
 def _recurring_transposed(cotangent, keep, new):
     if isinstance(cotangent, ad.Zero):
         return None, ad.Zero(new.aval)
@@ -178,3 +243,4 @@ def _primitive(name: str, looped: Callable[..., Any], moved: Callable[..., Any])
 recurrence_p = _primitive("recurrence", _recurring, _recurring_moved)
 ad.primitive_transposes[recurrence_p] = _recurring_transposed
 limited_p = _primitive("limited", _limiting, _limiting_moved)
+approached_p = _primitive("approached", _approaching, _approaching_moved)

@@ -91,6 +91,23 @@ def test_slowing_down_at_another_rate_than_speeding_up():
     assert np.max(np.abs(found - _held_and_ramped(inputs, [1.0, 1.0]))) > 0.3
 
 
+def test_a_lag_that_lets_go_more_slowly_than_it_pulls():
+    """Beside SciPy's solution of the lag's equation, a time constant for either way."""
+    inputs, (pull, release) = _commands(), (0.08, 0.3)
+    found = _ramped_by("unequal_lags", Pioneer(), {"time_constant": pull, "ratio_back": release / pull}, inputs)
+
+    def slope(t, x, u):
+        return np.append((u - x[:2]) / np.where((u - x[:2]) * x[:2] >= 0, pull, release), x[:2])
+
+    x, mean = np.zeros(4), []
+    for u in inputs:
+        x[2:] = 0.0
+        x = solve_ivp(slope, (0.0, STEP), x, args=(u,), rtol=1e-9, atol=1e-11, max_step=STEP / 20).y[:, -1]
+        mean.append(x[2:] / STEP)
+    np.testing.assert_allclose(found, mean, atol=2e-4)
+    assert np.max(np.abs(found - _ramped_by("first_order", Pioneer(), {"time_constant": pull}, inputs))) > 0.3
+
+
 def test_an_inductance_of_an_axis_makes_the_back_emf_late_as_well():
     """Beside SciPy's solution of the winding's equation, L/R di/dt = (u - e v) / R - i, with the force gain R i."""
     mass, viscous, gain, emf, lag = 2.0, 1.5, 3.0, 4.0, 0.04

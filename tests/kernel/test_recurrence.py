@@ -5,7 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid.kernel.recurrence import limited, limited_in_numpy, recurrence, recurrence_in_numpy
+from jaxid.kernel.recurrence import (
+    approached,
+    approached_in_numpy,
+    limited,
+    limited_in_numpy,
+    recurrence,
+    recurrence_in_numpy,
+)
 
 
 def _loop(keep, new, first):
@@ -104,4 +111,41 @@ def test_limited_steps_their_derivatives_and_batches(case, alike):
     step = 1e-7
     slope = (loop(step) - loop(-step)) / (2 * step)
     np.testing.assert_allclose(moved, slope, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(backwards, np.sum(slope), rtol=1e-5)
+    np.testing.assert_allclose(backwards, np.sum(np.asarray(slope)), rtol=1e-5)
+
+
+def _approached(wanted, away, back):
+    """By a thousand small steps of the differential equation each (Heun), whatever it passes on the way."""
+    x, found = np.zeros(wanted.shape[1:]), []
+    for w, a, b in zip(wanted, *(np.broadcast_to(rate, wanted.shape) for rate in (away, back)), strict=True):
+        for _ in range(1000):
+            slope = np.where((w - x) * x >= 0, a, b) * (w - x)
+            ahead = x + slope / 1000
+            x = x + 0.5 * (slope + np.where((w - ahead) * ahead >= 0, a, b) * (w - ahead)) / 1000
+        found.append(x)
+    return np.array(found)
+
+
+def test_unequal_approaches_their_derivatives_and_batches(case):
+    _, wanted, _ = case
+    wanted = np.where(np.arange(50)[:, None] % 7 == 3, 0.0, wanted)
+    rng = np.random.default_rng(6)
+    away, back = rng.uniform(0.2, 3.0, (2, 50, 1))
+    moves = (rng.normal(size=wanted.shape) * (wanted != 0), *rng.normal(size=(2, 50, 1)))
+    found = approached_in_numpy(wanted, *(np.broadcast_to(rate, wanted.shape) for rate in (away, back)))
+    np.testing.assert_allclose(found, _approached(wanted, away, back), atol=2e-3)
+    assert np.mean(np.sign(found[1:]) * np.sign(found[:-1]) < 0) > 0.2
+
+    def along(h):
+        return approached(wanted + h * moves[0], away + h * moves[1], back + h * moves[2])
+
+    step = 1e-6
+    with jax.enable_x64(True):
+        np.testing.assert_allclose(jax.jit(approached)(wanted, away, back), found, rtol=1e-11, atol=1e-13)
+        batch = jax.vmap(lambda w: approached(w, away, back))(np.stack([wanted, -wanted]))
+        np.testing.assert_allclose(batch[1], -found, rtol=1e-11, atol=1e-13)
+        slope = (along(step) - along(-step)) / (2 * step)
+        moved = jax.jvp(along, (0.0,), (1.0,))[1]
+        backwards = jax.grad(lambda h: jnp.sum(along(h)))(0.0)
+    np.testing.assert_allclose(moved, slope, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(backwards, np.sum(np.asarray(slope)), rtol=1e-5)

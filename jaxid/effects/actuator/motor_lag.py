@@ -6,7 +6,7 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 
-from ...kernel.recurrence import limited, recurrence
+from ...kernel.recurrence import approached, limited, recurrence
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
@@ -53,6 +53,20 @@ def ramped(inputs, dt, away, back=None):
     turn = jnp.clip(0.0, jnp.minimum(before, after), jnp.maximum(before, after))
     first, second = jnp.abs(turn - before) * back / dt, jnp.abs(after - turn) * away / dt
     return after + first * (0.5 * (before + turn) - after) + second * 0.5 * (turn - after)
+
+
+_UNEQUAL = 3.0
+"""Ratio of two time constants that are tried as unequal."""
+
+
+def lagged_unequally(inputs, dt, away, back):
+    """`inputs` [T, nu] held over steps `dt` behind a lag of time constant `away` where its output grows in size, and `back`
+    where it shrinks: the exact mean over every step."""
+    dt = dt[:, None]
+    after = approached(inputs, *(dt / jnp.maximum(T, _TINY * dt) for T in (away, back)))
+    before = jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
+    turn = jnp.clip(0.0, jnp.minimum(before, after), jnp.maximum(before, after))
+    return inputs - (back * (turn - before) + away * (after - turn)) / dt
 
 
 _NEXT_TO_NONE = 0.05
@@ -208,6 +222,27 @@ class LagOfEach(MotorLag):
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         T = each_drive(robot, lambda name: p[self.key(f"time_constant_{name}")])
         return on_drives(robot, inputs, low_passed(inputs, dt, T))
+
+
+@dataclass(frozen=True)
+class UnequalLags(MotorLag):
+    """A driver that lets go at another pace than it pulls, as one whose current decays by itself."""
+
+    law: ClassVar[str] = "unequal_lags"
+    formula: ClassVar[str] = "T du'/dt = u - u', T = time_constant where |u'| grows, ratio_back * time_constant where it shrinks"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        ratio = Parameter(1.0, "", free=True, lower=0.0, typical=1.0, source="catalogue")
+        return super().parameters(robot) | {self.key("ratio_back"): ratio}
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        time, ratio = self.key("time_constant"), self.key("ratio_back")
+        times = robot.scales.times_to_try
+        return tuple(Probe({time: T}, shape={ratio: by}) for T in times for by in (1.0 / _UNEQUAL, _UNEQUAL))
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        T = p[self.key("time_constant")]
+        return on_drives(robot, inputs, lagged_unequally(inputs, dt, T, p[self.key("ratio_back")] * T))
 
 
 @dataclass(frozen=True)
@@ -368,6 +403,7 @@ LAWS: tuple[Effect, ...] = (
     InductanceOfTorques(),
     LagOfEach(),
     LagOfAll(),
+    UnequalLags(),
     SlewRate(),
     RampAndLag(),
     UnequalRamps(),
