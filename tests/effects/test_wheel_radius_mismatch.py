@@ -68,7 +68,7 @@ def test_a_wheel_that_is_larger_alone_makes_their_mean_larger_too():
         DifferentialDrive() + WithTheirMean()
 
 
-def test_either_wheel_alone_may_be_off_where_the_robot_has_no_radius():
+def test_either_wheel_alone_may_be_off_where_no_free_number_is_their_radius():
     """With the mean that makes one wheel the table's, the other is larger by all of the difference."""
     effect = effect_by_id(DifferentialDrive(), "wheel_radius_mismatch")
     robot = (DifferentialDrive() + effect).with_values(radius_mismatch=0.04)
@@ -77,4 +77,8 @@ def test_either_wheel_alone_may_be_off_where_the_robot_has_no_radius():
     gain = robot.parameters["gain"].value
     assert other["the left wheel is as the table says"]["gain"] == pytest.approx(gain * 0.96)
     assert other["the right wheel is as the table says"]["gain"] == pytest.approx(gain * 1.04)
-    assert effect_by_id(Pioneer(), "wheel_radius_mismatch").conventions(Pioneer()) == {}
+    pioneer = Pioneer().with_values(radius_mismatch=0.04)
+    other, radius = effect.conventions(pioneer), pioneer.parameters["R"].value
+    assert other["the left wheel is as the table says"] == {"R": pytest.approx(radius / 0.96)}
+    with_their_mean = pioneer + effect_by_id(pioneer, "wheel_radius_mismatch", "with_their_mean")
+    assert effect.conventions(with_their_mean) == {}  # R is free, and says it

@@ -19,9 +19,9 @@ class WheelRadiusMismatch(OwnParameter):
     formula: ClassVar[str] = "R_right = R (1 + radius_mismatch), R_left = R (1 - radius_mismatch)"
 
     def conventions(self, robot: Robot) -> dict[str, dict[str, float]]:
-        """Either wheel alone may be the one that is off: their mean is then another, which a robot that has no radius among its
-        parameters cannot have free."""
-        if robot.wheel_radius in robot.parameters or len(self.frees(robot)) != 1:
+        """Either wheel alone may be the one that is off: their mean is then another, which no parameter that is free says."""
+        radius = robot.wheel_radius
+        if len(self.frees(robot)) != 1 or (radius in robot.parameters and robot.parameters[radius].free):
             return {}
         mismatch, numbers = robot.parameters[self.frees(robot)[0]].value, robot.parameters.numbers
         own = zip(robot.wheel_sides, (-mismatch / (1.0 + mismatch), mismatch / (1.0 - mismatch)), strict=True)

@@ -115,15 +115,18 @@ def with_the_same_law(
     mechanisms: Sequence[Sequence[Trial]], screened: Sequence[Candidate], refits: Refits
 ) -> list[list[Trial]]:
     """The mechanisms, with those refitted by the formula that the best one leaves only noise by: where a robot makes a force
-    of a command by one factor, a limit of either is the same model, whatever another formula of it came to."""
+    of a command by one factor, a limit of either is the same model, whatever another formula of it came to. So are the delays
+    of commands and of sensors, whatever else is missing."""
     found = [list(own) for own in mechanisms]
     best = found[0][0]
-    if best.law == SHAPE or not best.fitted.adequate:
+    later = best.effect is not None and best.effect.only_later
+    if best.law == SHAPE or not (best.fitted.adequate or later):
         return found
     tried = {(trial.id, trial.law) for own in found for trial in own}
     there = {own[0].id for own in found[1:]}
     laws = [law for candidate in screened for law in (candidate, *candidate.laws) if candidate.effect.id in there]
     same = [law for law in laws if law.effect.law == best.law and (law.effect.id, best.law) not in tried]
+    same = [law for law in same if best.fitted.adequate or law.effect.only_later]
     for trial in refits(same[: current_policy().most_laws]) if same else []:
         next(own for own in found if own[0].id == trial.id).append(trial)
     return sorted((best_first(own) for own in found), key=lambda own: own[0].score)

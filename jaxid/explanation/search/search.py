@@ -26,6 +26,7 @@ from ..screening.screen import Candidate
 from .between_rows import ranked_between_rows
 from .by_chance import rather_by_chance
 from .colour_left import colour_left, explained_somewhere, generalised_trial, inputs_left, noise_fed_back
+from .formulas import by_formulas
 from .from_the_back import named_from_the_back, not_present
 from .little_more import with_the_little_more
 from .next_name import name_next, or_constants
@@ -133,6 +134,7 @@ def search(
         steps, current = with_the_little_more(steps, current, baseline, effects, logs, held_out, noise, report)
     if current.held_out.adequate:
         steps, current = by_plainer_laws(steps, current, baseline, logs, held_out, noise, report)
+        steps, current = by_formulas(steps, current, baseline, logs, held_out, noise, report)
     if colour is None and steps and not current.held_out.adequate:
         # What candidates still explain of it is worth none of them.
         only = colour_left(current, logs, held_out, noise)
