@@ -258,15 +258,14 @@ def explain(
         for effect in named:
             step, others = steps[effect.id], {}
             last = step is found.steps[-1]
-            # Where another name was found better later on, the step's own models are not this effect's.
-            own = step.after.id == effect.id
-            if effect.id != TableConstants.id and own:
+            if effect.id != TableConstants.id:
                 bare, with_it = as_in_the_end(step, found, logs, held_out)
                 wrong = constants_like(bare, with_it, logs, held_out)
                 constants[effect.id] = [one.shares for one in wrong]
                 if last:
                     others = {f"it is a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
-                    others |= by_law(effect, step)
+                    # Where another name was found better later on, the step's laws are not this effect's.
+                    others |= by_law(effect, step) if step.after.id == effect.id else {}
             if found.final is not None:
                 others = with_the_rest(others | by_name(effect, step), effect.id, final)
                 own_effect = next(e for e in final.robot.effects if e.id == effect.id)

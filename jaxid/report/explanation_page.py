@@ -171,7 +171,7 @@ def _candidates(found: Explanation) -> tuple[Block, ...]:
         if step.equivalent:
             note += " Light green: this data cannot tell it from that."
         blocks.append(Bars(f"First look at all candidates{which}", tuple(rows), note))
-        before = step.before.held_out.normalised_rms
+        before = step.evidence[0].held_out.normalised_rms
         top = max(before, *(min(error, 1.2 * before) for error in refitted.values()))
         after = [
             Bar(in_words(n), 100 * min(error, top) / top, f"{error:.2f}", colour.get(n, ""), n == step.chosen.id)

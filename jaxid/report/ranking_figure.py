@@ -101,7 +101,7 @@ def ranking(found: Explanation) -> Figure | None:
     figure = Figure(figsize=(11, 0.6 + sum(1.1 + 0.3 * n for n in counts)), layout="constrained")
     grid = figure.subplots(len(steps), 2, squeeze=False, width_ratios=(1, 1.5), height_ratios=[n + 3 for n in counts])
     for row, step in zip(grid, steps, strict=True):
-        _step(list(row), step, step.before.held_out.normalised_rms)
+        _step(list(row), step, step.evidence[0].held_out.normalised_rms)
     handles = [Patch(color=AFTER, label="added")]
     if any(step.equivalent for step in steps):
         handles.append(Patch(color=ALIKE, label="not told apart from it by this data"))

@@ -14,7 +14,7 @@ from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued
 from ..screening.screen import screen
 from .laws import best_first
-from .reconsider import with_effects, with_trials
+from .reconsider import with_effects, with_trials, without
 from .steps import Step
 from .telling_apart import alike, simplest_first
 from .worth import holds_as_well
@@ -58,7 +58,9 @@ def by_formulas(
         others |= {trial.id: trial for trial in leading[1:]}
         ranked = [best, *sorted(others.values(), key=lambda trial: trial.score)]
         step = with_trials(step, ranked)
-        if best.id == effect.id:
+        if best.id != effect.id:
+            step = replace(step, instead=(without(effect.id, current, base, logs, held_out, noise), best))
+        else:
             same_laws = tuple(trial.law for trial in alike(own))
             step = replace(step, laws=tuple(own), laws_alike=same_laws)
         revised[place], current = step, replace(best, id=current.id if best.id == effect.id else best.id)

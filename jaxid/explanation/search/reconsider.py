@@ -25,6 +25,8 @@ from .worth import holds_as_well, in_the_running
 
 _RIVALS = 3
 """Most rivals of an effect that are looked at again."""
+_NOT_NEEDED = 10.0
+"""Score by which a model without an effect may be worse, so that there is no evidence for it."""
 _NEAR, _NEAR_A_CURVE = 0.2, 0.5
 """Shares of what an effect gained when it was added that rivals may have lacked: more beside a curve, which followed a part of
 what was still missing as well, where a formula could not."""
@@ -63,10 +65,28 @@ def pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: d
         say(f"refitting without {identifier}")
         kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
         trial = refitted_like(with_effects(base.robot, kept), current, logs, held_out, noise)
-        if trial.score < current.score + 10.0:
+        if trial.score < current.score + _NOT_NEEDED:
             say(f"{identifier} is not needed any more")
             current = trial
     return current
+
+
+def needed(
+    steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report
+) -> tuple[list[Step], Trial]:
+    """The steps, of several, whose effect the finished model needs: laws that were exchanged, and curves of another, may since
+    do what it was added for. Both models are refitted to the end before it is said."""
+    for step in steps if len(steps) > 1 else ():
+        bare = without(step.chosen.id, current, base, logs, held_out, noise)
+        if not bare.score < current.score + _NOT_NEEDED:
+            continue
+        current = replace(continued(current, logs, held_out, noise), id=current.id)
+        bare = continued(bare, logs, held_out, noise)
+        if bare.score < current.score + _NOT_NEEDED and holds_as_well(bare, current):
+            say(f"{step.chosen.id} is not needed any more")
+            current = replace(bare, id=bare.robot.effects[-1].id if bare.robot.effects else "")
+    present = {effect.id for effect in current.robot.effects}
+    return [step for step in steps if step.chosen.id in present], current
 
 
 def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
@@ -79,7 +99,8 @@ def as_in_the_end(step: Step, found: Search, logs: LogSet, held_out: LogSet) -> 
     """The models without and with the step's effect: those of the step, or where others have since got other laws or names,
     those of the end, since what stood for them has moved the effect as well."""
     final = found.final
-    if final is None or laws_in(step.before.robot, "") <= laws_in(final.robot, step.chosen.id):
+    same = step.instead is None and step.after.id == step.chosen.id
+    if final is None or same and laws_in(step.before.robot, "") <= laws_in(final.robot, step.chosen.id):
         return step.before, step.after
     noise = found.before.noise
     return without(step.chosen.id, final, found.steps[0].before, logs, held_out, noise), replace(
@@ -239,7 +260,9 @@ def exchanged(
         if best.score < current.score and told_apart_from(best, current):
             say(f"{best.title} instead of {step.chosen.title}: held-out {best.held_out.normalised_rms:.3f} x noise")
             ranked = sorted([*trials, replace(current, id=step.chosen.id)], key=lambda trial: trial.score)
-            revised[place], current = with_trials(step, ranked), replace(best, id=current.id)
+            bare = without(step.chosen.id, current, base, logs, held_out, noise)
+            revised[place] = replace(with_trials(step, ranked), instead=(bare, best))
+            current = replace(best, id=current.id)
     return revised, current
 
 
@@ -301,6 +324,8 @@ def reconsidered(
         trials = simplest_first([own[0] for own in mechanisms])
         final = trials[0]
         if len(trials) > 1:
+            renamed = trials[0].id != step.chosen.id
             step = with_trials(step, trials)
+            step = replace(step, instead=(bare, trials[0])) if renamed else step
         revised.append(step)
     return revised, final

@@ -23,7 +23,8 @@ class Step:
     `laws_alike`.
 
     `before` and `after` are the model without it and with it at the time it was added; where it has got another law since that
-    had been tried then, `as_it_was` is that trial. `finer` are scores by the ids of those
+    had been tried then, `as_it_was` is that trial, and where it has got another name, `instead` is the model without what is
+    named and with it, beside all else that was there when that was found. `finer` are scores by the ids of those
     that were compared on logs with rows between (`between_rows.py`).
     """
 
@@ -37,11 +38,17 @@ class Step:
     refused: tuple[str, ...] = ()
     finer: Mapping[str, float] = field(default_factory=dict)
     as_it_was: Trial | None = field(default=None, repr=False)
+    instead: tuple[Trial, Trial] | None = field(default=None, repr=False)
 
     @property
     def chosen(self) -> Trial:
         """The trial that was added."""
         return self.trials[0]
+
+    @property
+    def evidence(self) -> tuple[Trial, Trial]:
+        """The model without what is named and with it."""
+        return self.instead or (self.before, self.after)
 
     def lead_over(self, trial: Trial) -> float:
         """By how much another trial is less likely than the chosen one (chi-squared, parameters counted)."""
