@@ -1,7 +1,7 @@
-"""Parameters of the robot itself that share a straight line with a curve of an effect.
+"""Parameters of the robot itself that share a straight line, or a level, with a curve of an effect.
 
 Viscous friction beside a curve of the speed is one: what the one has more in proportion to the speed the other can have less,
-so that the data determines their sum alone. What the final fit says of either is then a convention, made by how a curve goes
+so that the data determines their sum alone; so is Coulomb friction beside a curve that need not be zero at rest. What the final fit says of either is then a convention, made by how a curve goes
 on beyond its reach or by a height held at zero, and its standard error knows nothing of it.
 """
 
@@ -91,12 +91,12 @@ def _sum(final: Fit, shared: Shared) -> str:
 
 @in_float64
 def _shared(final: Fit, effect: Curve) -> Shared | None:
-    """Parameters that a straight share of the effect's curves replaces, by the rates of the model in states within the reach;
+    """Parameters that a straight share of the effect's curves replaces, or a level of theirs, by the rates of the model in states within the reach;
     None where there is none."""
     robot = final.robot.alone  # a controller's equations have no share in it
     numbers = {name: float(value) for name, value in robot.parameters.numbers.items()}
     own = [n for n in numbers if "." not in n and final[n].status in ("identified", "at_bound")]
-    patterns = list(_straight(robot, effect))
+    patterns, levels = list(_straight(robot, effect)), list(_level(robot, effect))
     if not own or not patterns:
         return None
     rates = _rates(robot)
@@ -106,16 +106,19 @@ def _shared(final: Fit, effect: Curve) -> Shared | None:
         return (rates({**numbers, **up}, share) - rates({**numbers, **down}, share)) / (2 * _STEP)
 
     def straight(share: float) -> bool:
-        """Whether what the curves have more is in proportion to the speeds in states of this share of the largest."""
+        """Whether what the curves have more is in proportion to the speeds in states of this share of the largest, or as much
+        at each."""
         pairs = [(change(of, share), change(of, 0.5 * share)) for of in patterns]
-        return all(np.max(np.abs(a)) > 0 and np.max(np.abs(a - 2.0 * b)) < _SAME * np.max(np.abs(a)) for a, b in pairs)
+        steady = [(change(of, share), change(of, 0.5 * share)) for of in levels]
+        every = [(a, a - 2.0 * b) for a, b in pairs] + [(a, a - b) for a, b in steady]
+        return all(np.max(np.abs(a)) > 0 and np.max(np.abs(rest)) < _SAME * np.max(np.abs(a)) for a, rest in every)
 
     share = next((share for share in _SPEEDS if straight(share)), None)
     if share is None:
         return None
     sizes = [abs(numbers[name]) or 1.0 for name in own]
     columns = [change({name: size}, share) for name, size in zip(own, sizes, strict=True)]
-    columns += [change(of, share) for of in patterns]
+    columns += [change(of, share) for of in (*patterns, *levels)]
     matrix = np.stack(columns, axis=1)
     norms = np.linalg.norm(matrix, axis=0)
     if not np.all(np.isfinite(matrix)):
@@ -126,7 +129,7 @@ def _shared(final: Fit, effect: Curve) -> Shared | None:
     if not weighty or not np.any(np.abs(same[:, len(own) :]) > 1e-3):
         return None
     names = tuple(own[k] for k in weighty)
-    if len(patterns) > 1 or len(same) > 1:
+    if len(patterns) + len(levels) > 1 or len(same) > 1:
         return Shared(names, "", 0.0)
     way = same[0] / norms
     per = -float(way[weighty[0]] / way[-1]) * sizes[weighty[0]]
@@ -143,6 +146,17 @@ def _straight(robot: Robot, effect: Curve) -> Iterator[dict[str, float]]:
         typical = table[effect.height(last, name)].typical or 1.0
         if all(k in effect.varying or effect.places[k] == 0.0 for k in range(len(effect.places))):
             yield {height: typical * place for height, place in heights.items()}
+
+
+def _level(robot: Robot, effect: Curve) -> Iterator[dict[str, float]]:
+    """Changes of the heights by which each of its curves has more by as much everywhere. None where the curve ends or begins at
+    zero."""
+    if effect.ends or 0 not in effect.varying or effect.places[0] != 0.0:
+        return
+    for name in effect.each(robot):
+        heights = [effect.height(k, name) for k in effect.varying]
+        if len(heights) == len(effect.places):
+            yield {height: robot.parameters[heights[-1]].typical or 1.0 for height in heights}
 
 
 def _rates(robot: Robot):

@@ -102,6 +102,8 @@ def like(fit, robot):
         (Omni(), "quadratic_drag", {"Bv", "Bvn"}),
         (Omni(), "turning_friction", {"Bw"}),
         (Pioneer(), "voltage_saturation", set()),
+        # Curves that need not be zero at rest, one for either way of every axis.
+        (Pioneer(), "asymmetric_friction", {"Cs", "Cv"}),
         # In millimetres, where a yaw rate of the speeds' size is far beyond what the wheels reach.
         (
             replace(DifferentialDrive().with_values(b=110.0), scales=Scales(speed=700.0)),
