@@ -75,7 +75,9 @@ def _next(found: Search, logs: LogSet) -> tuple[NextExperiment | None, str]:
         names = f"{in_words(best.id)} and {in_words(other.id)}"
         if same_but_later(best, other, step.before):
             # The same motion, whatever is driven.
-            untold.append(f"{names} are the same motion later, whatever is driven: only another sensor tells them apart.")
+            untold.append(
+                f"{names} are the same motion later, whatever is driven: only another sensor tells them apart."
+            )
             continue
         proposal = propose(best, other, logs)
         if proposal:

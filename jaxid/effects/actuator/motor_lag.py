@@ -229,7 +229,9 @@ class UnequalLags(MotorLag):
     """A driver that lets go at another pace than it pulls, as one whose current decays by itself."""
 
     law: ClassVar[str] = "unequal_lags"
-    formula: ClassVar[str] = "T du'/dt = u - u', T = time_constant where |u'| grows, ratio_back * time_constant where it shrinks"
+    formula: ClassVar[str] = (
+        "T du'/dt = u - u', T = time_constant where |u'| grows, ratio_back * time_constant where it shrinks"
+    )
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         ratio = Parameter(1.0, "", free=True, lower=0.0, typical=1.0, source="catalogue")

@@ -49,7 +49,9 @@ def by_formulas(
             trials = _formulas(identifier, bare, current, logs, held_out, noise, say)
             tried[identifier] = [trial for trial in trials if holds_as_well(trial, current)]
         own = best_first([replace(current, id=effect.id), *tried.pop(effect.id)])
-        leading = simplest_first(sorted([own[0], *(best_first(o)[0] for o in tried.values() if o)], key=lambda t: t.score))
+        leading = simplest_first(
+            sorted([own[0], *(best_first(o)[0] for o in tried.values() if o)], key=lambda t: t.score)
+        )
         best = leading[0]
         if best.id == effect.id and best.law == effect.law:
             continue

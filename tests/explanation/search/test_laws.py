@@ -170,6 +170,24 @@ def test_the_best_law_s_namesake_of_another_mechanism_is_tried():
     )
 
 
+def test_the_twin_of_a_delay_is_tried_whatever_else_is_missing():
+    """Late commands and late sensors are one motion; refitted was the first look's law, by which the twin came off worse."""
+    robot = DifferentialDrive()
+    late, other = (effect_by_id(robot, name, "constant") for name in ("sensor_delay", "input_delay"))
+    scattered, lag = effect_by_id(robot, "input_delay", "jittering"), effect_by_id(robot, "motor_lag")
+    screened = [candidate(late, 80.0), candidate(scattered, 80.0, (candidate(other, 79.0),)), candidate(lag, 80.0)]
+    asked = []
+
+    def refits(more):
+        asked.extend(c.effect for c in more)
+        return [trial(robot, c.effect, 300.0) for c in more]
+
+    tried = [[trial(robot, late, 300.0)], [trial(robot, scattered, 900.0)], [trial(robot, lag, 700.0)]]
+    found = with_the_same_law(tried, screened, refits)
+    assert asked == [other]
+    assert [(own[0].id, own[0].law) for own in found[:2]] == [("sensor_delay", "constant"), ("input_delay", "constant")]
+
+
 def test_of_laws_that_the_data_cannot_tell_apart_the_simplest_and_most_usual_is_named():
     robot = Pioneer()
     hard, tanh, unequal = (effect_by_id(robot, "voltage_saturation", law) for law in ("hard", "tanh", "unequal_limits"))
