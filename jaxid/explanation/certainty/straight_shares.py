@@ -1,8 +1,9 @@
 """Parameters of the robot itself that share a straight line, or a level, with a curve of an effect.
 
 Viscous friction beside a curve of the speed is one: what the one has more in proportion to the speed the other can have less,
-so that the data determines their sum alone; so is Coulomb friction beside a curve that need not be zero at rest. What the final fit says of either is then a convention, made by how a curve goes
-on beyond its reach or by a height held at zero, and its standard error knows nothing of it.
+so that the data determines their sum alone; so is Coulomb friction beside a curve that need not be zero at rest. What the final
+fit says of either is then a convention, made by how a curve goes on beyond its reach or by a height held at zero, and its
+standard error knows nothing of it.
 """
 
 from collections.abc import Iterator
@@ -91,8 +92,8 @@ def _sum(final: Fit, shared: Shared) -> str:
 
 @in_float64
 def _shared(final: Fit, effect: Curve) -> Shared | None:
-    """Parameters that a straight share of the effect's curves replaces, or a level of theirs, by the rates of the model in states within the reach;
-    None where there is none."""
+    """Parameters that a straight share of the effect's curves replaces, or a level of theirs, by the rates of the model in
+    states within the reach; None where there is none."""
     robot = final.robot.alone  # a controller's equations have no share in it
     numbers = {name: float(value) for name, value in robot.parameters.numbers.items()}
     own = [n for n in numbers if "." not in n and final[n].status in ("identified", "at_bound")]
