@@ -37,7 +37,7 @@ from .left.even_stamps import on_even_stamps
 from .left.holes import cut_at_holes
 from .left.lost_inputs import with_inputs_put_back
 from .left.other_way import other_way
-from .left.passing_jumps import without_passing_jumps
+from .left.passing_jumps import ROBUST, jumps_are_much, without_passing_jumps
 from .left.row_before import row_before
 from .left.usable_readings import on_usable_readings
 from .level import FALSE_ALARM, keeps_level
@@ -168,9 +168,9 @@ def explain(
     """Say what is missing in `fit`, an output-error fit to `logs`, judged on logs that were not fitted (`held_out`).
 
     `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `loss` and
-    `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, samples that jump away
-    from their neighbours and come back are left out of the search, in the fitted and in the held-out logs
-    (`passing_jumps`). Readings at the end of a sensor's range, and those of one that is dead in a log, are left out where they
+    `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, or where they make much of
+    the held-out error, samples that jump away from their neighbours and come back are left out of the search, in the fitted and
+    in the held-out logs (`passing_jumps`). Readings at the end of a sensor's range, and those of one that is dead in a log, are left out where they
     make much of the gap (`usable_readings`). Stamps that scatter about an even clock are evened where that predicts better
     (`even_stamps`), rows in which an input changed unseen are put back (`lost_inputs`), and logs in which many are missing are
     explained in parts (`holes`). `windows`: "auto" keeps those of
@@ -217,8 +217,11 @@ def explain(
         logs, held_out = in_windows(logs, fit.window), in_windows(held_out, fit.window)
         report(f"the fit is in windows of {fit.window:.3g} s, and so is its explanation")
     noted, whole = "", logs
-    if not isinstance(loss, Squares):
-        logs, held_out, noted = without_passing_jumps(fit.robot, logs, held_out)
+    steady, steady_held_out, jumping = without_passing_jumps(fit.robot, logs, held_out)
+    robust = not isinstance(loss, Squares)
+    if robust or jumps_are_much(fit.robot, held_out, steady_held_out):
+        logs, held_out, noted = steady, steady_held_out, jumping if robust else f"{jumping} {ROBUST}"
+        whole = whole if robust else logs
         # Those are judged in the end where rows are missing: without what jumps, too.
         with_gaps = with_gaps[0], without_passing_jumps(fit.robot, *with_gaps)[1]
         report(noted)

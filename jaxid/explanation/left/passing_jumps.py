@@ -18,6 +18,15 @@ from ...robots.robot import Robot
 from .heldout import held_out_state
 
 
+_MUCH = 1.1
+"""Ratio of what a model leaves of the held-out logs with samples that jump and without them, from which these are what is to be
+seen there, and are left out whatever the loss."""
+ROBUST = (
+    "They make much of the error on the held-out logs, and may have pulled the numbers of the fit: a robust loss (`loss=\"cauchy\"`, "
+    "--loss cauchy) keeps them from that."
+)
+
+
 def passing_jumps(residual: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which samples of a channel's residual [T] in units of the noise, NaN where nothing was measured, jump and come back."""
     return jumping(residual, least=1.0)
@@ -34,6 +43,14 @@ def _without(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> tuple[Lo
             outputs[jumps, log.measured.index(name)] = np.nan
         kept.append(replace(log, outputs=outputs))
     return LogSet(kept), total
+
+
+def jumps_are_much(robot: Robot, held_out: LogSet, without: LogSet) -> bool:
+    """Whether samples that jump and come back make much of what `robot` leaves of the held-out logs, which are also given
+    `without` them."""
+    noise = noise_scale(held_out)
+    every, rest = (held_out_state(robot, logs, noise).normalised_rms for logs in (held_out, without))
+    return bool(every > _MUCH * rest)
 
 
 def without_passing_jumps(robot: Robot, logs: LogSet, held_out: LogSet) -> tuple[LogSet, LogSet, str]:

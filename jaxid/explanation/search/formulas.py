@@ -74,7 +74,13 @@ def _without(identifier: str, current: Trial, base: Trial) -> Trial:
     kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
     robot = with_effects(base.robot, kept)
     known = current.robot.parameters
-    return replace(current, robot=robot.with_values(**{name: known[name].value for name in robot.parameters}))
+    # Without the states of what is not there any more.
+    states = {
+        log: {name: value for name, value in own.items() if name in robot.states}
+        for log, own in current.initial_states.items()
+    }
+    robot = robot.with_values(**{name: known[name].value for name in robot.parameters})
+    return replace(current, robot=robot, initial_states=states)
 
 
 def _formulas(
