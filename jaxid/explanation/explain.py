@@ -253,7 +253,7 @@ def explain(
     nothing = after.adequate or verdict == "adequate" or all_noise(found)
     # Held-out logs without a gap do not say why a fit failed; the fitted ones may.
     doubted = doubtful_logs(*recorded) if fit.failed or not nothing else doubtful_units(*recorded)
-    unclear = verdict in ("named", "ambiguous") and named and not after.by_chance
+    unclear = verdict in ("named", "ambiguous") and named and not after.by_chance and not all_noise(found)
     still = still_doubted(final) if unclear else ""
     constants: dict[str, list[Shares]] = {}
     hinges = ""

@@ -1,0 +1,42 @@
+"""jaxid/explanation/left/passing_jumps.py: samples that jump and come back, on an axis in closed form whose sensor slips."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, LogSet, explain, output_error
+from jaxid.explanation.left.passing_jumps import ROBUST, jumps_are_much, without_passing_jumps
+from tests.explanation.closed_form_axis import NOISE, driven
+
+ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.0).change("Fc", free=False)
+
+
+def _slipping(logs: LogSet, share: float, seed: int) -> LogSet:
+    """Single samples, so many of them, off by eight to fifteen times the noise."""
+    found = []
+    for k, log in enumerate(logs):
+        random = np.random.default_rng([seed, k])
+        off = random.uniform(8.0, 15.0, log.outputs.shape) * random.choice([-1.0, 1.0], log.outputs.shape)
+        off = np.where(random.random(log.outputs.shape) < share, off, 0.0)
+        found.append(replace(log, outputs=log.outputs + NOISE * off))
+    return LogSet(found)
+
+
+@pytest.mark.parametrize(("share", "much"), [(0.0, False), (0.01, True)])
+def test_they_are_left_out_where_they_make_much_of_the_error(share, much):
+    logs, held_out = (_slipping(each, share, 4) for each in driven(lambda u: u, 5))
+    fit = output_error(ROBOT, logs)
+    _, steady, _ = without_passing_jumps(fit.robot, logs, held_out)
+    assert jumps_are_much(fit.robot, held_out, steady) == much
+
+
+def test_a_dead_zone_is_named_through_them_and_nothing_is_missing_without_it():
+    """By least squares, which they count for in full."""
+    for law, named in ((lambda u: u, []), (lambda u: u - np.clip(u, -0.3, 0.3), ["actuator_dead_zone"])):
+        logs, held_out = (_slipping(each, 0.01, 4) for each in driven(law, 5))
+        found = explain(output_error(ROBOT, logs), logs, held_out)
+        assert found.verdict == ("named" if named else "adequate")
+        assert [effect.id for effect in found.effects] == named
+        # Beside a gap many times as large they are left in.
+        assert any(ROBUST in note for note in found.notes) == (not named)
