@@ -168,14 +168,14 @@ def explain(
     """Say what is missing in `fit`, an output-error fit to `logs`, judged on logs that were not fitted (`held_out`).
 
     `effects` are further candidates beside the catalogue's, `most` the largest number of effects to add. `loss` and
-    `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, or where they make much of
-    the held-out error, samples that jump away from their neighbours and come back are left out of the search, in the fitted and
-    in the held-out logs (`passing_jumps`). Readings at the end of a sensor's range, and those of one that is dead in a log, are left out where they
-    make much of the gap (`usable_readings`). Stamps that scatter about an even clock are evened where that predicts better
-    (`even_stamps`), rows in which an input changed unseen are put back (`lost_inputs`), and logs in which many are missing are
-    explained in parts (`holes`). `windows`: "auto" keeps those of
-    an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something is done. Of compiled
-    programs no more are kept than `_memory.MOST_PROGRAMS`.
+    `covariance` are those of the fit with what was added (see `output_error`); with a robust loss, or where they make much
+    of the held-out error, samples that jump away from their neighbours and come back are left out of the search, in the
+    fitted and in the held-out logs (`passing_jumps`). Readings at the end of a sensor's range, and those of one that is
+    dead in a log, are left out where they make much of the gap (`usable_readings`). Stamps that scatter about an even clock
+    are evened where that predicts better (`even_stamps`), rows in which an input changed unseen are put back
+    (`lost_inputs`), and logs in which many are missing are explained in parts (`holes`). `windows`: "auto" keeps those of
+    an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something is done. Of
+    compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
 
     Residuals are in units of the noise that the held-out logs show by themselves, as in `compare`. `false_alarm` is the share
     of complete models of which it may be said that something is missing (`docs/false_alarms.md` shows how well it is kept);

@@ -98,6 +98,58 @@ def _family(robot: Robot, logs: LogSet) -> list[Drive]:
     return [drive for drive in family if np.any(drive.inputs)]
 
 
+@dataclass(frozen=True)
+class _Planned:
+    """Experiments of a family as each of two models makes them: `shown` [2, N, T, ny], by the model that is taken for true."""
+
+    models: tuple[Trial, Trial]
+    logs: LogSet
+    family: Sequence[Drive]
+    time: NDArray[np.float64]
+    shown: NDArray[np.float64]
+
+    def runs(self, places: Sequence[int], true: int) -> LogSet:
+        """Some of the experiments as logs of the model that is taken for true."""
+        channels = self.logs.channels
+        return LogSet(
+            [
+                Log.from_arrays(f"experiment {i}", self.time, self.family[i].inputs, self.shown[true, i], channels)
+                for i in places
+            ]
+        )
+
+    def by_one_step(self, places: Sequence[int]) -> NDArray[np.float64]:
+        """What one linear step of a refit of the other model would leave, for either that is true [2, places]."""
+        noise = self.models[0].held_out.noise
+        return np.array(
+            [left_by_refit(self.models[1 - true], self.logs, self.runs(places, true), noise) for true in (0, 1)]
+        )
+
+    def after_refit(self, place: int) -> tuple[float, float]:
+        """What a whole refit of the other model would leave of one experiment, for either that is true."""
+        noise = self.models[0].held_out.noise
+        one, other = (
+            left_after_refit(self.models[1 - true], self.logs, self.runs([place], true), noise) for true in (0, 1)
+        )
+        return one, other
+
+    def best(
+        self, apart: NDArray[np.float64], least: float, of_two: Callable[..., Any]
+    ) -> tuple[int, float, str] | None:
+        """The place of the best of the experiments in which the models as they are differ by more than the `least` (`apart`, of
+        each), what would be left there `of_two` refits, and which model has to be true for it, if one has to be."""
+        places = [int(i) for i in np.argsort(-apart, kind="stable") if apart[i] > least]
+        places = places[:: max(-(-len(places) // _STEPPED), 1)]
+        left = of_two(*self.by_one_step(places)) if places else np.zeros(0)
+        for k in np.argsort(-left, kind="stable")[:_CONFIRMED]:
+            refitted = self.after_refit(places[k]) if left[k] > least else (0.0, 0.0)
+            separation = float(of_two(*refitted))
+            if separation > least:
+                sure = min(refitted) > least
+                return places[k], separation, "" if sure else self.models[int(np.argmax(refitted))].id
+        return None
+
+
 def propose(one: Trial, other: Trial, logs: LogSet) -> NextExperiment | None:
     """The experiment of the family that would tell most of the two models apart, within the speeds seen so far.
 
@@ -114,85 +166,38 @@ def propose(one: Trial, other: Trial, logs: LogSet) -> NextExperiment | None:
     family = _family(one.robot, logs)
     interval = float(np.median([log.sampling_interval for log in logs]))
     time = np.asarray(np.arange(len(family[0].inputs)) * interval, np.float64)
-
-    def driven(drives: Sequence[Drive], shown: Sequence[NDArray[np.float64]]) -> LogSet:
-        runs = [
-            Log.from_arrays(f"experiment {i}", time, drive.inputs, outputs, channels)
-            for i, (drive, outputs) in enumerate(zip(drives, shown, strict=True))
-        ]
-        return LogSet(runs)
-
-    runs = driven(family, [np.zeros((len(time), len(channels.measured)))] * len(family))
+    nothing = np.full((2, len(family), len(time), len(channels.measured)), np.nan)
+    runs = _Planned((one, other), logs, family, time, np.zeros_like(nothing)).runs(range(len(family)), 0)
     # The same steps for both, so that these make no difference between them.
     steps = max((integrator_for(trial.robot, runs) for trial in (one, other)), key=lambda own: own.substeps)
-    first, second = (simulate(trial.robot, runs, integrator=steps) for trial in (one, other))
-    # Chance takes some of what is promised, and what two models' numbers cost some more.
-    least = max(so_far, _SURE * current_policy().separated / np.sqrt(len(time) * len(columns)))
-    shown = [_judged(np.asarray(outputs), columns) for outputs in (first, second)]
-
-    def best_of(apart: NDArray[np.float64], of_two: Callable[..., Any]) -> NextExperiment | None:
-        """The best of the experiments in which the models as they are differ by more than the least: `apart`, for each."""
-        order = [int(i) for i in np.argsort(-apart, kind="stable") if apart[i] > least]
-        order = order[:: -(-len(order) // _STEPPED)] if order else []
-        left = of_two(*(by_one_step(order, which) for which in (0, 1))) if order else np.zeros(0)
-        for k in np.argsort(-left, kind="stable")[:_CONFIRMED]:
-            if left[k] <= least:
-                break
-            i = order[k]
-            refitted = [
-                left_after_refit(trial, logs, driven([family[i]], own[i : i + 1]), noise)
-                for trial, own in zip((other, one), shown, strict=True)
-            ]
-            separation = float(of_two(*refitted))
-            if separation > least:
-                sure = min(refitted) > least
-                only_if = "" if sure else (one, other)[int(np.argmax(refitted))].id
-                drive = family[i]
-                return NextExperiment(
-                    (one.id, other.id),
-                    drive.description,
-                    separation,
-                    so_far,
-                    time,
-                    drive.inputs,
-                    channels.inputs,
-                    only_if,
-                )
-        return None
-
-    stepped: dict[tuple[int, int], float] = {}
-
-    def by_one_step(order: Sequence[int], which: int) -> NDArray[np.float64]:
-        """What one linear step of a refit would leave of the `which`-th model's runs, by the other model."""
-        new = [i for i in order if (i, which) not in stepped]
-        if new:
-            runs = driven([family[i] for i in new], shown[which][new])
-            left = left_by_refit((other, one)[which], logs, runs, noise)
-            stepped.update({(i, which): float(own) for i, own in zip(new, left, strict=True)})
-        return np.array([stepped[i, which] for i in order])
+    first, second = (np.asarray(simulate(trial.robot, runs, integrator=steps)) for trial in (one, other))
+    shown = nothing
+    shown[..., columns] = np.stack([first, second])[..., columns]
+    planned = _Planned((one, other), logs, family, time, shown)
 
     fastest = _fastest(one.robot, logs)
     within = _differences(first, second, columns, scale, fastest)
     # Where logs never turned, say, an experiment that turns is no faster than they were.
-    possible = {c: _possible(np.asarray(first)[..., c]) for c in fastest}
-    driven_so_far = {c: top for c, top in fastest.items() if top >= _DRIVEN * possible[c]}
-    further = np.where(within > 0, 0.0, _differences(first, second, columns, scale, driven_so_far))
+    driven = {c: top for c, top in fastest.items() if top >= _DRIVEN * _possible(first[..., c])}
+    further = np.where(within > 0, 0.0, _differences(first, second, columns, scale, driven))
+    # Chance takes some of what is promised, and what two models' numbers cost some more.
+    least = max(so_far, _SURE * current_policy().separated / np.sqrt(len(time) * len(columns)))
     # One model may be made the other, as a curve a straight line: then only one of the two answers is told.
-    ways = [(apart, of_two) for of_two in (np.minimum, np.maximum) for apart in (within, further)]
-    return next(filter(None, (best_of(apart, of_two) for apart, of_two in ways)), None)
+    ways = ((apart, of_two) for of_two in (np.minimum, np.maximum) for apart in (within, further))
+    found = next(filter(None, (planned.best(apart, least, of_two) for apart, of_two in ways)), None)
+    if found is None:
+        return None
+    place, separation, only_if = found
+    drive = family[place]
+    return NextExperiment(
+        (one.id, other.id), drive.description, separation, so_far, time, drive.inputs, channels.inputs, only_if
+    )
 
 
 def _possible(outputs: NDArray[np.float64]) -> float:
     """The largest value of an output that runs [N, T] reach, those that diverge apart."""
     finite = outputs[np.all(np.isfinite(outputs), axis=1)]
     return float(np.max(np.abs(finite))) if finite.size else 0.0
-
-
-def _judged(outputs: NDArray[np.float64], columns: list[int]) -> NDArray[np.float64]:
-    """The simulated channels [..., ny] as they would be measured: those that count."""
-    found = np.full_like(outputs, np.nan)
-    found[..., columns] = outputs[..., columns]
-    return found
 
 
 def _fastest(robot: Robot, logs: LogSet) -> dict[int, float]:
@@ -208,7 +213,11 @@ def _fastest(robot: Robot, logs: LogSet) -> dict[int, float]:
 
 
 def _differences(
-    first: Sequence[NDArray], second: Sequence[NDArray], columns: list[int], scale: NDArray, fastest: dict[int, float]
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    columns: list[int],
+    scale: NDArray,
+    fastest: dict[int, float],
 ) -> NDArray[np.float64]:
     """RMS difference of every run in units of noise; zero for runs that diverge, or are too fast by the largest speeds seen in
     the columns of `fastest`."""

@@ -113,7 +113,7 @@ def single_modes(robot: Robot, shapes: Mapping[str, Array], shares: Sequence[flo
     family = []
     for mode, direction in modes(robot).items():
         gains = np.asarray(direction, float)
-        driven = np.flatnonzero(gains)
+        driven = [int(i) for i in np.flatnonzero(gains)]
         size = float(np.min(largest[driven] / np.abs(gains[driven])))
         for shape, signal in shapes.items():
             for share in shares:

@@ -17,13 +17,12 @@ from ...logs import LogSet, noise_scale
 from ...robots.robot import Robot
 from .heldout import held_out_state
 
-
 _MUCH = 1.1
 """Ratio of what a model leaves of the held-out logs with samples that jump and without them, from which these are what is to be
 seen there, and are left out whatever the loss."""
 ROBUST = (
-    "They make much of the error on the held-out logs, and may have pulled the numbers of the fit: a robust loss (`loss=\"cauchy\"`, "
-    "--loss cauchy) keeps them from that."
+    "They make much of the error on the held-out logs, and may have pulled the numbers of the fit: a robust loss "
+    '(`loss="cauchy"`, --loss cauchy) keeps them from that.'
 )
 
 
