@@ -255,11 +255,12 @@ def exchanged(
             continue
         rivals = rivals_of(step, present)
         trials = with_rivals(rivals, step.chosen.id, current, base, logs, held_out, noise, say)
-        holding = (trial for trial in trials if holds_as_well(trial, current))
+        # What follows the fitted logs better and does not hold on the others is not what the model gets, and leads nothing.
+        holding = [trial for trial in trials if holds_as_well(trial, current)]
         best = min(holding, key=lambda trial: trial.score, default=current)
         if best.score < current.score and told_apart_from(best, current):
             say(f"{best.title} instead of {step.chosen.title}: held-out {best.held_out.normalised_rms:.3f} x noise")
-            ranked = sorted([*trials, replace(current, id=step.chosen.id)], key=lambda trial: trial.score)
+            ranked = sorted([*holding, replace(current, id=step.chosen.id)], key=lambda trial: trial.score)
             bare = without(step.chosen.id, current, base, logs, held_out, noise)
             revised[place] = replace(with_trials(step, ranked), instead=(bare, best))
             current = replace(best, id=current.id)

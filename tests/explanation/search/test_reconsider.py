@@ -8,6 +8,7 @@ import pytest
 from jaxid import Axis, output_error
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.explanation.refits.refit import refit, refit_from_itself
+from jaxid.explanation.search import reconsider
 from jaxid.explanation.search.plainer_laws import by_plainer_laws
 from jaxid.explanation.search.reconsider import by_laws_again, exchanged, rather_by_curves, reconsidered, rivals_of
 from jaxid.explanation.search.steps import Step
@@ -233,6 +234,24 @@ def test_an_earlier_effect_is_exchanged_for_the_rival_that_explains_more_beside_
     assert steps[0].trials[1].id == "motor_lag"
     again, same = exchanged(steps, found, base, *rest)
     assert again == steps and same is found  # nothing but noise is left
+
+
+def test_what_does_not_hold_on_other_logs_is_neither_in_the_model_nor_its_name(monkeypatch):
+    """Of two rivals that explain more, the one that follows the fitted logs better predicts the others badly."""
+    added = (
+        ("motor_lag", "first_order", {"time_constant": 0.05}),
+        ("actuator_dead_zone", "subtractive", {"threshold": 0.8}),
+    )
+    (base, lag, zone), with_more, rest = two_effects(*added)
+    delays = [with_more(base, name, "constant", delay=0.04) for name in ("input_delay", "sensor_delay")]
+    lag = replace(lag, squares=min(lag.squares, *(delay.squares - 20.0 for delay in delays)))
+    first, second = Step((lag, *delays), (), (), base, lag, (lag,)), Step((zone,), (), (), lag, zone, (zone,))
+    (plain, _), found = exchanged([first, second], zone, base, *rest)
+    leading = plain.chosen.id
+    monkeypatch.setattr(reconsider, "holds_as_well", lambda trial, current: trial.id != leading)
+    (kept, _), found = exchanged([first, second], zone, base, *rest)
+    assert kept.chosen.id != leading and kept.chosen.id in {effect.id for effect in found.robot.effects}
+    assert kept.evidence[1].robot == found.robot and kept.evidence[0].held_out.normalised_rms > 1.1
 
 
 def test_a_curve_chosen_while_another_effect_was_missing_gives_way_to_its_formula():
