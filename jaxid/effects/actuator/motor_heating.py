@@ -15,6 +15,17 @@ from ..effect_parameters import positive, shape, shortest
 from .drives import back_emf, one_torque_each
 
 
+def _time_to_cool(effect: Effect, robot: Robot) -> dict[str, Parameter]:
+    slow = shape(effect, "time_constant", "s", 0.3 * robot.scales.duration)
+    return slow | shortest(effect, 2.0 * robot.scales.interval)
+
+
+def _less_what_leaves(effect: Effect, gained: State, state: State, p: Numbers) -> State:
+    """The rates of the heats that gain so many watts and lose theirs by one time constant."""
+    slow = jnp.maximum(p[effect.key("time_constant")], p[effect.key("shortest")])
+    return {name: watts - state[name] / slow for name, watts in gained.items()}
+
+
 @dataclass(frozen=True)
 class MotorHeating(Effect):
     """Winding resistance `Ra (1 + coefficient * E)` with the energy E dissipated in that winding since the start."""
@@ -86,13 +97,10 @@ class HeatingWithCooling(MotorHeating):
     formula: ClassVar[str] = "R = R_cold (1 + coefficient * E), dE/dt = R i^2 - E / time_constant"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        slow = shape(self, "time_constant", "s", 0.3 * robot.scales.duration)
-        return super().parameters(robot) | slow | shortest(self, 2.0 * robot.scales.interval)
+        return super().parameters(robot) | _time_to_cool(self, robot)
 
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
-        gained = self._watts(state, currents, p, robot)
-        slow = jnp.maximum(p[self.key("time_constant")], p[self.key("shortest")])
-        return {name: watts - state[name] / slow for name, watts in gained.items()}
+        return _less_what_leaves(self, self._watts(state, currents, p, robot), state, p)
 
 
 @dataclass(frozen=True)
@@ -120,6 +128,20 @@ class WeakerMagnets(MotorHeating):
     def _watts(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         named = zip(self.states_on(robot), robot.drive_inputs, strict=True)
         return {name: p[robot.winding] * currents[k] ** 2 for name, k in named}
+
+
+@dataclass(frozen=True)
+class WeakerMagnetsThatCool(WeakerMagnets):
+    """The same with heat that leaves by one time constant."""
+
+    law: ClassVar[str] = "torque_constant_with_cooling"
+    formula: ClassVar[str] = "Kt = Kt_cold (1 - coefficient * E), Ke alike, dE/dt = R i^2 - E / time_constant"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | _time_to_cool(self, robot)
+
+    def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
+        return _less_what_leaves(self, self._watts(state, currents, p, robot), state, p)
 
 
 @dataclass(frozen=True)
@@ -153,4 +175,10 @@ class HeatingCurve(Curve):
         return {name: p[robot.winding] * currents[k] ** 2 for name, k in named}
 
 
-LAWS: tuple[Effect, ...] = (MotorHeating(), HeatingWithCooling(), WeakerMagnets(), HeatingCurve())
+LAWS: tuple[Effect, ...] = (
+    MotorHeating(),
+    HeatingWithCooling(),
+    WeakerMagnets(),
+    WeakerMagnetsThatCool(),
+    HeatingCurve(),
+)
