@@ -24,6 +24,19 @@ def test_friction_that_falls_towards_standstill_is_no_stribeck_friction(heights,
     assert bool(law.doubt(robot)) == contrary
 
 
+def test_many_points_close_to_standstill_do_not_outvote_the_rest():
+    """Of LuGre friction in noise: the first of sixteen points, 3 mm/s apart, was as large as all others, of the other sign."""
+    law = effect_by_id(Axis(), "stribeck_friction", SHAPE)
+    for _ in range(2):
+        law = law.denser
+    robot = Axis() + law
+    heights = (-6.9, 0.6, -1.6, -1.4, 1.4, -1.2, 1.0, 1.0, 0.9, 0.8, 0.7, 0.5, 0.5, 0.4, 0.1, 0.5)
+    robot = robot.with_values(**{law.height(k): h for k, h in zip(law.varying, heights, strict=True)})
+    assert law.doubt(robot) == ""
+    falling = robot.with_values(**{law.height(k): -abs(h) for k, h in zip(law.varying, heights, strict=True)})
+    assert law.doubt(falling)
+
+
 def test_what_goes_up_and_down_again_and_again_is_no_law_of_one_variable():
     jagged = np.array([0.0, -22.0, -17.6, -26.2, -5.2, -34.9, -7.4, -37.1, -8.3])
     smooth = np.array([0.0, 4.0, 7.0, 8.0, 6.0, 3.0, 4.0, 2.0, 0.0])

@@ -192,8 +192,14 @@ class StribeckCurve(Curve):
         return sum(robot.parameters[self.height(0, self.of(part))].value for part in parts) >= 0.0
 
     def doubt(self, robot: Robot) -> str:
-        """What falls towards standstill, at it and on the whole, is the contrary of it, beside whatever made it so."""
-        whole = sum(robot.parameters[name].value for name in self.parameters(robot) if self.is_height(name))
+        """What falls towards standstill, at it and on the whole, is the contrary of it, beside whatever made it so. On the
+        whole: over the speeds, since of many points that are close at standstill each is little known."""
+        whole, places = 0.0, self.places
+        for name in self.each(robot):
+            varying = {k: robot.parameters[self.height(k, name)].value for k in self.varying}
+            heights = [varying.get(k, 0.0) for k in range(len(places))]
+            steps = zip(heights, heights[1:], places, places[1:], strict=False)
+            whole += sum(0.5 * (a + b) * (to - at) for a, b, at, to in steps)
         return "its curve falls towards standstill" if whole < 0.0 and not self.agrees(robot) else ""
 
     def parts(self, robot: Robot) -> tuple[str, ...]:
