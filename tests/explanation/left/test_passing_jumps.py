@@ -23,9 +23,16 @@ def _slipping(logs: LogSet, share: float, seed: int) -> LogSet:
     return LogSet(found)
 
 
-@pytest.mark.parametrize(("share", "much"), [(0.0, False), (0.01, True)])
-def test_they_are_left_out_where_they_make_much_of_the_error(share, much):
-    logs, held_out = (_slipping(each, share, 4) for each in driven(lambda u: u, 5))
+def small_zone(u):
+    """What makes about as much of the error as the noise does."""
+    return u - np.clip(u, -0.02, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("law", "share", "much"), [(small_zone, 0.0, False), (small_zone, 0.01, True), (lambda u: u, 0.01, False)]
+)
+def test_they_are_left_out_where_they_make_much_of_the_error_and_something_is_missing(law, share, much):
+    logs, held_out = (_slipping(each, share, 4) for each in driven(law, 5))
     fit = output_error(ROBOT, logs)
     _, steady, _ = without_passing_jumps(fit.robot, logs, held_out)
     assert jumps_are_much(fit.robot, held_out, steady) == much
@@ -33,10 +40,9 @@ def test_they_are_left_out_where_they_make_much_of_the_error(share, much):
 
 def test_a_dead_zone_is_named_through_them_and_nothing_is_missing_without_it():
     """By least squares, which they count for in full."""
-    for law, named in ((lambda u: u, []), (lambda u: u - np.clip(u, -0.3, 0.3), ["actuator_dead_zone"])):
+    for law, named in ((lambda u: u, []), (small_zone, ["actuator_dead_zone"])):
         logs, held_out = (_slipping(each, 0.01, 4) for each in driven(law, 5))
         found = explain(output_error(ROBOT, logs), logs, held_out)
-        assert found.verdict == ("named" if named else "adequate")
+        assert found.verdict in (("named", "ambiguous") if named else ("adequate",))
         assert [effect.id for effect in found.effects] == named
-        # Beside a gap many times as large they are left in.
-        assert any(ROBUST in note for note in found.notes) == (not named)
+        assert any(ROBUST in note for note in found.notes) == bool(named)
