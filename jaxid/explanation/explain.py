@@ -217,11 +217,10 @@ def explain(
         logs, held_out = in_windows(logs, fit.window), in_windows(held_out, fit.window)
         report(f"the fit is in windows of {fit.window:.3g} s, and so is its explanation")
     noted, whole = "", logs
-    steady, steady_held_out, jumping = without_passing_jumps(fit.robot, logs, held_out)
     robust = not isinstance(loss, Squares)
-    if robust or jumps_are_much(fit.robot, held_out, steady_held_out):
-        logs, held_out, noted = steady, steady_held_out, jumping if robust else f"{jumping} {ROBUST}"
-        whole = whole if robust else logs
+    if robust or jumps_are_much(fit.robot, logs, held_out):
+        logs, held_out, noted = without_passing_jumps(fit.robot, logs, held_out)
+        whole, noted = (whole, noted) if robust else (logs, f"{noted} {ROBUST}")
         # Those are judged in the end where rows are missing: without what jumps, too.
         with_gaps = with_gaps[0], without_passing_jumps(fit.robot, *with_gaps)[1]
         report(noted)

@@ -4,7 +4,7 @@ A first look asks every law from a model far off, where a formula's one number m
 given way. Beside all that was found, its robot's own numbers those that the curve leaves, it is asked again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from ...effects import laws_of
@@ -15,7 +15,7 @@ from ..refits.refit import Trial, continued
 from ..screening.screen import screen
 from .laws import best_first
 from .reconsider import with_effects, with_trials, without
-from .steps import Step
+from .steps import Step, laws_in
 from .telling_apart import alike, simplest_first
 from .worth import holds_as_well
 
@@ -45,8 +45,12 @@ def by_formulas(
         same = [t.id for t in step.trials[1:] if t.id in step.equivalent and isinstance(t.effect, Curve)]
         bare = _without(effect.id, current, base)
         tried: dict[str, list[Trial]] = {}
+        # What was tried beside just this, and told from the curve, is told from it still.
+        changed = laws_in(step.before.robot, effect.id) != laws_in(current.robot, effect.id)
+        known = set() if changed else {trial.law for trial in step.laws}
         for identifier in [effect.id, *(name for name in same if name not in present)]:
-            trials = _formulas(identifier, bare, current, logs, held_out, noise, say)
+            but = known if identifier == effect.id else ()
+            trials = _formulas(identifier, but, bare, current, logs, held_out, noise, say)
             tried[identifier] = [trial for trial in trials if holds_as_well(trial, current)]
         own = best_first([replace(current, id=effect.id), *tried.pop(effect.id)])
         leading = simplest_first(
@@ -84,11 +88,19 @@ def _without(identifier: str, current: Trial, base: Trial) -> Trial:
 
 
 def _formulas(
-    identifier: str, bare: Trial, like: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+    identifier: str,
+    but: Collection[str],
+    bare: Trial,
+    like: Trial,
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+    say: Report,
 ) -> list[Trial]:
-    """The model `bare` with the formulas of a mechanism, refitted from what suits its residual; those that come near what is
-    left with the curve (`like`), to the end."""
-    laws = [law.blurred for law in laws_of(bare.robot, identifier) if not isinstance(law, Curve)]
+    """The model `bare` with the formulas of a mechanism `but` some, refitted from what suits its residual; those that come near
+    what is left with the curve (`like`), to the end."""
+    formulas = (law for law in laws_of(bare.robot, identifier) if not isinstance(law, Curve))
+    laws = [law.blurred for law in formulas if law.law not in but]
     screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles) if laws else []
     found = sorted((law for own in screened for law in (own, *own.laws)), key=lambda law: -law.gain)[:_MOST]
     near = like.squares + _FAR * max(like.squares, float(like.fitted.samples))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, LogSet, explain, output_error
-from jaxid.explanation.left.passing_jumps import ROBUST, jumps_are_much, without_passing_jumps
+from jaxid.explanation.left.passing_jumps import ROBUST, jumps_are_much
 from tests.explanation.closed_form_axis import NOISE, driven
 
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.0).change("Fc", free=False)
@@ -34,8 +34,7 @@ def small_zone(u):
 def test_they_are_left_out_where_they_make_much_of_the_error_and_something_is_missing(law, share, much):
     logs, held_out = (_slipping(each, share, 4) for each in driven(law, 5))
     fit = output_error(ROBOT, logs)
-    _, steady, _ = without_passing_jumps(fit.robot, logs, held_out)
-    assert jumps_are_much(fit.robot, held_out, steady) == much
+    assert jumps_are_much(fit.robot, logs, held_out) == much
 
 
 def test_a_dead_zone_is_named_through_them_and_nothing_is_missing_without_it():
