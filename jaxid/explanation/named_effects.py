@@ -21,7 +21,7 @@ from .where.shape import shapes_of
 
 def _evidence(step: Step) -> Evidence:
     before, after = step.evidence
-    rivals = [trial for trial in step.trials[1:] if trial.id not in step.equivalent]
+    rivals = [trial for trial in step.compared[1:] if trial.id not in step.equivalent]
     return Evidence(
         before=before.held_out.normalised_rms,
         after=after.held_out.normalised_rms,

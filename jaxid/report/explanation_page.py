@@ -155,7 +155,7 @@ def _candidates(found: Explanation) -> tuple[Block, ...]:
     """What each candidate promised, and what was left with those that were refitted."""
     blocks: list[Block] = []
     for number, step in enumerate(found.search.steps, start=1):
-        refitted = {trial.id: trial.held_out.normalised_rms for trial in step.trials}
+        refitted = {trial.id: trial.held_out.normalised_rms for trial in step.compared}
         promised = {c.effect.id: min(max(c.share, 0.0), 1.0) for c in step.screened}
         names = list(refitted) + [name for name in promised if name not in refitted and promised[name] > 0.005]
         names = names[: max(_CANDIDATES, len(refitted))]

@@ -54,7 +54,7 @@ def _refits(ax: Axes, errors: Sequence[float | None], colours: Sequence[str], be
 
 
 def _step(axes: Sequence[Axes], step: Step, before: float) -> None:
-    refitted = {trial.id: trial.held_out.normalised_rms for trial in step.trials}
+    refitted = {trial.id: trial.held_out.normalised_rms for trial in step.compared}
     shares = {c.effect.id: c.share for c in step.screened}
     names = list(refitted) + [name for name in shares if name not in refitted and shares[name] > 0.005]
     names = names[: max(_MOST_ROWS, len(refitted))]
@@ -74,7 +74,7 @@ def _step(axes: Sequence[Axes], step: Step, before: float) -> None:
 
 def _rows(step: Step) -> int:
     """How many candidates `_step` shows."""
-    refitted = {trial.id for trial in step.trials}
+    refitted = {trial.id for trial in step.compared}
     others = [c for c in step.screened if c.effect.id not in refitted and c.share > 0.005]
     return max(len(refitted), min(len(refitted) + len(others), _MOST_ROWS))
 

@@ -6,7 +6,6 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 
-from ...kernel.recurrence import approached, limited, recurrence
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
@@ -22,53 +21,15 @@ from .drives import (
     one_torque_each,
     torque_falls_with_speed,
 )
+from .followed import lagged_unequally, low_passed, ramped
 from .input_delay import late
 
-_TINY = 1e-9
-"""Share of a step below which a time constant is none."""
 _STABLE = 0.5
 """Share of a sampling interval that a step of Runge and Kutta of order four over the whole of it follows; 0.36 is the least."""
 
 
-def low_passed(inputs, dt, T):
-    """`inputs` [T, nu] held over steps `dt` behind a first-order lag of time constant `T` (one, or one an input): its exact
-    mean over every step."""
-    dt = dt[:, None]
-    keep = jnp.exp(-dt / jnp.maximum(T, _TINY * dt))
-    share = T / dt * (1.0 - keep)
-    rest = jnp.zeros_like(inputs[0])
-    lagged = recurrence(keep, inputs * (1.0 - keep), rest)
-    before = jnp.concatenate([rest[None], lagged[:-1]])
-    return inputs + (before - inputs) * share
-
-
-def ramped(inputs, dt, away, back=None):
-    """`inputs` [T, nu] followed by at most one unit in `away` seconds, and towards zero in `back` (default: the same; each one,
-    or one an input): the mean over every step."""
-    back = away if back is None else back
-    dt = dt[:, None]
-    after = limited(inputs, *(dt / jnp.maximum(per_unit, _TINY * dt) for per_unit in (away, back)))
-    before = jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
-    # It turns where it passes zero, if it does; it ramps for as long as both ways take, and then holds.
-    turn = jnp.clip(0.0, jnp.minimum(before, after), jnp.maximum(before, after))
-    first, second = jnp.abs(turn - before) * back / dt, jnp.abs(after - turn) * away / dt
-    return after + first * (0.5 * (before + turn) - after) + second * 0.5 * (turn - after)
-
-
 _UNEQUAL = 3.0
 """Ratio of two time constants that are tried as unequal."""
-
-
-def lagged_unequally(inputs, dt, away, back):
-    """`inputs` [T, nu] held over steps `dt` behind a lag of time constant `away` where its output grows in size, and `back`
-    where it shrinks: the exact mean over every step."""
-    dt = dt[:, None]
-    after = approached(inputs, *(dt / jnp.maximum(T, _TINY * dt) for T in (away, back)))
-    before = jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
-    turn = jnp.clip(0.0, jnp.minimum(before, after), jnp.maximum(before, after))
-    return inputs - (back * (turn - before) + away * (after - turn)) / dt
-
-
 _NEXT_TO_NONE = 0.05
 """Share of a response that is as good as none of it."""
 

@@ -14,7 +14,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..effect_parameters import positive
 from .drives import on_drives, other_inputs
-from .motor_lag import low_passed, ramped
+from .followed import low_passed, ramped
 
 
 @dataclass(frozen=True)

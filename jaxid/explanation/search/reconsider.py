@@ -71,7 +71,7 @@ def pruned(current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: d
     return current
 
 
-def needed(
+def pruned_in_the_end(
     steps: list[Step], current: Trial, base: Trial, logs, held_out, noise, say: Report
 ) -> tuple[list[Step], Trial]:
     """The steps, of several, whose effect the finished model needs: laws that were exchanged, and curves of another, may since

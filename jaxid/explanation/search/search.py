@@ -31,7 +31,7 @@ from .from_the_back import named_from_the_back, not_present
 from .little_more import with_the_little_more
 from .next_name import name_next, or_constants
 from .plainer_laws import by_plainer_laws, with_a_plainer_law
-from .reconsider import by_laws_again, exchanged, needed, pruned, rather_by_curves, reconsidered
+from .reconsider import by_laws_again, exchanged, pruned, pruned_in_the_end, rather_by_curves, reconsidered
 from .steps import Search, Step
 from .worth import could_matter
 
@@ -135,7 +135,7 @@ def search(
     if current.held_out.adequate:
         steps, current = by_plainer_laws(steps, current, baseline, logs, held_out, noise, report)
         steps, current = by_formulas(steps, current, baseline, logs, held_out, noise, report)
-        steps, current = needed(steps, current, baseline, logs, held_out, noise, report)
+        steps, current = pruned_in_the_end(steps, current, baseline, logs, held_out, noise, report)
     if colour is None and steps and not current.held_out.adequate:
         # What candidates still explain of it is worth none of them.
         only = colour_left(current, logs, held_out, noise)

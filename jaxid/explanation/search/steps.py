@@ -50,6 +50,13 @@ class Step:
         """The model without what is named and with it."""
         return self.instead or (self.before, self.after)
 
+    @property
+    def compared(self) -> tuple[Trial, ...]:
+        """The trials beside the same effects as what is named: without those refitted before other effects were there,
+        where another name has been found since."""
+        beside = {effect.id for effect in self.evidence[0].robot.effects}
+        return tuple(t for t in self.trials if beside <= {effect.id for effect in t.robot.effects} or t is self.chosen)
+
     def lead_over(self, trial: Trial) -> float:
         """By how much another trial is less likely than the chosen one (chi-squared, parameters counted)."""
         best = self.chosen

@@ -7,7 +7,7 @@ import numpy as np
 from jaxid.effects import effect_by_id
 from jaxid.explanation.refits.refit import continued, refit_from_itself
 from jaxid.explanation.search.formulas import by_formulas
-from jaxid.explanation.search.reconsider import needed
+from jaxid.explanation.search.reconsider import pruned_in_the_end
 from jaxid.explanation.search.steps import Step
 from tests.explanation.closed_form_axis import driven
 from tests.explanation.search.test_reconsider import found_of, smooth_zone
@@ -45,11 +45,13 @@ def test_what_the_finished_model_does_not_need_is_dropped():
     """Beside the dead zone that is there, a drag that was added before it explains nothing."""
     logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0), SEED)
     noise, zone, drag = found_of(logs, held_out)
-    steps, current = needed([drag, zone], drag.chosen, zone.before, logs, held_out, noise, lambda message: None)
+    steps, current = pruned_in_the_end(
+        [drag, zone], drag.chosen, zone.before, logs, held_out, noise, lambda message: None
+    )
     assert [step.chosen.id for step in steps] == ["actuator_dead_zone"] == [e.id for e in current.robot.effects]
     assert current.held_out.normalised_rms < 1.05
     # One alone is what was found.
-    assert needed([zone], zone.chosen, zone.before, logs, held_out, noise, lambda message: None) == (
+    assert pruned_in_the_end([zone], zone.chosen, zone.before, logs, held_out, noise, lambda message: None) == (
         [zone],
         zone.chosen,
     )
@@ -59,5 +61,8 @@ def test_the_evidence_of_a_name_that_came_later_is_its_own():
     logs, held_out = driven(smooth_zone, SEED)
     _, step, further = found_of(logs, held_out)
     assert step.evidence == (step.before, step.after)
-    exchanged = replace(step, trials=(further.chosen,), instead=(step.chosen, further.chosen))
+    early = replace(step.before, id="quadratic_drag")
+    exchanged = replace(step, trials=(further.chosen, early), instead=(step.chosen, further.chosen))
     assert exchanged.evidence == (step.chosen, further.chosen)
+    # What was refitted without the dead zone compares with nothing beside it.
+    assert exchanged.compared == (further.chosen,) and step.compared == step.trials
