@@ -28,6 +28,7 @@ from .certainty.finer_curves import hangs_on_forms
 from .certainty.hinging import by_law, by_name, hinging, shapes_alone, with_the_rest
 from .certainty.in_common import by_weight, delays_in_common, without_a_name
 from .certainty.nominal_one import with_another_nominal
+from .certainty.not_from_the_start import with_nothing_from_the_start
 from .certainty.other_constants import likelier_constants
 from .certainty.straight_shares import open_gain, shared_lines
 from .explanation import Explanation
@@ -277,6 +278,8 @@ def explain(
                 hinges = " ".join(filter(None, (hinges, sentence)))
         if found.final is not None:
             own = with_another_nominal(final, found.final, logs, held_out, found.before.noise, report)
+            final, hinges = own.final, " ".join(filter(None, (hinges, own.sentence)))
+            own = with_nothing_from_the_start(final, found.final, logs, held_out, found.before.noise, report)
             final, hinges = own.final, " ".join(filter(None, (hinges, own.sentence)))
             own = going_on_beyond(final, found.final, logs, held_out, found.before.noise, report)
             final, hinges = own.final, " ".join(filter(None, (hinges, own.sentence)))

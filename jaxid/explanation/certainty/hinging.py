@@ -44,9 +44,10 @@ def hinging(
     held = any(name in final.parameters and final[name].status == "fixed" for name in free)
     if held or _own(free) != _own(final.free_names) or _ids(last.robot) != _ids(final.robot):
         return Hinging(final, "")  # something was held, left out or added since
-    told = ("identified", "at_bound")  # what ends at its bound by one name need not by another
-    own = [name for name in final.free_names if name not in but and final[name].status in told]
-    said, reached = [], {}
+    known = ("identified", "at_bound")  # what ends at its bound by one name need not by another
+    own = [name for name in final.free_names if name not in but and final[name].status in known]
+    said: dict[str, list[str]] = {}
+    reached: dict[str, float] = {}
     for title, robot in others.items():
         moved = {}
         for name in own:
@@ -64,12 +65,13 @@ def hinging(
                 f"{_said(name)} {robot.parameters[name].value:.4g} instead of {final[name].value:.4g}{unit[name]}"
                 for name in worst
             )
-            said.append(f"if {title}, {listed}")
+            said.setdefault(listed, []).append(title)
     if not said:
         return Hinging(final, "")
+    told = "; ".join(f"if {' or '.join(titles)}, {listed}" for listed, titles in said.items())
     return Hinging(
         reaching_to(final, {name: (by, final[name].std_error) for name, by in reached.items()}),
-        f"Numbers of the model hinge on {on}: {'; '.join(said)}. Their standard errors allow for that.",
+        f"Numbers of the model hinge on {on}: {told}. Their standard errors allow for that.",
     )
 
 

@@ -307,7 +307,7 @@ def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: Log
     return refit_from_itself(robot, before, logs, held_out, before.held_out.noise)
 
 
-def _by_how_much(name: str, share: float, robot: Robot) -> str:
+def by_how_much(name: str, share: float, robot: Robot) -> str:
     """By which share of its value in `robot` a constant is wrong."""
     value = robot.parameters[name].value
     return f"{100 * share:+.2g} %" if value else f"{100 * share:.2g} % of {robot.parts[name]} in place of none"
@@ -316,7 +316,7 @@ def _by_how_much(name: str, share: float, robot: Robot) -> str:
 def in_a_sentence(identifier: str, found: Sequence[Shares], robot: Robot) -> str:
     """A sentence that names those constants of the robot, and that they may be meant by the effect `identifier`."""
     listed = " or ".join(
-        " and ".join(f"{n} ({_by_how_much(n, share, robot)})" for n, share in own.items()) for own in found
+        " and ".join(f"{n} ({by_how_much(n, share, robot)})" for n, share in own.items()) for own in found
     )
     wrong = "a wrong constant" if len(found[0]) == 1 else f"{len(found[0])} wrong constants"
     return (
@@ -341,7 +341,7 @@ def built_in(effects: Sequence[Effect], robot: Robot) -> tuple[str, ...]:
 
 def found_wrong(shares: Shares, robot: Robot) -> str:
     """A sentence that says which constants of the robot's table the data contradicts, by how much."""
-    listed = " and ".join(f"{n} by {_by_how_much(n, share, robot)}" for n, share in shares.items())
+    listed = " and ".join(f"{n} by {by_how_much(n, share, robot)}" for n, share in shares.items())
     return (
         f"No effect of the catalogue but a wrong table explains this best: these logs contradict the value of {listed}. "
         "Measure it, or keep the model as it is now."
