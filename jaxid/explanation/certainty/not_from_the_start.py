@@ -1,9 +1,8 @@
 """Numbers of the robot that hang on constants of its table where a limit's curve takes up that one is wrong.
 
 What limits a voltage or a force takes hardly anything of what is small: of a smooth characteristic, as its cube. A curve that
-takes more, or gives more than was asked for, makes all
-that moves the robot weaker or stronger: just what a mass makes that is not the table's. The fit is good then, and friction and
-back-EMF beside it are off by many of their standard errors.
+takes more, or gives more than was asked for, makes all that moves the robot weaker or stronger: just what a mass makes that is
+not the table's. The fit is good then, and friction and back-EMF beside it are off by many of their standard errors.
 """
 
 from collections.abc import Mapping
