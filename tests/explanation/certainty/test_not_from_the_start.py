@@ -1,4 +1,4 @@
-"""jaxid/explanation/certainty/not_from_the_start.py: an axis in closed form behind a limit, of another mass than in its table."""
+"""jaxid/explanation/certainty/not_from_the_start.py: an axis in closed form behind a limit, of another mass than its table."""
 
 import re
 
