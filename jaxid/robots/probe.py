@@ -38,14 +38,14 @@ class Seen:
     - `largest_input`: the largest magnitude of any input.
     - `duration`: of the longest log [s].
     - `path()`: places that the robot drove through [N, 2], by dead reckoning; None where they are not known.
-    - `periods()`: numbers of periods a unit of the wheels' angles at which the missing force repeats, and how many were
-      looked at.
+    - `periods(by_torque)`: numbers of periods a unit of the wheels' angles at which the missing force repeats, or what it is in
+      proportion to the drive torque, and how many were looked at.
     """
 
     largest_input: float
     duration: float
     path: Callable[[], Float[np.ndarray, "N 2"] | None]
-    periods: Callable[[], tuple[tuple[float, ...], int]]
+    periods: Callable[[bool], tuple[tuple[float, ...], int]]
 
 
 def one_by_one(name: str, sizes: tuple[float, ...]) -> tuple[Probe, ...]:

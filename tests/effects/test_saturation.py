@@ -51,7 +51,7 @@ def test_each_input_is_cut_off_at_its_own_limits():
     np.testing.assert_allclose(limited, [[0.45, 0.7, 0.7], [-0.7, -0.7, -0.7]])
     # What is tried are shares of what each of them reaches.
     seen = scaled_to(BASE, logs([1]))
-    first = law.probes(seen, Seen(1.5, 20.0, lambda: None, lambda: ((), 0)))[0]
+    first = law.probes(seen, Seen(1.5, 20.0, lambda: None, lambda by_torque: ((), 0)))[0]
     for name, largest in zip(("c_vx", "c_vy"), LARGEST[:2], strict=True):
         key = law.key(f"inverse_limit_forward_{name}")
         assert first.limits[key] == pytest.approx(largest, rel=0.1) and first.strengths[key] > 1 / first.limits[key]

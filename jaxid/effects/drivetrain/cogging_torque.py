@@ -24,6 +24,8 @@ class CoggingTorque(Effect):
     formula: ClassVar[str] = "torque' = torque + sine * sin(periods * phi) + cosine * cos(periods * phi)"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes", "wheel_angles")
     finer: ClassVar[float] = 2.0  # a period may pass within a few of the robot's own steps
+    by_torque: ClassVar[bool] = False
+    """Whether it is in proportion to the drive torque."""
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
@@ -35,7 +37,7 @@ class CoggingTorque(Effect):
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         periods = self.key("periods")
         strengths = {name: robot.parameters[name].typical or 1.0 for name in self.parameters(robot) if name != periods}
-        values, looked_at = seen.periods()
+        values, looked_at = seen.periods(self.by_torque)
         return tuple(Probe(strengths, {periods: n}, out_of=looked_at) for n in values)
 
     def ripple(self, angle: str, times: float, state: State, p: Numbers, suffix: str = "") -> Scalar:
@@ -102,6 +104,7 @@ class RippleOfTheTorque(CoggingTorque):
     """A ripple in proportion to the drive torque itself."""
 
     law: ClassVar[str] = "share_of_torque"
+    by_torque: ClassVar[bool] = True
     formula: ClassVar[str] = "torque' = torque (1 + sine * sin(periods * phi) + cosine * cos(periods * phi))"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

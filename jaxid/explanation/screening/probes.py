@@ -11,7 +11,7 @@ from ...robots.effect import Effect
 from ...robots.probe import Seen
 from ...robots.robot import Robot
 from ..where.conditions import motions
-from .ripple_periods import ripple_periods
+from .ripple_periods import NO_RIPPLES, Periods, Ripples, ripple_periods
 
 
 def seen_in(
@@ -30,11 +30,11 @@ def seen_in(
         return np.concatenate(paths) if paths else None
 
     @cache
-    def periods() -> tuple[tuple[float, ...], int]:
-        if repeating is None:
-            return (), 0
-        found = ripple_periods(robot + repeating, logs, noise, known_states)
-        return found.values, found.looked_at
+    def ripples() -> Ripples:
+        return ripple_periods(robot + repeating, logs, noise, known_states) if repeating is not None else NO_RIPPLES
+
+    def periods(by_torque: bool) -> Periods:
+        return ripples().by_torque if by_torque else ripples().steady
 
     duration = max(float(log.time[-1] - log.time[0]) for log in logs)
     largest = max(float(np.max(np.abs(log.inputs))) for log in logs)

@@ -49,7 +49,7 @@ def test_the_robot_as_it_is_is_simulated_without_any_secant():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         first, found, _, _ = probed(
-            robot, LogSet([log]), [], [], Seen(1.0, 1.2, lambda: None, lambda: ((), 0)), {}, None
+            robot, LogSet([log]), [], [], Seen(1.0, 1.2, lambda: None, lambda by_torque: ((), 0)), {}, None
         )
     assert found == []
     np.testing.assert_allclose(first[0, 0, :60, 0], 0.25 * (1.0 - np.exp(-0.04 * np.arange(60))), atol=1e-4)

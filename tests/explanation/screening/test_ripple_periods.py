@@ -15,8 +15,9 @@ UNITS = [(1.0, 1.0, 1.0), (1e-3, 1e3, 1.0), (1e3, 1e-3, 1e-3), (1.0, 1e3, 1e3)]
 """How many times as large the units of time, length and force are."""
 
 
-def driven(seed, amplitude, period):
-    """Inputs and speeds of an axis with a ripple of `period` [m], from SciPy; reversing, with noise."""
+def driven(seed, amplitude, period, share=0.0):
+    """Inputs and speeds of an axis with a ripple of `period` [m] and another that is a `share` of the force, from SciPy;
+    reversing, with noise."""
     rng = np.random.default_rng(seed)
     u = np.repeat(rng.uniform(-4, 4, N // 50), 50)
     state, states = np.zeros(2), []
@@ -25,7 +26,7 @@ def driven(seed, amplitude, period):
         state = solve_ivp(
             lambda t, x, volts=volts: [
                 x[1],
-                (volts - FV * x[1] + amplitude * np.sin(2 * np.pi * x[0] / period)) / M,
+                (volts - FV * x[1] + (amplitude + share * volts) * np.sin(2 * np.pi * x[0] / period)) / M,
             ],
             (0, DT), state, rtol=1e-8, atol=1e-10,
         ).y[:, -1]  # fmt: skip
@@ -47,16 +48,25 @@ def found(runs, time=1.0, length=1.0, force=1.0):
 def test_a_ripple_is_found_whatever_its_period_and_the_units(period):
     runs = [driven(seed, 0.4, period) for seed in range(2)]
     for units in UNITS if period == 0.11 else UNITS[:1]:
-        periods = found(runs, *units)
+        periods = found(runs, *units).steady
         # The way tells a period to a fraction of one cycle more or less along it (here some 5 m).
         assert 2 * np.pi / periods.values[0] * units[1] == pytest.approx(period, rel=0.2 * period / 5 + 1e-3), units
         assert len(periods.values) <= 8 < periods.looked_at
 
 
+def test_a_ripple_in_proportion_to_the_torque_is_found_by_it():
+    period = 0.31
+    steady, by_torque = found([driven(seed, 0.0, period, 0.15) for seed in range(2)])
+    assert by_torque.values[0] == pytest.approx(2 * np.pi / period, rel=0.02)
+    assert all(abs(value * period / (2 * np.pi) - 1) > 0.02 for value in steady.values)  # it alternates with the torque
+
+
 @pytest.mark.slow
 def test_noise_repeats_with_nothing():
     """Hundreds of periods are looked at each time; 5 % of complete models may show one. (P(4 or more of 20) = 1.6 %.)"""
-    assert sum(bool(found([driven(seed, 0.0, 1.0)]).values) for seed in range(20)) <= 3
+    ripples = [found([driven(seed, 0.0, 1.0)]) for seed in range(20)]
+    assert sum(bool(ripple.steady.values) for ripple in ripples) <= 3
+    assert sum(bool(ripple.by_torque.values) for ripple in ripples) <= 3
 
 
 def test_the_periodogram_is_that_of_scipy():
