@@ -1,9 +1,10 @@
 """At which periods a force repeats with an angle or a place: the periodogram of the missing force over the way driven.
 
 The missing force (`missing_force`), let wander freely, is held against cosine and sine of every period between a few along
-the way and what samples at the robot's slower speeds still resolve, and against these times the drive torque, as where the torque
-itself ripples: the least-squares periodogram of unevenly spaced data (Lomb, Astrophysics and Space Science 39, 1976;
-Scargle, Astrophysical Journal 263, 1982), its sums taken by FFT from a histogram over the way. Nothing hangs on a unit, and no period is likelier than another.
+the way and what samples at the robot's slower speeds still resolve, and against these times the drive torque, as where the
+torque itself ripples: the least-squares periodogram of unevenly spaced data (Lomb, Astrophysics and Space Science 39, 1976;
+Scargle, Astrophysical Journal 263, 1982), its sums taken by FFT from a histogram over the way. Nothing hangs on a unit, and no
+period is likelier than another.
 
 Hundreds to thousands of periods are looked at, and neither the force's own colour nor the way is even. So a peak counts only
 if it is higher than the highest of the same force moved to random moments of the same runs, each period in units of what
