@@ -28,7 +28,7 @@ from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable
 from .first_look import FirstLook, first_look
 from .in_both import fitted_with, lacking_in_both
 from .joint import SIDES, Colours, Joint, Pair, refit, with_candidate
-from .judged import differ_at_all, follows_one_worse, noticed_from
+from .judged import Worse, differ_at_all, follows_one_worse, noticed_from
 from .sides import SetOfLogs, side_of
 from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first
 
@@ -176,12 +176,14 @@ def _explained(
     report("first look: " + ", ".join(f"{s.candidate.title} {s.gain:.0f}" for s in look.scores[:5]))
     null, colours = refit(pair, None, look.colours, look.theta), look.colours
     by_name = min([1.0, *(s.p_value * look.tried for s in look.scores)])
-    worse, ratio = follows_one_worse(pair, null.residuals)
     # By their covariances and by what two models leave: where one parameter hides behind others, either may be far off.
     likelier = chi_squared_tail(null.squares - _separate(pair, after, colours), len(pair.free))
     apart = max(differ_at_all(before, after), float(likelier))
-    p = min(2.0 * by_name, 4.0 * apart, 4.0 * worse, 1.0)
-    best, equivalent, doubts, notes, poor = None, [], list[str](), (), False
+    otherwise = min(2.0 * by_name, 4.0 * apart)
+    worse = follows_one_worse(pair, null.residuals, slow=otherwise >= level)
+    p = min(otherwise, 4.0 * worse.p_value, 1.0)
+    best, equivalent, doubts, poor = None, [], list[str](), False
+    notes: tuple[str, ...] = (worse.noise,) if worse.noise and p >= level else ()
     if p < level:
         trials, null, colours = refitted(pair, look, null, held_out, report)
         # One alone may lack just what has changed.
@@ -198,7 +200,7 @@ def _explained(
                 names, gain = (*lacked, _mechanism(lacking[0])), null.squares - lacking[1].squares
                 return _explained(*again, logs, held_out, level, report, names, max(gain, gained))
             doubts = [f"{said}: the model lacks it"]
-        worse, ratio = follows_one_worse(pair, best.joint.residuals)
+        worse = follows_one_worse(pair, best.joint.residuals)
     rows = sum(int(own.there.sum()) for own in pair.sides.values())
     separate = _separate(pair, after, colours)
     if best is not None:
@@ -209,9 +211,9 @@ def _explained(
             together = _together(pair, look, best, null, separate, colours, held_out, level, poor, report)
             if together:
                 best, *equivalent = together
-                worse, ratio = follows_one_worse(pair, best.joint.residuals)
+                worse = follows_one_worse(pair, best.joint.residuals)
         doubts += columns
-        doubts += _doubts(best, null, separate, worse, ratio, by_name, level, held_out, colours, pair)
+        doubts += _doubts(best, null, separate, worse, by_name, level, held_out, colours, pair)
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
     if best is not None and null.squares - best.joint.squares < LEFT * gained:
         best, equivalent, doubts, notes = None, [], [], ()
@@ -328,7 +330,7 @@ def _apart(one: Estimate, other: Estimate) -> float:
 
 
 def _doubts(
-    best: Trial, null: Joint, separate: float, worse: float, ratio: float, by_name: float, level: float,
+    best: Trial, null: Joint, separate: float, worse: Worse, by_name: float, level: float,
     held_out: HeldOutLogs | None, colours: Colours, pair: Pair,
 ) -> list[str]:  # fmt: skip
     """Why the best candidate is not the answer, each reason in a sentence's part."""
@@ -340,8 +342,8 @@ def _doubts(
         doubts.append(
             f"two separate models follow the logs better (chi-squared by {left:.0f}, of {gained:.0f} that it gains)"
         )
-    if 4.0 * worse < level:
-        doubts.append(f"even so the model follows one of the two sets {ratio:.2f} times less well than the other")
+    if 4.0 * worse.p_value < level:
+        doubts.append(f"even so the model follows one of the two sets {worse.ratio:.2f} times less well than the other")
     if held_out is not None:
         gain = _held_out_gain(pair, held_out, null, best.joint, colours)
         if gain <= float(normal_beyond(level / 2.0)) ** 2:

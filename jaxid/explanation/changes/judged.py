@@ -1,7 +1,7 @@
 """Whether two sets of logs differ at all, and which of several refits are told apart."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ...logs import LogSet, noise_level
 from ...robots.robot import Robot
 from ...simulation.scaled import scales_of
 from ..left.at_rest import shown_at_rest, standing
-from ..left.coloured import only_colour
+from ..left.coloured import OnlyColour, only_colour
 from ..left.heldout import HeldOut, held_out_state
 from ..level import current_level
 from .candidates import Side
@@ -60,16 +60,25 @@ def _levels(logs: LogSet, residual: Array, there: NDArray[np.bool_], sigma: Arra
     return np.array(found)
 
 
-def follows_one_worse(pair: Pair, residuals: Mapping[Side, Array]) -> tuple[float, float]:
-    """p value, and ratio, of the model following one set's logs less well than the other's: what is in one set only and in no
-    candidate. Their noise may differ; it is taken from each log itself, and what has the shape of a sensor's filter and is
-    faster than any force is noise as well."""
+class Worse(NamedTuple):
+    """That a model follows one of two sets less well than the other, by this `ratio`: its `p_value`, and what it is in a
+    sentence where that is noise as slow as the motion."""
+
+    p_value: float
+    ratio: float
+    noise: str = ""
+
+
+def follows_one_worse(pair: Pair, residuals: Mapping[Side, Array], slow: bool = False) -> Worse:
+    """Whether the model follows one set's logs less well than the other's: what is in one set only and in no candidate. Their
+    noise may differ; it is taken from each log itself, and what has the shape of a sensor's filter and is faster than any
+    force is noise as well; where all else is alike, what is as `slow` as the motion, too."""
     levels = []
     for side in SIDES:
         own = pair.sides[side]
         levels.append(_levels(own.logs, residuals[side], own.there, own.sigma))
     if min(map(len, levels)) < 2:
-        return 1.0, 1.0
+        return Worse(1.0, 1.0)
     ratio = float(np.exp(abs(levels[1].mean() - levels[0].mean())))
     variances = [own.var(ddof=1) / len(own) for own in levels]
     samples = [s.there.sum() / max(len(s.logs), 1) for s in pair.sides.values()]
@@ -78,14 +87,23 @@ def follows_one_worse(pair: Pair, residuals: Mapping[Side, Array]) -> tuple[floa
     freedom = sum(map(len, levels)) - 2
     p = 2.0 * float(student_tail(np.log(ratio) / np.sqrt(spread), freedom))
     worse = SIDES[int(levels[1].mean() > levels[0].mean())]
-    if ratio > _LARGER and p < current_level() and _filtered_noise(pair, worse, residuals[worse]):
-        return 1.0, ratio
-    return (p if ratio > _LARGER else 1.0), ratio
+    if not (ratio > _LARGER and p < current_level()):
+        return Worse(p if ratio > _LARGER else 1.0, ratio)
+    found, stands = _only_colour(pair, worse, residuals[worse])
+    if found is not None and ((found.simple and found.faster) or stands):
+        return Worse(1.0, ratio)
+    if found is not None and found.simple and slow:
+        said = (
+            f"The set {worse} is followed {ratio:.2f} times less well than the other, in units of what neighbouring samples "
+            f"show: what is left of it is coloured noise of {found.phrase}, which follows nothing that drove the robot."
+        )
+        return Worse(1.0, ratio, said)
+    return Worse(p, ratio)
 
 
-def _filtered_noise(pair: Pair, side: Side, residual: Array) -> bool:
-    """Whether all that is left of one set, `residual` [E, T, ny] in units of the noise, is the noise of filtered sensors, or is
-    there while the robot stands."""
+def _only_colour(pair: Pair, side: Side, residual: Array) -> tuple[OnlyColour | None, bool]:
+    """What is left of one set, `residual` [E, T, ny] in units of the noise, where all of it is coloured noise; and whether that
+    is there while the robot stands."""
     own = pair.sides[side]
     names = own.logs.channels.measured
     told = [i for i in range(len(names)) if own.there[:, :, i].any()]
@@ -103,9 +121,9 @@ def _filtered_noise(pair: Pair, side: Side, residual: Array) -> bool:
     scales = scales_of(pair.robot, own.logs)
     found = only_colour([(state, own.logs)], scales.time / scales.interval)
     if found is None or (found.simple and found.faster):
-        return found is not None
+        return found, False
     left = [(state, own.logs)]
-    return shown_at_rest(pair.robot, left, standing(pair.robot, left), found.colours, scales) is True
+    return found, shown_at_rest(pair.robot, left, standing(pair.robot, left), found.colours, scales) is True
 
 
 def noticed_from(score: Score, chance: float) -> Array:

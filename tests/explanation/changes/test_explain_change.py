@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy import signal
 
 pytest.importorskip("numba")
 from benchmarks.hidden.cases import MODEL, NOISE, REFERENCE  # noqa: E402
@@ -24,6 +25,7 @@ from jaxid import (  # noqa: E402
     simulate,
 )
 from jaxid.effects import effect_by_id  # noqa: E402
+from jaxid.explanation.changes import judged  # noqa: E402
 from jaxid.explanation.changes.change import Noticeable, number_in_words  # noqa: E402
 from jaxid.report.change_page import change_page  # noqa: E402
 from jaxid.report.document import rendered  # noqa: E402
@@ -80,6 +82,24 @@ def test_nothing_changed_and_what_would_have_been_seen(seed, noise):
     # No fit of one set tells the mass better than two sets tell a change of it at 1 %, all candidates counted.
     assert 5 * found.before["M"].std_error < mass.size < 0.1
     assert "Nothing changed" in str(found) and "would have been noticed" in str(found)
+
+
+@pytest.mark.slow
+def test_a_sensor_whose_noise_has_become_slow_is_no_change_of_the_robot(monkeypatch):
+    """Noise that is remembered for 0.4 s, slower than the axis itself, as if no log told whether it is there at rest."""
+    usual("axis", 0, "white")
+    monkeypatch.setitem(NOISE, "axis", 1e-6)
+    monkeypatch.setattr(judged, "shown_at_rest", lambda *arguments: None)
+    logs, random = [], np.random.default_rng(5)
+    for log in recorded("axis", 51, kinds=("prbs_forward", "multilevel") * 2):
+        slow = 0.01 * signal.lfilter([1.0], [1.0, -0.95], random.normal(size=len(log)))
+        logs.append(
+            Log.from_arrays(f"slow {log.name}", log.time, log.inputs, log.outputs + slow[:, None], nominal("axis"))
+        )
+    found = compared("axis", LogSet(logs))
+    assert found.verdict == "unchanged" and found.change is None
+    (note,) = found.notes
+    assert note.startswith("The set after is followed") and "coloured noise of v (AR(1), 0.95)" in note
 
 
 @pytest.mark.slow
