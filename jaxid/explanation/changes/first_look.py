@@ -17,6 +17,8 @@ from ..._distributions import chi_squared_tail
 from ...effects import laws_of
 from ...effects.actuator.motor_strength import OfEach
 from ...effects.curve import SHAPE
+from ...effects.sensor.delay import SensorDelayOfEach
+from ...effects.sensor.lag import SensorLagOfEach
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ..screening.probed import probed
@@ -131,8 +133,10 @@ def _own(pair: Pair) -> tuple[dict[Side, Array], list[_Changes]]:
 
 def _another_change(law: Effect, usual: Effect) -> bool:
     """Whether a law is another thing that may happen, and not another formula of the usual one's: it acts on inputs that do not
-    drive, which the usual one leaves alone, or it is of another part of a motor (driver, magnets, winding)."""
-    return ("steered" in law.needs and "steered" not in usual.needs) or isinstance(law, OfEach)
+    drive, which the usual one leaves alone, it is of another part of a motor (driver, magnets, winding), or of one sensor of
+    several."""
+    one_sensor = type(law) in (SensorLagOfEach, SensorDelayOfEach)
+    return ("steered" in law.needs and "steered" not in usual.needs) or isinstance(law, OfEach) or one_sensor
 
 
 def _mechanisms(
