@@ -31,6 +31,7 @@ from .certainty.nominal_one import with_another_nominal
 from .certainty.not_from_the_start import with_nothing_from_the_start
 from .certainty.other_constants import likelier_constants
 from .certainty.straight_shares import open_gain, shared_lines
+from .certainty.taken_for_granted import taken_for_granted
 from .explanation import Explanation
 from .left.between_logs import changed_between
 from .left.doubtful_logs import doubtful_logs
@@ -344,6 +345,9 @@ def explain(
                 *without_a_name(final),
                 *by_weight(final),
                 untold if verdict == "ambiguous" else "",
+                taken_for_granted(final, logs, found.before.noise)
+                if nothing or verdict in ("named", "ambiguous")
+                else "",
                 *(parts_of_others(named, final.robot) if verdict in ("named", "ambiguous") else ()),
                 hinges,
                 still,

@@ -15,7 +15,7 @@ from ...robots.effect import in_words
 from ...robots.robot import Robot
 from ..refits.candidate_refits import Report
 from ..refits.refit import Trial, refit_from_itself
-from ..search.table_constants import by_how_much, constants_like
+from ..search.table_constants import BELIEVABLE, by_how_much, constants_like
 from ..search.telling_apart import told_apart_from
 from .hinging import Hinging, hinging
 
@@ -59,6 +59,7 @@ def with_nothing_from_the_start(
                 f"{n} is another ({by_how_much(n, share, last.robot)})" for n, share in wrong.shares.items()
             ): wrong.robot
             for wrong in constants_like(begun, replace(last, id=effect.id), logs, held_out)
+            if max(map(abs, wrong.shares.values())) < BELIEVABLE
         }
         own = {name for name in table if name.startswith(effect.key(""))}
         on = f"constants of the table, since {in_words(effect.id)} by this curve changes what is small, too"

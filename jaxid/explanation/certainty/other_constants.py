@@ -34,7 +34,7 @@ class _Other(NamedTuple):
 
 def _others(found: Trial, final: Fit, names: list[str], logs: LogSet) -> list[_Other]:
     """What each of the constants `names` would do, to first order, likeliest first."""
-    left, secants, _ = secants_of(found, [], names, logs)
+    left, secants, _ = secants_of(found.robot, found.held_out.noise, [], names, logs)
     steps, free = small_steps(found.robot, names), found.robot.parameters.free_names
     own, others = secants[: len(free)], secants[len(free) :]
     if not np.isfinite(own).all():

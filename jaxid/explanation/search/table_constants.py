@@ -156,14 +156,14 @@ def small_steps(robot: Robot, names: Sequence[str]) -> dict[str, float]:
     return found
 
 
-def secants_of(before: Trial, after: Sequence[Robot], names: Sequence[str], logs: LogSet) -> tuple[Array, Array, Array]:
+def secants_of(
+    robot: Robot, noise: Mapping[str, float], after: Sequence[Robot], names: Sequence[str], logs: LogSet
+) -> tuple[Array, Array, Array]:
     """Residuals of a model on the logs [samples] in units of the noise, their changes with its free parameters and `names`
     [parameters, samples], for small steps each, and those with other models of it, `after` [models, samples]."""
-    table, steps = before.robot.parameters, small_steps(before.robot, names)
-    every, sizes = [*steps], [*steps.values()]
-    moved = [before.robot.change(n, value=table[n].value + size) for n, size in zip(every, sizes, strict=True)]
-    noise = before.held_out.noise
-    outputs = _outputs([before.robot, *moved], logs, noise)
+    table, steps = robot.parameters, small_steps(robot, names)
+    moved = [robot.change(n, value=table[n].value + size) for n, size in steps.items()]
+    outputs = _outputs([robot, *moved], logs, noise)
     others = _outputs([*after], logs, noise) if after else np.empty((0, outputs.shape[1]))
     return outputs[0], outputs[1:] - outputs[0], others - outputs[0]
 
@@ -192,7 +192,7 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
         return []
     if before.fitted.diverged or after.fitted.diverged:
         return []
-    _, secants, changes = secants_of(before, [after.robot], constants, logs)
+    _, secants, changes = secants_of(before.robot, before.held_out.noise, [after.robot], constants, logs)
     own = secants[: -len(constants)]
     columns = dict(zip(constants, secants[-len(constants) :], strict=True))
     found: list[Wrong] = []
@@ -262,7 +262,7 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
     constants = known_constants(before.robot)
     if not constants or before.angles or before.fitted.diverged:
         return None
-    residual, secants, _ = secants_of(before, [], constants, logs)
+    residual, secants, _ = secants_of(before.robot, before.held_out.noise, [], constants, logs)
     own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
     names, directions, wanted, _ = _beyond(own, columns, -residual)
     rival = best.squares if best is not None else before.squares

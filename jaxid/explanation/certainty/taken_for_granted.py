@@ -1,0 +1,75 @@
+"""What the numbers take for granted: constants of the table whose small errors no log would show.
+
+Standard errors say how well the logs determine a parameter where the table is right. A mass, a winding or a radius is seldom
+known to better than a per cent, and beside a curve of what the motors lose, say, nothing else tells how strong they are.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ...estimate.result import Fit
+from ...logs import LogSet
+from ..search.table_constants import known_constants, measure, secants_of, small_steps
+
+_OFF = 0.01
+"""Share of its value by which a constant is off that is asked about."""
+_SHOWN = 9.0
+"""Rise of chi-squared from which the logs show that: 3 standard errors."""
+_APART = 3.0
+"""Standard errors of a parameter from which it hangs on a constant."""
+_LISTED, _GROUPS = 3, 2
+"""Parameters that are listed of each, and constants of which it is said, those first on which a parameter hangs most."""
+
+
+class _Hung(NamedTuple):
+    """By how many standard errors some parameters move with a constant, and what they would be, in words."""
+
+    most: float
+    constant: str
+    what: str
+
+
+def taken_for_granted(final: Fit, logs: LogSet, noise: Mapping[str, float]) -> str:
+    """A sentence on the parameters of the robot that would be others, by more than their standard errors say, with constants of
+    the table off by so little that the `logs` would not show it; empty where there are none."""
+    robot = final.robot
+    names = [n for n in known_constants(robot) if n not in final.parameters or final[n].status == "fixed"]
+    own = [n for n in final.free_names if "." not in n and final[n].status in ("identified", "at_bound")]
+    if not names or not own:
+        return ""
+    _, secants, _ = secants_of(robot, noise, [], names, logs)
+    free, steps = robot.parameters.free_names, small_steps(robot, names)
+    fitted, constants = secants[: len(free)], secants[len(free) :]
+    if not np.isfinite(secants).all():
+        return ""
+    sizes = np.linalg.norm(fitted, axis=1)
+    kept = [k for k in range(len(free)) if sizes[k] > 0]
+    groups: dict[str, list[_Hung]] = {}
+    for name, change in zip(names, constants, strict=True):
+        change = change * (_OFF * measure(name, robot) / steps[name])
+        along, *_ = np.linalg.lstsq((fitted[kept] / sizes[kept][:, None]).T, change, rcond=1e-9)
+        beyond = change - along @ (fitted[kept] / sizes[kept][:, None])
+        if beyond @ beyond > _SHOWN:
+            continue
+        moved = {free[k]: -a / sizes[k] * steps[free[k]] for k, a in zip(kept, along, strict=True)}
+        errors = {n: moved[n] / final[n].std_error for n in own if n in moved and final[n].std_error > 0}
+        worst = sorted((n for n in errors if abs(errors[n]) > _APART), key=lambda n: -abs(errors[n]))[:_LISTED]
+        if not worst:
+            continue
+        # The way in which the first of them grows, so that constants that do the same are said together.
+        way = float(np.sign(moved[worst[0]]))
+        what = ", ".join(
+            f"{n} {final[n].value + way * moved[n]:.4g} instead of {final[n].value:.4g} {final[n].unit}".rstrip()
+            for n in worst
+        )
+        found = _Hung(abs(errors[worst[0]]), f"{name} {100 * _OFF:.2g} % {'larger' if way > 0 else 'smaller'}", what)
+        groups.setdefault(what, []).append(found)
+    first = sorted(groups.values(), key=lambda group: -group[0].most)[:_GROUPS]
+    said = [f"with {' or '.join(own.constant for own in group)}, {group[0].what}" for group in first]
+    return (
+        f"Errors of a per cent in the table, which these logs would not show, would move: {'; '.join(said)}."
+        if said
+        else ""
+    )
