@@ -28,6 +28,7 @@ from .direct import log_triangles, states_after
 from .laid_out import Direct, direct
 from .problem import Problem, Structure
 from .setup import build
+from .window_colour import Neighbours, residual_at
 
 Array = NDArray[np.float64]
 _STEPS = 40
@@ -51,8 +52,8 @@ _INFORMED = 0.3
 class WindowFit:
     """What the window that ends at `time` [s] says.
 
-    - `values`, `std_errors`: of the free parameters by symbol, for white noise of the levels given; NaN errors for what
-      neither the window nor the memory determines.
+    - `values`, `std_errors`: of the free parameters by symbol, for noise of the levels given, as related from sample to sample
+      as the residuals so far; NaN errors for what neither the window nor the memory determines.
     - `informed`: parameters that the window itself tells; the others stand where they were seen last.
     - `normalised_rms`: of the residual, in units of the noise: 1 where the model fits. Where it is more, the errors are as much
       larger.
@@ -119,6 +120,8 @@ class MovingWindow:
         self._quiet = -np.inf
         self._posed: tuple[Structure, Problem] | None = None
         self._last: tuple[Direct, Array, Array, float] | None = None
+        self._neighbours = Neighbours.none(len(channels.measured))
+        self._new = 0
 
     def add(self, time: ArrayLike, inputs: ArrayLike, outputs: ArrayLike) -> None:
         """One sample, `time` [s], `inputs` [nu] and `outputs` [ny], or m of them, [m], [m, nu] and [m, ny]; NaN where nothing
@@ -135,6 +138,7 @@ class MovingWindow:
             )
         y = np.concatenate([y, np.full((len(t), most - y.shape[1]), np.nan)], axis=1)
         rows = np.concatenate([self._rows, np.concatenate([t[:, None], u, y], axis=1)])
+        self._new += len(t)
         if not (np.diff(rows[len(self._rows) - 1 if len(self._rows) else 0 :, 0]) > 0).all():
             raise ValueError("times must rise from sample to sample")
         # The sample with which a window begins is in it.
@@ -159,6 +163,9 @@ class MovingWindow:
         known = self._known(float(self._rows[0, 0]))
         d, states = self._problem()
         found = _minimum(d, self._theta, states, *self._prior(known))
+        if self._last is None and self._noticed(d, found):
+            d, states = self._problem()
+            found = _minimum(d, found.theta, states, *self._prior(known))
         contrast = self._contrast(known, found)
         alarm = bool(contrast.p_value < self.alarm)
         beside = None if alarm else known
@@ -171,7 +178,9 @@ class MovingWindow:
         self._last = (d, found.theta, found.states, float(self._rows[0, 0]))
         measured = np.count_nonzero(d.logs.weight[0, :, :, 0], axis=0)
         samples = max(int(measured.sum()), 1)
-        sound = found.converged and self._no_more_than_noise(measured, found.by_channel)
+        # The noise itself, of which what it does in the long run was the weight.
+        squares = found.by_channel * self._neighbours.long_run
+        sound = found.converged and self._no_more_than_noise(measured, squares)
         sound = sound and not (alarm and self._rows[0, 0] < self._quiet)
         if found.converged:
             self._theta = found.theta
@@ -182,7 +191,9 @@ class MovingWindow:
         own = _information(found.triangle, len(self.names))
         errors, before = _errors(own + root.T @ root, found.theta), _errors(root.T @ root, found.theta)
         told = np.flatnonzero(self._told(found.theta, errors, before))
-        left = float(np.sqrt(found.squares / samples))
+        left = float(np.sqrt(squares.sum() / samples))
+        if found.converged and not alarm:
+            self._noticed(d, found)
         return WindowFit(
             time=float(self._rows[-1, 0]),
             values=dict(zip(self.names, found.theta.tolist(), strict=True)),
@@ -194,6 +205,14 @@ class MovingWindow:
             alarm=alarm,
             changed=self._changed(d, known, found, contrast) if alarm and sound and known is not None else (),
         )
+
+    def _noticed(self, d: Direct, found: "_Minimum") -> bool:
+        """Take what is left of the samples that came since the last time for noise; whether it is related from one to the
+        next."""
+        there = np.asarray(d.logs.weight[0, :, :, 0]) > 0
+        self._neighbours = self._neighbours.with_(residual_at(d, found.theta, found.states), there, self._new)
+        self._new = 0
+        return bool(np.any(self._neighbours.correlation))
 
     def _changed(self, d: Direct, known: Knowledge, found: "_Minimum", contrast: Change) -> tuple[str, ...]:
         """The fewest parameters with which, were they others and the rest what it was `known` to be, the window leaves no
@@ -227,8 +246,11 @@ class MovingWindow:
         there = samples > 0
         if not there.any():
             return True
-        each = scipy.special.chdtrc(samples[there], squares[there])
-        whole = scipy.special.chdtrc(samples.sum(), squares.sum())
+        # As many independent ones have sums of squares that scatter as much.
+        fewer = 1.0 / self._neighbours.of_squares
+        each = scipy.special.chdtrc((samples * fewer)[there], (squares * fewer)[there])
+        count = samples.sum() ** 2 / np.sum(samples / fewer)
+        whole = scipy.special.chdtrc(count, squares.sum() * count / samples.sum())
         return bool(whole > self.alarm and np.all(each > self.alarm / there.sum()))
 
     def _seen(self, found: "_Minimum") -> Knowledge:
@@ -303,6 +325,7 @@ class MovingWindow:
         start |= {name: np.array([value]) for name, value in begun.items() if np.isfinite(value)}
         problem = replace(
             problem,
+            sigma=np.asarray(problem.sigma) * np.sqrt(self._neighbours.long_run),
             dt=np.append(np.diff(time), self._step)[None],
             inputs=u[None],
             outputs=np.where(there, y, 0.0)[None],

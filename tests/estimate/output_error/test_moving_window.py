@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from jaxid import Axis, DifferentialDrive, Log, LogSet, MovingWindow, ParameterError, output_error
 from jaxid.estimate.output_error import moving_window
@@ -13,9 +14,9 @@ NOISE, INTERVAL = 0.01, 0.02
 TRUE = {"M": 1.0, "Fv": 2.0, "Fc": 0.5, "offset": 0.0}
 
 
-def recorded(seconds, seed=0, changed=None, after=np.inf, still=np.inf, again=np.inf):
+def recorded(seconds, seed=0, changed=None, after=np.inf, still=np.inf, again=np.inf, related=0.0):
     """Time, force and speed of a cart with dry friction, in steps of a fiftieth of a sample; `changed` parameters from `after`
-    on, no force from `still` until `again`."""
+    on, no force from `still` until `again`; noise that is `related` from sample to sample."""
     random, T, fine = np.random.default_rng(seed), int(seconds / INTERVAL), 50
     force, h, v, speeds = np.repeat(random.uniform(-6, 6, T // 25 + 1), 25)[:T], INTERVAL / 50, 0.0, []
     there = INTERVAL * np.arange(T)
@@ -27,7 +28,10 @@ def recorded(seconds, seed=0, changed=None, after=np.inf, still=np.inf, again=np
             ahead = v + h / p["M"] * (force[k] - p["Fv"] * v)
             most = h / p["M"] * p["Fc"]
             v = ahead - np.clip(ahead, -most, most)
-    return INTERVAL * np.arange(T), force[:, None], np.array(speeds)[:, None] + NOISE * random.normal(size=(T, 1))
+    noise = random.normal(size=(T, 1))
+    if related:
+        noise = signal.lfilter([np.sqrt(1.0 - related**2)], [1.0, -related], noise, axis=0)
+    return INTERVAL * np.arange(T), force[:, None], np.array(speeds)[:, None] + NOISE * noise
 
 
 def followed(run, window, every=25):
@@ -113,6 +117,29 @@ def test_a_silent_sensor_does_not_make_up_for_what_another_has_too_much():
         fits = followed((time_, np.repeat(force / 2, 2, axis=1), outputs), window)
         assert [fit.sound for fit in fits] == [sound] * len(fits)
         assert all(fit.normalised_rms < 1.0 for fit in fits)
+
+
+@pytest.mark.parametrize("related", [0.8, pytest.param(0.95, marks=pytest.mark.slow)])
+def test_coloured_noise_is_no_change_and_no_certainty(related):
+    fits, off = [], []
+    for seed in range(3):
+        own = followed(
+            recorded(24.0, seed, related=related), MovingWindow(Axis(), 4.0, noise={"v": NOISE}, memory=20.0)
+        )
+        fits += own
+        off += [(f.values[n] - TRUE[n]) / f.std_errors[n] for f in own[::8] for n in ("M", "Fv", "Fc")]
+    assert sum(fit.alarm for fit in fits) <= 3 and not any(fit.changed for fit in fits)
+    assert sum(fit.sound for fit in fits) > 0.95 * len(fits)
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.3
+
+
+def test_a_payload_is_told_in_coloured_noise():
+    run = recorded(24.0, changed={"M": 1.4}, after=12.0, related=0.8)
+    fits = followed(run, MovingWindow(Axis(), 3.0, noise={"v": NOISE}, memory=20.0))
+    first = next(fit for fit in fits if fit.alarm)
+    assert 12.0 < first.time < 14.0
+    (named,) = {fit.changed for fit in fits if fit.changed}
+    assert named == ("M",)
 
 
 def test_what_a_window_does_not_excite_stays_where_it_was_seen():
