@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 import jaxid
 from jaxid.estimate.linear.window_equations import window_equations
@@ -35,6 +36,8 @@ LOAD = {"J": 1.4, "Cs": 0.6}
 NAMES = {"M": "J", "Fv": "Cv", "Fc": "Cs"}
 """The axis's parameters as the simulator calls them."""
 QUIET = 40
+COLOURED = (0.8, 0.95)
+"""Correlation of neighbouring errors."""
 
 
 class Run(NamedTuple):
@@ -45,8 +48,8 @@ class Run(NamedTuple):
     outputs: np.ndarray
 
 
-def recorded(seed: int, seconds: float = SECONDS, load: dict[str, float] | None = None) -> Run:
-    """Levels of force, held for half a second; from half-way on with another load."""
+def recorded(seed: int, seconds: float = SECONDS, load: dict[str, float] | None = None, related: float = 0.0) -> Run:
+    """Levels of force, held for half a second; from half-way on with another load. Errors are `related` to their neighbours."""
     random, T = np.random.default_rng(seed), int(seconds / INTERVAL)
     inputs = np.repeat(random.uniform(-6.0, 6.0, -(-T // 25)), 25)[:T, None]
     half = T // 2 if load else T
@@ -55,7 +58,8 @@ def recorded(seed: int, seconds: float = SECONDS, load: dict[str, float] | None 
     if load:
         heavy = replace(AXIS, parameters={**AXIS.parameters, **load})
         speeds.append(simulate(heavy, inputs[half:], INTERVAL, start=dict(enumerate(light.states[half]))).speeds[:, 0])
-    outputs = np.concatenate(speeds)[:, None] + NOISE * random.standard_normal((T, 1))
+    noise = lfilter([np.sqrt(1.0 - related**2)], [1.0, -related], random.standard_normal((T, 1)), axis=0)
+    outputs = np.concatenate(speeds)[:, None] + NOISE * noise
     return Run(INTERVAL * np.arange(T), inputs, outputs)
 
 
@@ -117,11 +121,14 @@ def picture(run: Run, recursion, fits: list[jaxid.WindowFit]) -> None:
     plt.close(figure)
 
 
-def quiet(seeds: range) -> dict[str, float]:
-    """How often a change is told where there is none: of windows that share no sample, and all of them."""
-    p, told, begun, fits = [], 0, 0, 0
+def quiet(seeds: range, related: float = 0.0) -> dict[str, float]:
+    """How often a change is told where there is none: of windows that share no sample, and all of them; and how often the 95 %
+    interval of a sound window apart holds a parameter, all together."""
+    p, told, begun, fits, off = [], 0, 0, 0, []
     for seed in seeds:
-        found, _ = by_window(recorded(seed))
+        found, _ = by_window(recorded(seed, related=related))
+        apart = [fit for fit in found[:: round(WINDOW / INTERVAL / REFIT)] if fit.sound]
+        off += [abs(f.values[n] - AXIS.parameters[own]) / f.std_errors[n] for f in apart for n, own in NAMES.items()]
         later = [fit for fit in found if np.isfinite(fit.p_value)]
         told, fits = told + sum(fit.alarm for fit in later), fits + len(later)
         begun += sum(fit.alarm and not before.alarm for before, fit in pairwise(later))
@@ -133,6 +140,7 @@ def quiet(seeds: range) -> dict[str, float]:
         "fits": fits,
         "alarms_at_0.001": told / fits,
         "begun_at_0.001": begun,
+        "in_95_percent": float(np.mean(np.array(off) < 1.96)),
     }
 
 
@@ -175,6 +183,9 @@ def main() -> None:
             if name in NAMES
         },
         "without_a_change": quiet(range(100, 100 + QUIET)),
+        "without_a_change_in_coloured_noise": {
+            str(related): quiet(range(100, 100 + QUIET), related) for related in COLOURED
+        },
     }
     document = {"command": "python -m benchmarks.online", "machine": platform.processor() or platform.machine()}
     versions = {name: version(name) for name in ("jax", "numpy", "scipy", "llvmlite")}
