@@ -10,6 +10,7 @@ from scipy.signal import cont2discrete, lfilter
 from jaxid import (
     Axis,
     DesignError,
+    Log,
     LogSet,
     Omni,
     Pioneer,
@@ -147,6 +148,20 @@ def test_what_is_known_from_logs_or_their_fit_counts(sticking, axis_log):
     assert "leaves" in other.sentence and "fit it" in other.sentence
     prior = sticking.change("M", prior=(1.0, 0.02))
     assert known(prior, None, {}, magnitude)[0, 0] == pytest.approx(2500.0)
+
+
+def test_noise_that_is_related_from_sample_to_sample_tells_less(sticking, axis_log):
+    """Beside signals as slow as these by its long-run variance, (1 + r) / (1 - r) of its own."""
+    u = np.repeat([0.0, 3.0, -2.0, 1.0, -3.0, 0.0], 120)
+    clean = axis_log("so far", u, 1e-9, 7, INTERVAL, position=False, M=1.0, Fv=2.0, Fc=0.5, offset=0.1)
+    errors = {}
+    for r in (0.0, 0.9):
+        noise = lfilter([np.sqrt(1.0 - r**2)], [1.0, -r], np.random.default_rng(0).normal(size=(len(u), 1)), axis=0)
+        log = Log.from_arrays("so far", clean.time, clean.inputs, clean.outputs + NOISE * noise, sticking)
+        found = design_experiment(sticking, **QUICK | {"rounds": 0, "noise": None}, already=LogSet([log]))
+        errors[r] = np.array(list(found.std_errors.values()))
+        assert ("related from sample to sample" in found.sentence) == (r > 0) and "fit it" not in found.sentence
+    np.testing.assert_allclose(errors[0.9] / errors[0.0], np.sqrt(1.9 / 0.1), rtol=0.35)
 
 
 def test_a_saved_design_is_a_log_to_drive(designed, sticking, tmp_path):

@@ -12,13 +12,16 @@ candidate is out.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._origin import with_origin
-from ..estimate.confidence.agreement import agreement
-from ..estimate.judge import POOR
+from ..estimate.confidence.agreement import agreement, errors_of
+from ..estimate.judge import POOR, drivers
+from ..estimate.noise_colour import colour_of
+from ..estimate.residual_tests import relation
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_level, noise_scale
 from ..robots.given import check_free
@@ -43,6 +46,8 @@ _CHILDREN = 2 * LANES
 _FEWEST_SAMPLES = 20
 _TIME_CONSTANTS, _A_TIME_CONSTANT = 100, 10
 """Length of an experiment in time constants of the robot, and samples in each."""
+_FOLLOWS = 0.01
+"""p value below which what a model leaves follows what drove the robot, and is no noise."""
 _LEAST_GAIN = 1.0
 """Gain in log det below which an experiment teaches nothing."""
 
@@ -134,11 +139,39 @@ def _run(judge: Judge, name: str, title: str, inputs: Array) -> PlannedRun:
     )
 
 
-def _noise(robot: Robot, noise: Mapping[str, float] | None, already: Fit | LogSet | None) -> dict[str, float]:
-    """Standard deviation of each output. Raises `DesignError`."""
+@dataclass(frozen=True)
+class _Left:
+    """What the robot leaves of the logs so far: in units of the noise that neighbouring samples show, whether it diverges, and
+    what channels have in the long run, where that is more than these show and what is left follows nothing that drove it."""
+
+    normalised_rms: float
+    diverged: bool
+    long_run: Mapping[str, float]
+
+
+def _left(robot: Robot, logs: LogSet) -> _Left:
+    simulated = [np.asarray(y) for y in simulate(robot, logs)]
+    found, noise = agreement(logs, simulated, noise_scale(logs)), noise_level(logs)
+    if found.diverged:
+        return _Left(found.normalised_rms, True, {})
+    driving, long_run = drivers(logs, simulated), {}
+    every = [errors_of(log, y) for log, y in zip(logs, simulated, strict=True)]
+    for name in {name for own in every for name in own}:
+        parts = [own.get(name, np.full(len(log), np.nan)) for own, log in zip(every, logs, strict=True)]
+        colour = colour_of(parts)
+        if colour.in_the_long_run > noise.get(name, np.inf) and relation(parts, driving)[0] > _FOLLOWS:
+            long_run[name] = colour.in_the_long_run
+    return _Left(found.normalised_rms, False, long_run)
+
+
+def _noise(
+    robot: Robot, noise: Mapping[str, float] | None, already: Fit | LogSet | None, left: _Left | None
+) -> dict[str, float]:
+    """Standard deviation of each output, of white noise that would tell as little. Raises `DesignError`."""
     found = dict(already.noise) if isinstance(already, Fit) else {}
     if isinstance(already, LogSet):
         found = {name: level for name, level in noise_level(already).items() if np.isfinite(level) and level > 0}
+        found |= {name: level for name, level in (left.long_run if left else {}).items() if name in found}
     found |= dict(noise or {})
     channels = robot.channels
     for name, level in found.items():
@@ -156,7 +189,7 @@ def _noise(robot: Robot, noise: Mapping[str, float] | None, already: Fit | LogSe
     return {name: float(level) for name, level in found.items() if name in (*channels.outputs, *robot.states)}
 
 
-def _doubt(robot: Robot, already: Fit | LogSet | None) -> str:
+def _doubt(already: Fit | LogSet | None, left: _Left | None) -> str:
     """Why the model may not be that of the robot whose logs or fit are there, in a sentence; empty if nothing says so."""
     if isinstance(already, Fit):
         doubted = already.judgement is not None and not already.trustworthy
@@ -165,15 +198,18 @@ def _doubt(robot: Robot, already: Fit | LogSet | None) -> str:
             if doubted and already.judgement
             else ""
         )
-    if already is None:
+    if left is None or (not left.diverged and left.normalised_rms <= POOR):
         return ""
-    found = agreement(already, simulate(robot, already), noise_scale(already))
-    if not found.diverged and found.normalised_rms <= POOR:
-        return ""
-    left = "diverges" if found.diverged else f"leaves {found.normalised_rms:.3g} times the noise"
+    how = "diverges" if left.diverged else f"leaves {left.normalised_rms:.3g} times the noise"
+    if left.long_run:
+        return (
+            f"The model {how} that neighbouring samples show on the logs recorded so far, and it follows nothing that drove "
+            "the robot: noise that is related from sample to sample, for which the standard errors allow, or something that "
+            "the model lacks (`jaxid explain`)."
+        )
     return (
-        f"But the model {left} on the logs recorded so far, so that all this is for another robot than theirs: fit it to them "
-        "first (`jaxid fit` writes model.toml) and design for that."
+        f"But the model {how} on the logs recorded so far, so that all this is for another robot than theirs: fit it to them "
+        "first (`jaxid fit` writes model.toml) and design for that; where it was, it lacks something (`jaxid explain`)."
     )
 
 
@@ -243,7 +279,8 @@ def design_experiment(
             "number of rounds, and a doubt between 0 and 1."
         )
     limits = make_limits(robot, limit, speeds, rectangle, radius)
-    levels = _noise(robot, noise, already)
+    left = _left(robot, already) if isinstance(already, LogSet) else None
+    levels = _noise(robot, noise, already, left)
     count = len(robot.parameters.free_names)
     laboratory = Laboratory(robot, levels, round(seconds / interval), interval, doubt, seed, report)
     judge, random = Judge(laboratory, limits), np.random.default_rng([seed, 2])
@@ -291,6 +328,6 @@ def design_experiment(
         reference_std_errors=by_name(std_errors(other) * magnitude),
         before=by_name(std_errors(before) * magnitude),
         tried=judge.tried,
-        doubt=_doubt(robot, already),
+        doubt=_doubt(already, left),
         meanings={name: meaning for name, meaning in meanings_of(robot).items() if name in names},
     )

@@ -122,7 +122,10 @@ class Design:
 
     def _share(self, name: str, error: float) -> str:
         magnitude = self.magnitudes[name]
-        return "not determined" if error > PRACTICAL * magnitude else f"{100 * error / magnitude:.2g} %"
+        if error > PRACTICAL * magnitude:
+            return "not determined"
+        # Nothing is a share of zero.
+        return f"{100 * error / magnitude:.2g} %" if self.values[name] else f"{error:.2g} {self.units[name]}".rstrip()
 
     @property
     def sentence(self) -> str:

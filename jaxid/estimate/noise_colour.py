@@ -56,6 +56,11 @@ class Colour:
         return self.order > 1 and all(c > 0 for c in self.coefficients)
 
     @property
+    def in_the_long_run(self) -> float:
+        """What it is as much as, of white noise, to a mean over many samples: the root of its spectrum at frequency zero."""
+        return self.level / max(1.0 - sum(self.coefficients), 1e-3)
+
+    @property
     def _taps(self) -> Array:
         """[order + 1], which the noise has to be filtered with to become white."""
         return np.concatenate([[1.0], -np.asarray(self.coefficients)])
