@@ -4,7 +4,7 @@ What was added first was chosen while all the others were still missing, from wh
 things may have won, and what is right may not even have been refitted. With the others in place, the first look is another.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from ...effects import catalogue, laws_of
 from ...effects.table_constants import TableConstants
@@ -12,6 +12,7 @@ from ...logs import Log, LogSet
 from ...logs.windows import Windows
 from ...robots.effect import Effect
 from ...robots.robot import Robot
+from ..policy import current_policy
 from ..refits.candidate_refits import Report
 from ..refits.refit import Trial
 from ..screening.first_look import first_look
@@ -43,16 +44,19 @@ def named_from_the_back(
     held_out: LogSet,
     noise: dict[str, float],
     say: Report,
+    confirmed: Collection[str] = (),
 ) -> tuple[list[Step], Trial]:
     """The steps and their model, effects but the last named anew where another explains more beside the rest.
 
-    Nothing is looked for where only noise is left. `base` is the model without any of them, `effects` are candidates beside the
-    catalogue's.
+    Nothing is looked for where only noise is left, nor, where little more than that is, what has been `confirmed` so before.
+    `base` is the model without any of them, `effects` are candidates beside the catalogue's.
     """
     revised = list(steps)
     for step in steps[:-1]:
         present = {effect.id for effect in current.robot.effects}
         lasting = step.chosen.id != TableConstants.id and step.chosen.id in present and not current.angles
+        if step.chosen.id in confirmed and current.held_out.normalised_rms < current_policy().coarse_law:
+            continue
         if not lasting or current.held_out.adequate:
             continue
         say(f"looking for {step.chosen.id} again, beside what was added later")

@@ -65,7 +65,7 @@ def search(
     looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
     stuck: tuple[list[Step], Trial] | None = None
-    colour = None
+    colour, confirmed = None, set[str]()
     for last in (False, True):
         # Beside delays that scatter, a smaller effect may still show on the fitted logs.
         while not current.held_out.adequate or current.held_out.by_chance:
@@ -121,7 +121,9 @@ def search(
         stuck = None
         names = _names(steps)
         if colour is None:
-            steps, current = named_from_the_back(steps, current, baseline, effects, logs, held_out, noise, report)
+            own = baseline, effects, logs, held_out, noise, report
+            steps, current = named_from_the_back(steps, current, *own, confirmed)
+            confirmed = set(names[:-1]) & set(_names(steps))
         if _names(steps) != names:
             current = pruned(current, baseline, logs, held_out, noise, report)
         steps, current = reconsidered(steps, current, baseline, logs, held_out, noise, report)
