@@ -8,11 +8,15 @@ that of its logs, and no residual says that its friction is half of the truth.
 from collections.abc import Sequence
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from ..._float64 import in_float64
 from ...logs import Log, LogSet
 from ...parameters import ParameterError
+from ...robots.effect import State
 from ...robots.robot import Robot
 from ...simulation.simulate import simulate
 from ...simulation.start import initial_states
@@ -20,14 +24,31 @@ from ..result import Fit
 
 _AGAINST = 0.05
 """Share of an axis' largest speed below which it does not go that way: a sensor's noise, or a moment of swinging back."""
+_MOMENTS = 0.05
+"""Share of the samples on either side that say nothing of the way in which a robot moves."""
 _STEP = 0.1
+_STATES = 50
+"""Moving states in which the rates of the robot are compared."""
+_ALIKE = 1e-8
 
 
 def _driven_both_ways(robot: Robot, logs: LogSet) -> bool:
-    """Whether an input that drives is of both signs in the logs: that most robots then roll both ways is soon said."""
+    """Whether an input that drives is of both signs in the logs, and so is a velocity, where one is measured: that most robots
+    then roll both ways is soon said."""
     inputs = np.concatenate([log.inputs[:, list(robot.drive_inputs)] for log in logs])
     least = _AGAINST * np.max(np.abs(inputs), axis=0, initial=0.0)
-    return bool(np.any(np.any(inputs > least, axis=0) & np.any(inputs < -least, axis=0)))
+    if not np.any(np.any(inputs > least, axis=0) & np.any(inputs < -least, axis=0)):
+        return False
+    seen = [name for name in robot.velocities if name in robot.channels.outputs]
+    measured = [np.concatenate([log.output(name) for log in logs]) for name in seen]
+    measured = [y[np.isfinite(y)] for y in measured]
+    return not seen or any(_both(y) for y in measured if len(y))
+
+
+def _both(y: Float[np.ndarray, " N"]) -> bool:
+    """Whether a measured velocity is of both signs for more than moments, which its noise may make."""
+    low, high = np.quantile(y, (_MOMENTS, 1.0 - _MOMENTS))
+    return bool(min(-low, high) > _AGAINST * max(-low, high))
 
 
 def _velocities(robot: Robot, logs: LogSet) -> list[dict[str, Float[np.ndarray, " T"]]] | None:
@@ -61,29 +82,33 @@ def _axes_of(robot: Robot, name: str) -> list[int]:
     return [i for i, (a, b) in enumerate(zip(here, there, strict=True)) if tuple(map(float, a)) != tuple(map(float, b))]
 
 
-def one_way(fit: Fit, logs: LogSet) -> str:
-    """A sentence on identified Coulomb friction of axes that turn one way only in all of the `logs`, as the fitted robot moves
-    in them; empty where there is none."""
+def _of_one_way(fit: Fit, logs: LogSet, names: Sequence[str]) -> tuple[list[str], list[dict[str, np.ndarray]]]:
+    """Those of the parameters `names` that are Coulomb friction of axes that turn one way only in all of the `logs`, as the
+    fitted robot moves in them, and the velocities of every log; none where nothing shows them."""
     robot = fit.robot
-    friction = {name: _axes_of(robot, name) for name in fit.free_names if fit[name].status == "identified"}
-    friction = {name: axes for name, axes in friction.items() if axes}
+    friction = {name: axes for name in names if (axes := _axes_of(robot, name))}
     if not friction or robot.controlled or _driven_both_ways(robot, logs):
-        return ""
+        return [], []
     try:
         velocities = _velocities(robot, logs)
     except ParameterError:  # too fast for any steps without its effects
-        return ""
-    if velocities is None:
-        return ""
+        return [], []
     found = []
-    for name, axes in friction.items():
-        speeds = np.concatenate([_rubbing(robot, axes, own) for own in velocities], axis=1)
+    for name, axes in friction.items() if velocities is not None else ():
+        speeds = np.concatenate([_rubbing(robot, axes, own) for own in velocities or ()], axis=1)
         speeds = speeds[:, np.all(np.isfinite(speeds), axis=0)]
         least = _AGAINST * np.max(np.abs(speeds), axis=1, initial=0.0)[:, None]
         moves = np.max(np.abs(speeds), axis=1, initial=0.0) > 0.0
         both = np.any(speeds > least, axis=1) & np.any(speeds < -least, axis=1)
         if moves.any() and not both[moves].any():
             found.append(name)
+    return found, velocities or []
+
+
+def one_way(fit: Fit, logs: LogSet) -> str:
+    """A sentence on identified Coulomb friction of axes that turn one way only in all of the `logs`, as the fitted robot moves
+    in them; empty where there is none."""
+    found, _ = _of_one_way(fit, logs, [name for name in fit.free_names if fit[name].status == "identified"])
     if not found:
         return ""
     they, hold = " and ".join(found), "hold" if len(found) > 1 else "holds"
@@ -92,3 +117,77 @@ def one_way(fit: Fit, logs: LogSet) -> str:
         "offset of an input, friction that is another one backwards), and may be off by as much. Logs that drive the other "
         "way, too, would tell."
     )
+
+
+def _moving(robot: Robot, logs: LogSet, velocities: list[dict[str, np.ndarray]]) -> tuple[State, np.ndarray]:
+    """Some states in which the robot moves [N], and inputs [N, nu] there."""
+    every = {name: np.concatenate([own[name] for own in velocities]) for name in velocities[0]}
+    fast = sum(np.abs(v) / max(float(np.nanmax(np.abs(v))), 1e-300) for v in every.values())
+    some = np.flatnonzero(np.isfinite(fast) & (fast > 2.0 * _AGAINST * len(every)))
+    some = some[np.unique(np.linspace(0, len(some) - 1, _STATES).astype(int))] if len(some) else some
+    rest = {name: np.full(len(some), float(value)) for name, value in robot.initial_state().items()}
+    inputs = np.concatenate([log.inputs for log in logs])[some]
+    return {**rest, **{name: v[some] for name, v in every.items()}}, inputs
+
+
+@in_float64
+def _pushing_alike(fit: Fit, name: str, others: Sequence[str], state: State, inputs: np.ndarray) -> list[str]:
+    """Those of the `others` that change the rates of the robot in these states in proportion to what the Coulomb friction
+    `name` does."""
+    robot, numbers = replace(fit.robot, effects=()), dict(fit.robot.parameters.numbers)
+
+    def rates(state, inputs, p):
+        speeds, levels = robot.rubbing(state, p), robot.coulomb(state, p)
+        dry = tuple(
+            jnp.where(speed > 0, forward, -backward)
+            for speed, (backward, forward) in zip(speeds, levels, strict=True)
+        )  # fmt: skip
+        found = robot.rates(state, inputs, dry, p)
+        return jnp.stack([jnp.asarray(found[v], float) for v in robot.velocities])
+
+    every = jax.vmap(rates, in_axes=(0, 0, None))
+
+    def change(of: str) -> Float[np.ndarray, " N"]:
+        step = _STEP * (abs(numbers[of]) or fit.robot.parameters[of].typical or 1.0)
+        up, down = (every(state, tuple(inputs.T), {**numbers, of: numbers[of] + by}) for by in (step, -step))
+        return np.asarray(up - down).ravel() / (2.0 * step)
+
+    own = change(name)
+    found = []
+    for other in others:
+        theirs = change(other)
+        size = float(np.linalg.norm(own) * np.linalg.norm(theirs))
+        if np.isfinite(size) and size > 0 and abs(float(own @ theirs)) > (1.0 - _ALIKE) * size:
+            found.append(other)
+    return found
+
+
+def without_what_pushes_alike(fit: Fit, logs: LogSet) -> Fit:
+    """The fit in which neither Coulomb friction of axes that turn one way only is identified nor a constant force that is free
+    beside it, with a note: all that tells one from the other is where the robot just sticks, and that bounds them."""
+    own = [name for name in fit.free_names if "." not in name and fit[name].status != "fixed"]
+    told = [name for name in own if fit[name].status == "identified"]
+    found, velocities = _of_one_way(fit, logs, own) if told else ([], [])
+    if not found:
+        return fit
+    state, inputs = _moving(fit.robot, logs, velocities)
+    if not len(inputs):
+        return fit
+    table, parameters, notes = fit.robot.parameters, dict(fit.parameters), []
+    for name in found:
+        alike = _pushing_alike(fit, name, [other for other in own if other != name], state, inputs)
+        lost = [other for other in (name, *alike) if parameters[other].status == "identified"]
+        if not alike or not lost:
+            continue
+        for other in lost:
+            parameters[other] = replace(
+                parameters[other],
+                std_error=float("inf"),
+                ci95=(table[other].lower, table[other].upper),
+                status="not_identifiable",
+            )
+        notes.append(
+            f"In all of these logs the robot drives one way: {' and '.join((name, *alike))} push alike all the time, and only "
+            "what they make together is determined. Logs that drive the other way, too, would tell."
+        )
+    return replace(fit, parameters=parameters, notes=(*fit.notes, *notes)) if notes else fit

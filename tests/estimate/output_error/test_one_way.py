@@ -39,3 +39,18 @@ def test_of_logs_that_go_both_ways_nothing_is_said(axis_log):
     fit = output_error(USUAL, logs)
     assert fit["Fc"].status == "identified"
     assert not any("drives one way" in note for note in fit.notes) and one_way(fit, logs) == ""
+
+
+def test_friction_and_a_constant_force_are_not_told_apart_by_driving_one_way(axis_log):
+    """Whatever the curvature says where the robot just sticks."""
+    for seed in range(3):
+        inputs = np.repeat(np.abs(np.random.default_rng(seed).uniform(-5.0, 5.0, 15)), 20)
+        logs = LogSet(
+            [axis_log("run", inputs, noise=0.03, seed=seed, position=False, M=1.3, Fv=2.0, Fc=0.7, offset=0.1)]
+        )
+        fit = output_error(USUAL, logs)
+        assert {fit[name].status for name in ("Fc", "offset")} == {"not_identifiable"}
+        assert fit["M"].status == "identified" and abs(fit["M"].value - 1.3) < 4 * fit["M"].std_error
+        assert any(
+            "Fc and offset push alike" in note or "one by one" in note or "hardly rises" in note for note in fit.notes
+        )
