@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...effects.curve import SHAPE
+from ...effects.curve import SHAPE, Curve
 from ...estimate.result import Fit
 from ...robots.effect import Effect, in_words
 from ...robots.robot import Robot
@@ -53,6 +53,8 @@ def hinging(
         for name in own:
             if name not in robot.parameters or name not in last.robot.parameters:
                 continue  # of a finer curve
+            if len({_points(own, name) for own in (robot, last.robot, final.robot)}) > 1:
+                continue  # a height at another place
             value, error = robot.parameters[name].value, final[name].std_error
             by = value - last.robot.parameters[name].value
             if abs(by) > _APART * error > 0.0:
@@ -110,6 +112,15 @@ def with_the_rest(others: Mapping[str, Robot], identifier: str, final: Fit) -> d
     missing there has moved the robot's own parameters, too."""
     rest = laws_in(final.robot, identifier)
     return {title: robot for title, robot in others.items() if rest <= laws_in(robot, identifier)}
+
+
+def _points(robot: Robot, name: str) -> tuple[float, ...]:
+    """The places of the curve that a parameter is a height of, and their unit; none where it is no curve's."""
+    curve = next((e for e in robot.effects if isinstance(e, Curve) and e.is_height(name)), None)
+    if curve is None:
+        return ()
+    reaches = (p.value for own, p in robot.parameters.items() if own.startswith(curve.key("reach")))
+    return (*curve.places, *reaches)
 
 
 def _said(name: str) -> str:

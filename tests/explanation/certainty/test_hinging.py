@@ -74,3 +74,26 @@ def test_models_that_lack_another_effect_say_nothing():
     others = {"as it was": last.robot, "beside the drag": delayed}
     assert list(with_the_rest(others, "motor_lag", with_drag)) == ["beside the drag"]
     assert list(with_the_rest(others, "motor_lag", final)) == ["as it was", "beside the drag"]
+
+
+def test_a_height_of_a_curve_is_not_compared_with_one_at_another_place():
+    logs, held_out = driven(lambda u: u, 5)
+    axis = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0, offset=0.0), logs)
+    for name in ("Fc", "offset", "Fv"):
+        axis = axis.change(name, free=False)
+    curve = effect_by_id(axis, "quadratic_drag", "shape")
+    robot, name = axis + curve, curve.height(curve.varying[-1])
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    final = output_error(robot, logs)
+    last = refit(robot, [start], logs, held_out, noise_scale(held_out, otherwise=logs), {})
+    assert f"{name.split('.')[1].replace('_', ' ')} of quadratic drag 0.5 instead of" in said_of(
+        final, last, robot, name
+    )
+    denser = axis + curve.denser
+    assert name in denser.parameters and said_of(final, last, denser, name) == ""
+
+
+def said_of(final, last, robot, name):
+    others = last.robot.parameters
+    kept = {own: others[own].value for own in robot.parameters if own in others}
+    return hinging(final, last, {"it is another": robot.with_values(**{**kept, name: 0.5})}).sentence
