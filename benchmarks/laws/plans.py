@@ -20,7 +20,13 @@ PAIRS = 8
 TRIPLES = 4
 """Three laws of three mechanisms at once, for each robot."""
 _BY_SPEED = frozenset(
-    ("asymmetric_friction", "asymmetric_viscous_friction", "quadratic_drag", "stribeck_friction", "sublinear_viscous_friction")
+    (
+        "asymmetric_friction",
+        "asymmetric_viscous_friction",
+        "quadratic_drag",
+        "stribeck_friction",
+        "sublinear_viscous_friction",
+    )
 )
 """Forces of the speed alone, of which three laws have one at most: two of them are one curve."""
 EARLIER = 77

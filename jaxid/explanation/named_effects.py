@@ -54,7 +54,8 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
                     evidence=_evidence(step),
                     identified=sure,
                     law=effect.law,
-                    laws_alike=step.laws_alike if same_law else (),
+                    # A law may have been refitted more than once, from other starts or with a number held.
+                    laws_alike=tuple(law for law in dict.fromkeys(step.laws_alike) if same_law and law != effect.law),
                     shapes=shapes_of(effect, final.robot, final.parameters) if isinstance(effect, Curve) else (),
                     constants=_wrong(effect, baseline, final),
                 )
