@@ -11,7 +11,7 @@ from ..estimate.output_error.lost_inputs import with_lost_inputs
 from ..estimate.result import Fit
 from ..logs import LogSet, noise_scale
 from ..robots.effect import Effect
-from .certainty.finer_curves import through_enough_points, widened_by_forms
+from .certainty.finer_curves import by_a_curve_instead, through_enough_points, widened_by_forms
 from .certainty.straight_shares import without_shared_lines
 from .left.heldout import HeldOut
 from .left.overrated import small_after_all
@@ -94,18 +94,23 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         if held is not found.final:
             found, final = replace(found, final=held), finished(held)
             after = left_by(final)
+    base = found.steps[0].before if found.steps else None
+
+    def curve_of(identifier: str) -> Trial | None:
+        if base is None or found.final is None:
+            return None
+        own = by_its_curve(identifier, found.final, base, logs, held_out, noise, report)
+        return own and with_parameters_held(own, logs, held_out, noise, report)
+
+    if after.adequate and found.final and not final.trustworthy:
+        instead = by_a_curve_instead(found, final, curve_of, finished, report)
+        if instead.final is not final and left_by(instead.final).adequate:
+            (found, final), after = instead, left_by(instead.final)
     if after.adequate and found.final and found.steps:
         finer = through_enough_points(found, final, finished, lambda own: _all_sure(found, fit, own), report)
         if finer.final is not final:
             (found, final), after = finer, left_by(finer.final)
-    trial = found.final
-    if found.steps and trial and (after.adequate or final.trustworthy):
-        base = found.steps[0].before
-
-        def curve_of(identifier: str) -> Trial | None:
-            own = by_its_curve(identifier, trial, base, logs, held_out, noise, report)
-            return own and with_parameters_held(own, logs, held_out, noise, report)
-
+    if found.steps and found.final and (after.adequate or final.trustworthy):
         # Last, since another fit in full would have its own standard errors again.
         final = widened_by_forms(found, final, curve_of, finished, report)
     # What the fit in full leaves, and not what a search's few steps had left.

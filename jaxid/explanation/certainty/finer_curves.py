@@ -63,6 +63,34 @@ def through_enough_points(
     return best
 
 
+def by_a_curve_instead(
+    found: Search,
+    final: Fit,
+    curve_of: Callable[[str], Trial | None],
+    in_full: Callable[[Trial], Fit],
+    say: Callable[[str], None],
+) -> Finer:
+    """What was found with the curve of a mechanism in the place of its formula, where the fit with the formula is to be doubted
+    and that with the curve is not: held-out logs did not show what the fitted ones do."""
+    for step in found.steps:
+        effect = next((own for own in final.robot.effects if own.id == step.chosen.id), None)
+        if effect is None or isinstance(effect, Curve) or found.final is None or found.final.angles:
+            continue
+        if not any(isinstance(law, Curve) for law in laws_of(step.before.robot, effect.id)):
+            continue
+        say(f"the fit with {effect.title} is to be doubted; fitting its curve instead")
+        curve = curve_of(effect.id)
+        for _ in range(1 + _MOST):
+            fit = _fitted(curve, effect.id, in_full) if curve is not None else None
+            if curve is None or fit is None:
+                break
+            if fit.trustworthy:
+                say(f"the curve of {effect.title} leaves no doubt")
+                return Finer(replace(found, final=replace(curve, robot=fit.robot)), fit)
+            curve = _dense(replace(curve, robot=fit.robot), fit.robot, effect.id)
+    return Finer(found, final)
+
+
 def widened_by_forms(
     found: Search,
     final: Fit,
