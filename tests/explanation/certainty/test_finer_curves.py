@@ -7,7 +7,13 @@ import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, output_error
 from jaxid.effects import effect_by_id
-from jaxid.explanation.certainty.finer_curves import hangs_on_forms, moved, through_enough_points, widened_by_forms
+from jaxid.explanation.certainty.finer_curves import (
+    by_a_curve_instead,
+    hangs_on_forms,
+    moved,
+    through_enough_points,
+    widened_by_forms,
+)
 from jaxid.explanation.refits.refit import in_full, refit
 from jaxid.explanation.search.reconsider import by_its_curve
 from jaxid.explanation.search.steps import Search, Step
@@ -148,6 +154,38 @@ def resisted(resistance, seed=3, count=3, samples=400, fine=20, h=0.02):
         outputs = {"v": np.array(speeds) + 0.02 * random.normal(size=samples)}
         logs.append(Log.from_arrays(f"run {k}", h * np.arange(samples), u[:, None], outputs, AXIS))
     return LogSet(logs[:-1]), LogSet(logs[-1:])
+
+
+def test_a_curve_takes_the_place_of_a_formula_whose_fit_is_doubted():
+    """A drag that sets in at 0.6 m/s and is level from 1.2 m/s on, as no power of the speed is."""
+    logs, held_out = resisted(
+        lambda v: 2.0 * v + 1.5 * np.sign(v) * np.clip((np.abs(v) - 0.6) / 0.6, 0.0, 1.0), count=4
+    )
+    noise = noise_scale(held_out, otherwise=logs)
+    robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
+    fit = output_error(robot, logs)
+
+    def refitted(model, **values):
+        start = {name: model.parameters[name].value for name in model.parameters.free_names} | values
+        return refit(model, [start], logs, held_out, noise, fit.initial_states)
+
+    def fitted(other):
+        return in_full(other, logs, noise)
+
+    def curve_of(name):
+        return by_its_curve(name, trial, base, logs, held_out, noise, lambda sentence: None)
+
+    base = refitted(fit.robot)
+    drag = effect_by_id(base.robot, "quadratic_drag", "whole_speed")
+    trial = refitted(base.robot + drag, **{"quadratic_drag.coefficient": 0.3})
+    step = Step((trial,), (), (), base, trial, (trial,))
+    search = Search(before=base.held_out, after=trial.held_out, final=trial, steps=(step,), first_look=())
+    plain = fitted(trial)
+    found, final = by_a_curve_instead(search, plain, curve_of, fitted, lambda sentence: None)
+    assert not plain.trustworthy and final.trustworthy
+    assert [effect.law for effect in final.robot.effects] == ["shape"]
+    assert found.final is not None and found.final.robot.parameters["M"].value == final["M"].value
+    assert abs(final["M"].value - 1.0) < 3.0 * final["M"].std_error < 0.01
 
 
 def with_a_law(resistance, identifier, law, **own):
