@@ -6,20 +6,24 @@ full, and on held-out logs there is no fit to give them little weight. They are 
 (`estimate/jumps.py`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...estimate.jumps import jumping
-from ...logs import LogSet, noise_scale
+from ...logs import Log, LogSet, noise_scale
 from ...robots.robot import Robot
-from .heldout import held_out_state
+from .heldout import HeldOut, held_out_state
 
 _MUCH = 1.1
 """Ratio of what a model leaves of the held-out logs with samples that jump and without them, from which these are what is to be
 seen there, and are left out whatever the loss."""
+_LATELY = 5
+"""Samples after a change of an input in which a fast robot's answer to it jumps."""
+_RELATED = 4.0
+"""Standard errors by which inputs change more before samples that jump than before others, from which these are no noise."""
 ROBUST = (
     "They make much of the error on the held-out logs, and may have pulled the numbers of the fit: a robust loss "
     '(`loss="cauchy"`, --loss cauchy) keeps them from that.'
@@ -31,13 +35,42 @@ def passing_jumps(residual: NDArray[np.float64]) -> NDArray[np.bool_]:
     return jumping(residual, least=1.0)
 
 
+def _changes(log: Log) -> NDArray[np.float64]:
+    """By how much the inputs changed within the last few samples [T], in units of what each of them usually does."""
+    steps = np.abs(np.diff(log.inputs, axis=0, prepend=log.inputs[:1]))
+    size = np.sqrt(np.mean(steps**2, axis=0))
+    size = np.sqrt(np.sum((steps / np.where(size > 0, size, 1.0)) ** 2, axis=1))
+    lately = np.pad(size, (_LATELY - 1, 0))
+    return np.max(np.lib.stride_tricks.sliding_window_view(lately, _LATELY), axis=1)
+
+
+def _after_commands(logs: LogSet, jumps: Sequence[NDArray[np.bool_]]) -> bool:
+    """Whether samples that jump follow changes of the inputs: a robot that answers fast, and later or otherwise than the
+    model, makes such errors, and a sensor that slips does not know of them."""
+    every = [_changes(log) for log in logs]
+    there = np.concatenate([values[own] for values, own in zip(every, jumps, strict=True)])
+    others = np.concatenate([values[~own] for values, own in zip(every, jumps, strict=True)])
+    if len(there) < 2 or len(others) < 2:
+        return False
+    spread = np.std(others) * np.hypot(1.0 / np.sqrt(len(there)), 1.0 / np.sqrt(len(others)))
+    return bool(np.mean(there) - np.mean(others) > _RELATED * max(float(spread), 1e-300))
+
+
+def _jumps(state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
+    """Which samples [T, channels] of every log jump and come back; none where they follow changes of the inputs."""
+    found = [np.stack([passing_jumps(column) for column in residual.T], axis=1) for residual in state.residuals]
+    if _after_commands(logs, [own.any(axis=1) for own in found]):
+        return [np.zeros_like(own) for own in found]
+    return found
+
+
 def _without(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> tuple[LogSet, int]:
     state = held_out_state(robot, logs, noise)
     channels, total, kept = list(state.noise), 0, []
-    for log, residual in zip(logs, state.residuals, strict=True):
+    for log, every in zip(logs, _jumps(state, logs), strict=True):
         outputs = np.array(log.outputs)
         for i, name in enumerate(channels):
-            jumps = passing_jumps(residual[:, i])
+            jumps = every[:, i]
             total += int(np.count_nonzero(jumps))
             outputs[jumps, log.measured.index(name)] = np.nan
         kept.append(replace(log, outputs=outputs))

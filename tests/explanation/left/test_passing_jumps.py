@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import Axis, LogSet, explain, output_error
-from jaxid.explanation.left.passing_jumps import ROBUST, jumps_are_much
+from jaxid import Axis, Log, LogSet, explain, output_error
+from jaxid.explanation.left.heldout import held_out_state
+from jaxid.explanation.left.passing_jumps import ROBUST, _jumps, jumps_are_much
 from tests.explanation.closed_form_axis import NOISE, driven
 
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.0).change("Fc", free=False)
@@ -35,6 +36,26 @@ def test_they_are_left_out_where_they_make_much_of_the_error_and_something_is_mi
     logs, held_out = (_slipping(each, share, 4) for each in driven(law, 5))
     fit = output_error(ROBOT, logs)
     assert jumps_are_much(fit.robot, logs, held_out) == much
+
+
+def test_what_a_fast_robot_does_later_than_its_model_is_no_slip_of_a_sensor():
+    """Its answer to every step comes two samples late: the error there jumps and comes back."""
+    logs = []
+    for k in range(3):
+        random = np.random.default_rng(k)
+        u = np.repeat(random.uniform(-4.0, 4.0, 40), 10)
+        v = np.concatenate([[0.0, 0.0, 0.0], 0.5 * u[:-3]]) + NOISE * random.normal(size=len(u))
+        logs.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(len(u)), u[:, None], v[:, None], ROBOT))
+    fast = ROBOT.with_values(M=0.004)
+    assert not jumps_are_much(fast, LogSet(logs[:2]), LogSet(logs[2:]))
+    # Slips of its sensor are seen where it answers in time.
+    prompt = [
+        replace(log, outputs=np.concatenate([log.outputs[2:], log.outputs[-1:], log.outputs[-1:]])) for log in logs
+    ]
+    slipping = _slipping(LogSet(prompt), 0.02, 4)
+    for own, count in ((LogSet(logs), 0), (slipping, 15)):
+        found = _jumps(held_out_state(fast, own, {"v": NOISE}), own)
+        assert count <= sum(int(each.sum()) for each in found) <= 2 * count
 
 
 def test_a_dead_zone_is_named_through_them_and_nothing_is_missing_without_it():
