@@ -9,7 +9,7 @@ from jaxid import Effect, Omni, Parameter, Pioneer
 from jaxid.effects import catalogue, laws_of
 from jaxid.robots.probe import Seen
 
-SEEN = Seen(12.0, 20.0, lambda: None, lambda: ((), 0))
+SEEN = Seen(12.0, 20.0, lambda: None, lambda by_torque: ((), 0))
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from .impossible import without_impossible
 from .innovations import innovations
 from .lost_rows import lost_rows
 from .neglected import neglected
-from .one_way import one_way, without_what_pushes_alike
+from .one_way import one_way
 from .optimum import Optimum
 from .problem import Problem, Structure, Unknowns
 from .robust_covariance import robust_covariance
@@ -168,7 +168,6 @@ def conclude(
         elif lacking is not None and lacking.worth_a_note(fit):
             fit = replace(fit, notes=(*fit.notes, f"{lacking.sentence(fit)} {LOOK_FURTHER}"))
     unknown = lost_rows(fit, logs, structure, bounded.problem, optimum.unknowns)
-    fit = without_what_pushes_alike(fit, whole[0] if whole else logs)
     alone = one_way(fit, whole[0] if whole else logs)
     fit = replace(fit, notes=(*fit.notes, *filter(None, (unknown, alone))))
     if begun is not None:

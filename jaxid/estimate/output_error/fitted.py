@@ -19,6 +19,7 @@ from .conclude import conclude, no_priors
 from .evaluation import cost_at, squares_at
 from .first_minimum import first_minimum, linear_unknowns
 from .from_optimum import AtBounds, channel_noise, on_bounds
+from .one_way import without_what_pushes_alike
 from .optimum import Optimum
 from .posed import Options, Posed, posed
 from .problem import DIVERGED, Problem, Structure, Unknowns
@@ -73,6 +74,7 @@ def fitted(
     else:
         stand, robust = _robustly(fit, stand, options)
         found = _concluded(fit, stand, _bounded(stand, options), options, names, error, robust)
+    found = without_what_pushes_alike(found, logs)
     if doubt:
         found = replace(found, notes=(*found.notes, doubt))
     return found if window is None else condensed(found, logs, window)

@@ -22,6 +22,7 @@ from ...simulation.simulate import simulate
 from ...simulation.start import initial_states
 from ..result import Fit
 
+ONE_WAY = "In all of these logs the robot drives one way"
 _AGAINST = 0.05
 """Share of an axis' largest speed below which it does not go that way: a sensor's noise, or a moment of swinging back."""
 _MOMENTS = 0.05
@@ -113,9 +114,8 @@ def one_way(fit: Fit, logs: LogSet) -> str:
         return ""
     they, hold = " and ".join(found), "hold" if len(found) > 1 else "holds"
     return (
-        f"In all of these logs the robot drives one way: {they} {hold} whatever else pushes alike all the time (a slope, an "
-        "offset of an input, friction that is another one backwards), and may be off by as much. Logs that drive the other "
-        "way, too, would tell."
+        f"{ONE_WAY}: {they} {hold} whatever else pushes alike all the time (a slope, an offset of an input, friction that is "
+        "another one backwards), and may be off by as much. Logs that drive the other way, too, would tell."
     )
 
 
@@ -173,7 +173,9 @@ def without_what_pushes_alike(fit: Fit, logs: LogSet) -> Fit:
     state, inputs = _moving(fit.robot, logs, velocities)
     if not len(inputs):
         return fit
-    table, parameters, notes = fit.robot.parameters, dict(fit.parameters), []
+    table, parameters = fit.robot.parameters, dict(fit.parameters)
+    notes = [note for note in fit.notes if not note.startswith(ONE_WAY)]
+    before = len(notes)
     for name in found:
         alike = _pushing_alike(fit, name, [other for other in own if other != name], state, inputs)
         lost = [other for other in (name, *alike) if parameters[other].status == "identified"]
@@ -187,7 +189,7 @@ def without_what_pushes_alike(fit: Fit, logs: LogSet) -> Fit:
                 status="not_identifiable",
             )
         notes.append(
-            f"In all of these logs the robot drives one way: {' and '.join((name, *alike))} push alike all the time, and only "
-            "what they make together is determined. Logs that drive the other way, too, would tell."
+            f"{ONE_WAY}: {' and '.join((name, *alike))} push alike all the time, and only what they make together is "
+            "determined. Logs that drive the other way, too, would tell."
         )
-    return replace(fit, parameters=parameters, notes=(*fit.notes, *notes)) if notes else fit
+    return replace(fit, parameters=parameters, notes=tuple(notes)) if len(notes) > before else fit
