@@ -23,7 +23,7 @@ def explained(name, counts, hidden):
     ("name", "counts"),
     [
         ("axis", 64),
-        ("own drive", 4096),
+        pytest.param("own drive", 4096, marks=pytest.mark.slow),
         pytest.param("omni", 2048, marks=pytest.mark.slow),
         pytest.param("pioneer", 512, marks=pytest.mark.slow),
     ],

@@ -170,7 +170,8 @@ def test_of_what_may_be_another_in_one_motor_it_is_said_which():
     assert len(set(said)) == len(said) and not any("drive axis" in words for words in said)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), 1])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
 def test_a_sensor_that_was_filtered_since_is_no_change_of_the_robot(seed):
     logs = recorded("axis", 60 + seed, noise="coloured")
     found = compared("axis", logs, seed)

@@ -33,6 +33,7 @@ def payloads(*sets):
     return [float(log.extra["other_floor"].iloc[0]) for logs in sets for log in logs]
 
 
+@pytest.mark.slow
 def test_a_load_in_some_logs_is_named_with_its_size_and_its_logs():
     logs, held_out = recorded([1.0, 1.3, 1.0, 1.3, 1.0, 1.0, 1.3])
     found = explain(output_error(ROBOT, logs), logs, held_out)
