@@ -59,7 +59,7 @@ def _after_commands(logs: LogSet, jumps: Sequence[NDArray[np.bool_]]) -> bool:
 def _jumps(state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
     """Which samples [T, channels] of every log jump and come back; none where they follow changes of the inputs."""
     found = [np.stack([passing_jumps(column) for column in residual.T], axis=1) for residual in state.residuals]
-    if _after_commands(logs, [own.any(axis=1) for own in found]):
+    if _after_commands(logs, [np.asarray(own.any(axis=1)) for own in found]):
         return [np.zeros_like(own) for own in found]
     return found
 
