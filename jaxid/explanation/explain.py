@@ -320,6 +320,10 @@ def explain(
     if verdict == "unexplained":
         final = doubted_on(final, after)
         changed = changed_between(fit, logs, held_out, report)
+    # With prescribed angles there is no free simulation of the fitted logs.
+    free = found.final is None or not found.final.angles
+    told = free and (nothing or verdict in ("named", "ambiguous"))
+    granted = taken_for_granted(final, logs, found.before.noise) if told else ""
     # What fitted logs hold that no model follows is missing, whatever held-out ones show.
     failed = verdict == "adequate" and fit.failed
     return Explanation(
@@ -345,9 +349,7 @@ def explain(
                 *without_a_name(final),
                 *by_weight(final),
                 untold if verdict == "ambiguous" else "",
-                taken_for_granted(final, logs, found.before.noise)
-                if nothing or verdict in ("named", "ambiguous")
-                else "",
+                granted,
                 *(parts_of_others(named, final.robot) if verdict in ("named", "ambiguous") else ()),
                 hinges,
                 still,
