@@ -151,6 +151,7 @@ def test_an_interval_knows_what_its_neighbour_leaves_open(axis_log, estimator):
     assert np.mean(within) >= 0.85 > 0.6 > np.mean(with_it_held)
 
 
+@pytest.mark.slow
 def test_omni_against_the_independent_simulator():
     rng = np.random.default_rng(4)
     logs = []

@@ -86,6 +86,7 @@ def test_by_turns_nothing_is_compiled_and_the_optimum_is_that_of_the_pure_form(a
 
 
 @pytest.mark.filterwarnings("ignore:overflow encountered")  # steps as far as the curve goes
+@pytest.mark.slow
 def test_one_decision_is_the_same_in_numpy_and_in_a_program():
     """Random linearisations, with and without initial states of their own, bounds, and columns that show nothing."""
     rng = np.random.default_rng(5)

@@ -110,9 +110,8 @@ def reversing(tmp_path_factory):
     return read_model(model, Pioneer()), logs, case
 
 
-@pytest.mark.parametrize(
-    "linear", [pytest.param(False, id="nominal"), pytest.param(True, id="linear", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("linear", [pytest.param(False, id="nominal"), pytest.param(True, id="linear")])
+@pytest.mark.slow
 def test_a_caster_that_flips_in_one_log_is_fitted_right(reversing, linear):
     """Once from the nominal model, once from a fit that leads there (made up: the linear one does not)."""
     robot, logs, case = reversing

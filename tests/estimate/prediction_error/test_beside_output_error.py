@@ -49,6 +49,7 @@ def test_a_disturbed_motion_is_no_contradiction(disturbed_axis):
     assert contradiction(fit, logs, "auto", FINE) == ""
 
 
+@pytest.mark.slow
 def test_coloured_innovations_beside_a_residual_that_follows_the_motion_are_a_force_that_is_missing(disturbed_axis):
     """Drag beside disturbances of the motion, taken for more of these."""
     logs = LogSet([disturbed_axis(seed, drag=1.5) for seed in (21, 22)])

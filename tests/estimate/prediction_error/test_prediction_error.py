@@ -186,7 +186,8 @@ def test_a_sensor_that_answers_late_is_found(disturbed_axis, kind):
     assert np.sqrt(np.mean(ahead**2)) < 0.02  # the speed itself is off by up to a metre per second
 
 
-@pytest.mark.parametrize("kind", ["delay", pytest.param("lag", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["delay", "lag"])
 def test_without_process_noise_a_late_sensor_is_output_errors(disturbed_axis, kind):
     """Between samples one averages inputs over its steps of 10 ms, the other interpolates outputs: next to nothing."""
     effect, hidden, _ = LATE[kind]
@@ -213,6 +214,7 @@ def test_what_it_cannot_do_it_says(disturbed_axis):
         prediction_error(Axis(), logs, process_noise=["w"])
 
 
+@pytest.mark.slow
 def test_other_laws_of_a_late_sensor_are_none_of_the_filters(disturbed_axis):
     """They derive from the lag and the delay that the filter has, and would have been taken for these, or have had no such
     parameter."""

@@ -207,6 +207,7 @@ def lag(gain, T, seed):
     return robot, LogSet(found)
 
 
+@pytest.mark.slow
 def test_a_robot_of_ones_own():
     """Its gain is the same model as a battery's, and as good as a sensor's scale; a slower drive is its time constant."""
     robot, before = lag(1.0, 0.3, 0)
@@ -242,6 +243,7 @@ def test_a_second_change_that_is_small_beside_the_first_is_not_passed_over(gain)
     assert found.change.title in rendered(change_page(found))
 
 
+@pytest.mark.slow
 def test_a_share_is_said_as_a_share():
     """Of a size without unit, such as all friction times 1 + size."""
     found = compared("axis", recorded("axis", 50, gain=1.08))

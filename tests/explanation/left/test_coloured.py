@@ -190,6 +190,7 @@ def test_slow_noise_beside_white_noise_is_left_open_and_no_force_is_blamed(axis_
     assert "follows nothing that drove the robot" in found.sentence and "at rest tells them apart" in found.sentence
 
 
+@pytest.mark.slow
 def test_coloured_noise_hides_no_effect(axis_law):
     logs, check = recorded(axis_law, 0.8, dead=0.4)
     found = explain(output_error(ROBOT, logs), logs, check)

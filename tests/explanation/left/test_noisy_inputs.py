@@ -86,7 +86,7 @@ def test_noise_of_the_inputs_is_told_with_its_size(noise, kind, size):
 @pytest.mark.parametrize(
     "law",
     [
-        pytest.param({"drag": 1.5}, id="drag"),
+        pytest.param({"drag": 1.5}, id="drag", marks=pytest.mark.slow),
         pytest.param({"push": 1.0}, id="a push that swings", marks=pytest.mark.slow),
     ],
 )

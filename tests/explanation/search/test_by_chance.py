@@ -69,6 +69,7 @@ def test_what_is_left_elsewhere_than_where_draws_leave_it_is_no_chance():
     assert not _where_drawn([np.roll(seen, 50, axis=0)], draws, where, 0.01)
 
 
+@pytest.mark.slow
 def test_samples_that_scatter_leave_what_draws_of_them_leave_and_no_draws_of_commands_do():
     logs = _logs(samples=True)
     state = _judged("sensor_delay", *logs)

@@ -115,6 +115,7 @@ def test_what_an_effect_gained_is_told_from_the_model_without_it():
         assert [trial.id for trial in rivals_of(found, set())] == expected
 
 
+@pytest.mark.slow
 def test_a_rival_has_the_law_that_suits_beside_the_later_effects_too():
     """A late command with a dead zone: while the dead zone was missing, both delays were taken to grow; when it was there, only
     the one that had come first was looked at by its other laws."""

@@ -49,6 +49,7 @@ def by_name(found):
     return {condition.name: condition for condition in found.conditions}
 
 
+@pytest.mark.slow
 def test_stribeck_friction_is_placed_at_low_speed():
     found = located({"stribeck_friction": {"amplitude": 0.4, "speed": 0.03}}, stages={"drivetrain": 0.9, "body": 0.1})
     slow = by_name(found)["low speed"]

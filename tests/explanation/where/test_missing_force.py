@@ -49,6 +49,7 @@ def normalised(forces) -> np.ndarray:
     return np.concatenate([force.force / force.std for force in forces])
 
 
+@pytest.mark.slow
 def test_a_model_that_lacks_nothing_misses_no_force():
     forces = missing_force(true_model(), pioneer_logs())
     z = normalised(forces)
