@@ -18,28 +18,19 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from ..._float64 import in_float64
-from ...kernel.direct import one_triangle
 from ...logs import Log, LogSet
 from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from .change import Change, Knowledge, change
-from .direct import log_triangles, states_after
+from .direct import states_after
 from .laid_out import Direct, direct
 from .problem import Problem, Structure
 from .setup import build
 from .window_colour import Neighbours, residual_at
+from .window_minimum import SEEN, Minimum, minimum
 
 Array = NDArray[np.float64]
-_STEPS = 40
-_SETTLED = 1e-3
-"""Drop of half the sum of squares, promised by a linearisation, below which a fit stands: 0.05 standard errors."""
-_FIRMER, _LOOSER = 10.0, 0.1
-"""Factors of the damping after a step that failed, and after one that did not."""
-_FARTHEST = 3.0
-"""Multiple of a parameter, or of its magnitude at the start, by which a step may change it."""
-_SEEN = 1e-7
-"""Share of the best seen direction below which one is not seen (columns in units of the parameters)."""
 _APART = 9.0
 """Chi-squared by which one set of changed parameters must be likelier than another: three standard deviations."""
 _MOST_TRIED = 100
@@ -162,16 +153,16 @@ class MovingWindow:
             raise ValueError(f"the window of {self.seconds} s is not full yet; add more samples")
         known = self._known(float(self._rows[0, 0]))
         d, states = self._problem()
-        found = _minimum(d, self._theta, states, *self._prior(known))
+        found = minimum(d, self._theta, states, *self._prior(known))
         if self._last is None and self._noticed(d, found):
             d, states = self._problem()
-            found = _minimum(d, found.theta, states, *self._prior(known))
+            found = minimum(d, found.theta, states, *self._prior(known))
         contrast = self._contrast(known, found)
         alarm = bool(contrast.p_value < self.alarm)
         beside = None if alarm else known
         if alarm:
             # What was seen before holds no longer: the window alone.
-            found = _minimum(d, found.theta, found.states, *self._prior(None))
+            found = minimum(d, found.theta, found.states, *self._prior(None))
             contrast = self._contrast(known, found)
         # What has changed did so after the last window without an alarm, or before what that showed.
         self._quiet = self._quiet if alarm else float(self._rows[-1, 0])
@@ -206,7 +197,7 @@ class MovingWindow:
             changed=self._changed(d, known, found, contrast) if alarm and sound and known is not None else (),
         )
 
-    def _noticed(self, d: Direct, found: "_Minimum") -> bool:
+    def _noticed(self, d: Direct, found: Minimum) -> bool:
         """Take what is left of the samples that came since the last time for noise; whether it is related from one to the
         next."""
         there = np.asarray(d.logs.weight[0, :, :, 0]) > 0
@@ -214,7 +205,7 @@ class MovingWindow:
         self._new = 0
         return bool(np.any(self._neighbours.correlation))
 
-    def _changed(self, d: Direct, known: Knowledge, found: "_Minimum", contrast: Change) -> tuple[str, ...]:
+    def _changed(self, d: Direct, known: Knowledge, found: Minimum, contrast: Change) -> tuple[str, ...]:
         """The fewest parameters with which, were they others and the rest what it was `known` to be, the window leaves no
         more than it does alone, refitted: a difference of estimates tells it only where the window is linear in all. Where
         several do alike, all of them. Where there are too many to try, as the difference tells it (`contrast`)."""
@@ -230,13 +221,13 @@ class MovingWindow:
                 return tuple(dict.fromkeys(self.names[i] for places in near for i in places))
         return self.names
 
-    def _held(self, d: Direct, known: Knowledge, found: "_Minimum", places: tuple[int, ...]) -> float:
+    def _held(self, d: Direct, known: Knowledge, found: Minimum, places: tuple[int, ...]) -> float:
         """What the window leaves more, beside what was `known` of all but the parameters at `places`, than it does alone."""
         gone, mean = np.isin(np.arange(len(self.names)), places), known.mean
         root, least = _root(known.without(gone)), np.inf
         for begun in (np.where(gone, found.theta, mean), mean, found.theta):
             with suppress(ParameterError):  # it diverges from there
-                end = _minimum(d, begun, found.states, root, mean)
+                end = minimum(d, begun, found.states, root, mean)
                 least = min(least, end.squares + float(np.sum((root @ (end.theta - mean)) ** 2)))
         return max(least - found.squares, 0.0)
 
@@ -253,14 +244,14 @@ class MovingWindow:
         whole = scipy.special.chdtrc(count, squares.sum() * count / samples.sum())
         return bool(whole > self.alarm and np.all(each > self.alarm / there.sum()))
 
-    def _seen(self, found: "_Minimum") -> Knowledge:
+    def _seen(self, found: Minimum) -> Knowledge:
         """What the window alone says."""
         n = len(self.names)
         own = _information(found.triangle, n)
         pull = own @ found.theta - found.triangle[:, :n].T @ found.triangle[:, -1]
         return Knowledge(float(self._rows[-1, 0]), found.theta, own, pull, own)
 
-    def _contrast(self, known: Knowledge | None, found: "_Minimum") -> Change:
+    def _contrast(self, known: Knowledge | None, found: Minimum) -> Change:
         size = np.abs(found.theta) + (found.theta == 0)
         return change(known if found.converged else None, self._seen(found), size, self.alarm)
 
@@ -344,85 +335,6 @@ def _root(known: Knowledge) -> Array:
     return (np.sqrt(np.maximum(values, 0.0)) * vectors).T
 
 
-@dataclass(frozen=True)
-class _Minimum:
-    theta: Array
-    states: Array
-    triangle: Array
-    """Of the window's samples alone, its initial states eliminated, [., n + 1]: by the parameters, and what is left."""
-    by_channel: Array
-    """Sums of squares of the weighted residuals [ny]."""
-    converged: bool
-
-    @property
-    def squares(self) -> float:
-        return float(self.by_channel.sum())
-
-
-def _minimum(d: Direct, theta: Array, states: Array, root: Array, mean: Array) -> _Minimum:
-    """The minimum near `theta`, `states` of the window's squares and `|root (theta - mean)|²`, by Levenberg-Marquardt."""
-    problem, s, n = d.problem, states.shape[1], len(theta)
-    size = np.asarray(problem.bounds.scale)
-    lower, upper = (np.asarray(x) for x in (problem.bounds.lower, problem.bounds.upper))
-
-    def look(theta: Array, states: Array) -> tuple[Array, Array, float]:
-        R, squares = log_triangles(d, theta, size, states)
-        off = root @ (theta - mean)
-        total = float(np.sum(R[0, :, -1] ** 2) + off @ off)
-        return R[0], squares[0], total if np.isfinite(squares).all() else np.inf
-
-    theta = np.clip(theta, lower, upper)
-    R, squares, cost = look(theta, states)
-    if not np.isfinite(cost):
-        raise ParameterError("the simulation of the window diverges at the values to begin with; give others")
-    damping, converged = 0.0, False
-    for _ in range(_STEPS):
-        beside = np.concatenate([np.zeros((len(root), s)), root * size, (root @ (theta - mean))[:, None]], axis=1)
-        A = one_triangle(np.concatenate([R, beside]))
-        step, promise = _step(A, damping, (lower - theta) / size, (upper - theta) / size, s)
-        if promise <= _SETTLED:
-            converged = True
-            break
-        # Where a window says little, a full step may go anywhere.
-        far = np.max(np.abs(step[s:]) / np.maximum(np.abs(theta / size), 1.0))
-        step *= min(1.0, _FARTHEST / max(far, 1e-300))
-        trial = np.clip(theta + size * step[s:], lower, upper), states + step[:s]
-        found = look(*trial)
-        if found[2] < cost:
-            theta, states, (R, squares, cost) = *trial, found
-            damping *= _LOOSER
-        else:
-            damping = max(damping, 1e-4) * _FIRMER
-    own = R[s:, s:].copy()
-    own[:, :n] /= size
-    return _Minimum(theta, states, own, squares, converged)
-
-
-def _step(A: Array, damping: float, low: Array, high: Array, s: int) -> tuple[Array, float]:
-    """Damped Gauss-Newton step [s + n] of the triangle A [., s + n + 1], its last n within bounds, and the drop of half the
-    squares that it promises. Directions that nothing shows are left alone."""
-    J, r = A[:, :-1], A[:, -1]
-    norms = np.sqrt((J * J).sum(axis=0))
-    units = np.where(norms > 0, norms, 1.0)
-    free, step = norms > 0, np.zeros(J.shape[1])
-    for _ in range(len(low) + 1):
-        U, singular, Vt = np.linalg.svd(J[:, free] / units[free], full_matrices=False)
-        kept = singular > _SEEN * singular.max(initial=0.0)
-        gain = np.where(kept, singular / np.where(kept, singular**2 + damping, 1.0), 0.0)
-        step[:] = 0.0
-        step[free] = -(Vt.T @ (gain * (U.T @ r))) / units[free]
-        out = free.copy()
-        out[s:] &= (step[s:] < low) | (step[s:] > high)
-        out[:s] = False
-        # A parameter that would leave its bounds from on them is held there.
-        out[s:] &= ((step[s:] < low) & (low >= 0)) | ((step[s:] > high) & (high <= 0))
-        if not out.any():
-            break
-        free &= ~out
-    left = r + J @ step
-    return step, 0.5 * float(r @ r - left @ left)
-
-
 def _information(triangle: Array, n: int) -> Array:
     return triangle[:, :n].T @ triangle[:, :n]
 
@@ -435,7 +347,7 @@ def _errors(information: Array, values: Array) -> Array:
     if known.any():
         unit = information[np.ix_(known, known)] / np.outer(size[known], size[known])
         eigen, vectors = np.linalg.eigh(unit)
-        kept = eigen > _SEEN**2 * eigen.max()
+        kept = eigen > SEEN**2 * eigen.max()
         blind = np.any(np.abs(vectors[:, ~kept]) > 1e-3, axis=1)
         spread = np.sqrt(np.sum(vectors[:, kept] ** 2 / eigen[kept], axis=1)) / size[known]
         errors[known] = np.where(blind, np.nan, spread)

@@ -8,8 +8,6 @@ that of its logs, and no residual says that its friction is half of the truth.
 from collections.abc import Sequence
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -17,6 +15,7 @@ from ..._float64 import in_float64
 from ...logs import Log, LogSet
 from ...parameters import ParameterError
 from ...robots.effect import State
+from ...robots.rates_in_motion import rates_in_motion
 from ...robots.robot import Robot
 from ...simulation.simulate import simulate
 from ...simulation.start import initial_states
@@ -136,21 +135,15 @@ def _pushing_alike(fit: Fit, name: str, others: Sequence[str], state: State, inp
     `name` does."""
     robot, numbers = replace(fit.robot, effects=()), dict(fit.robot.parameters.numbers)
 
-    def rates(state, inputs, p):
-        speeds, levels = robot.rubbing(state, p), robot.coulomb(state, p)
-        dry = tuple(
-            jnp.where(speed > 0, forward, -backward)
-            for speed, (backward, forward) in zip(speeds, levels, strict=True)
-        )  # fmt: skip
-        found = robot.rates(state, inputs, dry, p)
-        return jnp.stack([jnp.asarray(found[v], float) for v in robot.velocities])
-
-    every = jax.vmap(rates, in_axes=(0, 0, None))
-
     def change(of: str) -> Float[np.ndarray, " N"]:
         step = _STEP * (abs(numbers[of]) or fit.robot.parameters[of].typical or 1.0)
-        up, down = (every(state, tuple(inputs.T), {**numbers, of: numbers[of] + by}) for by in (step, -step))
-        return np.asarray(up - down).ravel() / (2.0 * step)
+        up, down = (
+            np.asarray(
+                rates_in_motion(robot, robot.velocities, state, tuple(inputs.T), {**numbers, of: numbers[of] + by})
+            )
+            for by in (step, -step)
+        )
+        return (up - down).ravel() / (2.0 * step)
 
     own = change(name)
     found = []

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +18,7 @@ from ..._float64 import in_float64
 from ...effects.curve import Curve
 from ...estimate.result import Fit
 from ...robots.effect import Numbers
+from ...robots.rates_in_motion import rates_in_motion
 from ...robots.robot import Robot
 from .wider_errors import not_told
 
@@ -169,20 +169,10 @@ def _rates(robot: Robot):
     inputs = [scales.input_of(name) * random.uniform(-1.0, 1.0, _STATES) for name in robot.channels.inputs]
     states = {name: jnp.asarray(values) for name, values in (rest | fast).items()}
 
-    def rates(state, inputs, p: Numbers):
-        speeds, levels = robot.rubbing(state, p), robot.coulomb(state, p)
-        dry = tuple(
-            jnp.where(speed > 0, forward, -backward)
-            for speed, (backward, forward) in zip(speeds, levels, strict=True)
-        )  # fmt: skip
-        found = robot.rates(state, inputs, dry, p)
-        return jnp.stack([jnp.asarray(found[name]) for name in robot.own_states])
-
-    each = jax.vmap(rates, in_axes=(0, 0, None))
     drawn = tuple(jnp.asarray(values) for values in inputs)
 
     def at(p: Numbers, share: float) -> Float[np.ndarray, " N"]:
         slower = {name: share * values if name in fast else values for name, values in states.items()}
-        return np.asarray(each(slower, drawn, p)).ravel()
+        return np.asarray(rates_in_motion(robot, robot.own_states, slower, drawn, p)).ravel()
 
     return at

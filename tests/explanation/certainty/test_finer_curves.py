@@ -88,9 +88,9 @@ def test_what_moves_by_what_further_parameters_cost_has_not_moved(found):
     assert not moved(coarse, lost)
 
 
-def named_by(logs, held_out, identifier, law, **own):
-    """The fit in full of what a search has named by a formula, begun with its `own` numbers, and that with errors that allow
-    for its form."""
+def searched(logs, held_out, identifier, law, **own):
+    """What a search has named by a formula, begun with its `own` numbers; the fit in full of that; the model with the curve of
+    a mechanism, and how a model is fitted in full."""
     noise = noise_scale(held_out, otherwise=logs)
     robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
     fit = output_error(robot, logs)
@@ -111,7 +111,12 @@ def named_by(logs, held_out, identifier, law, **own):
     def fitted(other):
         return in_full(other, logs, noise)
 
-    plain = fitted(trial)
+    return search, fitted(trial), curve_of, fitted
+
+
+def named_by(logs, held_out, identifier, law, **own):
+    """The fit in full of the same, and that with errors that allow for the formula's form."""
+    search, plain, curve_of, fitted = searched(logs, held_out, identifier, law, **own)
     return plain, widened_by_forms(search, plain, curve_of, fitted, lambda sentence: None)
 
 
@@ -161,26 +166,7 @@ def test_a_curve_takes_the_place_of_a_formula_whose_fit_is_doubted():
     logs, held_out = resisted(
         lambda v: 2.0 * v + 1.5 * np.sign(v) * np.clip((np.abs(v) - 0.6) / 0.6, 0.0, 1.0), count=4
     )
-    noise = noise_scale(held_out, otherwise=logs)
-    robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
-    fit = output_error(robot, logs)
-
-    def refitted(model, **values):
-        start = {name: model.parameters[name].value for name in model.parameters.free_names} | values
-        return refit(model, [start], logs, held_out, noise, fit.initial_states)
-
-    def fitted(other):
-        return in_full(other, logs, noise)
-
-    def curve_of(name):
-        return by_its_curve(name, trial, base, logs, held_out, noise, lambda sentence: None)
-
-    base = refitted(fit.robot)
-    drag = effect_by_id(base.robot, "quadratic_drag", "whole_speed")
-    trial = refitted(base.robot + drag, **{"quadratic_drag.coefficient": 0.3})
-    step = Step((trial,), (), (), base, trial, (trial,))
-    search = Search(before=base.held_out, after=trial.held_out, final=trial, steps=(step,), first_look=())
-    plain = fitted(trial)
+    search, plain, curve_of, fitted = searched(logs, held_out, "quadratic_drag", "whole_speed", coefficient=0.3)
     found, final = by_a_curve_instead(search, plain, curve_of, fitted, lambda sentence: None)
     assert not plain.trustworthy and final.trustworthy
     assert [effect.law for effect in final.robot.effects] == ["shape"]
