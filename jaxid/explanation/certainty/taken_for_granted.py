@@ -19,6 +19,8 @@ _SHOWN = 9.0
 """Rise of chi-squared from which the logs show that: 3 standard errors."""
 _APART = 3.0
 """Standard errors of a parameter from which it hangs on a constant."""
+_SAME_WAY = 0.99
+"""Cosine between what two constants do to the parameters from which they do the same."""
 _LISTED, _GROUPS = 3, 2
 """Parameters that are listed of each, and constants of which it is said, those first on which a parameter hangs most."""
 
@@ -29,6 +31,8 @@ class _Hung(NamedTuple):
     most: float
     constant: str
     what: str
+    way: np.ndarray
+    """By how many standard errors each of the parameters [n] moves, of length one."""
 
 
 def taken_for_granted(final: Fit, logs: LogSet, noise: Mapping[str, float]) -> str:
@@ -46,7 +50,7 @@ def taken_for_granted(final: Fit, logs: LogSet, noise: Mapping[str, float]) -> s
         return ""
     sizes = np.linalg.norm(fitted, axis=1)
     kept = [k for k in range(len(free)) if sizes[k] > 0]
-    groups: dict[str, list[_Hung]] = {}
+    hung: list[_Hung] = []
     for name, change in zip(names, constants, strict=True):
         change = change * (_OFF * measure(name, robot) / steps[name])
         along, *_ = np.linalg.lstsq((fitted[kept] / sizes[kept][:, None]).T, change, rcond=1e-9)
@@ -64,12 +68,18 @@ def taken_for_granted(final: Fit, logs: LogSet, noise: Mapping[str, float]) -> s
             f"{n} {final[n].value + way * moved[n]:.4g} instead of {final[n].value:.4g} {final[n].unit}".rstrip()
             for n in worst
         )
-        found = _Hung(abs(errors[worst[0]]), f"{name} {100 * _OFF:.2g} % {'larger' if way > 0 else 'smaller'}", what)
-        groups.setdefault(what, []).append(found)
-    first = sorted(groups.values(), key=lambda group: -group[0].most)[:_GROUPS]
-    said = [f"with {' or '.join(own.constant for own in group)}, {group[0].what}" for group in first]
-    return (
-        f"Errors of a per cent in the table, which these logs would not show, would move: {'; '.join(said)}."
-        if said
-        else ""
-    )
+        vector = way * np.array([errors.get(n, 0.0) for n in own])
+        constant = f"{name} {'larger' if way > 0 else 'smaller'}"
+        hung.append(_Hung(abs(errors[worst[0]]), constant, what, vector / np.linalg.norm(vector)))
+    groups: list[list[_Hung]] = []
+    for one in sorted(hung, key=lambda one: -one.most):
+        same = (group for group in groups if float(group[0].way @ one.way) > _SAME_WAY)
+        group = next(same, None)
+        groups.append([one]) if group is None else group.append(one)
+    said = [
+        f"with {first.constant} by {100 * _OFF:.2g} %, {first.what}"
+        + (f" ({' or '.join(own.constant for own in rest)} does the same, by as much or less)" if rest else "")
+        for first, *rest in groups[:_GROUPS]
+    ]
+    listed = "; ".join(said)
+    return f"Errors of a per cent in the table, which these logs would not show, would move: {listed}." if said else ""

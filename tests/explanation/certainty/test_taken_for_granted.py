@@ -20,7 +20,7 @@ def test_what_is_in_proportion_to_the_gain_is_said_with_a_gain_that_is_off():
     fit, logs = fitted()
     said = taken_for_granted(fit, logs, noise_scale(logs))
     assert said.startswith(
-        "Errors of a per cent in the table, which these logs would not show, would move: with gain 1 % larger, "
+        "Errors of a per cent in the table, which these logs would not show, would move: with gain larger by 1 %, "
     )
     for name in ("M", "Fv"):
         assert f"{name} {1.01 * fit[name].value:.4g} instead of {fit[name].value:.4g} {fit[name].unit}" in said
