@@ -146,6 +146,22 @@ def test_a_column_of_the_wrong_sign_is_said_of_its_member(jaxid, robots, without
     assert "opposite sign" in " ".join(said.split())
 
 
+def test_a_log_that_cannot_be_read_is_left_out_and_named(jaxid, robots, without_dry_friction, tmp_path):
+    (robots / "a/cut.csv").write_text("t,u\n0,1\n0.1,1\n")
+    (robots / "a/empty.csv").write_text("")
+    out = tmp_path / "out"
+    status, said, remarks = jaxid(
+        "fleet", "axis", robots, "--model", without_dry_friction, "--windows", "none", "--covariance", "robust",
+        "--out", out,
+    )  # fmt: skip
+    assert status == 0, remarks
+    members = pd.read_parquet(out / "members.parquet").set_index("member")
+    assert members.failure["a"] == "" and members.logs["a"] == 2 and "3 of 4 members fitted" in said
+    for name, why in (("cut.csv", "'v'"), ("empty.csv", "empty")):
+        assert "left out" in members.notes["a"] and name in members.notes["a"] and why in members.notes["a"]
+    assert "left out" not in members.notes["b"] and "run.csv" in members.failure["broken"]
+
+
 def test_a_member_far_from_the_others_is_pointed_out(jaxid, without_dry_friction, tmp_path):
     masses = {"a": 1.0, "b": 1.02, "c": 0.98, "d": 1.01, "e": 1.0, "f": 0.99, "heavy": 1.6}
     for k, (name, mass) in enumerate(masses.items()):
@@ -211,6 +227,15 @@ def test_a_fleet_is_explained_on_the_logs_held_out(jaxid, hidden_drag, explained
     assert "no log held out" in found.failure["two"]
     drag = pd.read_parquet(out / "effects.parquet").set_index(["member", "parameter"]).loc[("one", "coefficient")]
     assert abs(drag["value"] - 1.5) < 4 * drag["std_error"]
+    # The robot's own numbers are those beside the drag, without which friction took it up.
+    own = pd.read_parquet(out / "estimates.parquet").set_index(["member", "parameter"]).loc["one"]
+    final = explained.final
+    assert set(own.index) >= {name for name in final.free_names if not name.startswith("quadratic_drag")} and not [
+        name for name in own.index if name.startswith("quadratic_drag")
+    ]
+    assert own.value["M"] == pytest.approx(final["M"].value, rel=1e-9)
+    members = pd.read_parquet(out / "members.parquet").set_index("member")
+    assert members.verdict["one"] == final.judgement.verdict
     assert "Missing: quadratic drag in 1." in said and "named: quadratic drag" in (out / "report.html").read_text()
     assert jaxid("fleet", "axis", folder, "--explain", "--out", out)[0] == 2
 

@@ -69,10 +69,13 @@ def sentences(tables: Mapping[str, Columns], far: Sequence[FarMember]) -> list[s
 
 
 def _free(members: Columns, estimates: Columns) -> list[tuple[str, str]]:
-    """The free parameters of the first member that has a fit, and their units."""
+    """The free parameters, and their units: those of the first member that has a fit, then what is free in others alone, such
+    as a constant that was found to be off."""
     fitted = members["member"][members["failure"] == ""]
-    own = (estimates["member"] == fitted[0]) & estimates["free"].astype(bool) if len(fitted) else []
-    return [] if not len(fitted) else list(zip(estimates["parameter"][own], estimates["unit"][own], strict=True))
+    free = estimates["free"].astype(bool)
+    units = dict(zip(estimates["parameter"][free], estimates["unit"][free], strict=True))
+    first = estimates["parameter"][free & (estimates["member"] == fitted[0])] if len(fitted) else ()
+    return [(name, units[name]) for name in dict.fromkeys([*first, *units])]
 
 
 def spread_table(members: Columns, estimates: Columns, far: Sequence[FarMember]) -> Table:
@@ -118,7 +121,10 @@ def members_table(
         if failure:
             rows.append((Cell(name), Cell(f"no fit: {failure}", "bad"), *[Cell("-")] * (len(missing) + len(free))))
             continue
-        cells = (_own_cell(own[name, symbol], sound, (name, symbol) in out) for symbol, _ in free)
+        cells = (
+            _own_cell(own[name, symbol], sound, (name, symbol) in out) if (name, symbol) in own else Cell("-")
+            for symbol, _ in free
+        )
         rows.append((Cell(name), Cell(members["verdict"][k] or "-", "" if sound else "bad"), *missing, *cells))
     units = (f"{n} [{u}]" if u else n for n, u in free)
     header = ("member", "judged", *([] if explanations is None else ["missing"]), *units)

@@ -67,10 +67,11 @@ def worked(members: Sequence[Member], work: Work, report: Report | None = None) 
     robot, told = _robot(work), report or (lambda message: None)
     logs: dict[str, LogSet] = {}
     held_out: dict[str, LogSet | None] = {}
+    left_out: dict[str, list[str]] = {}
     failed: dict[str, str] = {}
     for name, paths in members:
         try:
-            logs[name], held_out[name] = _read(robot, paths, work)
+            logs[name], held_out[name], left_out[name] = _read(robot, paths, work)
         except (LogError, UnusableInput) as error:
             failed[name] = str(error)
     fits: dict[str, Fit] = {}
@@ -93,13 +94,18 @@ def worked(members: Sequence[Member], work: Work, report: Report | None = None) 
         if apart is not None:
             told(f"{name}: explanation")
             found, unexplained = _explained(fit, own, apart, work)
-        fit = _with_findings(fit, own)
+        elif work.held_out:
+            unexplained = " ".join(left_out[name])
+        # What was found to be missing biases every number of the model without it.
+        fit = found.final if found is not None else fit
+        fit = _with_findings(fit, own, left_out[name])
         rows.append(member_row(name, own, fit, why=_why(fit), explanation=found, unexplained=unexplained))
     return rows
 
 
-def _read(robot: Robot, paths: Sequence[Path], work: Work) -> tuple[LogSet, LogSet | None]:
-    """A member's logs to fit and the held-out ones (None where nothing is to be explained)."""
+def _read(robot: Robot, paths: Sequence[Path], work: Work) -> tuple[LogSet, LogSet | None, list[str]]:
+    """A member's logs to fit, the held-out ones (None where nothing is to be explained, or none of them can be used), and what
+    is to be said of those that cannot be used: they are left out. Raises `LogError` or `UnusableInput` where none is left."""
     apart = [path for path in paths if any(fnmatch(path.name, pattern) for pattern in work.held_out)]
     fit = [path for path in paths if path not in apart]
     if work.held_out and not (apart and fit):
@@ -109,9 +115,32 @@ def _read(robot: Robot, paths: Sequence[Path], work: Work) -> tuple[LogSet, LogS
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # they stand in the members' notes
-        logs = read_logs(fit, robot, mapping=work.mapping)
+        logs, left_out = _usable(robot, fit, work)
         refuse_useless(logs)
-        return logs, read_logs(apart, robot, mapping=work.mapping) if apart else None
+        if not apart:
+            return logs, None, left_out
+        try:
+            held_out, more = _usable(robot, apart, work)
+        except LogError as error:
+            return logs, None, [*left_out, f"No held-out log can be used: {error}"]
+        return logs, held_out, [*left_out, *more]
+
+
+def _usable(robot: Robot, paths: Sequence[Path], work: Work) -> tuple[LogSet, list[str]]:
+    """The logs that can be read, and what is wrong with the others. Raises `LogError` where there is none."""
+    try:
+        return read_logs(paths, robot, mapping=work.mapping), []
+    except LogError:
+        wrong: dict[Path, LogError] = {}
+        for path in paths:
+            try:
+                read_logs([path], robot, mapping=work.mapping)
+            except LogError as error:
+                wrong[path] = error
+        usable = [path for path in paths if path not in wrong]
+        if not (wrong and usable):
+            raise
+        return read_logs(usable, robot, mapping=work.mapping), [f"warning: left out: {error}" for error in wrong.values()]
 
 
 def _started(robot: Robot, logs: LogSet) -> Fit | None:
@@ -133,9 +162,9 @@ def _explained(fit: Fit, logs: LogSet, held_out: LogSet, work: Work) -> tuple[Ex
         return None, unforeseen(error)
 
 
-def _with_findings(fit: Fit, logs: LogSet) -> Fit:
-    """The fit with what pre-flight says of its logs among its notes, such as a column of the wrong sign."""
-    found = [str(f) for f in logs.preflight() if f.severity in ("error", "warning")]
+def _with_findings(fit: Fit, logs: LogSet, left_out: Sequence[str]) -> Fit:
+    """The fit with what was left out and what pre-flight says of its logs among its notes, such as a column of the wrong sign."""
+    found = [*left_out, *(str(f) for f in logs.preflight() if f.severity in ("error", "warning"))]
     return replace(fit, notes=(*fit.notes, *dict.fromkeys(found)))
 
 

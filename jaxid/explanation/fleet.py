@@ -32,6 +32,8 @@ from .search.search import MOST_EFFECTS
 _NAMED = ("named", "ambiguous")
 _SHOWN = 20
 """Members that a representation holds."""
+_WORTH_A_WORD = 0.1
+"""Members that chance alone makes look incomplete, from which on it is said."""
 EXPLANATIONS = (
     "member", "verdict", "effects", "equivalent", "before", "after", "gap_closed", "sentence", "next_experiment", "failure",
 )  # fmt: skip
@@ -106,8 +108,9 @@ def answers(members: Iterable[Answer]) -> dict[str, list[str]]:
     return dict(sorted(by.items(), key=lambda entry: -len(entry[1])))
 
 
-def summary(members: Sequence[Answer]) -> list[str]:
-    """How many members were explained, which effects are named how often, and who differs from most."""
+def summary(members: Sequence[Answer], false_alarm: float = FALSE_ALARM) -> list[str]:
+    """How many members were explained, which effects are named how often, who differs from most, and how many of so many chance
+    alone may have made look incomplete."""
     sound = [(verdict, effects) for _, verdict, effects, failure in members if not failure]
     counted = ", ".join(f"{count} {verdict}" for verdict, count in Counter(v for v, _ in sound).most_common())
     said = [f"{len(sound)} of {len(members)} members explained{': ' if counted else ''}{counted}."]
@@ -119,6 +122,12 @@ def summary(members: Sequence[Answer]) -> list[str]:
     if len(by) > 1 and 2 * len(by[0][1]) > len(sound):
         said.append(f"Most ({len(by[0][1])}) are alike: {by[0][0]}.")
         said += [f"Other than most, {answer}: {_listed(others)}." for answer, others in by[1:]]
+    by_chance = false_alarm * len(sound)
+    if by_chance >= _WORTH_A_WORD and any(verdict != "adequate" for verdict, _ in sound):
+        said.append(
+            f"Every member is judged on its own: of {len(sound)} complete robots, chance makes {by_chance:.2g} look incomplete. "
+            "One that is only just above its noise may be such a one; fresh logs of it tell."
+        )
     return said
 
 
@@ -150,7 +159,8 @@ class ExplainedFleet:
     def sentences(self) -> tuple[str, ...]:
         """How many were explained, what is missing how often, and who differs from most."""
         found = [(m, e.verdict, ",".join(effect.id for effect in e.effects), "") for m, e in self.explanations.items()]
-        return tuple(summary([*found, *((member, "", "", why) for member, why in self.failed.items())]))
+        level = next((e.before.false_alarm for e in self.explanations.values()), FALSE_ALARM)
+        return tuple(summary([*found, *((member, "", "", why) for member, why in self.failed.items())], level))
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "verdict", "effects", "before", "after")] if self.explanations else []

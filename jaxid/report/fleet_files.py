@@ -64,7 +64,8 @@ def member_row(
     explanation: Explanation | None = None,
     unexplained: str = "",
 ) -> Row:
-    """What became of one member."""
+    """What became of one member. `fit` is that of the model with what was found missing, where that was looked for; what such
+    an effect is has a table of its own."""
     told = json.dumps(explanation.to_dict()) if explanation is not None else ""
     counted = {} if logs is None else {"logs": len(logs), "samples": sum(map(len, logs))}
     nothing = {name: "" for name in ("method", "verdict", "reason", "standard_errors", "notes")}
@@ -76,7 +77,10 @@ def member_row(
     if fit is None:
         return row
     estimates = []
-    for name in (*fit.free_names, *fit.combinations):
+    own = fit.free_names
+    if explanation is not None:
+        own = [name for name in own if name in explanation.baseline.robot.parameters]
+    for name in (*own, *fit.combinations):
         e = fit[name]
         low, high = e.ci95
         numbers = {"value": e.value, "std_error": e.std_error, "low": low, "high": high}

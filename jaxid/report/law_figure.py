@@ -37,7 +37,7 @@ def curves_of(found: Explanation) -> dict[str, tuple[LawCurve, ...]]:
     """The curves of every named effect that has any, by its id."""
     forces = found.localisation.forces if found.localisation is not None else ()
     ids = [effect.id for effect in found.effects]
-    every = law_curves(ids, found.baseline, found.final, found.held_out, forces)
+    every = law_curves(ids, found.baseline, found.final, found.held_out, forces, found.before.noise)
     return {name: own for name, own in every.items() if own}
 
 

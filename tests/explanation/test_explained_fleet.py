@@ -69,3 +69,15 @@ def test_what_jaxid_should_not_raise_costs_one_member_alone(explained, logs, mon
     found = explain_fleet(fits, dict.fromkeys(fits, logs), dict.fromkeys(fits, explained.held_out))
     assert list(found.explanations) == ["a"] and "ZeroDivisionError" in found.failed["b"]
     assert "report it" in found.failed["b"] and "test_explained_fleet.py, line " in found.failed["b"]
+
+
+def test_a_fleet_says_how_many_complete_robots_chance_makes_look_incomplete():
+    """One of thirty at a level of 1 %: it may be chance's. Nothing is said where all are complete, or where there are few."""
+    members = [(f"robot {k}", "adequate", "", "") for k in range(29)]
+    said = " ".join(summary([*members, ("odd one", "unexplained", "", "")]))
+    assert "of 30 complete robots, chance makes 0.3 look incomplete" in said
+    assert "of 30 complete robots, chance makes 1.5" in " ".join(
+        summary([*members, ("odd one", "unexplained", "", "")], false_alarm=0.05)
+    )
+    assert "chance" not in " ".join(summary(members))
+    assert "chance" not in " ".join(summary([*members[:2], ("odd one", "unexplained", "", "")]))

@@ -1,7 +1,9 @@
 """What each named effect does, as curves of what it depends on: the model without it, the model with it, and its 95 % band.
 
-The band is that of the whole curve by the fit's covariance, linearised in the parameters. Where the missing force of the first
-model shows the same quantity, the measured motion stands beside the curves: that model's curve, and what it misses.
+The band is that of the whole curve by the fit's covariance, linearised in the parameters. Where a missing force shows the same
+quantity, the measured motion stands beside the curves: what the last model without the effect has, and what it misses then. The
+first model's numbers will not do: its mass took up part of what was missing, and points by it lie beside the right curve; how
+fast its missing force wanders will.
 """
 
 import math
@@ -22,7 +24,7 @@ from ...robots.robot import Robot
 from ...robots.scales import Scales
 from ...simulation.scaled import axis_map, scales_of
 from .conditions import Motion, motions
-from .missing_force import ForceHistory
+from .missing_force import ForceHistory, missing_force
 from .stage_sweeps import SIDE, Grid, Sweep, sweeps
 
 _SHOWS = 1e-3
@@ -34,6 +36,8 @@ _MOST = 4
 """Curves of one effect."""
 _STEP = 0.05
 """Largest step of a parameter, in shares of its value, by which curves are linearised."""
+_BY_FORCE = ("friction", "force")
+"""Kinds of curves beside which a missing force can be drawn."""
 _KNOWN = 2.0
 """Times the median standard deviation up to which a sample of the missing force is shown."""
 
@@ -77,13 +81,15 @@ class LawCurve:
 
 @dataclass(frozen=True)
 class _Seen:
-    """What the logs show: their scales, motions, places and missing forces."""
+    """What the logs show: their scales, motions and places and, where points are to be drawn, what the first model misses and
+    the noise by channel."""
 
     scales: Scales
     motions: tuple[Motion, ...]
     floor: Grid
     path: Grid | None
     forces: Sequence[ForceHistory]
+    noise: Mapping[str, float] | None
 
 
 def _floor(seen: Sequence[Motion]) -> tuple[Grid, Grid | None]:
@@ -187,15 +193,15 @@ def _chosen(group: list[Sweep], final: Fit, bare: Robot) -> list[tuple[Sweep, li
 
 
 # -- what the data says --------------------------------------------------------------------------------------------
-def _samples(sweep: Sweep, part: int, before: Grid, baseline: Fit, seen: _Seen) -> tuple[Grid, Grid] | None:
-    """The swept variable as measured, and what the motion asks for: the first model's curve and what it misses."""
-    if not seen.forces or sweep.kind not in ("friction", "force"):
+def _samples(
+    sweep: Sweep, part: int, without: Grid, robot: Robot, seen: _Seen, forces: Sequence[ForceHistory]
+) -> tuple[Grid, Grid] | None:
+    """The swept variable as measured, and what the motion asks for: the curve of the `robot` `without` the effect, and what it
+    misses."""
+    if not forces or sweep.kind not in _BY_FORCE:
         return None
-    robot, missing = baseline.robot, np.concatenate([force.force for force in seen.forces])
-    spread = np.concatenate([force.std for force in seen.forces])
-    names = list(seen.forces[0].names)
-    if "force" not in robot.traits:
-        return None  # missing accelerations, not forces
+    missing, spread = np.concatenate([f.force for f in forces]), np.concatenate([f.std for f in forces])
+    names = list(forces[0].names)
     if sweep.kind == "friction":
         to_axes = axis_map(robot, names)
         if to_axes.shape[0] != to_axes.shape[1] or np.linalg.cond(to_axes) > 1e6:
@@ -219,25 +225,32 @@ def _samples(sweep: Sweep, part: int, before: Grid, baseline: Fit, seen: _Seen) 
     known &= (x >= sweep.values[0]) & (x <= sweep.values[-1])
     if sweep.family == "speed":
         known &= np.abs(x) > 0.01 * np.abs(sweep.values).max()  # at standstill friction is whatever holds
-    return x[known], y[known] + np.interp(x[known], sweep.values, before)
+    return x[known], y[known] + np.interp(x[known], sweep.values, without)
+
+
+def _forces(bare: Robot, final: Fit, logs: LogSet, seen: _Seen) -> Sequence[ForceHistory]:
+    """What the `bare` robot misses; nothing where points are not asked for, or would be accelerations."""
+    if not seen.forces or "force" not in bare.traits:
+        return ()
+    return missing_force(bare, logs, seen.noise, final.initial_states, seen.forces[0].intensity)
 
 
 def _curves(effect: Effect, baseline: Fit, final: Fit, logs: LogSet, seen: _Seen) -> list[LawCurve]:
     bare = replace(final.robot, effects=tuple(own for own in final.robot.effects if own.id != effect.id))
+    groups = sweeps(effect, final.robot, seen.scales, seen.floor, _reached(effect, final.robot, logs, seen.motions))
+    chosen = [drawn for group in groups for drawn in _chosen(group, final, bare)]
+    forces = _forces(bare, final, logs, seen) if any(sweep.kind in _BY_FORCE for sweep, _ in chosen) else ()
     found: list[LawCurve] = []
-    for group in sweeps(
-        effect, final.robot, seen.scales, seen.floor, _reached(effect, final.robot, logs, seen.motions)
-    ):
-        for sweep, parts in _chosen(group, final, bare):
-            after, change, std = _with_errors(sweep, final, bare)
-            before = np.asarray(sweep.response(baseline.robot, baseline.robot.parameters.numbers), float)
-            for k in parts:
-                drawn = LawCurve(
-                    effect.id, sweep.quantity, sweep.parts[k], sweep.units[k], sweep.variable, sweep.of, sweep.values,
-                    before[k], after[k], change[k], std[k],
-                    _samples(sweep, k, before[k], baseline, seen), seen.path if sweep.kind == "place" else None,
-                )  # fmt: skip
-                found = _joined(found, drawn)
+    for sweep, parts in chosen:
+        after, change, std = _with_errors(sweep, final, bare)
+        before = np.asarray(sweep.response(baseline.robot, baseline.robot.parameters.numbers), float)
+        for k in parts:
+            drawn = LawCurve(
+                effect.id, sweep.quantity, sweep.parts[k], sweep.units[k], sweep.variable, sweep.of, sweep.values,
+                before[k], after[k], change[k], std[k],
+                _samples(sweep, k, after[k] - change[k], bare, seen, forces), seen.path if sweep.kind == "place" else None,
+            )  # fmt: skip
+            found = _joined(found, drawn)
     return found[:_MOST]
 
 
@@ -255,17 +268,23 @@ def _joined(found: list[LawCurve], drawn: LawCurve) -> list[LawCurve]:
 
 @in_float64
 def law_curves(
-    ids: Sequence[str], baseline: Fit, final: Fit, logs: LogSet, forces: Sequence[ForceHistory] = ()
+    ids: Sequence[str],
+    baseline: Fit,
+    final: Fit,
+    logs: LogSet,
+    forces: Sequence[ForceHistory] = (),
+    noise: Mapping[str, float] | None = None,
 ) -> dict[str, tuple[LawCurve, ...]]:
     """The curves of the effects `ids` of the `final` fit, by id; none for an effect without a stage that can be asked alone.
 
-    `forces` are the missing forces of the `baseline` on the same `logs`.
+    With the missing `forces` of the `baseline` on the same `logs`, and their `noise` by channel (default: what the data say),
+    what their motion asks for stands beside curves of friction and force.
     """
     present: Mapping[str, Effect] = {effect.id: effect for effect in final.robot.effects}
     if final.robot.controlled or not any(name in present for name in ids):
         return {}
     moved = motions(baseline.robot, logs)
-    seen = _Seen(scales_of(baseline.robot, logs), moved, *_floor(moved), forces)
+    seen = _Seen(scales_of(baseline.robot, logs), moved, *_floor(moved), forces, noise)
     return {name: _asked(present[name], baseline, final, logs, seen) for name in ids if name in present}
 
 

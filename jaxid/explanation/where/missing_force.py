@@ -324,18 +324,23 @@ def missing_force(
     logs: LogSet,
     noise: Mapping[str, float] | None = None,
     known_states: Mapping[str, Mapping[str, float]] | None = None,
+    intensity: NDArray[np.float64] | None = None,
 ) -> tuple[ForceHistory, ...]:
     """The missing generalised forces of `robot` (fitted, with its effects) over time, one `ForceHistory` for each log.
 
     `noise` is the measurement noise by channel (default: what the data say), `known_states` estimated initial states by
-    log name. Effects on commands act as in a rollout, states of effects are part of the state. Effects on measurements
+    log name, `intensity` how far each force wanders (`ForceHistory.intensity`; by default, what is likeliest).
+    Effects on commands act as in a rollout, states of effects are part of the state. Effects on measurements
     are accounted for by what they change in the model's own simulation: exactly for an offset, to first order otherwise.
     While model and robot stand still a force below break-away shows nowhere, and its standard deviation grows.
 
     Raises `NoVelocities` for a robot that does not say which states its forces accelerate.
     """
     task = _task(robot, logs, noise, known_states)
-    intensity, kept = _chosen(task.setting, task.numbers, task.arrays, task.intensity(1.0))
+    if intensity is None:
+        intensity, kept = _chosen(task.setting, task.numbers, task.arrays, task.intensity(1.0))
+    else:
+        kept = _moments(task.setting, task.numbers, task.arrays, array(intensity))
     mean, std = smoothed(kept)
     names = task.setting.velocities
     columns = [task.setting.robot.states.index(PREFIX + name) for name in names]
