@@ -1,8 +1,9 @@
 """Effects on whole records, before and after a rollout in machine code: on commands and on what sensors report.
 
 They act on signals, not in the equations of motion, and are run by themselves: a robot with one has the machine code of the
-robot without it. They are run in NumPy, so that nothing is compiled; what runs often on the same shape, and what NumPy has
-no operation for, such as a loop over all samples, is a small program of XLA's.
+robot without it. Effects on commands that remember none have machine code of their own (`command_map.py`). The others are run
+in NumPy, so that nothing is compiled; what runs often on the same shape, and what NumPy has no operation for, such as a loop
+over all samples, is a small program of XLA's.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +22,7 @@ from ..kernel.symbolic import Untranslated
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..robots.signal_path import STAGES, overrides, passed
+from .command_map import command_map
 from .rollout import commanded as _commanded_one
 
 Array = Any
@@ -208,9 +210,10 @@ def commanded(
     or 1) as `robots.signal_path.sent` has it."""
     if records.commands is None:
         return np.asarray(inputs)[:, :, None, :]
-    own = np.asarray(p, float)[list(records.commands)]
-    fixed = records.robot, _names(records, records.commands), records.rows(substeps)
-    return _run(_command, fixed, own, inputs, dt, held)
+    own, names = np.asarray(p, float)[list(records.commands)], _names(records, records.commands)
+    if records.memoryless and (code := command_map(records.robot, names)) is not None:
+        return code.values(own, np.asarray(inputs, float))[:, :, None, :]
+    return _run(_command, (records.robot, names, records.rows(substeps)), own, inputs, dt, held)
 
 
 def commanded_each(
@@ -243,8 +246,10 @@ def command_slopes(
     assert records.commands is not None
     places = list(records.commands)
     own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
-    fixed = records.robot, _names(records, records.commands), records.rows(substeps)
-    return _run(_command_slopes, fixed, own, inputs, dt, held, step)
+    names = _names(records, records.commands)
+    if records.memoryless and (code := command_map(records.robot, names)) is not None:
+        return code.slopes(own, np.asarray(inputs, float), step)[:, :, :, None, :]
+    return _run(_command_slopes, (records.robot, names, records.rows(substeps)), own, inputs, dt, held, step)
 
 
 def measured(

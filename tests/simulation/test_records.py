@@ -1,5 +1,7 @@
 """Effects on whole records, in NumPy and in XLA."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import jaxid
 from jaxid._float64 import float64
 from jaxid.robots.signal_path import overrides
 from jaxid.simulation import records
+from jaxid.simulation.command_map import command_map
 from jaxid.simulation.rollout import commanded
 
 
@@ -64,3 +67,17 @@ def test_effects_without_memory_answer_every_command_alone(robot, law):
     assert same == law.memoryless
     assert once.shape[2] == (1 if law.memoryless else 4)
     np.testing.assert_allclose(np.broadcast_to(once[0], fine.shape), fine, rtol=1e-12, atol=1e-12 * size)
+    if not law.memoryless:
+        return
+    # Machine code of one row, whose slopes are JAX's.
+    assert command_map(own.robot, tuple(names[i] for i in own.commands)) is not None
+    steps = np.eye(len(names))[list(own.commands)] * numbers[list(own.commands), None]
+    with float64():
+        slopes = records.command_slopes(own, numbers, inputs, dt, 4, np.zeros(1), steps)
+
+        def sent(p):
+            return commanded(model, dict(zip(names, p, strict=True)), inputs[0], dt[0], 1)
+
+        for found, step in zip(slopes, steps, strict=True):
+            exact = jax.jvp(sent, (jnp.asarray(numbers),), (jnp.asarray(step),))[1]
+            np.testing.assert_allclose(found[0], exact, rtol=1e-10, atol=1e-10 * size)
