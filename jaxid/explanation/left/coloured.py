@@ -8,7 +8,7 @@ in independent samples, and held against what drove the robot.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ _ROUNDED = 0.5
 """Share of what is left, its variance, above which rounding makes the shape of it."""
 GATES = 5
 """Tests among which the level is shared: what drove the robot, evenness among logs, bursts, shape, and the candidates."""
+
+
+FedBack = Literal["", "faster", "at any pace"]
 
 
 @dataclass(frozen=True)
@@ -82,11 +85,12 @@ class OnlyColour:
         return own if self.of_inputs is None else {**own, "noise_of_inputs": self.of_inputs.to_dict()}
 
 
-def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> float:
+def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str], fed_back: bool = False) -> float:
     """p value of the residuals of the channels `of` following nothing that drove the robot, on all `states` and their logs.
 
     Two tests of each channel: regression on drivers against the same shifted in time (`relation`), and of the whitened residual
-    on the inputs of the last samples (`cross_correlation`).
+    on the inputs of the last samples (`cross_correlation`). The first is no test of noise that is `fed_back`: what a controller
+    makes of it drives the robot afterwards, but no earlier command tells what of it is new.
     """
     parts: dict[str, list[Array]] = {name: [] for name in of}
     driving: dict[str, dict[str, list[Array]]] = {name: {} for name in of}
@@ -112,7 +116,8 @@ def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> floa
             return 0.0
         inputs = [key for key in same if key in states[0][1].channels.inputs]
         tests = [cross_correlation(own, same[key])[0].p_value for key in inputs]
-        p_values += [relation(own, same)[0], float(np.nanmin([*tests, 1.0])) * max(len(inputs), 1)]
+        p_values += [] if fed_back else [relation(own, same)[0]]
+        p_values.append(float(np.nanmin([*tests, 1.0])) * max(len(inputs), 1))
     return min(2.0 * len(parts) * min(p_values), 1.0)
 
 
@@ -139,27 +144,27 @@ class _Tested(NamedTuple):
 
 
 def only_colour(
-    states: Sequence[tuple[HeldOut, LogSet]], memory: float, *, fed_back: bool = False
+    states: Sequence[tuple[HeldOut, LogSet]], memory: float, *, fed_back: FedBack = ""
 ) -> OnlyColour | None:
     """What is left on `states` (residuals with the logs they are of) if it is coloured noise by all that its shape and its
     relation to what drove the robot tell, at the level of the first state; else None. Whether a candidate explains it is for
     the screening to say.
 
-    `memory` is the robot's time constant in samples. Of noise that is `fed_back`, which may follow the motion, it is asked
-    whether it changes faster than any force would make it.
+    `memory` is the robot's time constant in samples. Noise that is `fed_back` may follow the motion: it is asked whether it
+    changes "faster" than any force would make it or, of noise "at any pace", whether earlier commands tell what is new of it.
     """
     first, _ = states[0]
     if any(state.diverged for state, _ in states) or not np.isfinite(first.normalised_rms):
         return None
     colours = colours_of([state for state, _ in states])
-    coloured = {name: colour for name, colour in colours.items() if colour.order and not mostly_rounding(states, name)}
+    coloured = {name: colour for name, colour in colours.items() if colour.order and not mostly_rounding(states, name, colour)}
     if not coloured:
         return None
     level, count = first.false_alarm / GATES, len(coloured)
     # The fitted logs have taken in some of what is missing; the held-out ones, which come first, have not.
     noise = 1.0
-    for own in () if fed_back else (states[:1], states):
-        noise = min(noise, 2.0 * related(own, list(coloured)))
+    for own in () if fed_back == "faster" else (states[:1], states):
+        noise = min(noise, 2.0 * related(own, list(coloured), bool(fed_back)))
         if noise < level:
             return None
     shape, simple, faster = 1.0, True, True
@@ -169,7 +174,7 @@ def only_colour(
         if not parts:
             return None
         rounding = _rounding(states, name)
-        groups = [_Tested.of(*own, memory, rounding, fed_back) for own in shape_of.alike(colour, parts, level / count)]
+        groups = [_Tested.of(*own, memory, rounding, bool(fed_back)) for own in shape_of.alike(colour, parts, level / count)]
         several = count * len(groups)
         noise = min(noise, several * min(group.noise for group in groups))
         briefly = several * min(group.briefly for group in groups)
@@ -182,17 +187,21 @@ def only_colour(
         own = own if fast or len(groups) == 1 else 0.0
         shape, simple = min(shape, own), simple and own >= level
         faster &= fast
-    if fed_back and not faster:
+    if fed_back == "faster" and not faster:
         return None
     p_value = min(GATES * min(noise, shape), 1.0)
-    return OnlyColour(coloured, simple and not fed_back, faster, p_value, fed_back=fed_back)
+    return OnlyColour(coloured, simple and not fed_back, faster, p_value, fed_back=bool(fed_back))
 
 
-def mostly_rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> bool:
-    """Whether a channel leaves no more than its noise, and of that most is rounding, which stays as long as the speed does:
-    its shape is that of the motion, and says nothing."""
+def mostly_rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str, colour: Colour) -> bool:
+    """Whether a channel of this `colour` leaves no more than its noise, and of that most is rounding, which stays as long as
+    the speed does: its shape is that of the motion, and says nothing.
+
+    A difference of two rounded positions has twice the error of one rounded value, and half of it back in the next.
+    """
     first, _ = states[0]
-    return first.by_channel.get(name, 0.0) <= 1.0 and _rounding(states, name) > _ROUNDED
+    twice = 1.0 - 2.0 * min(max(colour.correlation, -0.5), 0.0)
+    return first.by_channel.get(name, 0.0) <= 1.0 and twice * _rounding(states, name) > _ROUNDED
 
 
 def _rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str) -> float:

@@ -129,8 +129,8 @@ def with_freer_form(robot: Robot, effect: Effect) -> Robot:
 
 def densest(trial: Trial, again: Callable[[Robot, Trial], Trial]) -> Trial:
     """The trial, or one with more points in the curve that it is about, if it is about one, as long as these tell more than
-    chance, or with a curve for every part of the robot where that does, or with the further terms of its formula; `again`
-    refits a robot from its own values, and from the initial states of a trial."""
+    chance, or with a curve for every part of the robot or one that reaches farther where that does, or with the further terms
+    of its formula; `again` refits a robot from its own values, and from the initial states of a trial."""
 
     for _ in range(_MOST):
         if not _open(trial):
@@ -148,7 +148,10 @@ def _changes(trial: Trial) -> tuple[Callable[[Robot, str], Robot], ...]:
     """How its effect may be given more freedom."""
     if not isinstance(trial.effect, Curve):
         return (with_further_terms,)
-    return (with_denser_curve, with_curves_apart) if _parts(trial) else (with_denser_curve,)
+    apart = (with_curves_apart,) if _parts(trial) else ()
+    # What the rest of a curve leaves beyond a reach that is too short would be taken for another effect.
+    farther = (with_farther_reach,) if may_reach_farther(trial.robot, trial.effect) else ()
+    return (with_denser_curve, *apart, *farther)
 
 
 def _open(trial: Trial) -> bool:

@@ -97,11 +97,11 @@ FIRST = np.random.default_rng(0).uniform(-4, 4, 20)[0]
 def test_noise_that_is_fed_back_may_follow_the_motion_and_is_not_called_the_sensors(motions):
     states = made(motions, lambda rng, u, v: 2.8 * first_order(0.6, SAMPLES, rng) + 0.9 * v / np.std(v))
     assert only_colour(states, memory=25.0) is None
-    found = only_colour(states, memory=25.0, fed_back=True)
+    found = only_colour(states, memory=25.0, fed_back="faster")
     assert found is not None and found.fed_back and not found.only_noise
     assert found.to_dict()["fed_back"] is True
     # What comes on one log only no sensor makes, fed back or not.
-    assert only_colour(made(motions, on_one_log), memory=25.0, fed_back=True) is None
+    assert only_colour(made(motions, on_one_log), memory=25.0, fed_back="faster") is None
 
 
 @pytest.mark.parametrize("make", [follows_speed, on_one_log])

@@ -192,6 +192,26 @@ def test_a_curve_that_reaches_farther_is_what_it_was():
     assert not may_reach_farther(axis, effect_by_id(Axis(), "quadratic_drag", "shape"))
 
 
+def test_a_curve_reaches_farther_only_where_that_tells_more():
+    """What is left beyond the reach of a curve is the rest of the same curve, before it is another effect."""
+    axis = Axis() + effect_by_id(Axis(), "actuator_dead_zone", "shape")
+    reach = axis.parameters["actuator_dead_zone.reach"].value
+    noise, wave = np.random.default_rng(0).normal(size=5000), np.sin(np.arange(5000) / 300)
+    near = replace(trial(axis, noise + 0.5 * wave, 10), id="actuator_dead_zone")
+
+    def refitted(left):
+        """Of a curve with a longer reach as much of the wave as given, of one with more points alone nothing less."""
+
+        def again(robot, like):
+            own = left if robot.parameters["actuator_dead_zone.reach"].value > reach else 0.499
+            return trial(robot, noise + own * wave, 18)
+
+        return again
+
+    assert densest(near, refitted(0.1)).robot.parameters["actuator_dead_zone.reach"].value == 2 * reach
+    assert densest(near, refitted(0.499)) is near
+
+
 @pytest.mark.parametrize("identifier", ["actuator_dead_zone", "voltage_saturation", "traction_limit"])
 def test_what_is_lost_by_each_motor_is_at_first_what_all_lost(identifier):
     """And one motor's curve leaves the others alone."""
