@@ -81,5 +81,8 @@ def taken_for_granted(final: Fit, logs: LogSet, noise: Mapping[str, float]) -> s
         + (f" ({' or '.join(own.constant for own in rest)} does the same, by as much or less)" if rest else "")
         for first, *rest in groups[:_GROUPS]
     ]
-    listed = "; ".join(said)
-    return f"Errors of a per cent in the table, which these logs would not show, would move: {listed}." if said else ""
+    if not said:
+        return ""
+    rest = [own.constant.rsplit(" ", 1)[0] for group in groups[_GROUPS:] for own in group]
+    more = f"; and so would, by more than standard errors say, errors of {', '.join(rest)}" if rest else ""
+    return f"Errors of a per cent in the table, which these logs would not show, would move: {'; '.join(said)}{more}."

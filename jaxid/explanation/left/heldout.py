@@ -36,6 +36,7 @@ class HeldOut:
     small and follows nothing that drove the robot (`overrated.py`); `by_chance`: whether it is what delays that scatter leave
     (`by_chance.py`); `rounded`: whether it is what rounding to the sensors' steps makes (`rounding.py`), `inputs_rounded`
     whether it is no more than the rounding of the logged inputs makes (`rounded_inputs.py`).
+    `but_fitted`: whether, though it passes for noise, what the model leaves on the fitted logs does not: it follows the motion.
     `false_alarm`: how often a complete model may be called incomplete by it (`level.py`), `negligible` the RMS below which a
     gap matters to nobody (`policy.py`).
     """
@@ -55,6 +56,7 @@ class HeldOut:
     by_chance: bool = False
     rounded: bool = False
     inputs_rounded: bool = False
+    but_fitted: bool = False
     false_alarm: float = field(default_factory=current_level)
     negligible: float = field(default_factory=lambda: current_policy().negligible)
 
@@ -72,7 +74,7 @@ class HeldOut:
     def adequate(self) -> bool:
         """Whether nothing but noise is left: white residuals at the noise floor, or a gap too small to matter."""
         return bool(
-            self.p_value >= self.false_alarm
+            (self.p_value >= self.false_alarm and not self.but_fitted)
             or self.normalised_rms < self.negligible
             or self.within_errors
             or self.unrelated

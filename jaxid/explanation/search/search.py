@@ -54,13 +54,19 @@ def search(
     noise = rated | state.noise
     if not state.adequate:
         state = within_rounding(held_out, within_errors(fit, held_out, state))
-    state = within_input_rounding(fit.robot, held_out, state)
+    passed = state = within_input_rounding(fit.robot, held_out, state)
+    # The held-out logs may be too few to show it.
+    if fit.judgement is not None and fit.judgement.follows:
+        state = replace(state, but_fitted=True)
     if state.adequate:
-        return Search(state, state, None, (), ())
+        return Search(passed, passed, None, (), ())
     report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
     # With the same weights as the refits, so that likelihoods compare.
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
-    baseline = current = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
+    baseline = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
+    if passed.adequate:
+        baseline = baseline.leaving(replace(baseline.held_out, but_fitted=True))
+    current = baseline
     begun = begun_at(fit)
     looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
@@ -149,6 +155,8 @@ def search(
         steps, current, colour = _beside_noise_of_inputs(steps, current, baseline, colour, logs, held_out, noise)
     if colour is None and not steps and not current.held_out.adequate:
         colour = noise_fed_back(current, logs, held_out, noise)
+    if passed.adequate and not steps:
+        return Search(passed, passed, None, (), looked_at)
     if colour is not None:
         report(f"what is left is noise: {colour.of_inputs.phrase if colour.of_inputs else colour.phrase}")
     return Search(state, current.held_out, current, tuple(steps), looked_at, colour)

@@ -273,9 +273,9 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
         # To first order; what the fit finds may be less.
         if left > rival + _BENT * (before.squares - rival):
             continue
-        trial = _with_freed(before, chosen, logs, held_out)
+        trial, chosen = _needed(before, _with_freed(before, chosen, logs, held_out), chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
-        alone = number == 1 and trial.fitted.adequate
+        alone = len(chosen) == 1 and trial.fitted.adequate
         if not (_too_far(shares, before.robot) if alone else max(map(abs, shares.values())) >= BELIEVABLE):
             trials.append(trial)
         if trial.fitted.adequate:
@@ -305,6 +305,24 @@ def _with_freed(before: Trial, names: Sequence[str], logs: LogSet, held_out: Log
     """`before` refitted with these constants estimated."""
     robot = before.robot + TableConstants(tuple(names))
     return refit_from_itself(robot, before, logs, held_out, before.held_out.noise)
+
+
+def _needed(
+    before: Trial, trial: Trial, chosen: tuple[str, ...], logs: LogSet, held_out: LogSet
+) -> tuple[Trial, tuple[str, ...]]:
+    """The trial, with those of the `chosen` constants that it needs, by the Bayesian criterion: sets are chosen to first order,
+    and where one of them bends, another may make up for that until it is fitted."""
+    if len(chosen) == 1:
+        return trial, chosen
+    found = trial.robot.parameters
+    for name in chosen:
+        rest = tuple(own for own in chosen if own != name)
+        robot = before.robot + TableConstants(rest)
+        robot = robot.with_values(**{own: found[own].value for own in robot.parameters.free_names})
+        fewer = refit_from_itself(robot, trial, logs, held_out, before.held_out.noise)
+        if fewer.score < trial.score:
+            return _needed(before, fewer, rest, logs, held_out)
+    return trial, chosen
 
 
 def by_how_much(name: str, share: float, robot: Robot) -> str:

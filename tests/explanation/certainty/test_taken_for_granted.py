@@ -1,7 +1,7 @@
 """jaxid/explanation/certainty/taken_for_granted.py: an axis in closed form, all of whose parameters are in proportion to its
 gain."""
 
-from jaxid import Axis, output_error
+from jaxid import AXIS, Axis, Custom, Parameter, output_error
 from jaxid.explanation.certainty.taken_for_granted import taken_for_granted
 from jaxid.logs import noise_scale
 from jaxid.simulation.scaled import scaled_to
@@ -30,3 +30,21 @@ def test_nothing_is_said_where_the_logs_would_show_it():
     """With the mass known, a gain that is off is seen."""
     fit, logs = fitted(M=1.0)
     assert taken_for_granted(fit, logs, noise_scale(logs)) == ""
+
+
+def test_constants_beyond_those_that_are_listed_are_named():
+    """Three constants of a cart, each of which a parameter makes up for, in another way."""
+
+    def dynamics(state, inputs, p):
+        resistance = (p["Fv"] + p["brush"]) * state["v"]
+        return {"v": (p["gain"] * inputs["u"] - resistance) / (p["M"] + p["load"]), "q": state["v"]}
+
+    free = {name: Parameter(value, unit, free=True, lower=0.0) for name, value, unit in
+            (("M", 0.6, "kg"), ("Fv", 1.2, "N s/m"))}  # fmt: skip
+    known = {"load": Parameter(0.4, "kg"), "brush": Parameter(0.8, "N s/m"), "gain": Parameter(1.0, "")}
+    logs, _ = driven(lambda u: u, 4, count=5)
+    fit = output_error(Custom(dynamics=dynamics, state_names=("v", "q"), own_channels=AXIS, table=free | known), logs)
+    said = taken_for_granted(fit, logs, noise_scale(logs))
+    listed = [name for name in known if f"with {name} " in said]
+    (rest,) = set(known) - set(listed)
+    assert len(listed) == 2 and said.endswith(f"; and so would, by more than standard errors say, errors of {rest}.")

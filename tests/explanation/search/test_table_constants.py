@@ -1,5 +1,7 @@
 """jaxid/explanation/search/table_constants.py: a wrong constant of the table beside the name of what looks the same."""
 
+from types import SimpleNamespace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from jaxid import Channels, Custom, DifferentialDrive, Log, LogSet, Parameter, P
 from jaxid.effects import effect_by_id
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.refits.refit import Trial
+from jaxid.effects.table_constants import TableConstants
+from jaxid.explanation.search import table_constants
 from jaxid.explanation.search.table_constants import _likely, constants_like, effects_that_are
 from jaxid.model_file import read_model
 
@@ -206,6 +210,26 @@ def test_two_constants_are_found_where_a_third_alone_does_more_than_either():
     assert ("between",) in sets and ("a", "b") in sets
     assert not any("nothing" in chosen for chosen in sets)  # the fitted parameters do all that it does
     assert twins["a"] == ("a",)
+
+
+def test_a_constant_of_a_set_that_is_right_is_left_out(monkeypatch):
+    """Of three that were chosen to first order, the wind alone is wrong: without it no model is as good."""
+    begun = []
+
+    def refitted(robot, like, *_):
+        begun.append(robot.parameters["wind"].value)
+        freed = robot.effects[0].constants
+        return SimpleNamespace(robot=robot, score=100.0 + 7.0 * len(freed) + (0.0 if "wind" in freed else 500.0))
+
+    monkeypatch.setattr(table_constants, "refit_from_itself", refitted)
+    before = SimpleNamespace(robot=BRAKED, held_out=SimpleNamespace(noise={}))
+    every = ("push", "wind", "drag")
+    robot = (BRAKED + TableConstants(every)).with_values(wind=0.52)
+    found, needed = table_constants._needed(before, SimpleNamespace(robot=robot, score=121.0), every, None, None)
+    assert needed == ("wind",) and found.score == 107.0
+    table = BRAKED.parameters["wind"].value
+    assert all(value == pytest.approx(0.52) or value == table for value in begun) and 0.52 in begun
+    assert not found.robot.parameters["push"].free and found.robot.parameters["push"].value == pytest.approx(0.1 / 1.0504)
 
 
 def test_constants_that_do_the_same_are_known_for_it():
