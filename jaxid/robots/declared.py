@@ -244,9 +244,12 @@ class Declared(Robot):
         return self._unit_of(tuple(self._axes[i][1].coulomb for i in self.drive_axes), "N")
 
     def force_unit(self, name: str) -> str:
-        """As the user gives the dry friction that rubs at this velocity, such as mN where speeds are in mm/s."""
-        own = [axis.coulomb for _, axis in self._axes if axis.speed == name and axis.coulomb]
-        return self.table[own[0]].unit if own else super().force_unit(name)
+        """As the user gives the dry friction that rubs at this velocity, or on the axis of this name, such as mN where speeds are
+        in mm/s."""
+        own = [axis.coulomb for called, axis in self._axes if name in (called, axis.speed) and axis.coulomb]
+        if own:
+            return self.table[own[0]].unit
+        return self.friction_unit if name in dict(self._axes) else super().force_unit(name)
 
     @property
     def torque_unit(self) -> str:  # type: ignore[override]

@@ -277,12 +277,15 @@ def test_units_of_effects_are_those_of_the_users_axis():
         for name, unit in zip(names, units, strict=True):
             assert (model + effect_by_id(model, name.split(".")[0])).parameters[name].unit == unit
     assert joint.force_unit("rate") == "N m" and trolley.force_unit("v") == "N"
+    # By the axis' own name, as pictures of its friction ask.
+    assert joint.force_unit("bearing") == joint.friction_unit and trolley.force_unit("wheel") == "N"
     # Grams and millimetres: kg mm/s^2 are mN, and so is what is added to them.
     small = replace(
         trolley,
         own_channels=Channels(("u",), ("v",), units={"v": "mm/s"}),
         table={"m": Parameter(2.0, "kg"), "Fc": Parameter(400.0, "mN")},
     )
+    assert small.force_unit("wheel") == small.force_unit("v") == "mN"
     dragged = small + effect_by_id(small, "quadratic_drag")
     assert dragged.parameters["quadratic_drag.coefficient"].unit == "mN s^2/mm^2"
 

@@ -13,6 +13,9 @@ from ...estimate.result import Fit
 from ...logs import LogSet
 from ..search.table_constants import known_constants, measure, secants_of, small_steps
 
+_STEP = 1e-8
+"""Share of a number by which it is moved: beside hardly any noise, what larger steps bend, or shift of when a robot comes to rest,
+would pass for something that shows."""
 _OFF = 0.01
 """Share of its value by which a constant is off that is asked about."""
 _SHOWN = 9.0
@@ -43,8 +46,8 @@ def taken_for_granted(final: Fit, logs: LogSet, noise: Mapping[str, float]) -> s
     own = [n for n in final.free_names if "." not in n and final[n].status in ("identified", "at_bound")]
     if not names or not own:
         return ""
-    _, secants, _ = secants_of(robot, noise, [], names, logs)
-    free, steps = robot.parameters.free_names, small_steps(robot, names)
+    _, secants, _ = secants_of(robot, noise, [], names, logs, _STEP)
+    free, steps = robot.parameters.free_names, small_steps(robot, names, _STEP)
     fitted, constants = secants[: len(free)], secants[len(free) :]
     if not np.isfinite(secants).all():
         return ""

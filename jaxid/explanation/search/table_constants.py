@@ -146,22 +146,27 @@ def _likely(
     return sets, twins
 
 
-def small_steps(robot: Robot, names: Sequence[str]) -> dict[str, float]:
-    """Steps of the free parameters and of the constants `names`, small shares of what each is, away from an upper bound."""
+def small_steps(robot: Robot, names: Sequence[str], share: float = _STEP) -> dict[str, float]:
+    """Steps of the free parameters and of the constants `names`, a small `share` of what each is, away from an upper bound."""
     table, found = robot.parameters, {}
     for name in (*table.free_names, *names):
         magnitude = measure(name, robot) if name in names else table[name].value
-        size = _STEP * (abs(magnitude) or table[name].typical or 1.0)
+        size = share * (abs(magnitude) or table[name].typical or 1.0)
         found[name] = -size if table[name].value + size > table[name].upper else size
     return found
 
 
 def secants_of(
-    robot: Robot, noise: Mapping[str, float], after: Sequence[Robot], names: Sequence[str], logs: LogSet
+    robot: Robot,
+    noise: Mapping[str, float],
+    after: Sequence[Robot],
+    names: Sequence[str],
+    logs: LogSet,
+    share: float = _STEP,
 ) -> tuple[Array, Array, Array]:
     """Residuals of a model on the logs [samples] in units of the noise, their changes with its free parameters and `names`
-    [parameters, samples], for small steps each, and those with other models of it, `after` [models, samples]."""
-    table, steps = robot.parameters, small_steps(robot, names)
+    [parameters, samples], for a small `share` of each, and those with other models of it, `after` [models, samples]."""
+    table, steps = robot.parameters, small_steps(robot, names, share)
     moved = [robot.change(n, value=table[n].value + size) for n, size in steps.items()]
     outputs = _outputs([robot, *moved], logs, noise)
     others = _outputs([*after], logs, noise) if after else np.empty((0, outputs.shape[1]))
