@@ -109,14 +109,16 @@ def begins_in_motion(robot: Robot, start: Mapping[str, Any]) -> Any:
 def commanded(
     robot: Robot, p: Numbers, inputs: Float[Array, "T nu"], dt: Float[Array, " T"], substeps: int, held: Any = 0.0
 ):
-    """What arrives of the inputs [T, substeps, nu] in every substep: effects on commands act at the integrator's pace. `held`
+    """What arrives of the inputs [T, substeps, nu] in every substep: effects on commands act at the integrator's pace, up to
+    that at which steps suit a robot; those that are shortened for the sake of its noise share what arrives on average. `held`
     as `sent` has it."""
-    fine_dt = jnp.repeat(dt / substeps, substeps)
+    parts = max(n for n in range(1, _MOST_STEPS + 1) if substeps % n == 0)
+    fine_dt = jnp.repeat(dt / parts, parts)
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
-    fine_time = jnp.repeat(time, substeps) + jnp.tile(jnp.arange(substeps), len(dt)) * fine_dt
-    fine = jnp.repeat(inputs, substeps, axis=0)
+    fine_time = jnp.repeat(time, parts) + jnp.tile(jnp.arange(parts), len(dt)) * fine_dt
+    fine = jnp.repeat(inputs, parts, axis=0)
     fine = sent(robot, fine, fine_time, fine_dt, p, held)
-    return fine.reshape(len(dt), substeps, -1)
+    return jnp.repeat(fine.reshape(len(dt), parts, -1), substeps // parts, axis=1)
 
 
 def _scanned(robot: Robot, p: Numbers, start: State, inputs, dt, integrator: Integrator, fixed):
