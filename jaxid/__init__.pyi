@@ -40,6 +40,7 @@ from .explanation.explanation import Explanation
 from .explanation.fleet import ExplainedFleet, explain_fleet
 from .explanation.policy import Policy
 from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, LogWarning, noise_level, read_logs
+from .model_file import ModelFileError, read_model, write_model
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
 from .robots import (
@@ -93,6 +94,7 @@ __all__ = [
     "LogWarning",
     "Loss",
     "Minimum",
+    "ModelFileError",
     "MovingWindow",
     "MultiStart",
     "Omni",
@@ -139,10 +141,12 @@ __all__ = [
     "prediction_error",
     "profile_likelihood",
     "read_logs",
+    "read_model",
     "recursive_least_squares",
     "repeatability",
     "save",
     "simulate",
+    "write_model",
 ]
 
 __version__: str

@@ -4,6 +4,8 @@ A `tanh` of the speed over a hundredth of it creeps where a robot sticks. No eff
 what it leaves has no name; the remedy is to declare the friction, which then truly sticks.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from .._float64 import in_float64
@@ -20,7 +22,9 @@ def smoothed_friction(robot: Robot) -> str:
     where there are none, and for robots of this package."""
     if not robot.declared:
         return ""
-    steep = [name for name in robot.velocities if _is_steep(robot.alone, name)]
+    # Effects of the catalogue may bend so, which are none of the user's equations.
+    own = replace(robot.alone, effects=())
+    steep = [name for name in robot.velocities if _is_steep(own, name)]
     if not steep:
         return ""
     return (

@@ -124,6 +124,11 @@ _HEADINGS = (_UNLIMITED, 10, 1)
 """Columns that headings take at most, but for their longest word and their cells: the first with which a table has room."""
 
 
+_CROWDED = 0.8
+"""Share of a screen's width that the longest words of a table's columns take, from which on some are broken where it is too wide:
+the widest columns are made narrower, whatever they hold."""
+
+
 def _rich(table: Table, least: int) -> RichTable:
     """The table as Rich shows it, headings but the first wrapped between their words at `least` columns or their cells'."""
     shown = RichTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1), show_edge=False)
@@ -141,6 +146,38 @@ def _rich(table: Table, least: int) -> RichTable:
     return shown
 
 
+def _fitting(table: Table, console: Console, width: int) -> RichTable:
+    """The table with headings as long as it has room for."""
+    # Rich would fold a heading within its words before it makes any other column narrower.
+    options = console.options.update(width=_UNLIMITED)
+    tried = [_rich(table, least) for least in _HEADINGS]
+    return next((own for own in tried if console.measure(own, options=options).maximum <= width), tried[1])
+
+
+def _parts(table: Table, console: Console, width: int) -> list[Table]:
+    """The table, or, where it has more columns than `width` has room for, parts of it with the first column in each: a number
+    that is broken within a cell is read as another one."""
+
+    def broken(columns: Sequence[int]) -> bool:
+        own = _with_columns(table, columns)
+        measured = console.measure(_rich(own, _HEADINGS[-1]), options=console.options.update(width=_UNLIMITED))
+        return measured.maximum > width and measured.minimum > _CROWDED * width
+
+    left, parts = list(range(1, len(table.header))), []
+    while left:
+        taken = next(n for n in range(len(left), 0, -1) if n == 1 or not broken(left[:n]))
+        parts.append(_with_columns(table, left[:taken]))
+        left = left[taken:]
+    return parts or [table]
+
+
+def _with_columns(table: Table, columns: Sequence[int]) -> Table:
+    """The table with its first column and these alone, without notes."""
+    kept = (0, *columns)
+    rows = tuple(tuple(row[k] for k in kept if k < len(row)) for row in table.rows)
+    return Table(table.title, tuple(table.header[k] for k in kept), rows)
+
+
 def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int | None = None) -> str:
     """Plain text, at most `width` columns wide (by default `columns`): the paragraphs `before`, then the tables."""
     width = width or columns()
@@ -150,11 +187,10 @@ def to_text(tables: Sequence[Table], before: Sequence[str] = (), width: int | No
     for table in tables:
         console.print()
         console.print(Text(table.title, style="bold"))
-        # Rich would fold a heading within its words before it makes any other column narrower.
-        options = console.options.update(width=_UNLIMITED)
-        tried = [_rich(table, least) for least in _HEADINGS]
-        shown = next((own for own in tried if console.measure(own, options=options).maximum <= width), tried[1])
-        console.print(shown)
+        for place, part in enumerate(_parts(table, console, width)):
+            if place:
+                console.print()
+            console.print(_fitting(part, console, width))
         for note in table.notes:
             console.print(Text(note))
     lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]

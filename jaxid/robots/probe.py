@@ -55,5 +55,5 @@ def one_by_one(name: str, sizes: tuple[float, ...]) -> tuple[Probe, ...]:
 
 def moved(own: Parameter) -> float:
     """A value of one of the robot's own parameters to be tried: a little off the one it has, or, where that is zero, what is
-    typical."""
-    return own.value + (_STEP * abs(own.value) or own.typical or 1.0)
+    typical. Of one that nobody knows a size of, a share or a length that is small: one would be a wheel of no radius."""
+    return own.value + (_STEP * abs(own.value) or own.typical or _STEP)

@@ -82,6 +82,20 @@ def test_headings_are_broken_between_their_words_where_there_is_room_for_these()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX's")
+def test_a_table_with_more_columns_than_there_is_room_for_goes_on_below():
+    """A number that is broken within a cell reads as another one."""
+    names = [f"RMS n_{wheel} [rpm]" for wheel in ("fl", "fr", "rl", "rr")] * 4
+    rows = tuple((Cell(name), *(Cell(f"0.{k:02d}7") for k in range(len(names)))) for name in ("output error", "noise floor"))
+    text = tables.to_text([Table("Prediction", ("method", *names), rows, ("below it all",))], width=100)
+    assert all(len(line) <= 100 for line in text.splitlines())
+    assert all(text.count(f"0.{k:02d}7") == 2 for k in range(len(names)))
+    assert text.count("output error") == text.count("noise floor") == text.count("method") == 2
+    assert text.count("Prediction") == 1 and text.endswith("below it all")
+    # Words are folded as they were.
+    words = Table("Found", ("effect", "what it is"), ((Cell("drag"), Cell("one word after another " * 8)),))
+    assert tables.to_text([words], width=60).count("effect") == 1
+
+
 def test_a_real_terminals_width_is_asked_for(monkeypatch):
     import fcntl
     import struct

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import pytest
 
 from jaxid import Axis, Channels, Custom, Parameter
+from jaxid.effects import effect_by_id
 from jaxid.explanation.smooth_friction import smoothed_friction
 
 TABLE = {name: Parameter(value, free=True, lower=0.0) for name, value in {"M": 2.0, "B": 3.0, "C": 1.5}.items()}
@@ -41,3 +42,17 @@ def test_friction_that_is_steep_at_standstill_is_said_and_nothing_else(law):
 def test_friction_that_is_declared_sticks_and_is_not_meant():
     assert not smoothed_friction(cart(LAWS["none"][0], dry_friction={"wheels": ("v", "C")}))
     assert not smoothed_friction(Axis())
+
+
+def test_an_effect_that_bends_so_is_none_of_the_users_equations():
+    """Sideways friction of the catalogue is smooth where a robot hardly slides."""
+    def dynamics(state, inputs, p):
+        return {"v": (inputs["u"] - p["B"] * state["v"]) / p["M"], "vy": -p["B"] * state["vy"] / p["M"], "w": -state["w"]}
+
+    robot = Custom(dynamics=dynamics, state_names=("v", "vy", "w"), own_channels=Channels(("u",), ("v", "vy", "w")), table=TABLE,
+                   forces={"v": "M", "vy": "M", "w": 1.0}, turning="w")  # fmt: skip
+    assert not smoothed_friction(robot)
+    slipping = robot + effect_by_id(robot, "sideways_friction")
+    assert not smoothed_friction(slipping.with_values(**{"sideways_friction.coulomb_vy": 5.0}))
+    # The state has no unit, and so has what its friction is in proportion to.
+    assert slipping.parameters["sideways_friction.viscous_vy"].unit == "N"

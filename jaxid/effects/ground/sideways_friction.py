@@ -62,7 +62,8 @@ class SidewaysFriction(_Across):
         for name in sideways(robot):
             force, fastest, unit = 0.02 * robot.scales.force, robot.scales.output(name), robot.velocity_unit(name)
             found |= signed(self, f"coulomb_{name}", robot.force_unit(name), force)
-            found |= signed(self, f"viscous_{name}", f"{robot.force_unit(name)}/({unit})", force / fastest)
+            per = f"{robot.force_unit(name)}/({unit})" if unit else robot.force_unit(name)
+            found |= signed(self, f"viscous_{name}", per, force / fastest)
             found |= shape(self, f"still_{name}", unit, _STILL * fastest, free=False)
         return found
 
