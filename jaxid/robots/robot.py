@@ -229,8 +229,10 @@ class Robot:
         return units.get(name, "") or (f"{place}/s" if place else "")
 
     def force_unit(self, name: str) -> str:
-        """Unit of the generalised force on a velocity: a torque where it is angular."""
-        return "N m" if self.velocity_unit(name).split("/")[0] in ANGLES else "N"
+        """Unit of the generalised force on a velocity: a torque where it is angular, as the yaw rate is."""
+        unit = self.velocity_unit(name)
+        angular = unit.split("/")[0] in ANGLES or (not unit and name == self.turning)
+        return "N m" if angular else "N"
 
     @property
     def metre(self) -> float:

@@ -130,13 +130,20 @@ def _by_laws(effect: Effect, bare: Trial, logs, held_out, noise, say: Report) ->
 def by_its_curve(
     identifier: str, current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
 ) -> Trial | None:
-    """The model with the curve of a mechanism in the place of its formula; None where it has none that explains anything."""
+    """The model with the curve of a mechanism in the place of its formula; None where it has none that explains anything. It is
+    looked for with the integration steps of the `base`, and with those of `current`, where shorter, in the end."""
+    fine = current.robot.longest_step
+    current = replace(current, robot=replace(current.robot, longest_step=base.robot.longest_step))
     bare = without(identifier, current, base, logs, held_out, noise)
     curves = [law for law in laws_of(bare.robot, identifier) if isinstance(law, Curve)]
     screened = screen(bare.robot, logs, curves, noise, bare.initial_states, bare.angles) if curves else []
     added = all_added(bare, [law for law in screened if law.gain > 0], logs, held_out, noise, say)
     trials = [continued(trial, logs, held_out, noise) for trial in added]
-    return min(trials, key=lambda trial: trial.score, default=None)
+    best = min(trials, key=lambda trial: trial.score, default=None)
+    if best is None or fine == base.robot.longest_step:
+        return best
+    finer = replace(best.robot, longest_step=fine)
+    return replace(refit_from_itself(finer, best, logs, held_out, noise), id=best.id)
 
 
 def by_laws_again(
