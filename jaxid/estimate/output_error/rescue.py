@@ -109,11 +109,12 @@ def recovered(
     far_starts: bool = True,
     report: Callable[[str], None],
 ) -> Optimum:
-    """The best minimum that other starts than `unknowns` lead to as well, or `optimum`, the first one, if it needs none."""
+    """The best minimum that other starts than `unknowns` lead to as well, or `optimum`, the first one, if it needs none: one
+    that began where a fit had come to already (no `far_starts`) needs none for being on its way still."""
 
     def doubtful(found: Optimum) -> bool:
         astray = one_astray(problem.mask, found.triangle.squares)
-        return astray or not bool(found.converged) or poor(problem, found)
+        return astray or (far_starts and not bool(found.converged)) or poor(problem, found)
 
     def lower(found: Optimum, than: Optimum) -> bool:
         return bool(np.isfinite(found.cost)) and not diverging(found) and not found.cost >= than.cost
