@@ -104,8 +104,8 @@ def worked(members: Sequence[Member], work: Work, report: Report | None = None) 
 
 
 def _read(robot: Robot, paths: Sequence[Path], work: Work) -> tuple[LogSet, LogSet | None, list[str]]:
-    """A member's logs to fit, the held-out ones (None where nothing is to be explained, or none of them can be used), and what
-    is to be said of those that cannot be used: they are left out. Raises `LogError` or `UnusableInput` where none is left."""
+    """A member's logs to fit, the held-out ones (None where nothing is to be explained, or none can be used), and what is to be
+    said of those that cannot be used: they are left out. Raises `LogError` or `UnusableInput` where none is left."""
     apart = [path for path in paths if any(fnmatch(path.name, pattern) for pattern in work.held_out)]
     fit = [path for path in paths if path not in apart]
     if work.held_out and not (apart and fit):
@@ -140,7 +140,9 @@ def _usable(robot: Robot, paths: Sequence[Path], work: Work) -> tuple[LogSet, li
         usable = [path for path in paths if path not in wrong]
         if not (wrong and usable):
             raise
-        return read_logs(usable, robot, mapping=work.mapping), [f"warning: left out: {error}" for error in wrong.values()]
+        return read_logs(usable, robot, mapping=work.mapping), [
+            f"warning: left out: {error}" for error in wrong.values()
+        ]
 
 
 def _started(robot: Robot, logs: LogSet) -> Fit | None:
@@ -163,7 +165,7 @@ def _explained(fit: Fit, logs: LogSet, held_out: LogSet, work: Work) -> tuple[Ex
 
 
 def _with_findings(fit: Fit, logs: LogSet, left_out: Sequence[str]) -> Fit:
-    """The fit with what was left out and what pre-flight says of its logs among its notes, such as a column of the wrong sign."""
+    """The fit with what was left out and what pre-flight says of its logs among its notes, such as a wrong sign."""
     found = [*left_out, *(str(f) for f in logs.preflight() if f.severity in ("error", "warning"))]
     return replace(fit, notes=(*fit.notes, *dict.fromkeys(found)))
 

@@ -109,8 +109,8 @@ def answers(members: Iterable[Answer]) -> dict[str, list[str]]:
 
 
 def summary(members: Sequence[Answer], false_alarm: float = FALSE_ALARM) -> list[str]:
-    """How many members were explained, which effects are named how often, who differs from most, and how many of so many chance
-    alone may have made look incomplete."""
+    """How many members were explained, which effects are named how often, who differs from most, and how many of so many
+    chance alone may have made look incomplete."""
     sound = [(verdict, effects) for _, verdict, effects, failure in members if not failure]
     counted = ", ".join(f"{count} {verdict}" for verdict, count in Counter(v for v, _ in sound).most_common())
     said = [f"{len(sound)} of {len(members)} members explained{': ' if counted else ''}{counted}."]
@@ -125,8 +125,8 @@ def summary(members: Sequence[Answer], false_alarm: float = FALSE_ALARM) -> list
     by_chance = false_alarm * len(sound)
     if by_chance >= _WORTH_A_WORD and any(verdict != "adequate" for verdict, _ in sound):
         said.append(
-            f"Every member is judged on its own: of {len(sound)} complete robots, chance makes {by_chance:.2g} look incomplete. "
-            "One that is only just above its noise may be such a one; fresh logs of it tell."
+            f"Every member is judged on its own: of {len(sound)} complete robots, chance makes {by_chance:.2g} look "
+            "incomplete. One that is only just above its noise may be such a one; fresh logs of it tell."
         )
     return said
 

@@ -125,8 +125,8 @@ _HEADINGS = (_UNLIMITED, 10, 1)
 
 
 _CROWDED = 0.8
-"""Share of a screen's width that the longest words of a table's columns take, from which on some are broken where it is too wide:
-the widest columns are made narrower, whatever they hold."""
+"""Share of a screen's width that the longest words of a table's columns take, from which on some are broken where it is too
+wide: the widest columns are made narrower, whatever they hold."""
 
 
 def _rich(table: Table, least: int) -> RichTable:

@@ -244,8 +244,8 @@ class Declared(Robot):
         return self._unit_of(tuple(self._axes[i][1].coulomb for i in self.drive_axes), "N")
 
     def force_unit(self, name: str) -> str:
-        """As the user gives the dry friction that rubs at this velocity, or on the axis of this name, such as mN where speeds are
-        in mm/s."""
+        """As the user gives the dry friction that rubs at this velocity, or on the axis of this name, such as mN
+        where speeds are in mm/s."""
         own = [axis.coulomb for called, axis in self._axes if name in (called, axis.speed) and axis.coulomb]
         if own:
             return self.table[own[0]].unit

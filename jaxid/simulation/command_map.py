@@ -57,7 +57,9 @@ class CommandMap:
     ) -> Float[Array, "k E T U"]:
         """Its derivatives in k directions of the parameters."""
         found = self._slopes(p, inputs, np.zeros((len(inputs), 0)))
-        return np.einsum("kp,etpu->ketu", dp, found.reshape(*found.shape[:2], self.parameters, self.inputs), optimize=True)
+        return np.einsum(
+            "kp,etpu->ketu", dp, found.reshape(*found.shape[:2], self.parameters, self.inputs), optimize=True
+        )
 
 
 @lru_cache(_MOST_MODELS)

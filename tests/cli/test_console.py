@@ -85,7 +85,9 @@ def test_headings_are_broken_between_their_words_where_there_is_room_for_these()
 def test_a_table_with_more_columns_than_there_is_room_for_goes_on_below():
     """A number that is broken within a cell reads as another one."""
     names = [f"RMS n_{wheel} [rpm]" for wheel in ("fl", "fr", "rl", "rr")] * 4
-    rows = tuple((Cell(name), *(Cell(f"0.{k:02d}7") for k in range(len(names)))) for name in ("output error", "noise floor"))
+    rows = tuple(
+        (Cell(name), *(Cell(f"0.{k:02d}7") for k in range(len(names)))) for name in ("output error", "noise floor")
+    )
     text = tables.to_text([Table("Prediction", ("method", *names), rows, ("below it all",))], width=100)
     assert all(len(line) <= 100 for line in text.splitlines())
     assert all(text.count(f"0.{k:02d}7") == 2 for k in range(len(names)))

@@ -46,11 +46,19 @@ def test_friction_that_is_declared_sticks_and_is_not_meant():
 
 def test_an_effect_that_bends_so_is_none_of_the_users_equations():
     """Sideways friction of the catalogue is smooth where a robot hardly slides."""
-    def dynamics(state, inputs, p):
-        return {"v": (inputs["u"] - p["B"] * state["v"]) / p["M"], "vy": -p["B"] * state["vy"] / p["M"], "w": -state["w"]}
 
-    robot = Custom(dynamics=dynamics, state_names=("v", "vy", "w"), own_channels=Channels(("u",), ("v", "vy", "w")), table=TABLE,
-                   forces={"v": "M", "vy": "M", "w": 1.0}, turning="w")  # fmt: skip
+    def dynamics(state, inputs, p):
+        return {
+            "v": (inputs["u"] - p["B"] * state["v"]) / p["M"],
+            "vy": -p["B"] * state["vy"] / p["M"],
+            "w": -state["w"],
+        }
+
+    channels = Channels(("u",), ("v", "vy", "w"))
+    forces = {"v": "M", "vy": "M", "w": 1.0}
+    robot = Custom(
+        dynamics=dynamics, state_names=channels.outputs, own_channels=channels, table=TABLE, forces=forces, turning="w"
+    )
     assert not smoothed_friction(robot)
     slipping = robot + effect_by_id(robot, "sideways_friction")
     assert not smoothed_friction(slipping.with_values(**{"sideways_friction.coulomb_vy": 5.0}))

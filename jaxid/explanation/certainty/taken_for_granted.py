@@ -14,8 +14,8 @@ from ...logs import LogSet
 from ..search.table_constants import known_constants, measure, secants_of, small_steps
 
 _STEP = 1e-8
-"""Share of a number by which it is moved: beside hardly any noise, what larger steps bend, or shift of when a robot comes to rest,
-would pass for something that shows."""
+"""Share of a number by which it is moved: beside hardly any noise, what larger steps bend, or shift of when a robot comes to
+rest, would pass for something that shows."""
 _OFF = 0.01
 """Share of its value by which a constant is off that is asked about."""
 _SHOWN = 9.0

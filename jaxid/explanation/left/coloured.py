@@ -157,7 +157,9 @@ def only_colour(
     if any(state.diverged for state, _ in states) or not np.isfinite(first.normalised_rms):
         return None
     colours = colours_of([state for state, _ in states])
-    coloured = {name: colour for name, colour in colours.items() if colour.order and not mostly_rounding(states, name, colour)}
+    coloured = {
+        name: colour for name, colour in colours.items() if colour.order and not mostly_rounding(states, name, colour)
+    }
     if not coloured:
         return None
     level, count = first.false_alarm / GATES, len(coloured)
@@ -174,7 +176,9 @@ def only_colour(
         if not parts:
             return None
         rounding = _rounding(states, name)
-        groups = [_Tested.of(*own, memory, rounding, bool(fed_back)) for own in shape_of.alike(colour, parts, level / count)]
+        groups = [
+            _Tested.of(*own, memory, rounding, bool(fed_back)) for own in shape_of.alike(colour, parts, level / count)
+        ]
         several = count * len(groups)
         noise = min(noise, several * min(group.noise for group in groups))
         briefly = several * min(group.briefly for group in groups)

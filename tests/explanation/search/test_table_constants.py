@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 from jaxid import Channels, Custom, DifferentialDrive, Log, LogSet, Parameter, Pioneer, explain, output_error
 from jaxid.effects import effect_by_id
+from jaxid.effects.table_constants import TableConstants
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.refits.refit import Trial
-from jaxid.effects.table_constants import TableConstants
 from jaxid.explanation.search import table_constants
 from jaxid.explanation.search.table_constants import _likely, constants_like, effects_that_are
 from jaxid.model_file import read_model
@@ -229,7 +229,9 @@ def test_a_constant_of_a_set_that_is_right_is_left_out(monkeypatch):
     assert needed == ("wind",) and found.score == 107.0
     table = BRAKED.parameters["wind"].value
     assert all(value == pytest.approx(0.52) or value == table for value in begun) and 0.52 in begun
-    assert not found.robot.parameters["push"].free and found.robot.parameters["push"].value == pytest.approx(0.1 / 1.0504)
+    assert not found.robot.parameters["push"].free and found.robot.parameters["push"].value == pytest.approx(
+        0.1 / 1.0504
+    )
 
 
 def test_constants_that_do_the_same_are_known_for_it():
