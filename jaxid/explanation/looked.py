@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 from ..effects.curve import Curve
@@ -96,14 +97,14 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
             after = left_by(final)
     base = found.steps[0].before if found.steps else None
 
-    def curve_of(identifier: str) -> Trial | None:
+    def curve_of(identifier: str, dense: bool = False) -> Trial | None:
         if base is None or found.final is None:
             return None
-        own = by_its_curve(identifier, found.final, base, logs, held_out, noise, report)
+        own = by_its_curve(identifier, found.final, base, logs, held_out, noise, report, dense)
         return own and with_parameters_held(own, logs, held_out, noise, report)
 
     if after.adequate and found.final and not final.trustworthy:
-        instead = by_a_curve_instead(found, final, curve_of, finished, report)
+        instead = by_a_curve_instead(found, final, partial(curve_of, dense=True), finished, report)
         if instead.final is not final and left_by(instead.final).adequate:
             (found, final), after = instead, left_by(instead.final)
     if after.adequate and found.final and found.steps:

@@ -128,10 +128,18 @@ def _by_laws(effect: Effect, bare: Trial, logs, held_out, noise, say: Report) ->
 
 
 def by_its_curve(
-    identifier: str, current: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+    identifier: str,
+    current: Trial,
+    base: Trial,
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+    say: Report,
+    dense: bool = False,
 ) -> Trial | None:
-    """The model with the curve of a mechanism in the place of its formula; None where it has none that explains anything. It is
-    looked for with the integration steps of the `base`, and with those of `current`, where shorter, in the end."""
+    """The model with the curve of a mechanism in the place of its formula, if `dense` through as many points as tell more than
+    chance; None where it has none that explains anything. It is looked for with the integration steps of the `base`, and with
+    those of `current`, where shorter, in the end."""
     fine = current.robot.longest_step
     current = replace(current, robot=replace(current.robot, longest_step=base.robot.longest_step))
     bare = without(identifier, current, base, logs, held_out, noise)
@@ -140,7 +148,11 @@ def by_its_curve(
     added = all_added(bare, [law for law in screened if law.gain > 0], logs, held_out, noise, say)
     trials = [continued(trial, logs, held_out, noise) for trial in added]
     best = min(trials, key=lambda trial: trial.score, default=None)
-    if best is None or fine == base.robot.longest_step:
+    if best is None:
+        return None
+    if dense:
+        best = densest(best, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise))
+    if fine == base.robot.longest_step:
         return best
     finer = replace(best.robot, longest_step=fine)
     return replace(refit_from_itself(finer, best, logs, held_out, noise), id=best.id)
