@@ -80,11 +80,11 @@ def by_a_curve_instead(
             continue
         say(f"the fit with {effect.title} is to be doubted; fitting its curve instead")
         curve = curve_of(effect.id)
-        if curve is None or not curve.score < found.final.score:
+        if curve is not None and not curve.score < found.final.score:
             continue  # nor is it any better
         for _ in range(1 + _MOST):
-            fit = _fitted(curve, effect.id, in_full)
-            if fit is None:
+            fit = _fitted(curve, effect.id, in_full) if curve is not None else None
+            if curve is None or fit is None:
                 break
             if fit.trustworthy:
                 say(f"the curve of {effect.title} leaves no doubt")
