@@ -100,12 +100,9 @@ class Explanation:
                     f"what is left in {self.colour.phrase} is coloured noise of the sensor, or a disturbance of the motion "
                     "that is as slow (a log of the robot at rest tells them apart)."
                 )
-            follows = "follows nothing that drove the robot"
-            if self.colour.fed_back:
-                follows = "follows the motion only as a controller makes commands of it"
             return (
                 f"Nothing is missing that these logs show: {coloured} The held-out error is {before:.2f} times the noise "
-                f"that neighbouring samples show, {follows}, and no effect explains it."
+                "that neighbouring samples show, follows nothing that drove the robot, and no effect explains it."
             )
         if self.between_logs:
             return f"{self.between_logs} Together the held-out error is {before:.4g} times the noise."

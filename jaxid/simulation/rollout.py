@@ -113,6 +113,7 @@ def commanded(
     that at which steps suit a robot; those that are shortened for the sake of its noise share what arrives on average. `held`
     as `sent` has it."""
     parts = max(n for n in range(1, _MOST_STEPS + 1) if substeps % n == 0)
+    parts = parts if 2 * parts > _MOST_STEPS else substeps
     fine_dt = jnp.repeat(dt / parts, parts)
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
     fine_time = jnp.repeat(time, parts) + jnp.tile(jnp.arange(parts), len(dt)) * fine_dt

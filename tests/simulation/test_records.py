@@ -30,6 +30,27 @@ def test_what_computes_much_on_one_shape_is_compiled_and_stays_the_same():
     )  # three samples later
 
 
+@pytest.mark.parametrize("substeps", [6, 64, 83, 192])
+def test_a_delay_of_finer_steps_is_that_of_coarser_ones_on_average(substeps):
+    """Beyond the pace at which steps suit a robot several share what arrives, where their number has such shares."""
+    robot = (jaxid.Axis() + jaxid.effects.effect_by_id(jaxid.Axis(), "input_delay")).structure
+    rng, dt = np.random.default_rng(1), np.full(30, 0.02)
+    inputs = rng.normal(size=(30, 1))
+    with float64():
+        arrived = np.asarray(commanded(robot, {"input_delay.delay": 0.0313}, inputs, dt, substeps))[..., 0]
+    # In closed form: the mean over every step of the command held 31.3 ms earlier, nothing before the first.
+    edges = np.linspace(0.0, 0.6, 30 * substeps + 1) - 0.0313
+    sums = np.concatenate([[0.0], np.cumsum(inputs[:, 0]) * 0.02])
+    exact = np.diff(np.interp(edges, 0.02 * np.arange(31), sums, left=0.0)).reshape(30, substeps) * substeps / 0.02
+    whole = np.abs(arrived.mean(axis=1) - exact.mean(axis=1))
+    assert arrived.shape == exact.shape and whole.max() < 1e-9
+    shared = np.abs(np.diff(arrived, axis=1)) < 1e-12
+    if substeps in (6, 83):
+        np.testing.assert_allclose(arrived, exact, atol=1e-9)
+    else:
+        assert shared[:, ::2].all() and np.abs(np.cumsum(arrived - exact, axis=1)).max() / substeps < 0.02
+
+
 def laws_on_commands():
     robots = jaxid.Pioneer(), jaxid.Omni(), jaxid.Axis()
     for robot in robots:

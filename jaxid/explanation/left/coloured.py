@@ -8,7 +8,7 @@ in independent samples, and held against what drove the robot.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,6 @@ _ROUNDED = 0.5
 """Share of what is left, its variance, above which rounding makes the shape of it."""
 GATES = 5
 """Tests among which the level is shared: what drove the robot, evenness among logs, bursts, shape, and the candidates."""
-
-
-FedBack = Literal["", "faster", "at any pace"]
 
 
 @dataclass(frozen=True)
@@ -85,12 +82,11 @@ class OnlyColour:
         return own if self.of_inputs is None else {**own, "noise_of_inputs": self.of_inputs.to_dict()}
 
 
-def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str], fed_back: bool = False) -> float:
+def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> float:
     """p value of the residuals of the channels `of` following nothing that drove the robot, on all `states` and their logs.
 
     Two tests of each channel: regression on drivers against the same shifted in time (`relation`), and of the whitened residual
-    on the inputs of the last samples (`cross_correlation`). The first is no test of noise that is `fed_back`: what a controller
-    makes of it drives the robot afterwards, but no earlier command tells what of it is new.
+    on the inputs of the last samples (`cross_correlation`).
     """
     parts: dict[str, list[Array]] = {name: [] for name in of}
     driving: dict[str, dict[str, list[Array]]] = {name: {} for name in of}
@@ -116,8 +112,7 @@ def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str], fed_bac
             return 0.0
         inputs = [key for key in same if key in states[0][1].channels.inputs]
         tests = [cross_correlation(own, same[key])[0].p_value for key in inputs]
-        p_values += [] if fed_back else [relation(own, same)[0]]
-        p_values.append(float(np.nanmin([*tests, 1.0])) * max(len(inputs), 1))
+        p_values += [relation(own, same)[0], float(np.nanmin([*tests, 1.0])) * max(len(inputs), 1)]
     return min(2.0 * len(parts) * min(p_values), 1.0)
 
 
@@ -144,14 +139,14 @@ class _Tested(NamedTuple):
 
 
 def only_colour(
-    states: Sequence[tuple[HeldOut, LogSet]], memory: float, *, fed_back: FedBack = ""
+    states: Sequence[tuple[HeldOut, LogSet]], memory: float, *, fed_back: bool = False
 ) -> OnlyColour | None:
     """What is left on `states` (residuals with the logs they are of) if it is coloured noise by all that its shape and its
     relation to what drove the robot tell, at the level of the first state; else None. Whether a candidate explains it is for
     the screening to say.
 
-    `memory` is the robot's time constant in samples. Noise that is `fed_back` may follow the motion: it is asked whether it
-    changes "faster" than any force would make it or, of noise "at any pace", whether earlier commands tell what is new of it.
+    `memory` is the robot's time constant in samples. Of noise that is `fed_back`, which may follow the motion, it is asked
+    whether it changes faster than any force would make it.
     """
     first, _ = states[0]
     if any(state.diverged for state, _ in states) or not np.isfinite(first.normalised_rms):
@@ -165,8 +160,8 @@ def only_colour(
     level, count = first.false_alarm / GATES, len(coloured)
     # The fitted logs have taken in some of what is missing; the held-out ones, which come first, have not.
     noise = 1.0
-    for own in () if fed_back == "faster" else (states[:1], states):
-        noise = min(noise, 2.0 * related(own, list(coloured), bool(fed_back)))
+    for own in () if fed_back else (states[:1], states):
+        noise = min(noise, 2.0 * related(own, list(coloured)))
         if noise < level:
             return None
     shape, simple, faster = 1.0, True, True
@@ -176,9 +171,7 @@ def only_colour(
         if not parts:
             return None
         rounding = _rounding(states, name)
-        groups = [
-            _Tested.of(*own, memory, rounding, bool(fed_back)) for own in shape_of.alike(colour, parts, level / count)
-        ]
+        groups = [_Tested.of(*own, memory, rounding, fed_back) for own in shape_of.alike(colour, parts, level / count)]
         several = count * len(groups)
         noise = min(noise, several * min(group.noise for group in groups))
         briefly = several * min(group.briefly for group in groups)
@@ -191,10 +184,10 @@ def only_colour(
         own = own if fast or len(groups) == 1 else 0.0
         shape, simple = min(shape, own), simple and own >= level
         faster &= fast
-    if fed_back == "faster" and not faster:
+    if fed_back and not faster:
         return None
     p_value = min(GATES * min(noise, shape), 1.0)
-    return OnlyColour(coloured, simple and not fed_back, faster, p_value, fed_back=bool(fed_back))
+    return OnlyColour(coloured, simple and not fed_back, faster, p_value, fed_back=fed_back)
 
 
 def mostly_rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str, colour: Colour) -> bool:

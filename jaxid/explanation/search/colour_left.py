@@ -62,11 +62,7 @@ def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, f
 
 
 def noise_fed_back(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
-    """What `trial` leaves if by its shape it is coloured noise, and a controller makes commands of it; else None.
-
-    It has to change faster than any force would make it, or to be there while the robot stands as while it moves, where no
-    command that is made of it moves anything, and then to follow no earlier command beside.
-    """
+    """What `trial` leaves if by its shape it is coloured noise, and a controller makes commands of it; else None."""
     if trial.angles or trial.held_out.diverged or trial.fitted.diverged:
         return None
     states = _states(trial, logs, held_out, noise)
@@ -76,15 +72,7 @@ def noise_fed_back(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str
     if not any(feedback(own, residuals, name).closed for name, own in inputs.items()):
         return None
     scales = scales_of(trial.robot, logs)
-    memory = scales.time / scales.interval
-    faster = only_colour(states, memory, fed_back="faster")
-    if faster is not None or not held_rates(trial.robot).any():
-        return faster
-    found = only_colour(states, memory, fed_back="at any pace")
-    if found is None:
-        return None
-    there = shown_at_rest(trial.robot, states, standing(trial.robot, states), found.colours, scales)
-    return replace(found, at_rest=True) if there else None
+    return only_colour(states, scales.time / scales.interval, fed_back=True)
 
 
 def inputs_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:

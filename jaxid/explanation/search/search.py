@@ -146,8 +146,8 @@ def search(
         steps, current = pruned_in_the_end(steps, current, baseline, logs, held_out, noise, report)
     if colour is None and steps and not current.held_out.adequate:
         # What candidates still explain of it is worth none of them.
-        ways = (way(current, logs, held_out, noise) for way in (colour_left, noise_fed_back))
-        colour = next((only for only in ways if only is not None and only.of_sensors), None)
+        only = colour_left(current, logs, held_out, noise)
+        colour = only if only is not None and only.of_sensors else None
     if not current.held_out.adequate and colour is None:
         steps, current = _beside_rounded_inputs(steps, current, baseline, held_out)
     if not current.held_out.adequate and not (colour is not None and colour.of_sensors):

@@ -9,7 +9,7 @@ from scipy import signal
 import jaxid
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.estimate.noise_colour import Colour
-from jaxid.explanation.left.coloured import OnlyColour, only_colour, whitened
+from jaxid.explanation.left.coloured import OnlyColour, colours_of, mostly_rounding, only_colour, whitened
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.search.in_colour import generalised
 
@@ -50,6 +50,25 @@ def motions(axis_law):
 def made(motions, make, seed=5):
     rng = np.random.default_rng(seed)
     return left([make(rng, u[:, 0], v) for u, v in zip(*motions, strict=True)], *motions)
+
+
+def test_a_speed_from_differences_of_counts_leaves_rounding(motions):
+    """Twice the error of one rounded value, half of it back in the next sample: its shape is that of the motion."""
+    step, noise = 4e-4, 0.01
+
+    def counted(rng, u, v):
+        counts = np.floor(rng.uniform() + np.concatenate([[0.0], np.cumsum(v)]) * DT / step)
+        return (v - np.diff(counts) * (step / DT)) / noise
+
+    states = made(motions, counted)
+    (colour,) = colours_of([state for state, _ in states]).values()
+    assert colour.correlation < -0.3 and states[0][0].normalised_rms < 1.0
+    assert mostly_rounding(states, "v", colour)
+    # The same size and shape of a reading that is not counted, and a residual above its noise, are no rounding.
+    drawn = made(motions, lambda rng, u, v: 0.8 * np.diff(rng.normal(size=SAMPLES + 1)) / np.sqrt(2.0))
+    assert not mostly_rounding(drawn, "v", colour)
+    louder = [(replace(state, by_channel={"v": 1.5}), logs) for state, logs in states]
+    assert not mostly_rounding(louder, "v", colour)
 
 
 def test_a_sensors_filter_is_told_from_what_may_be_a_disturbance(motions):
@@ -97,11 +116,11 @@ FIRST = np.random.default_rng(0).uniform(-4, 4, 20)[0]
 def test_noise_that_is_fed_back_may_follow_the_motion_and_is_not_called_the_sensors(motions):
     states = made(motions, lambda rng, u, v: 2.8 * first_order(0.6, SAMPLES, rng) + 0.9 * v / np.std(v))
     assert only_colour(states, memory=25.0) is None
-    found = only_colour(states, memory=25.0, fed_back="faster")
+    found = only_colour(states, memory=25.0, fed_back=True)
     assert found is not None and found.fed_back and not found.only_noise
     assert found.to_dict()["fed_back"] is True
     # What comes on one log only no sensor makes, fed back or not.
-    assert only_colour(made(motions, on_one_log), memory=25.0, fed_back="faster") is None
+    assert only_colour(made(motions, on_one_log), memory=25.0, fed_back=True) is None
 
 
 @pytest.mark.parametrize("make", [follows_speed, on_one_log])
