@@ -122,6 +122,18 @@ def ranked_in_colour(
     return ranked, not_told_apart([white[trial.id] for trial in ranked]), worth
 
 
+def leaves_only_colour(
+    before: Trial, after: Trial, tried: int, logs: LogSet, held_out: LogSet, noise: dict[str, float]
+) -> bool:
+    """Whether all that `after` leaves is coloured noise of the sensors, and its effect is worth its price in whitened samples."""
+    only = colour_left(after, logs, held_out, noise)
+    if only is None or not only.of_sensors:
+        return False
+    colours = colours_of([state for state, _ in _states(after, logs, held_out, noise)])
+    one, other = (in_colour(trial, colours, logs, held_out, noise) for trial in (before, after))
+    return worth_in_colour(one, other, tried)
+
+
 def explaining(screened: Sequence[Candidate], counted: bool = False) -> list[Candidate]:
     """The candidates that explain more than chance of a coloured residual, best first; their number is accounted for, and
     whether a channel is `counted` coarsely: rounding errors stay as long as the motion, and chance follows more of them."""

@@ -3,6 +3,7 @@
 What a law leaves of its own, a further effect may well take up (`worth.py`), so that so little names none. It does where it
 leaves nothing, and the laws there are, given more freedom, leave more: a curve through more points, or that reaches farther, or
 of every part of the robot; a formula's mechanism by its curve. An error of a sensor may be so small that only this shows it.
+Beside coloured noise, which is most of what is left, nothing more is left where only that is.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,6 +18,7 @@ from ..policy import current_policy
 from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued, refit_from_itself
 from ..screening.first_look import first_look
+from .colour_left import explaining, leaves_only_colour
 from .denser import (
     may_be_denser,
     may_reach_farther,
@@ -56,12 +58,14 @@ def with_the_little_more(
     say("looking whether one effect takes up all the little that is left")
     screened = first_look(current, logs, remaining, noise, say) if remaining else []
     likely = [c for c in screened if c.share > _least_share(c.effect)][:_TRIED]
-    trials = [continued(t, logs, held_out, noise) for t in all_added(current, likely, logs, held_out, noise, say)]
+    coloured = [c for c in explaining(screened) if c not in likely][:_TRIED] if not little else []
+    added = all_added(current, [*likely, *coloured], logs, held_out, noise, say)
+    trials = [continued(trial, logs, held_out, noise) for trial in added]
     tried = max(sum(1 + len(c.laws) for c in screened), 1)
     trials = [
         trial
         for trial in trials
-        if _takes_it_up(trial, current)
+        if (_takes_it_up(trial, current) or leaves_only_colour(current, trial, tried, logs, held_out, noise))
         and likelier(current, trial, tried)
         and not undone(trial, current, held_out, noise)
     ]

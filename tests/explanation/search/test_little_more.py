@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from jaxid import DifferentialDrive, Log, LogSet, explain, output_error
 
@@ -46,3 +47,19 @@ def test_a_bias_of_half_the_noise_is_named_beside_friction_whose_law_is_another(
     assert "stribeck_friction" in (first.id, *first.equivalent_to) and second.id == "sensor_bias"
     bias = second.parameters["bias_w"]
     assert bias.value == pytest.approx(BIAS, abs=4 * bias.std_error)
+
+
+def limited(seed, count):
+    """The same drive with plain dry friction behind a soft limit of its forces, and a gyro that reads 4 % too much, whose noise
+    a filter has coloured."""
+    logs = []
+    for k in range(count):
+        rng = np.random.default_rng([seed, k])
+        inputs = [np.repeat(rng.uniform(-6.0, 6.0, SAMPLES // 30), 30) for _ in range(2)]
+        right, left = (side(5.0 * np.tanh(u / 5.0)) for u in inputs)
+        v = (right + left) / 2 + 0.01 * rng.normal(size=SAMPLES)
+        slow = lfilter([np.sqrt(1.0 - 0.75**2)], [1.0, -0.75], rng.normal(size=SAMPLES + 100))[100:]
+        w = 1.04 * (right - left) / (2 * LEVER) + 0.05 * slow
+        time, channels = DT * np.arange(SAMPLES), DifferentialDrive().channels
+        logs.append(Log.from_arrays(f"run {seed}.{k}", time, np.stack(inputs, axis=1), {"v": v, "w": w}, channels))
+    return LogSet(logs)
