@@ -11,14 +11,14 @@ HALF_MASS, LEVER, FV, FC = 1.3, 0.2, 2.1, 0.8
 BIAS = 0.01
 
 
-def side(u):
+def side(u, excess=0.6):
     """Speeds [T] of one side, whose dry friction sticks, under the force `u` [T], by implicit Euler steps. With an inertia of
     mass times lever squared the sides do not feel each other."""
     v, found, h = 0.0, [], DT / FINE
     for force in u:
         found.append(v)
         for _ in range(FINE):
-            dry = FC + 0.6 / np.cosh(v / 0.1) ** 0.7
+            dry = FC + excess / np.cosh(v / 0.1) ** 0.7
             free = HALF_MASS * v + h * force
             v = np.sign(free) * max(abs(free) - h * dry, 0.0) / (HALF_MASS + h * FV)
     return np.array(found)
@@ -56,10 +56,24 @@ def limited(seed, count):
     for k in range(count):
         rng = np.random.default_rng([seed, k])
         inputs = [np.repeat(rng.uniform(-6.0, 6.0, SAMPLES // 30), 30) for _ in range(2)]
-        right, left = (side(5.0 * np.tanh(u / 5.0)) for u in inputs)
+        right, left = (side(5.0 * np.tanh(u / 5.0), excess=0.0) for u in inputs)
         v = (right + left) / 2 + 0.01 * rng.normal(size=SAMPLES)
         slow = lfilter([np.sqrt(1.0 - 0.75**2)], [1.0, -0.75], rng.normal(size=SAMPLES + 100))[100:]
         w = 1.04 * (right - left) / (2 * LEVER) + 0.05 * slow
         time, channels = DT * np.arange(SAMPLES), DifferentialDrive().channels
         logs.append(Log.from_arrays(f"run {seed}.{k}", time, np.stack(inputs, axis=1), {"v": v, "w": w}, channels))
     return LogSet(logs)
+
+
+@pytest.mark.slow
+def test_a_gyros_scale_is_named_beside_a_soft_limit_though_its_noise_is_coloured():
+    """The scale closes little of the gap that the limit left, most of which is the noise that stays."""
+    robot = DifferentialDrive().with_values(M=2.0, J=0.1, Fv=1.5, Fc=0.5, b=LEVER, gain=1.0)
+    logs, held_out = limited(5, 5), limited(6, 3)
+    found = explain(output_error(robot, logs), logs, held_out)
+    assert found.verdict in ("named", "ambiguous") and found.colour is not None and found.colour.of_sensors, (
+        found.sentence
+    )
+    first, second = found.effects
+    assert "voltage_saturation" in (first.id, *first.equivalent_to) and second.id == "sensor_scale"
+    assert second.parameters["error_w"].value == pytest.approx(0.04, abs=0.01)
