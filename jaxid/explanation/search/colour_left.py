@@ -125,7 +125,7 @@ def ranked_in_colour(
 def leaves_only_colour(
     before: Trial, after: Trial, tried: int, logs: LogSet, held_out: LogSet, noise: dict[str, float]
 ) -> bool:
-    """Whether all that `after` leaves is coloured noise of the sensors, its effect being worth its price in whitened samples."""
+    """Whether all that `after` leaves is coloured noise of the sensors, and its effect worth its price in whitened samples."""
     only = colour_left(after, logs, held_out, noise)
     if only is None or not only.of_sensors:
         return False
