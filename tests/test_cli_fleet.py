@@ -162,6 +162,24 @@ def test_a_log_that_cannot_be_read_is_left_out_and_named(jaxid, robots, without_
     assert "left out" not in members.notes["b"] and "run.csv" in members.failure["broken"]
 
 
+def test_a_member_whose_held_out_logs_cannot_be_read_is_fitted_and_says_why_it_is_not_explained(
+    jaxid, without_dry_friction, tmp_path
+):
+    axis_log(tmp_path / "robots/a/run.csv", 1.0, 1)
+    (tmp_path / "robots/a/check.csv").write_text("t,u\n0,1\n0.1,1\n")
+    (tmp_path / "robots/a/cut.csv").write_text("")
+    out = tmp_path / "out"
+    status, _, remarks = jaxid(
+        "fleet", "axis", tmp_path / "robots", "--model", without_dry_friction, "--windows", "none", "--explain",
+        "--held-out", "check*", "--out", out,
+    )  # fmt: skip
+    assert status == 0, remarks
+    members = pd.read_parquet(out / "members.parquet").set_index("member")
+    assert members.failure["a"] == "" and "cut.csv" in members.notes["a"] and "check.csv" in members.notes["a"]
+    why = pd.read_parquet(out / "explanations.parquet").set_index("member").failure["a"]
+    assert "No held-out log can be used" in why and "check.csv" in why and "cut.csv" not in why
+
+
 def test_a_member_far_from_the_others_is_pointed_out(jaxid, without_dry_friction, tmp_path):
     masses = {"a": 1.0, "b": 1.02, "c": 0.98, "d": 1.01, "e": 1.0, "f": 0.99, "heavy": 1.6}
     for k, (name, mass) in enumerate(masses.items()):

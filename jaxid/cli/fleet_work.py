@@ -95,7 +95,7 @@ def worked(members: Sequence[Member], work: Work, report: Report | None = None) 
             told(f"{name}: explanation")
             found, unexplained = _explained(fit, own, apart, work)
         elif work.held_out:
-            unexplained = " ".join(left_out[name])
+            unexplained = left_out[name][-1]  # why no held-out log is left
         # What was found to be missing biases every number of the model without it.
         fit = found.final if found is not None else fit
         fit = _with_findings(fit, own, left_out[name])

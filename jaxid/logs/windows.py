@@ -22,7 +22,7 @@ def window_rows(log: Log, seconds: float) -> list[slice]:
 
     Windows with fewer than three measured samples are dropped. Raises `LogError` if none remains.
     """
-    if not seconds > 0:
+    if isinstance(seconds, str) or not seconds > 0:
         raise LogError(f"windows of {seconds!r} s cannot be cut; give a positive length in seconds.")
     wanted = round(len(log) * log.sampling_interval / seconds) if seconds < log.duration else 1
     number = max(1, min(wanted, len(log) // FEWEST_SAMPLES))

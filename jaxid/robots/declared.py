@@ -246,7 +246,10 @@ class Declared(Robot):
     def force_unit(self, name: str) -> str:
         """As the user gives the dry friction that rubs at this velocity, or on the axis of this name, such as mN
         where speeds are in mm/s."""
-        own = [axis.coulomb for called, axis in self._axes if name in (called, axis.speed) and axis.coulomb]
+        rubs = [(called, axis.speed, axis.coulomb) for called, axis in self._axes if axis.coulomb]
+        own = [level for _, speed, level in rubs if speed == name] or [
+            level for called, _, level in rubs if called == name
+        ]
         if own:
             return self.table[own[0]].unit
         return self.friction_unit if name in dict(self._axes) else super().force_unit(name)

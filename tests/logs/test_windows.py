@@ -39,7 +39,7 @@ def test_windows_without_measurement_are_left_out():
     assert all(np.isfinite(w.output("v")).sum() >= 3 for w in windows)
 
 
-@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan")])
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), "none"])
 def test_a_length_that_is_none_is_refused(seconds):
     with pytest.raises(LogError, match="positive length"):
         in_windows(LogSet([_log("a", 30)]), seconds)

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from jaxid import DifferentialDrive, Log, LogSet, explain, output_error
+from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, explain, output_error
+from jaxid.effects import effect_by_id
+from jaxid.explanation.refits.refit import refit
+from jaxid.explanation.search.colour_left import leaves_only_colour
+from jaxid.logs import noise_scale
+from jaxid.simulation.scaled import scaled_to
+from tests.explanation.closed_form_axis import driven
 
 DT, FINE, SAMPLES = 0.02, 20, 600
 HALF_MASS, LEVER, FV, FC = 1.3, 0.2, 2.1, 0.8
@@ -47,6 +53,37 @@ def test_a_bias_of_half_the_noise_is_named_beside_friction_whose_law_is_another(
     assert "stribeck_friction" in (first.id, *first.equivalent_to) and second.id == "sensor_bias"
     bias = second.parameters["bias_w"]
     assert bias.value == pytest.approx(BIAS, abs=4 * bias.std_error)
+
+
+def coloured(logs, seed):
+    """The logs with slow noise, ten times as large, on the speed."""
+    rng, found = np.random.default_rng(seed), []
+    for log in logs:
+        slow = lfilter([0.6], [1.0, -0.8], rng.normal(size=len(log) + 100))[100:]
+        outputs = {"v": log.output("v") + 0.03 * slow}
+        found.append(Log.from_arrays(log.name, log.time, log.inputs, outputs, AXIS))
+    return LogSet(found)
+
+
+def test_only_the_effect_that_was_there_leaves_nothing_but_the_noise():
+    """A limit of the commands, beside slow noise that makes most of what any model leaves; a drag is none, nor what is worth
+    less than its price."""
+    logs, held_out = (coloured(own, k) for k, own in enumerate(driven(lambda u: np.clip(u, -2.5, 2.5), 8, count=5)))
+    noise = noise_scale(held_out, otherwise=logs)
+    robot = scaled_to(Axis().with_values(M=1.0, Fv=2.0, Fc=0.0), logs).change("Fc", free=False)
+
+    def refitted(model, **values):
+        start = {name: model.parameters[name].value for name in model.parameters.free_names} | values
+        return refit(model, [start], logs, held_out, noise, {})
+
+    base = refitted(robot)
+    limit = refitted(
+        base.robot + effect_by_id(base.robot, "voltage_saturation"), **{"voltage_saturation.inverse_limit": 0.35}
+    )
+    drag = refitted(base.robot + effect_by_id(base.robot, "quadratic_drag"))
+    asked = (logs, held_out, noise)
+    assert leaves_only_colour(base, limit, 100, *asked)
+    assert not leaves_only_colour(base, drag, 100, *asked) and not leaves_only_colour(limit, limit, 100, *asked)
 
 
 def limited(seed, count):
