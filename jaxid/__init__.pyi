@@ -43,6 +43,7 @@ from .logs import AXIS, OMNI, PIONEER, Channels, Log, LogError, LogSet, LogWarni
 from .model_file import ModelFileError, read_model, write_model
 from .parameters import Parameter, ParameterError, ParameterTable
 from .report import Comparison, compare
+from .robot_file import RobotFileError, read_robot
 from .robots import (
     Axis,
     Controller,
@@ -51,9 +52,12 @@ from .robots import (
     DriveAxis,
     Effect,
     EffectError,
+    LayoutError,
     Omni,
     Pioneer,
     Robot,
+    Wheel,
+    Wheeled,
     closed_loop,
 )
 from .saved_results import ResultFileError, load, save
@@ -88,6 +92,7 @@ __all__ = [
     "Huber",
     "Identifiability",
     "Integrator",
+    "LayoutError",
     "Log",
     "LogError",
     "LogSet",
@@ -113,10 +118,13 @@ __all__ = [
     "RecursiveLeastSquares",
     "ResultFileError",
     "Robot",
+    "RobotFileError",
     "Smooth",
     "Squares",
     "Sticking",
     "StudentT",
+    "Wheel",
+    "Wheeled",
     "WindowFit",
     "catalogue",
     "closed_loop",
@@ -142,6 +150,7 @@ __all__ = [
     "profile_likelihood",
     "read_logs",
     "read_model",
+    "read_robot",
     "recursive_least_squares",
     "repeatability",
     "save",

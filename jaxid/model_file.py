@@ -232,7 +232,7 @@ def read_model(path: str | Path, robot: Robot, effects: Sequence[Effect] = ()) -
         )
     # Which effects and laws it can have, and their sizes, hang on the robot's numbers: its own come first.
     mine = {name: entry for name, entry in entries.items() if name in robot.parameters}
-    robot = _with_effects(document, _overridden(robot, mine, path), path, effects)
+    robot = _with_effects(document, overridden(robot, mine, path), path, effects)
     if "longest_step" in document:
         step = _number(document["longest_step"], "longest_step", path)
         if step <= 0:
@@ -240,10 +240,10 @@ def read_model(path: str | Path, robot: Robot, effects: Sequence[Effect] = ()) -
                 f"{path}: longest_step = {step:g} is no integration step; give seconds above zero, or take it out."
             )
         robot = replace(robot, longest_step=step)
-    return _overridden(robot, entries, path)
+    return overridden(robot, entries, path)
 
 
-def _overridden(robot: Robot, entries: Mapping[str, Any], path: Path) -> Robot:
+def overridden(robot: Robot, entries: Mapping[str, Any], path: Path) -> Robot:
     """The robot with what the file's `entries` say of its parameters."""
     table = dict(robot.parameters)
     for name, entry in entries.items():

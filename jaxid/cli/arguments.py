@@ -170,7 +170,7 @@ def check_effects(effects: "Sequence[Effect]", robot: "Robot") -> None:
 
 
 def load_robot(spec: str) -> "Robot":
-    """The robot that ROBOT on the command line names: a built-in one, or a user's `package.module:attribute`.
+    """The robot that ROBOT on the command line names: a built-in one, a robot's file, or a user's `package.module:attribute`.
 
     The attribute is a `Robot` or something callable without arguments that returns one. Raises `typer.BadParameter`
     (exit status 2) if it names nothing and `UnusableInput` if what it names is no robot.
@@ -181,9 +181,16 @@ def load_robot(spec: str) -> "Robot":
 
     if spec in BUILT_IN:
         return BUILT_IN[spec]()
+    if spec.endswith(".toml"):
+        from ..robot_file import RobotFileError, read_robot
+
+        try:
+            return read_robot(spec)
+        except RobotFileError as error:
+            raise UnusableInput(str(error)) from None
     unnamed = (
-        f"There is no robot {spec!r}{did_you_mean(spec, BUILT_IN)}; use {', '.join(BUILT_IN)}, or package.module:attribute "
-        "for your own."
+        f"There is no robot {spec!r}{did_you_mean(spec, BUILT_IN)}; use {', '.join(BUILT_IN)}, a file such as my_robot.toml, "
+        "or package.module:attribute for your own."
     )
     found = _named(spec, "the robot", unnamed, "a Robot or a function that returns one")
     try:

@@ -22,7 +22,7 @@ RobotArgument = Annotated[
     str,
     typer.Argument(
         metavar="ROBOT",
-        help="pioneer, omni, axis, differential, or package.module:attribute for your own.",
+        help="pioneer, omni, axis, differential, a robot's file (.toml), or package.module:attribute for your own.",
         autocompletion=_robots,
     ),
 ]

@@ -9,6 +9,8 @@ from .effect import Effect, EffectError
 from .omni import Omni
 from .pioneer import Pioneer
 from .robot import Robot
+from .wheeled import Wheeled
+from .wheels import LayoutError, Wheel
 
 BUILT_IN = {robot.name: robot for robot in (Pioneer, Omni, Axis, DifferentialDrive)}
 """The robots that the command line knows by name."""
@@ -23,8 +25,11 @@ __all__ = [
     "DriveAxis",
     "Effect",
     "EffectError",
+    "LayoutError",
     "Omni",
     "Pioneer",
     "Robot",
+    "Wheel",
+    "Wheeled",
     "closed_loop",
 ]

@@ -120,7 +120,7 @@ def kinematics(robot: "Robot", state: State, p: Numbers) -> State:
     if "theta" in added:
         sine, cosine = sincos(state["theta"])
         along, left, turning = robot.planar(state, p)
-        x, y = _products((cosine, along), (-sine, left)), _products((sine, along), (cosine, left))
+        x, y = products((cosine, along), (-sine, left)), products((sine, along), (cosine, left))
         found |= {"x": x, "y": y, "theta": turning}
     angles = [name for name in robot.angles if name in added]
     if angles:
@@ -128,7 +128,7 @@ def kinematics(robot: "Robot", state: State, p: Numbers) -> State:
     return found
 
 
-def _products(*pairs: tuple[Any, Any]) -> Any:
+def products(*pairs: tuple[Any, Any]) -> Any:
     """Sum of products, those with a plain 0.0 left out: a robot's missing sideways speed costs nothing."""
     kept = [a * b for a, b in pairs if not (isinstance(b, float) and b == 0.0)]
     return sum(kept[1:], kept[0]) if kept else 0.0
@@ -162,5 +162,5 @@ def names_clash(robot: "Robot", effect: Effect) -> str | None:
 
 __all__ = [
     "POSE_STATES", "STAGES", "acting", "coulomb", "kinematics", "names_clash", "numbers", "overrides", "passed", "powered",
-    "rates", "rates_with",
+    "products", "rates", "rates_with",
 ]  # fmt: skip

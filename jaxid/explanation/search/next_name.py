@@ -10,6 +10,7 @@ from ...logs import LogSet
 from ...robots.robot import Robot
 from ..policy import current_policy
 from ..refits.candidate_refits import Report, all_added
+from ..refits.held_parameters import with_parameters_held
 from ..refits.refit import Trial, continued, refit_from_itself
 from ..screening.screen import Candidate, alike_to
 from .colour_left import explaining, ranked_in_colour
@@ -144,7 +145,8 @@ def name_next(
     in_colour = ranked_in_colour(base, trials, first, tried, logs, held_out, noise)
     refused: list[Trial] = []
     if in_colour is None:
-        trials = simplest_first(trials)
+        trials = [_not_undone(trial, base, logs, held_out, noise) for trial in simplest_first(trials)]
+        mechanisms = [[next((t for t in trials if t.id == own[0].id), own[0]), *own[1:]] for own in mechanisms]
         # What does not hold on the held-out logs explains nothing, however well it was fitted; the next one may.
         held = [
             worth_it(base, trial, first, _looked_at(screened, trial)) and not undone(trial, base, held_out, noise)
@@ -199,6 +201,15 @@ def or_constants(
     trials = (trial, *(found.trials if found is not None else ()))
     equivalent = tuple(name for name in not_told_apart(trials) if name not in supersets(trials))
     return Step(trials, equivalent, tuple(screened), base, trial, (trial,))
+
+
+def _not_undone(trial: Trial, base: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> Trial:
+    """The trial, of a sensor's effect that the rest of the model undoes with what that may hold held, where nothing undoes it
+    then: a scale that all sensors share is another mass and other friction, and a refit ends anywhere along it."""
+    if trial.effect is None or not trial.effect.may_hold(trial.robot) or not undone(trial, base, held_out, noise):
+        return trial
+    again = with_parameters_held(trial, logs, held_out, noise)
+    return trial if undone(again, base, held_out, noise) else again
 
 
 def _looked_at(screened: Sequence[Candidate], trial: Trial) -> int:
