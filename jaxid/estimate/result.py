@@ -181,9 +181,14 @@ class Fit:
     origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
-    def trustworthy(self) -> bool:
-        """Whether an identified parameter may be shown without a qualifier."""
+    def sound(self) -> bool:
+        """Whether the residual raises no doubt of the model."""
         return self.judgement is None or self.judgement.trustworthy
+
+    @property
+    def trustworthy(self) -> bool:
+        """Whether an identified parameter may be shown without a qualifier: of a minimum, whose residual raises no doubt."""
+        return self.converged and self.sound
 
     @property
     def failed(self) -> bool:
@@ -198,6 +203,8 @@ class Fit:
     def status_of(self, name: str) -> str:
         """An estimate's status in words, with the qualifier that the judgement asks for."""
         status = self[name].status.replace("_", " ")
+        if status == "identified" and not self.converged:
+            return f"{status}, of no minimum"
         if status != "identified" or self.judgement is None or self.trustworthy:
             return status
         if self.judgement.verdict in ("poor", "failed"):

@@ -103,7 +103,7 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         own = by_its_curve(identifier, found.final, base, logs, held_out, noise, report, dense)
         return own and with_parameters_held(own, logs, held_out, noise, report)
 
-    if after.adequate and found.final and not final.trustworthy:
+    if after.adequate and found.final and not final.sound:
         instead = by_a_curve_instead(found, final, partial(curve_of, dense=True), finished, report)
         if instead.final is not final and left_by(instead.final).adequate:
             (found, final), after = instead, left_by(instead.final)
@@ -111,7 +111,7 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
         finer = through_enough_points(found, final, finished, lambda own: _all_sure(found, fit, own), report)
         if finer.final is not final:
             (found, final), after = finer, left_by(finer.final)
-    if found.steps and found.final and (after.adequate or final.trustworthy):
+    if found.steps and found.final and (after.adequate or final.sound):
         # Last, since another fit in full would have its own standard errors again.
         final = widened_by_forms(found, final, curve_of, finished, report)
     # What the fit in full leaves, and not what a search's few steps had left.

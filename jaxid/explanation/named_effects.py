@@ -42,7 +42,7 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
         effect = present.get(step.chosen.id)
         if effect is not None:
             own = effect_parameters(effect.id, effect.frees(final.robot), final.parameters)
-            sure = sure_of(effect, step, baseline, final)
+            sure = effect.id in found.needed or sure_of(effect, step, baseline, final)
             same_law = effect.law == step.chosen.law
             named.append(
                 NamedEffect(

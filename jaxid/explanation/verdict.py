@@ -115,8 +115,14 @@ def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: S
 
 
 def still_doubted(final: Fit) -> str:
-    """What the residual says of the fit with all that was added, where it is poor or failed; else empty."""
+    """What the residual says of the fit with all that was added, where it is poor or failed, or that it ended at no minimum;
+    else empty."""
     doubt = final.judgement.doubt if final.judgement is not None else ""
+    if not (doubt or final.converged):
+        doubt = (
+            f"Its search ended at no minimum ({final.reason.split(';')[0]}): numbers may be off by several of their standard "
+            "errors."
+        )
     return f"The fit with what was added is itself to be doubted. {doubt}" if doubt else ""
 
 

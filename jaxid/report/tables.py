@@ -215,8 +215,8 @@ def _error(e: Estimate | None, known: float | None, sure: bool) -> Cell:
 
 
 DOUBT = (
-    "?: of a model that leaves more than noise, whose residual follows the motion, or that noise in its regressors biases; "
-    "it may be far off."
+    "?: of a model that leaves more than noise, whose residual follows the motion, or that noise in its regressors biases, or "
+    "of a search that ended at no minimum; it may be far off."
 )
 """What the mark behind an estimate of a doubtful model means."""
 

@@ -86,7 +86,7 @@ def by_a_curve_instead(
             fit = _fitted(curve, effect.id, in_full) if curve is not None else None
             if curve is None or fit is None:
                 break
-            if fit.trustworthy:
+            if fit.sound:
                 say(f"the curve of {effect.title} leaves no doubt")
                 return Finer(replace(found, final=replace(curve, robot=fit.robot)), fit)
             curve = _dense(replace(curve, robot=fit.robot), fit.robot, effect.id)

@@ -32,7 +32,7 @@ def changed_between(fit: Fit, logs: LogSet, held_out: LogSet, report: Callable[[
     report("looking whether every log alone is explained")
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
     alone = fit_fleet(fit.robot, {log.name: LogSet([log]) for log in every}, start=start)
-    odd = [log.name for log in every if log.name in alone.failed or not alone.fits[log.name].trustworthy]
+    odd = [log.name for log in every if log.name in alone.failed or not alone.fits[log.name].sound]
     if odd:
         return unlike_the_others(fit, logs, held_out, odd)
     surest, name = current_level() / max(len(fit.free_names), 1), ""

@@ -5,6 +5,7 @@ far from the counts of an encoder, hundreds of their steps, that parameters bend
 more: to first order, what explains a little of everything then promises more than what is missing. In short windows, each with
 an initial state of its own, errors grow for the length of a window only (multiple shooting), and a first look sees the missing
 force where it acts. But a window's initial state takes up what is slow, and costs in windows and of whole logs do not compare.
+Where windows hide all that is missing, they are made longer.
 So windows are for the first look alone, all candidates in the same ones: it says which are refitted and from where. Refits are
 made to whole logs, where they are ranked and judged.
 
@@ -33,6 +34,8 @@ _TIMES, _SAMPLES = 1.5, 12
 """A window's length: at least so many time constants of the robot, and so many samples."""
 _FEWEST = 4
 """Windows of a log below which they are no shorter than the log to speak of."""
+_LONGER = 3.0
+"""How much longer windows are in which something is seen, where nothing is in the shorter ones."""
 
 
 def integrates(robot: Robot, logs: LogSet) -> bool:
@@ -41,8 +44,9 @@ def integrates(robot: Robot, logs: LogSet) -> bool:
     return any(name in places for log in logs for name in log.measured)
 
 
-def windows_to_look_in(trial: Trial, logs: LogSet) -> Windows | None:
-    """The logs in windows, where the whole ones are too far from what `trial` simulates; else None."""
+def windows_to_look_in(trial: Trial, logs: LogSet, longer: float = 1.0) -> Windows | None:
+    """The logs in windows, so many times as long as they need be, where the whole ones are too far from what `trial` simulates;
+    else None."""
     if (
         isinstance(logs, Windows)
         or trial.angles
@@ -51,7 +55,7 @@ def windows_to_look_in(trial: Trial, logs: LogSet) -> Windows | None:
     ):
         return None
     scales = scales_of(trial.robot, logs)
-    seconds = max(_TIMES * scales.time, _SAMPLES * scales.interval)
+    seconds = longer * max(_TIMES * scales.time, _SAMPLES * scales.interval)
     return in_windows(logs, seconds) if min(log.duration for log in logs) >= _FEWEST * seconds else None
 
 
@@ -123,8 +127,13 @@ def _first_look(
         return screen(trial.robot, logs, effects, noise, trial.initial_states, trial.angles, report)
     report("whole logs are too far off for a first look; looking in windows of them")
     start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
-    there = refit(trial.robot, [start], windows, windows, noise, {})
-    if there.fitted.diverged:
+    there, longer = refit(trial.robot, [start], windows, windows, noise, {}), 1.0
+    # Windows whose own initial states take up all that is missing show nothing of it.
+    while there.fitted.adequate and windows is not None:
+        longer *= _LONGER
+        windows = windows_to_look_in(trial, logs, longer)
+        there = refit(trial.robot, [start], windows, windows, noise, {}) if windows is not None else there
+    if windows is None or there.fitted.diverged:
         return screen(trial.robot, logs, effects, noise, trial.initial_states, trial.angles, report)
     known = {name: there.robot.parameters[name].value for name in start}
     # What acts on records (a delay, a filter) needs what came before a window; its first look is one of whole logs.

@@ -55,6 +55,7 @@ def only_needed(
     """What was found, its fit in full and its state on the held-out logs; without effects that may as well be none where all is
     explained without them, or as much: what one effect's first guess had left, another may have been added for. `baseline` is
     the fit that lacks them all."""
+    steps = {step.chosen.id: step for step in found.steps}
     for identifier in _spare(found, baseline, final):
         if found.final is None:
             break
@@ -68,9 +69,12 @@ def only_needed(
             continue
         state = predicted(fit.robot, held_out, after.noise)
         enough = state.adequate if after.adequate else not clearly_better(after, state)
+        step = steps[identifier]
+        if clearly_better(after, state) and clearly_better(step.after.fitted, step.before.fitted):
+            found = replace(found, needed=(*found.needed, identifier))
         if enough and not fit.failed:
             say(f"{identifier} is not needed")
-            steps = tuple(step for step in found.steps if step.chosen.id != identifier)
-            found = replace(found, final=lean, steps=steps)
+            rest = tuple(step for step in found.steps if step.chosen.id != identifier)
+            found = replace(found, final=lean, steps=rest, needed=tuple(i for i in found.needed if i != identifier))
             final, after = fit, state
     return found, final, after

@@ -68,7 +68,8 @@ class Step:
 class Search:
     """What naming found: how the fit and the `final` model (None where nothing is missing) do on the held-out logs, the
     effects in the order in which they were added, and the candidates of the first look. `colour` where all that is left is
-    coloured noise."""
+    coloured noise; `needed` are the ids of effects whose errors do not exclude that there is none, and without which the fit
+    leaves clearly more."""
 
     before: HeldOut
     after: HeldOut
@@ -76,3 +77,4 @@ class Search:
     steps: tuple[Step, ...]
     first_look: tuple[Candidate, ...]
     colour: OnlyColour | None = None
+    needed: tuple[str, ...] = ()

@@ -38,6 +38,14 @@ _RANK = 1e-9
 """Share of the largest below which a direction of changes is rounding."""
 _MOST = 6
 """Most constants that are fitted one by one."""
+_MOST_SETS = 6
+"""Most sets of as many constants, that do as much, which are fitted."""
+_AS_MUCH = 0.01
+"""Share of what the effect changed that one of these may lack more than another."""
+_BLOCK = 25
+"""Samples of a stretch that is left out of first looks where a change of one parameter is out of all proportion there."""
+_FLIPPED = 100.0
+"""That proportion: chi-squared of the change over its median by stretch. A caster that flips a little earlier is no slope."""
 _TOGETHER = 3
 """Most constants that are wrong together."""
 _FARTHEST = 0.5
@@ -113,25 +121,45 @@ def _basis(own: Array) -> Array:
     return turned[:, values > _RANK * values.max(initial=0.0)]
 
 
+def _steady(own: Array, columns: Mapping[str, Array], wanted: Array) -> tuple[Array, dict[str, Array], Array]:
+    """The same without the stretches in which one of the changes is out of all proportion to its size elsewhere; all of them
+    where that would leave less than half."""
+    every = np.array([*own, *columns.values()])
+    count = max(len(wanted) // _BLOCK, 1)
+    places = np.array_split(np.arange(len(wanted)), count)
+    sizes = np.stack([np.sum(np.nan_to_num(every[:, place]) ** 2, axis=1) for place in places], axis=1)
+    usual = np.array([np.median(row[row > 0]) if np.any(row > 0) else np.inf for row in sizes])
+    kept = np.all(sizes <= _FLIPPED * usual[:, None], axis=0)
+    if kept.all() or 2 * kept.sum() < count:
+        return own, dict(columns), wanted
+    there = np.concatenate([place for place, fine in zip(places, kept, strict=True) if fine])
+    return own[:, there], {name: column[there] for name, column in columns.items()}, wanted[there]
+
+
 def _best_of(number: int, directions: Array, left: Array) -> tuple[float, tuple[int, ...]]:
     """Of all sets of so many `directions` [constants, samples] that which leaves least of `left`, and what it leaves: chosen
     one by one, the first would stand for two that are meant."""
+    return _best_sets(number, directions, left)[0]
+
+
+def _best_sets(number: int, directions: Array, left: Array) -> list[tuple[float, tuple[int, ...]]]:
+    """The sets of so many `directions` [constants, samples], and what they leave of `left`, least first; a few of them."""
     sets = np.array(list(combinations(range(len(directions)), number)))
     products, along = directions @ directions.T, directions @ left
     own = products[sets[:, :, None], sets[:, None, :]]
     wanted = along[sets]
     inverse = np.linalg.pinv(own, rcond=_RANK, hermitian=True)
     explained = np.einsum("sa,sab,sb->s", wanted, inverse, wanted)
-    best = int(np.argmax(explained))
-    return float(left @ left - explained[best]), tuple(int(k) for k in sets[best])
+    first = np.argsort(-explained)[:_MOST_SETS]
+    return [(float(left @ left - explained[best]), tuple(int(k) for k in sets[best])) for best in first]
 
 
 def _likely(
     own: Array, constants: Mapping[str, Array], wanted: Array
 ) -> tuple[list[tuple[str, ...]], dict[str, tuple[str, ...]]]:
-    """Which constants, alone and together, may do what is wanted: those alone best first, then of ever more of them the set
-    that does most. And of each constant those that do the same as it, beside the fitted parameters."""
-    names, directions, left, whole = _beyond(own, constants, wanted)
+    """Which constants, alone and together, may do what is wanted: those alone best first, then of ever more of them the sets
+    that do most. And of each constant those that do the same as it, beside the fitted parameters."""
+    names, directions, left, whole = _beyond(*_steady(own, constants, wanted))
     same = np.abs(directions @ directions.T) > 1.0 - _NOTHING
     twins = {name: tuple(np.array(names)[same[k]].tolist()) for k, name in enumerate(names)}
     alone = sorted(
@@ -140,9 +168,9 @@ def _likely(
     sets: list[tuple[str, ...]] = []
     sets += [(name,) for rest, name in alone if rest < _LIKE][:_MOST]
     for number in range(2, min(_TOGETHER, len(names)) + 1):
-        rest, best = _best_of(number, directions, left)
-        if rest / whole < _LIKE:
-            sets.append(tuple(names[k] for k in best))
+        best = _best_sets(number, directions, left)
+        most = min(_LIKE, best[0][0] / whole + _AS_MUCH)
+        sets += [tuple(names[k] for k in places) for rest, places in best if rest / whole < most]
     return sets, twins
 
 
@@ -336,11 +364,22 @@ def by_how_much(name: str, share: float, robot: Robot) -> str:
     return f"{100 * share:+.2g} %" if value else f"{100 * share:.2g} % of {robot.parts[name]} in place of none"
 
 
+def _listed(found: Sequence[Shares], robot: Robot) -> str:
+    """Sets of constants, each by how much it is wrong; of many that have one in common, that one and what goes with it."""
+
+    def each(own: Shares, names: Sequence[str]) -> list[str]:
+        return [f"{name} ({by_how_much(name, own[name], robot)})" for name in names]
+
+    common = [name for name in found[0] if all(name in own for own in found)]
+    if len(found) < 3 or len(common) != 1 or any(len(own) != 2 for own in found):
+        return " or ".join(" and ".join(each(own, list(own))) for own in found)
+    others = [each(own, [name for name in own if name not in common])[0] for own in found]
+    return f"{each(found[0], common)[0]} and one of {', '.join(others)}"
+
+
 def in_a_sentence(identifier: str, found: Sequence[Shares], robot: Robot) -> str:
     """A sentence that names those constants of the robot, and that they may be meant by the effect `identifier`."""
-    listed = " or ".join(
-        " and ".join(f"{n} ({by_how_much(n, share, robot)})" for n, share in own.items()) for own in found
-    )
+    listed = _listed(found, robot)
     wrong = "a wrong constant" if len(found[0]) == 1 else f"{len(found[0])} wrong constants"
     return (
         f"What is called {in_words(identifier)} here may as well be {wrong} in the table: {listed} would do the same, as far "
