@@ -52,7 +52,7 @@ from .search.in_some_logs import in_some_of, sorted_logs, unsorted
 from .search.reconsider import as_in_the_end
 from .search.search import MOST_EFFECTS
 from .search.steps import Search
-from .search.table_constants import Shares, built_in, constants_like, found_wrong, in_a_sentence
+from .search.table_constants import Shares, built_in, constants_as_well, constants_like, found_wrong, in_a_sentence
 from .search.telling_apart import same_but_later, supersets
 from .smooth_friction import smoothed_friction
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
@@ -257,6 +257,7 @@ def explain(
     unclear = verdict in ("named", "ambiguous") and named and not after.by_chance and not all_noise(found)
     still = still_doubted(final) if unclear else ""
     constants: dict[str, list[Shares]] = {}
+    as_well: list[Shares] = []
     hinges = ""
     if verdict in ("named", "ambiguous"):
         report("looking whether constants of the table explain as much")
@@ -264,12 +265,16 @@ def explain(
         for effect in named:
             step, others = steps[effect.id], {}
             last = step is found.steps[-1]
-            if effect.id != TableConstants.id:
-                bare, with_it = as_in_the_end(step, found, logs, held_out)
-                wrong = constants_like(bare, with_it, logs, held_out)
+            bare, with_it = as_in_the_end(step, found, logs, held_out)
+            table = effect.id == TableConstants.id
+            wrong = (constants_as_well if table else constants_like)(bare, with_it, logs, held_out)
+            if table:
+                as_well = [one.shares for one in wrong]
+            else:
                 constants[effect.id] = [one.shares for one in wrong]
-                if last:
-                    others = {f"it is a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
+            if last:
+                others = {f"it is a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
+                if not table:
                     # Where another name was found better later on, the step's laws are not this effect's.
                     others |= by_law(effect, step) if step.after.id == effect.id else {}
             if found.final is not None:
@@ -285,13 +290,16 @@ def explain(
             own = going_on_beyond(final, found.final, logs, held_out, found.before.noise, report)
             final, hinges = own.final, " ".join(filter(None, (hinges, own.sentence)))
         named = tuple(effect.as_in(final) for effect in named)
-        named = tuple(e.or_constants(constants[e.id]) if e.id in constants else e for e in named)
+        named = tuple(
+            e.or_constants(constants[e.id]) if e.id in constants else replace(e, constants=(*e.constants, *as_well))
+            for e in named
+        )
         named = tuple(or_the_same_curve(effect, steps[effect.id], logs) for effect in named)
         named = or_parts_of_others(named, final.robot)
         verdict = verdict_of(found, named, most, doubts)
     tables = tuple(in_a_sentence(identifier, sets, fit.robot) for identifier, sets in constants.items() if sets)
     contradicted = [effect.constants[0] for effect in named if effect.id == TableConstants.id]
-    tables += tuple(found_wrong(shares, fit.robot) for shares in contradicted)
+    tables += tuple(found_wrong([shares, *as_well], fit.robot) for shares in contradicted)
     if found.final is not None:
         tables += tuple(likelier_constants(found.final, final, shares, logs) for shares in contradicted)
     if verdict in ("named", "ambiguous"):

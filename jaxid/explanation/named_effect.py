@@ -45,7 +45,8 @@ class NamedEffect:
     "" where the mechanism has one law only) and `laws_alike` are those that this data cannot tell from it.
 
     `constants` are sets of constants of the robot's table, each with the share of its value, that would do the same if they
-    were wrong by it; "table_constants" then stands in `equivalent_to`.
+    were wrong by it; "table_constants" then stands in `equivalent_to`. Of an effect that is such constants they are its own,
+    and then others that do the same.
 
     `identified`: whether the data says that it is there, by the errors of its strengths (`differs_from_nothing`).
     """
@@ -76,7 +77,9 @@ class NamedEffect:
     def title(self) -> str:
         """The id as words; of constants of the table, what they are."""
         if self.id == TABLE_CONSTANTS:
-            return f"the right value of {' and '.join(self.parameters)}"
+            others = [" and ".join(own) for own in self.constants[1:]]
+            others = f" (or of {' or '.join(others)})" if others else ""
+            return f"the right value of {' and '.join(self.parameters)}{others}"
         return in_words(self.id)
 
     @property

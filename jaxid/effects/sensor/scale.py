@@ -42,6 +42,8 @@ class SensorScale(Effect):
         values = {name: robot.parameters[name].value for name in names if robot.parameters[name].free}
         if len(values) < max(len(names), 2):
             return []
+        # What no log measures is where it was.
+        values = {name: value for name, value in values.items() if value != 0.0}
         if len(values) == 2:
             return [min(values, key=lambda name: abs(values[name]))]
         return sorted(values, key=lambda name: values[name])[(len(values) - 1) // 2 :][:1]

@@ -18,6 +18,7 @@ from ...effects.curve import SHAPE
 from ...effects.table_constants import TableConstants
 from ...estimate.output_error.estimated_start import estimated_start
 from ...logs import LogSet
+from ...logs.windows import Windows
 from ...robots.effect import Effect, in_words
 from ...robots.robot import Robot
 from ...robots.traits import refusal
@@ -38,6 +39,8 @@ _RANK = 1e-9
 """Share of the largest below which a direction of changes is rounding."""
 _MOST = 6
 """Most constants that are fitted one by one."""
+_MOST_IN_WINDOWS = 16
+"""The same in windows."""
 _MOST_SETS = 6
 """Most sets of as many constants, that do as much, which are fitted."""
 _AS_MUCH = 0.01
@@ -253,6 +256,29 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
     return found
 
 
+def constants_as_well(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Wrong]:
+    """Other sets of as many constants of the table that do what those do by which `after` differs from `before`."""
+    own = after.effect.frees(before.robot) if after.effect is not None else ()
+    freed = {name for effect in before.robot.effects for name in effect.frees(before.robot)}
+    constants = [name for name in known_constants(before.robot) if name not in freed]
+    if before.angles or before.fitted.diverged or after.fitted.diverged or not own:
+        return []
+    if isinstance(logs, Windows):
+        sets = [(name,) for name in constants[:_MOST_IN_WINDOWS]] if len(own) == 1 else []
+    else:
+        _, secants, changes = secants_of(before.robot, before.held_out.noise, [after.robot], constants, logs)
+        columns = dict(zip(constants, secants[-len(constants) :], strict=True))
+        sets, _ = _likely(secants[: -len(constants)], columns, changes[0])
+    found = []
+    for chosen in [names for names in sets if len(names) == len(own) and set(names) != set(own)][:_MOST_SETS]:
+        trial = _with_freed(before, chosen, logs, held_out)
+        shares = changed_by(chosen, before.robot, trial.robot.parameters)
+        needed = min(map(abs, shares.values())) > _NONE and not _too_far(shares, before.robot)
+        if needed and not told_apart_from(after, trial):
+            found.append(Wrong(shares, trial.robot))
+    return found
+
+
 def _none_of(robot: Robot) -> tuple[str, ...]:
     """The constants of the table that are no part of their whole, and might be."""
     return tuple(n for n in robot.parts if robot.parameters[n].value == 0.0 and not robot.parameters[n].free)
@@ -295,11 +321,18 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
     constants = known_constants(before.robot)
     if not constants or before.angles or before.fitted.diverged:
         return None
-    residual, secants, _ = secants_of(before.robot, before.held_out.noise, [], constants, logs)
-    own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
-    names, directions, wanted, _ = _beyond(own, columns, -residual)
     rival = best.squares if best is not None else before.squares
     trials: list[Trial] = []
+    names: list[str] = []
+    if isinstance(logs, Windows):
+        # Every window's own initial state takes up a part of what a constant does: each is fitted.
+        alone = [(name,) for name in constants[:_MOST_IN_WINDOWS]]
+        fitted = [(chosen, _with_freed(before, chosen, logs, held_out)) for chosen in alone]
+        trials = [t for chosen, t in fitted if not _too_far(changed_by(chosen, before.robot, t.robot.parameters), before.robot)]
+    else:
+        residual, secants, _ = secants_of(before.robot, before.held_out.noise, [], constants, logs)
+        own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
+        names, directions, wanted, _ = _beyond(own, columns, -residual)
     for number in range(1, min(_TOGETHER, len(names)) + 1):
         left, places = _best_of(number, directions, wanted)
         chosen = tuple(names[k] for k in places)
@@ -401,10 +434,14 @@ def built_in(effects: Sequence[Effect], robot: Robot) -> tuple[str, ...]:
     )
 
 
-def found_wrong(shares: Shares, robot: Robot) -> str:
-    """A sentence that says which constants of the robot's table the data contradicts, by how much."""
-    listed = " and ".join(f"{n} by {by_how_much(n, share, robot)}" for n, share in shares.items())
+def found_wrong(wrong: Sequence[Shares], robot: Robot) -> str:
+    """A sentence that says which constants of the robot's table the data contradicts, by how much; of several sets that do the
+    same the first is in the model."""
+    said = "No effect of the catalogue but a wrong table explains this best: these logs contradict the value of"
+    first = " and ".join(f"{n} by {by_how_much(n, share, robot)}" for n, share in wrong[0].items())
+    if len(wrong) == 1:
+        return f"{said} {first}. Measure it, or keep the model as it is now."
     return (
-        f"No effect of the catalogue but a wrong table explains this best: these logs contradict the value of {listed}. "
-        "Measure it, or keep the model as it is now."
+        f"{said} {first}; or else of {_listed(wrong[1:], robot)}, which do the same as far as these logs tell. Measure them; "
+        "the model has the first."
     )
