@@ -330,6 +330,8 @@ class StepResponse(Effect):
     formula: ClassVar[str] = "u'(t) = u(t) + sum over k of share_k (u(t - k spacing) - u(t)), k = 1, 2, 4"
     finer: ClassVar[float] = 2.0
     settles: ClassVar[bool] = True
+    rather: ClassVar[str] = "input_delay"
+    """The mechanism that its shares follow anywhere nearly, and that says it by one number."""
     multiples: ClassVar[tuple[int, ...]] = (1, 2, 4)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

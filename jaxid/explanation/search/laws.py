@@ -151,11 +151,12 @@ def with_its_other_laws(
 
 
 def rather_of(trial: Trial) -> str | None:
-    """The mechanism that a trial's curve is rather of, where it does not bend as its own does."""
-    curve = trial.effect
-    if not isinstance(curve, Curve) or curve.agrees(trial.robot):
+    """The mechanism that a trial's curve is rather of, where it does not bend as its own does, or that a law without a formula
+    takes on as well."""
+    effect = trial.effect
+    if isinstance(effect, Curve) and effect.agrees(trial.robot):
         return None
-    return curve.rather or None
+    return getattr(effect, "rather", "") or None
 
 
 def with_what_it_rather_is(

@@ -328,7 +328,11 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
         # Every window's own initial state takes up a part of what a constant does: each is fitted.
         alone = [(name,) for name in constants[:_MOST_IN_WINDOWS]]
         fitted = [(chosen, _with_freed(before, chosen, logs, held_out)) for chosen in alone]
-        trials = [t for chosen, t in fitted if not _too_far(changed_by(chosen, before.robot, t.robot.parameters), before.robot)]
+        trials = [
+            t
+            for chosen, t in fitted
+            if not _too_far(changed_by(chosen, before.robot, t.robot.parameters), before.robot)
+        ]
     else:
         residual, secants, _ = secants_of(before.robot, before.held_out.noise, [], constants, logs)
         own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
