@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, Omni
+from jaxid import Axis, DifferentialDrive, Omni
 from jaxid.effects import effect_by_id
 
 LAW = effect_by_id(Axis(), "sensor_scale", "shape")
@@ -36,6 +36,15 @@ def test_what_all_sensors_have_alike_may_be_held_as_another_s():
     assert scale.may_hold(held) == []
     pair = effect_by_id(Axis(), "sensor_scale", "by_direction")
     assert pair.may_hold(Axis() + pair) == []
+
+
+def test_of_sensors_that_no_log_has_none_is_held():
+    """Of a rover's body and wheels, v is not measured: its error stays where it was, and to hold that would hold nothing."""
+    robot = DifferentialDrive(wheel_angles=True)
+    scale = effect_by_id(robot, "sensor_scale", "each_channel")
+    errors = {"v": 0.0, "w": -0.028, "way_right": 0.0121, "way_left": 0.012}
+    robot = (robot + scale).with_values(**{scale.key(f"error_{name}"): error for name, error in errors.items()})
+    assert scale.may_hold(robot) == ["sensor_scale.error_way_left"]
 
 
 def test_a_curve_of_a_scale_is_no_other_unit():

@@ -1,5 +1,6 @@
 """jaxid/explanation/search/table_constants.py: a wrong constant of the table beside the name of what looks the same."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import jax.numpy as jnp
@@ -11,9 +12,15 @@ from jaxid import Channels, Custom, DifferentialDrive, Log, LogSet, Parameter, P
 from jaxid.effects import effect_by_id
 from jaxid.effects.table_constants import TableConstants
 from jaxid.explanation.left.heldout import HeldOut
-from jaxid.explanation.refits.refit import Trial
+from jaxid.explanation.refits.refit import Trial, refit, refit_from_itself
 from jaxid.explanation.search import table_constants
-from jaxid.explanation.search.table_constants import _likely, constants_like, effects_that_are
+from jaxid.explanation.search.table_constants import (
+    _likely,
+    constants_as_well,
+    constants_like,
+    effects_that_are,
+    found_wrong,
+)
 from jaxid.model_file import read_model
 
 DT, NOISE = 0.02, 0.005
@@ -273,3 +280,53 @@ def test_a_part_of_the_mass_that_the_table_has_none_of_is_beside_the_offset_that
     (said,) = [note for note in found.notes if "a wrong constant in the table" in note]
     share = float(said.partition("Mr (")[2].partition(" % of M in place of none")[0])
     assert share == pytest.approx(100 * rotors / (carried + rotors), abs=1.5)
+
+
+def test_stretches_where_a_change_is_out_of_all_proportion_hide_no_constant():
+    """A caster that flips a little earlier moves one stretch of a log by more than all else; no slope says that."""
+    rng = np.random.default_rng(8)
+    own, one, other = np.linalg.qr(rng.normal(size=(1000, 3)))[0].T
+    flip, another = np.zeros(1000), np.zeros(1000)
+    flip[500:520], another[510:530] = 5.0, 7.0
+    columns = {"radius": one + flip, "length": other - flip + another, "mass": own}
+    wanted = one + 0.5 * other
+    sets, _ = _likely(own[None], columns, wanted)
+    assert ("radius", "length") in sets
+    flipped = {name: column if name == "mass" else column * (np.abs(column) < 1) for name, column in columns.items()}
+    assert sets == _likely(own[None], flipped, wanted)[0]
+
+
+def product(state, inputs, p):
+    """What drives is a product of two constants, limited by a third."""
+    speed = state["v"]
+    driving = 0.1 * p["first"] * p["second"] * inputs["spin"] * (1.0 - (speed / 1.5) ** 2)
+    return {"v": (driving - speed + 0.3 * speed * (speed / p["third"]) ** 2) / p["T"]}
+
+
+def test_another_constant_that_does_the_same_as_the_wrong_one_is_said():
+    table = {"T": Parameter(0.3, "s", lower=0.0, free=True)}
+    table |= {"first": Parameter(1.05, ""), "second": Parameter(2.0, ""), "third": Parameter(1e3, "m/s")}
+    robot = Custom(dynamics=product, state_names=("v",), own_channels=SLOWED.own_channels, table=table)
+    logs, held = LogSet([halved("a", 0), halved("b", 1)]), LogSet([halved("c", 2)])
+    noise = {"v": NOISE}
+    before = refit(robot, [{"T": 0.3}], logs, held, noise, {})
+    freed = robot + TableConstants(("first",))
+    after = replace(refit_from_itself(freed, before, logs, held, noise), id="table_constants")
+    assert after.robot.parameters["first"].value == pytest.approx(1.0, abs=0.01)
+    (other,) = constants_as_well(before, after, logs, held)
+    assert other.shares == {"second": pytest.approx(1.0 / 1.05 - 1.0, abs=0.01)}
+    said = found_wrong([{"first": -0.0476}, other.shares], robot)
+    assert "the value of first by -4.8 %; or else of second (-4.8 %)" in said
+
+
+def halved(name, seed):
+    """`slowed` by its limit, of commands that are half: the product of the two constants is 2."""
+    one = slowed(name, seed, 1.5)
+    return Log.from_arrays(name, one.time, one.inputs / 2.0, one.outputs, SLOWED.channels)
+
+
+def test_many_sets_that_have_one_constant_in_common_are_said_by_that():
+    robot = Pioneer()
+    found = [{"L": -0.03, other: 0.02} for other in ("R", "M", "Ra")]
+    assert table_constants._listed(found, robot) == "L (-3 %) and one of R (+2 %), M (+2 %), Ra (+2 %)"
+    assert table_constants._listed(found[:2], robot) == "L (-3 %) and R (+2 %) or L (-3 %) and M (+2 %)"
