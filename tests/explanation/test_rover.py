@@ -6,7 +6,7 @@ import pytest
 import jaxid
 
 M, J, B, GAIN, EMF, FV, FC = 6.2, 0.094, 0.14, 3.817, 12.74, 2.0, 1.6
-COUNT, GYRO, DT = 1e-4, 0.004, 0.01
+COUNT, GYRO, DT = 4e-4, 0.004, 0.01
 
 
 def rover(name, seed, *, scale=1.0, sag=0.0):
