@@ -80,7 +80,7 @@ def read_robot(path: str | Path) -> Wheeled:
         key: entry if isinstance(entry, Mapping) else {"value": entry, "free": False} for key, entry in entries.items()
     }
     try:
-        return overridden(robot, known, path)
+        return robot.with_parameters(overridden(robot, known, path).parameters)
     except ModelFileError as error:
         raise RobotFileError(str(error)) from None
 

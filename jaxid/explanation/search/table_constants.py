@@ -315,28 +315,19 @@ def effects_that_are(constants: Sequence[str], robot: Robot) -> tuple[str, ...]:
     return tuple(identifier for identifier, names in meant.items() if names and set(names) == set(constants))
 
 
-def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out: LogSet) -> Trial | None:
-    """`before` with few constants of the table right that explain more than the `best` effect does, by more than chance where
-    that is a formula; of ever more of them, the number that the Bayesian criterion prefers. None where there are none."""
-    constants = known_constants(before.robot)
-    if not constants or before.angles or before.fitted.diverged:
-        return None
-    rival = best.squares if best is not None else before.squares
+def _alone_in_windows(before: Trial, constants: Sequence[str], logs: LogSet, held_out: LogSet) -> list[Trial]:
+    """`before` with one of the constants right, each in turn: a window's own initial state takes up a part of what a constant
+    does, and first order says little of the rest."""
+    fitted = [((name,), _with_freed(before, (name,), logs, held_out)) for name in constants[:_MOST_IN_WINDOWS]]
+    return [t for own, t in fitted if not _too_far(changed_by(own, before.robot, t.robot.parameters), before.robot)]
+
+
+def _together(before: Trial, constants: Sequence[str], rival: float, logs: LogSet, held_out: LogSet) -> list[Trial]:
+    """`before` with few of the constants right, ever more of them, as long as they may leave less than `rival`."""
+    residual, secants, _ = secants_of(before.robot, before.held_out.noise, [], constants, logs)
+    own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
+    names, directions, wanted, _ = _beyond(own, columns, -residual)
     trials: list[Trial] = []
-    names: list[str] = []
-    if isinstance(logs, Windows):
-        # Every window's own initial state takes up a part of what a constant does: each is fitted.
-        alone = [(name,) for name in constants[:_MOST_IN_WINDOWS]]
-        fitted = [(chosen, _with_freed(before, chosen, logs, held_out)) for chosen in alone]
-        trials = [
-            t
-            for chosen, t in fitted
-            if not _too_far(changed_by(chosen, before.robot, t.robot.parameters), before.robot)
-        ]
-    else:
-        residual, secants, _ = secants_of(before.robot, before.held_out.noise, [], constants, logs)
-        own, columns = secants[: -len(constants)], dict(zip(constants, secants[-len(constants) :], strict=True))
-        names, directions, wanted, _ = _beyond(own, columns, -residual)
     for number in range(1, min(_TOGETHER, len(names)) + 1):
         left, places = _best_of(number, directions, wanted)
         chosen = tuple(names[k] for k in places)
@@ -350,6 +341,20 @@ def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out:
             trials.append(trial)
         if trial.fitted.adequate:
             break
+    return trials
+
+
+def constants_instead(before: Trial, best: Trial | None, logs: LogSet, held_out: LogSet) -> Trial | None:
+    """`before` with few constants of the table right that explain more than the `best` effect does, by more than chance where
+    that is a formula; of ever more of them, the number that the Bayesian criterion prefers. None where there are none."""
+    constants = known_constants(before.robot)
+    if not constants or before.angles or before.fitted.diverged:
+        return None
+    if isinstance(logs, Windows):
+        trials = _alone_in_windows(before, constants, logs, held_out)
+    else:
+        rival = best.squares if best is not None else before.squares
+        trials = _together(before, constants, rival, logs, held_out)
     found = min(trials, key=lambda trial: trial.score, default=None)
     if found is None or best is None:
         return found

@@ -16,11 +16,14 @@ from jaxid.explanation.refits.refit import Trial, refit, refit_from_itself
 from jaxid.explanation.search import table_constants
 from jaxid.explanation.search.table_constants import (
     _likely,
+    changed_by,
     constants_as_well,
+    constants_instead,
     constants_like,
     effects_that_are,
     found_wrong,
 )
+from jaxid.logs.windows import in_windows
 from jaxid.model_file import read_model
 
 DT, NOISE = 0.02, 0.005
@@ -317,6 +320,21 @@ def test_another_constant_that_does_the_same_as_the_wrong_one_is_said():
     assert other.shares == {"second": pytest.approx(1.0 / 1.05 - 1.0, abs=0.01)}
     said = found_wrong([{"first": -0.0476}, other.shares], robot)
     assert "the value of first by -4.8 %; or else of second (-4.8 %)" in said
+
+
+def test_constants_are_tried_in_windows_too():
+    """Each window begins with a state of its own, which takes up a part of what a constant does."""
+    table = {"T": Parameter(0.3, "s", lower=0.0, free=True)}
+    table |= {"first": Parameter(1.05, ""), "second": Parameter(2.0, ""), "third": Parameter(1e3, "m/s")}
+    robot = Custom(dynamics=product, state_names=("v",), own_channels=SLOWED.own_channels, table=table)
+    logs, held = (
+        in_windows(LogSet([halved(n, k) for n, k in own]), 0.5) for own in ((("a", 0), ("b", 1)), (("c", 2),))
+    )
+    before = refit(robot, [{"T": 0.3}], logs, held, {"v": NOISE}, {})
+    right = constants_instead(before, None, logs, held)
+    assert right is not None and right.effect.id == "table_constants"
+    ((name, share),) = changed_by(right.effect.frees(robot), robot, right.robot.parameters).items()
+    assert name in ("first", "second") and share == pytest.approx(1.0 / 1.05 - 1.0, abs=0.02)
 
 
 def halved(name, seed):
