@@ -80,6 +80,7 @@ class Wheeled(Robot):
     # -- what it says about itself -------------------------------------------------------------------------------------
     @property
     def name(self) -> str:  # type: ignore[override]
+        """What sentences call it."""
         return self.title
 
     @property
@@ -89,10 +90,12 @@ class Wheeled(Robot):
 
     @property
     def velocities(self) -> tuple[str, ...]:  # type: ignore[override]
+        """V, Vn and W, or v and w where its wheels keep it from slipping sideways."""
         return ("V", "Vn", "W") if len(self.motions) == 3 else ("v", "w")
 
     @property
     def turning(self) -> str:  # type: ignore[override]
+        """The yaw rate."""
         return self.velocities[-1]
 
     @property
@@ -102,22 +105,27 @@ class Wheeled(Robot):
 
     @property
     def angles(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The wheels' angles."""
         return tuple(f"angle_{wheel.name}" for wheel in self.wheels)
 
     @property
     def drive_axes(self) -> tuple[int, ...]:  # type: ignore[override]
+        """All its wheels."""
         return tuple(range(len(self.wheels)))
 
     @property
     def axis_words(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The wheels' names in words."""
         return tuple(wheel.name.replace("_", " ") for wheel in self.wheels)
 
     @property
     def winding(self) -> str:  # type: ignore[override]
+        """The resistance of each motor's winding, of a robot with motors."""
         return "Ra" if self.motors else ""
 
     @property
     def supply_voltage(self) -> str | None:  # type: ignore[override]
+        """The parameter that is the supply's voltage, of a robot with motors."""
         return "supply" if self.motors else None
 
     @property
@@ -127,6 +135,7 @@ class Wheeled(Robot):
 
     @property
     def mechanisms(self) -> Mapping[str, tuple[str, ...]]:  # type: ignore[override]
+        """Effect id -> the robot's own parameters that are this mechanism."""
         centre = {"lateral_com_offset": ("yc", "xc")}
         if len(self.motions) == 2:
             centre = {"forward_com_offset": ("xc",), "lateral_com_offset": ("yc",)}
@@ -140,6 +149,7 @@ class Wheeled(Robot):
 
     @property
     def words(self) -> Mapping[str, str]:  # type: ignore[override]
+        """Channel -> what it measures, in words."""
         wheels = zip(self.wheels, self.axis_words, strict=True)
         found = {"v": "forward speed", "w": "yaw rate", "V": "forward speed", "Vn": "sideways speed", "W": "yaw rate"}
         for wheel, word in wheels:
