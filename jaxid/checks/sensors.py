@@ -159,25 +159,12 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
             )
             yield finding(log, name, None, "warning", "dead_sensor", text)
             continue
-        others = [_filled(other, units.get(key, ""))[0] for key, other in columns.items() if key != name]
-        others = np.stack([*log.inputs.T, *others], axis=-1)
-        values, near = _filled(values, units.get(name, ""))
-        looked, width = active & near, max(least, int(np.median(np.diff(np.flatnonzero(there)))))
-        if looked.sum() < 24 * width:
-            continue
-        middle, spread = np.median(values[there]), 1.4826 * np.median(np.abs(values[there] - np.median(values[there])))
-        calm = np.clip(values, middle - 4 * spread, middle + 4 * spread) if spread > 0 else values
-        smooth = _smooth(calm[looked], width)
-        # Of a robot that mostly drives straight on, what is far from the usual are its curves, and no outliers.
-        whole = _smooth(values[looked], width)
-        regressors = _smooth(_lagged(log, others)[looked], width)
-        share = _followed((smooth, whole), regressors)
-        if share < _RELATED and _answer(smooth, regressors) < 4.5:
-            # While the robot turns, axes mix, and nothing that is linear in the others follows them; heat follows squares.
-            for other in (*_mixed(log, others, list(columns), name), _lagged(log, others**2)):
-                share = max(share, _followed((smooth, whole), _smooth(other[looked], width)))
-        else:
-            continue
+        sensors = [_filled(other, units.get(key, ""))[0] for key, other in columns.items() if key != name]
+        others = np.stack([*log.inputs.T, *sensors], axis=-1)
+        share = _share_related(log, name, values, others, columns, active, least)
+        if share < _RELATED and is_position(log, name):
+            # What drives a servo says how fast it goes, and not where it is.
+            share = max(share, _share_related(log, name, speed(log, name), others, columns, active, least))
         if share < _RELATED:
             text = (
                 f"{UNRELATED} ({max(share, 0):.0%} predicted), so the sensor "
@@ -185,6 +172,31 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
                 "that way)"
             )
             yield finding(log, name, None, "warning", "dead_sensor", text)
+
+
+def _share_related(
+    log: Log, name: str, values: Array, others: Array, columns: dict[str, Array], active: Array, least: int
+) -> float:
+    """The share of what a sensor shows that the inputs and all other sensors, `others` [T, n], predict; one where the log is
+    too short to say, and where it answers to them however little they predict."""
+    there = np.isfinite(values)
+    values, near = _filled(values, log.channels.units.get(name, ""))
+    looked, width = active & near, max(least, int(np.median(np.diff(np.flatnonzero(there)))))
+    if looked.sum() < 24 * width:
+        return 1.0
+    middle, spread = np.median(values[there]), 1.4826 * np.median(np.abs(values[there] - np.median(values[there])))
+    calm = np.clip(values, middle - 4 * spread, middle + 4 * spread) if spread > 0 else values
+    smooth = _smooth(calm[looked], width)
+    # Of a robot that mostly drives straight on, what is far from the usual are its curves, and no outliers.
+    whole = _smooth(values[looked], width)
+    regressors = _smooth(_lagged(log, others)[looked], width)
+    share = _followed((smooth, whole), regressors)
+    if not (share < _RELATED and _answer(smooth, regressors) < 4.5):
+        return 1.0
+    # While the robot turns, axes mix, and nothing that is linear in the others follows them; heat follows squares.
+    for other in (*_mixed(log, others, list(columns), name), _lagged(log, others**2)):
+        share = max(share, _followed((smooth, whole), _smooth(other[looked], width)))
+    return share
 
 
 def _moved(log: Log, names: list[str]) -> Iterator[Finding]:

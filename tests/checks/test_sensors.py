@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from jaxid import Channels, Custom, Log, LogSet, Parameter
+from jaxid import AXIS, Channels, Custom, Log, LogSet, Parameter
 
 DT, M, DRAG, NOISE = 0.02, 8.0, 6.0, 0.005
 OMNI = Custom(
@@ -118,3 +118,26 @@ def test_a_temperature_that_follows_the_heat_of_a_motor_is_not_dead(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_a_temperature_that_only_drifts_is(seed):
     assert warmed(seed, alive=False) == ["temperature"]
+
+
+def servo(seed, seen):
+    """A position servo that travels at one speed: its drive holds against friction, and hunts a little about that."""
+    rng = np.random.default_rng(seed)
+    time = 0.005 * np.arange(2400)
+    hunting = lfilter([0.02], [1.0, -0.98], rng.normal(size=2400))
+    speed = 0.02 * (1.0 - np.exp(-time / 0.1)) + 1e-4 * hunting
+    position = np.cumsum(speed) * 0.005
+    drive = 0.6 * (1.0 - np.exp(-time / 0.05)) + 0.02 * hunting
+    counted = np.round((position if seen else 1e-3 * np.cumsum(rng.normal(size=2400))) / 2e-6) * 2e-6
+    outputs = np.stack([np.full(2400, np.nan), counted], axis=1)
+    logs = LogSet([Log("servo", time, drive[:, None], outputs, AXIS)])
+    return [f.column for f in logs.preflight() if f.check == "dead_sensor"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_encoder_of_a_servo_that_travels_steadily_is_alive(seed):
+    assert servo(seed, seen=True) == []
+
+
+def test_one_that_wanders_by_itself_is_dead():
+    assert servo(0, seen=False) == ["q"]

@@ -56,6 +56,11 @@ def only_needed(
     explained without them, or as much: what one effect's first guess had left, another may have been added for. `baseline` is
     the fit that lacks them all."""
     steps = {step.chosen.id: step for step in found.steps}
+    if len(steps) == 1:
+        # The model without it is the one that it was added to.
+        ((identifier, step),) = steps.items()
+        needed = clearly_better(after, step.before.held_out) and clearly_better(step.after.fitted, step.before.fitted)
+        found = replace(found, needed=(identifier,)) if needed else found
     for identifier in _spare(found, baseline, final):
         if found.final is None:
             break

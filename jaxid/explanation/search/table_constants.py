@@ -39,6 +39,8 @@ _RANK = 1e-9
 """Share of the largest below which a direction of changes is rounding."""
 _MOST = 6
 """Most constants that are fitted one by one."""
+_ALIKE = 0.2
+"""Share of its size by which what several parts have alike may differ between them."""
 _MOST_IN_WINDOWS = 16
 """The same in windows."""
 _MOST_SETS = 6
@@ -224,10 +226,12 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
         return itself + [wrong for part in parts for wrong in _as_well(before, after, part, logs, held_out)]
     freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
     constants = [name for name in known_constants(before.robot) if name not in freed]
-    if not constants or before.angles or after.angles:
+    if not constants or before.fitted.diverged or after.fitted.diverged:
         return []
-    if before.fitted.diverged or after.fitted.diverged:
-        return []
+    if before.angles or after.angles:
+        # To first order of whole logs nothing is known there.
+        alone = [(name,) for name in constants[:_MOST_IN_WINDOWS]]
+        return _as_good(alone if _alike_for_all(after) else [], before, after, logs, held_out)
     _, secants, changes = secants_of(before.robot, before.held_out.noise, [after.robot], constants, logs)
     own = secants[: -len(constants)]
     columns = dict(zip(constants, secants[-len(constants) :], strict=True))
@@ -269,14 +273,31 @@ def constants_as_well(before: Trial, after: Trial, logs: LogSet, held_out: LogSe
         _, secants, changes = secants_of(before.robot, before.held_out.noise, [after.robot], constants, logs)
         columns = dict(zip(constants, secants[-len(constants) :], strict=True))
         sets, _ = _likely(secants[: -len(constants)], columns, changes[0])
+    others = [names for names in sets if len(names) == len(own) and set(names) != set(own)]
+    return _as_good(others, before, after, logs, held_out)[:_MOST_SETS]
+
+
+def _as_good(
+    sets: Sequence[tuple[str, ...]], before: Trial, after: Trial, logs: LogSet, held_out: LogSet
+) -> list[Wrong]:
+    """Those of the sets of constants that do as well as `after` does, each fitted."""
     found = []
-    for chosen in [names for names in sets if len(names) == len(own) and set(names) != set(own)][:_MOST_SETS]:
+    for chosen in sets:
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
         needed = min(map(abs, shares.values())) > _NONE and not _too_far(shares, before.robot)
         if needed and not told_apart_from(after, trial):
             found.append(Wrong(shares, trial.robot))
     return found
+
+
+def _alike_for_all(after: Trial) -> bool:
+    """Whether the last effect has the same share for each of several parts, as a constant of all of them would make it."""
+    effect = after.effect
+    names = effect.either_nominal(after.robot) if effect is not None else {}
+    shares = [after.robot.parameters[name].value for name in names]
+    spread, size = max(shares, default=0.0) - min(shares, default=0.0), abs(sum(shares)) / max(len(shares), 1)
+    return len(shares) > 1 and spread < _ALIKE * size
 
 
 def _none_of(robot: Robot) -> tuple[str, ...]:

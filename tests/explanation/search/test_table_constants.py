@@ -348,3 +348,32 @@ def test_many_sets_that_have_one_constant_in_common_are_said_by_that():
     found = [{"L": -0.03, other: 0.02} for other in ("R", "M", "Ra")]
     assert table_constants._listed(found, robot) == "L (-3 %) and one of R (+2 %), M (+2 %), Ra (+2 %)"
     assert table_constants._listed(found[:2], robot) == "L (-3 %) and R (+2 %) or L (-3 %) and M (+2 %)"
+
+
+def test_what_all_motors_have_alike_is_asked_of_constants_though_angles_are_prescribed(monkeypatch):
+    """Beside a ripple, whose angles are prescribed, nothing is known to first order; shares that are alike are a constant's."""
+    state = HeldOut(1.0, {"eta1": 1.0}, (np.ones((100, 1)),), {"eta1": 1.0}, 0.5)
+    bare = Pioneer()
+    mismatch = bare + effect_by_id(bare, "motor_gain_mismatch", "torque_constant")
+    first, second = mismatch.effects[0].either_nominal(mismatch)
+    before = Trial("", bare, 500.0, 8, state, lambda: state, {}, {"phi2": ()})  # angles that are prescribed
+    asked = []
+
+    def freed(before, names, *others):
+        asked.append(names)
+        robot = (before.robot + TableConstants(names)).with_values(**{names[0]: 1.03 * bare.parameters[names[0]].value})
+        return SimpleNamespace(
+            robot=robot, fitted=state, free=9, squares=10.0 if names == ("Ra",) else 900.0, score=1.0
+        )
+
+    monkeypatch.setattr(table_constants, "_with_freed", freed)
+    monkeypatch.setattr(table_constants, "told_apart_from", lambda best, trial: trial.squares > 20.0)
+
+    def like(*shares):
+        robot = mismatch.with_values(**dict(zip((first, second), shares, strict=True)))
+        after = Trial("motor_gain_mismatch", robot, 10.0, 10, state, lambda: state, {}, {"phi2": ()})
+        return [wrong.shares for wrong in constants_like(before, after, None, None)]
+
+    assert like(-0.035, -0.0354) == [{"Ra": pytest.approx(0.03)}] and len(asked) > 3
+    asked.clear()
+    assert like(-0.035, 0.01) == [] and not asked
