@@ -175,7 +175,13 @@ def _dead(log: Log, outputs: list[Windows], also: tuple[str, ...]) -> Iterator[F
 
 
 def _share_related(
-    log: Log, name: str, values: Array, others: Array, columns: dict[str, Array], active: Array, least: int
+    log: Log,
+    name: str,
+    values: Array,
+    others: Array,
+    columns: dict[str, Array],
+    active: NDArray[np.bool_],
+    least: int,
 ) -> float:
     """The share of what a sensor shows that the inputs and all other sensors, `others` [T, n], predict; one where the log is
     too short to say, and where it answers to them however little they predict."""
