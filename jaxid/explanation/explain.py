@@ -50,9 +50,10 @@ from .not_looked_for import not_looked_for
 from .policy import Policy, current_policy, keeps_policy
 from .search.in_some_logs import in_some_of, sorted_logs, unsorted
 from .search.reconsider import as_in_the_end
+from .search.said_of_constants import built_in, found_wrong, in_a_sentence
 from .search.search import MOST_EFFECTS
 from .search.steps import Search
-from .search.table_constants import Shares, built_in, constants_as_well, constants_like, found_wrong, in_a_sentence
+from .search.table_constants import Shares, constants_as_well, constants_like
 from .search.telling_apart import same_but_later, supersets
 from .smooth_friction import smoothed_friction
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of

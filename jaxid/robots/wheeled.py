@@ -20,12 +20,10 @@ scrub when the robot turns, together: Bw W + Cw sgn W.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar, Literal, Self
 
 import jax.numpy as jnp
-import numpy as np
 
 from ..logs import Channels
 from ..parameters import Parameter, ParameterTable, parameter
@@ -33,9 +31,8 @@ from .effect import Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot
 from .signal_path import products
 from .trigonometry import sincos
-from .wheels import LayoutError, Wheel, rolling, twists
-
-_MOST_LAYOUTS = 256
+from .wheel_channels import channels_of
+from .wheels import LayoutError, Wheel, rim_rows, twists
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -86,7 +83,7 @@ class Wheeled(Robot):
     @property
     def motions(self) -> tuple[tuple[float, float, float], ...]:
         """S, a row (V, Vn, W) per velocity."""
-        return _twists(self.wheels)
+        return twists(self.wheels)
 
     @property
     def velocities(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -101,7 +98,7 @@ class Wheeled(Robot):
     @property
     def channels(self) -> Channels:  # type: ignore[override]
         """The columns of its logs: of the body or of the wheels, as `measures` says, with the wheels' angles where wanted."""
-        return _channels(self.wheels, self.motors, self.measures == "wheels", self.wheel_angles)
+        return channels_of(self.wheels, self.motors, self.measures == "wheels", self.wheel_angles)
 
     @property
     def angles(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -143,7 +140,7 @@ class Wheeled(Robot):
             "effective_track": ("track",),
             "payload_change": ("M", "J", "xc", "yc"),
         }
-        if len({_side(wheel) for wheel in self.wheels} - {0.0}) == 2:
+        if len({wheel.side for wheel in self.wheels} - {0.0}) == 2:
             found["wheel_radius_mismatch"] = ("radius_mismatch",)
         return MappingProxyType(found)
 
@@ -239,7 +236,7 @@ class Wheeled(Robot):
     def _rows(self, p: Numbers) -> tuple[Scalars, ...]:
         """Rates [rad/s] of every wheel per velocity, A / r."""
         found = []
-        for wheel, row in zip(self.wheels, _rim_rows(self.wheels), strict=True):
+        for wheel, row in zip(self.wheels, rim_rows(self.wheels), strict=True):
             per_radius = 1.0 / self._radius(wheel, p)
             along = tuple(per_radius * number if number else 0.0 for number in row[:-1])
             found.append((*along, per_radius * p["track"] * row[-1] if row[-1] else 0.0))
@@ -247,7 +244,7 @@ class Wheeled(Robot):
 
     @staticmethod
     def _radius(wheel: Wheel, p: Numbers) -> Scalar:
-        side = _side(wheel)
+        side = wheel.side
         return p["r"] * (1.0 + side * p["radius_mismatch"]) if side else p["r"]
 
     def _twist(self, state: State) -> tuple[Scalar, Scalar, Scalar]:
@@ -325,7 +322,7 @@ class Wheeled(Robot):
 
     def rim_levers(self, p: Numbers) -> Scalars:
         wheels = tuple(self._radius(wheel, p) for wheel in self.wheels)
-        return (*wheels, max(abs(row[-1]) for row in _rim_rows(self.wheels))) if self.scrubs else wheels
+        return (*wheels, max(abs(row[-1]) for row in rim_rows(self.wheels))) if self.scrubs else wheels
 
     def drive_forces(self, torques: Scalars, p: Numbers) -> Scalars:
         return tuple(torque / self._radius(wheel, p) for wheel, torque in zip(self.wheels, torques, strict=True))
@@ -388,58 +385,3 @@ class Wheeled(Robot):
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
         seen = self._speeds(state, p) if self.measures == "wheels" else tuple(state[name] for name in self.velocities)
         return (*seen, *(state[name] for name in self.measured_angles))
-
-
-def _side(wheel: Wheel) -> float:
-    """1 of wheels on the right of the origin, -1 of those on the left."""
-    return float(np.sign(-wheel.at[1])) if abs(wheel.at[1]) > 1e-9 else 0.0
-
-
-@lru_cache(_MOST_LAYOUTS)
-def _twists(wheels: tuple[Wheel, ...]) -> tuple[tuple[float, float, float], ...]:
-    return twists(wheels)
-
-
-@lru_cache(_MOST_LAYOUTS)
-def _rim_rows(wheels: tuple[Wheel, ...]) -> tuple[tuple[float, ...], ...]:
-    """A: rim speeds of the wheels per velocity; what rounding leaves beside zero is zero."""
-    rows = np.array([rolling(wheel) for wheel in wheels]) @ np.array(_twists(wheels)).T
-    rows[np.abs(rows) < 1e-12 * np.abs(rows).max(axis=0)] = 0.0
-    return tuple(map(tuple, rows.tolist()))
-
-
-@lru_cache(_MOST_LAYOUTS)
-def _channels(wheels: tuple[Wheel, ...], motors: bool, by_wheels: bool, with_angles: bool) -> Channels:
-    inputs = tuple(dict.fromkeys(wheel.input for wheel in wheels))
-    planar = len(_twists(wheels)) == 3
-    body = {"V": "m/s", "Vn": "m/s", "W": "rad/s"} if planar else {"v": "m/s", "w": "rad/s"}
-    speeds = {f"speed_{wheel.name}": "rad/s" for wheel in wheels}
-    outputs = speeds if by_wheels else body
-    units = dict.fromkeys(inputs, "V" if motors else "N m") | outputs
-    angles = tuple(f"angle_{wheel.name}" for wheel in wheels)
-    pushed = _mixing(wheels, inputs, tuple(body))
-    own = Channels(inputs=inputs, outputs=tuple(outputs), units=units, mixing={name: pushed[name] for name in outputs})
-    if not with_angles:
-        return own
-    mixing = {angle: pushed[f"speed_{wheel.name}"] for angle, wheel in zip(angles, wheels, strict=True)}
-    if not by_wheels:
-        return own.with_positions(angles, "rad", own.outputs, mixing)
-    told = dict(zip(outputs, angles, strict=True))
-    return replace(
-        own,
-        optional=angles,
-        units={**own.units, **dict.fromkeys(angles, "rad")},
-        mixing={**own.mixing, **mixing},
-        substitutes=told,
-    )
-
-
-def _mixing(wheels: tuple[Wheel, ...], inputs: tuple[str, ...], body: tuple[str, ...]) -> dict[str, tuple[float, ...]]:
-    """About how far each command drives each speed: those of the body, and of the wheels, for bodies that turn as easily as
-    they move along."""
-    rows = np.array(_rim_rows(wheels))
-    rows = rows / np.abs(rows).max(axis=0)
-    of = np.array([[float(wheel.input == name) for name in inputs] for wheel in wheels])
-    by_name = dict(zip(body, rows.T @ of, strict=True))
-    by_name |= {f"speed_{wheel.name}": row for wheel, row in zip(wheels, rows @ rows.T @ of, strict=True)}
-    return {name: tuple(np.where(np.abs(row) < 1e-9, 0.0, row).round(6).tolist()) for name, row in by_name.items()}

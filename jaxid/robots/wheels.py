@@ -19,6 +19,7 @@ Wheels of a skid-steered robot do slip sideways: all together they only keep the
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -26,6 +27,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 KINDS = ("standard", "skid", "omni", "mecanum")
+MOST_LAYOUTS = 256
+"""Layouts of which what follows from them is kept."""
+_AHEAD = 1e-9
+"""Metres to a side by which a wheel is still on the line ahead."""
 _SAME = 1e-6
 """Two lines of contact that agree to this many of the layout's lengths are one."""
 
@@ -83,6 +88,11 @@ class Wheel:
         return math.radians(usual if self.rollers is None else self.rollers)
 
     @property
+    def side(self) -> float:
+        """1 on the right of the origin, -1 on the left, 0 on the line ahead."""
+        return float(np.sign(-self.at[1])) if abs(self.at[1]) > _AHEAD else 0.0
+
+    @property
     def forward(self) -> float:
         """Angle [rad] of its rolling direction from ahead."""
         return math.radians(self.rolls)
@@ -106,6 +116,7 @@ def _held_sideways(wheels: Iterable[Wheel]) -> list[tuple[float, float, float]]:
     return [(-math.sin(a), math.cos(a), x * math.cos(a) + y * math.sin(a)) for a, x, y in found]
 
 
+@lru_cache(MOST_LAYOUTS)
 def twists(wheels: tuple[Wheel, ...]) -> tuple[tuple[float, float, float], ...]:
     """The motions (V, Vn, W) that the wheels allow, one per velocity of the robot: along, sideways and turning where nothing
     holds them, else along where they roll and turning.
@@ -136,6 +147,14 @@ def twists(wheels: tuple[Wheel, ...]) -> tuple[tuple[float, float, float], ...]:
             "where they roll (rolls), and their kinds"
         )
     return chosen  # type: ignore[return-value]
+
+
+@lru_cache(MOST_LAYOUTS)
+def rim_rows(wheels: tuple[Wheel, ...]) -> tuple[tuple[float, ...], ...]:
+    """A: rim speeds of the wheels per velocity; what rounding leaves beside zero is zero."""
+    rows = np.array([rolling(wheel) for wheel in wheels]) @ np.array(twists(wheels)).T
+    rows[np.abs(rows) < 1e-12 * np.abs(rows).max(axis=0)] = 0.0
+    return tuple(map(tuple, rows.tolist()))
 
 
 def _round(number: float) -> float:

@@ -15,7 +15,8 @@ from ...robots.effect import in_words
 from ...robots.robot import Robot
 from ..refits.candidate_refits import Report
 from ..refits.refit import Trial, refit_from_itself
-from ..search.table_constants import BELIEVABLE, by_how_much, constants_like
+from ..search.said_of_constants import by_how_much
+from ..search.table_constants import BELIEVABLE, constants_like
 from ..search.telling_apart import told_apart_from
 from .hinging import Hinging, hinging
 

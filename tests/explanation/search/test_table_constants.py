@@ -13,7 +13,8 @@ from jaxid.effects import effect_by_id
 from jaxid.effects.table_constants import TableConstants
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.refits.refit import Trial, refit, refit_from_itself
-from jaxid.explanation.search import table_constants
+from jaxid.explanation.search import said_of_constants, table_constants
+from jaxid.explanation.search.said_of_constants import found_wrong
 from jaxid.explanation.search.table_constants import (
     _likely,
     changed_by,
@@ -21,7 +22,6 @@ from jaxid.explanation.search.table_constants import (
     constants_instead,
     constants_like,
     effects_that_are,
-    found_wrong,
 )
 from jaxid.logs.windows import in_windows
 from jaxid.model_file import read_model
@@ -346,8 +346,8 @@ def halved(name, seed):
 def test_many_sets_that_have_one_constant_in_common_are_said_by_that():
     robot = Pioneer()
     found = [{"L": -0.03, other: 0.02} for other in ("R", "M", "Ra")]
-    assert table_constants._listed(found, robot) == "L (-3 %) and one of R (+2 %), M (+2 %), Ra (+2 %)"
-    assert table_constants._listed(found[:2], robot) == "L (-3 %) and R (+2 %) or L (-3 %) and M (+2 %)"
+    assert said_of_constants._listed(found, robot) == "L (-3 %) and one of R (+2 %), M (+2 %), Ra (+2 %)"
+    assert said_of_constants._listed(found[:2], robot) == "L (-3 %) and R (+2 %) or L (-3 %) and M (+2 %)"
 
 
 def test_what_all_motors_have_alike_is_asked_of_constants_though_angles_are_prescribed(monkeypatch):
