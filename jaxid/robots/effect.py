@@ -70,6 +70,8 @@ class Effect:
     """Whether all it does is that the same motion is seen later."""
     late: ClassVar[bool] = False
     """Whether it is a delay or a lag, so that the motion between samples tells it from others."""
+    rather: ClassVar[str] = ""
+    """The mechanism that a law without a formula may rather be, and that is asked, too, where it explains best; mostly none."""
     otherwise: ClassVar[str] = ""
     """What of the robot itself does the same, in words, so that no log tells it apart where the table does not hold it."""
     same_as: ClassVar[str] = ""

@@ -11,6 +11,7 @@ from .wheels import MOST_LAYOUTS, Wheel, rim_rows, twists
 
 @lru_cache(MOST_LAYOUTS)
 def channels_of(wheels: tuple[Wheel, ...], motors: bool, by_wheels: bool, with_angles: bool) -> Channels:
+    """Commands in volts of `motors` or in N m; speeds of the body or `by_wheels`; angles beside these or in their place."""
     inputs = tuple(dict.fromkeys(wheel.input for wheel in wheels))
     planar = len(twists(wheels)) == 3
     body = {"V": "m/s", "Vn": "m/s", "W": "rad/s"} if planar else {"v": "m/s", "w": "rad/s"}

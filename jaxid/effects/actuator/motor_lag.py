@@ -331,7 +331,6 @@ class StepResponse(Effect):
     finer: ClassVar[float] = 2.0
     settles: ClassVar[bool] = True
     rather: ClassVar[str] = "input_delay"
-    """The mechanism that its shares follow anywhere nearly, and that says it by one number."""
     multiples: ClassVar[tuple[int, ...]] = (1, 2, 4)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:

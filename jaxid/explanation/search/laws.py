@@ -154,9 +154,9 @@ def rather_of(trial: Trial) -> str | None:
     """The mechanism that a trial's curve is rather of, where it does not bend as its own does, or that a law without a formula
     takes on as well."""
     effect = trial.effect
-    if isinstance(effect, Curve) and effect.agrees(trial.robot):
+    if effect is None or (isinstance(effect, Curve) and effect.agrees(trial.robot)):
         return None
-    return getattr(effect, "rather", "") or None
+    return effect.rather or None
 
 
 def with_what_it_rather_is(
