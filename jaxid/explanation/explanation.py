@@ -153,11 +153,11 @@ class Explanation:
                 f"{e.title} (or {', '.join(map(in_words, e.equivalent_to))})" if e.equivalent_to else e.title
                 for e in self.effects
             )
-            return f"Missing was {sets}: {closed}, but this data does not tell these names apart.{self._chance}"
+            return f"Missing was {sets}: {closed}, but this data does not tell these names apart.{self._chance}{self._more}"
         left = (
             f" What is left is {self._by_inputs or f'coloured noise of {self.colour.phrase}'}." if self.colour else ""
         )
-        return f"Missing was {names}: {closed}.{left}{self._chance}"
+        return f"Missing was {names}: {closed}.{left}{self._chance}{self._more}"
 
     @property
     def _by_inputs(self) -> str:
@@ -199,6 +199,17 @@ class Explanation:
         if not self.after.by_chance:
             return ""
         return " What is left is what delays that scatter so leave, each of them by chance: no model foretells it."
+
+    @property
+    def _more(self) -> str:
+        """That names which close most of the gap are not all that is missing, where the fit with them is poor."""
+        judgement = self.final.judgement
+        if judgement is None or not judgement.doubt:
+            return ""
+        if self.noise_floor > 1.0 or self.after.adequate:
+            return " The fit with it is poor all the same: more may be missing."
+        follows = f", and follows the motion in {', '.join(judgement.follows)}" if judgement.follows else ""
+        return f" More is missing that has no name here: what is left is more than noise{follows}."
 
     def _let_expect(self, held: HeldOut) -> str:
         """What of the held-out error the standard errors of the parameters let expect."""

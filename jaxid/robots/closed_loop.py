@@ -112,6 +112,10 @@ class ClosedLoop(Robot):
         return self.plant.drive_inputs
 
     @property
+    def motors_behind(self) -> tuple[int, ...]:
+        return self.plant.motors_behind
+
+    @property
     def translations(self) -> tuple[str, ...]:
         return self.plant.translations
 

@@ -246,6 +246,11 @@ class Robot:
         return tuple(i for i, unit in enumerate(units) if unit == units[0])
 
     @property
+    def motors_behind(self) -> tuple[int, ...]:
+        """How many motors each input drives, each with the current and the winding that `motor` and `winding` say."""
+        return (1,) * len(self.channels.inputs)
+
+    @property
     def said_of_commands(self) -> str:
         """A sentence on what the robot takes its commands for, where their columns may hold something else; mostly empty."""
         return ""
@@ -293,7 +298,8 @@ class Robot:
         return volts
 
     def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
-        """Motor currents [A] at these voltages; for a robot without motors the inputs themselves."""
+        """Motor currents [A] at these voltages, of each input that of one of its motors; for a robot without motors the inputs
+        themselves."""
         return volts
 
     def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:

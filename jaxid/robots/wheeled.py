@@ -299,18 +299,45 @@ class Wheeled(Robot):
     def driver(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         return tuple(jnp.clip(u, -p["supply"], p["supply"]) for u in volts) if self.motors else volts
 
+    @property
+    def motors_behind(self) -> tuple[int, ...]:
+        """How many wheels' motors share each command."""
+        shared = [wheel.input for wheel in self.wheels]
+        return tuple(shared.count(name) for name in self.channels.inputs)
+
     def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
-        """Currents [A] of the wheels' motors; without motors what the commands have left of their speeds."""
-        sent = dict(zip(self.channels.inputs, volts, strict=True))
-        wheels = zip(self.wheels, self._speeds(state, p), strict=True)
-        if not self.motors:
-            return tuple(sent[wheel.input] - p["back_emf"] * speed for wheel, speed in wheels)
-        emf = p["gear"] * p["K"]
-        return tuple((sent[wheel.input] - emf * speed) / p["Ra"] for wheel, speed in wheels)
+        """Current [A] of each command's motors, the mean where several wheels share it; without motors what the commands have
+        left of their speeds."""
+        taken = zip(volts, self._taken_of_each(self._speeds(state, p), p), strict=True)
+        less = p["Ra"] if self.motors else 1.0
+        return tuple((u - emf) / less for u, emf in taken)
+
+    def _taken(self, speed: Scalar, p: Numbers) -> Scalar:
+        """What a wheel's speed takes of its command: its motor's back-EMF [V]."""
+        return (p["gear"] * p["K"] if self.motors else p["back_emf"]) * speed
+
+    def _taken_of_each(self, speeds: Scalars, p: Numbers) -> Scalars:
+        """The same of each command, of the mean speed of the wheels that share it."""
+        found = dict.fromkeys(self.channels.inputs, 0.0)
+        for wheel, speed in zip(self.wheels, speeds, strict=True):
+            found[wheel.input] = found[wheel.input] + self._taken(speed, p)
+        return tuple(found[n] / m for n, m in zip(self.channels.inputs, self.motors_behind, strict=True))
 
     def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
+        if len(self.channels.inputs) < len(self.wheels):
+            currents = self._of_wheels(currents, state, p)
         torque = p["gear"] * p["K"] if self.motors else p["gain"]
         return tuple(torque * current for current in currents)
+
+    def _of_wheels(self, currents: Scalars, state: State, p: Numbers) -> Scalars:
+        """Every wheel's own current, of those that are their commands' motors' mean: of a faster wheel less."""
+        speeds, inputs = self._speeds(state, p), self.channels.inputs
+        mean = dict(zip(inputs, zip(currents, self._taken_of_each(speeds, p), strict=True), strict=True))
+        less, found = p["Ra"] if self.motors else 1.0, []
+        for wheel, speed in zip(self.wheels, speeds, strict=True):
+            current, taken = mean[wheel.input]
+            found.append(current + (taken - self._taken(speed, p)) / less)
+        return tuple(found)
 
     def own_coulomb(self, state: State, p: Numbers) -> Levels:
         levels = ((p["coulomb"], p["coulomb"]),) * len(self.wheels)

@@ -1,6 +1,6 @@
 """The supply drops with what is drawn from it: equivalent circuits of batteries."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -28,22 +28,30 @@ def lowered(volts: Scalars, share: Scalar, robot: Robot) -> Scalars:
     return tuple(u * share if k in robot.drive_inputs else u for k, u in enumerate(volts))
 
 
+def over_motors(of: Callable[[int], Scalar], robot: Robot) -> Scalar:
+    """The sum over all motors that drive of what each of input `k` has, `of(k)`."""
+    return sum(robot.motors_behind[k] * of(k) for k in robot.drive_inputs)
+
+
+def motors_of(robot: Robot) -> int:
+    """How many motors drive."""
+    return sum(robot.motors_behind[k] for k in robot.drive_inputs)
+
+
 def drawn(volts: Scalars, currents: Scalars, p: Numbers, robot: Robot) -> Scalar:
     """Current [A] that choppers of duty `u / nominal` draw: duty times current, summed."""
     nominal = nominal_voltage(p, robot)
-    return sum(volts[k] / nominal * currents[k] for k in robot.drive_inputs)
+    return over_motors(lambda k: volts[k] / nominal * currents[k], robot)
 
 
 def behind(r: Scalar, drop: Scalar, volts: Scalars, currents: Scalars, p: Numbers, robot: Robot) -> Scalars:
     """Motor voltages behind a resistance `r` [Ohm], of a supply whose own voltage has fallen by `drop` [V]."""
     nominal = nominal_voltage(p, robot)
-    winding, above, below = p[robot.winding], nominal - drop, 1.0
-    for k in robot.drive_inputs:
-        u, i = volts[k], currents[k]
-        duty = u / nominal
-        above = above + r * duty * (u - winding * i) / winding  # the back-EMF pushes back
-        below = below + r * duty * duty / winding
-    return lowered(volts, above / below / nominal, robot)
+    winding = p[robot.winding]
+    # The back-EMF pushes back.
+    back = over_motors(lambda k: volts[k] / nominal * (volts[k] - winding * currents[k]) / winding, robot)
+    stiff = over_motors(lambda k: (volts[k] / nominal) ** 2 / winding, robot)
+    return lowered(volts, (nominal - drop + r * back) / (1.0 + r * stiff) / nominal, robot)
 
 
 _ROUNDS = 3
@@ -84,8 +92,8 @@ class SagBySum(BatterySag):
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         r, nominal, winding = p[self.key("resistance")], nominal_voltage(p, robot), p[robot.winding]
-        total = sum(jnp.abs(currents[k]) for k in robot.drive_inputs)
-        back = sum(jnp.sign(currents[k]) * volts[k] for k in robot.drive_inputs) / winding
+        total = over_motors(lambda k: jnp.abs(currents[k]), robot)
+        back = over_motors(lambda k: jnp.sign(currents[k]) * volts[k], robot) / winding
         return lowered(volts, 1.0 - r * total / (nominal + r * back), robot)
 
 
@@ -123,7 +131,7 @@ class SagWithRecovery(BatterySag):
         """The supply's current by the motors' electrical power: i (R i + back-EMF) / nominal."""
         idle = robot.motor((0.0,) * len(currents), state, p)
         winding = p[robot.winding]
-        watts = sum(winding * currents[k] * (currents[k] - idle[k]) for k in robot.drive_inputs)
+        watts = over_motors(lambda k: winding * currents[k] * (currents[k] - idle[k]), robot)
         return watts / nominal_voltage(p, robot)
 
 
@@ -253,7 +261,7 @@ class SagByLoad(Effect):
         return SagOverTime().refusal(robot)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        every = len(robot.drive_inputs) * robot.scales.input
+        every = motors_of(robot) * robot.scales.input
         return positive(self, "slope", f"1/({input_unit(robot)})", 0.05 / every)
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
@@ -266,7 +274,7 @@ class SagByLoad(Effect):
 
     def drawn(self, volts: Scalars, now: Scalars, robot: Robot) -> Scalar:
         """What the motors, whose currents are `now` so large in units of the commands, draw together."""
-        return sum(jnp.abs(now[k]) for k in robot.drive_inputs)
+        return over_motors(lambda k: jnp.abs(now[k]), robot)
 
 
 @dataclass(frozen=True)
@@ -277,11 +285,11 @@ class SagByPower(SagByLoad):
     formula: ClassVar[str] = "u_i' = u_i (1 - slope * sum(u_j (u_j' - back-EMF_j)))"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        every = len(robot.drive_inputs) * robot.scales.input**2
+        every = motors_of(robot) * robot.scales.input**2
         return positive(self, "slope", f"1/({input_unit(robot)})^2", 0.05 / every)
 
     def drawn(self, volts: Scalars, now: Scalars, robot: Robot) -> Scalar:
-        return jnp.maximum(sum(volts[k] * now[k] for k in robot.drive_inputs), 0.0)
+        return jnp.maximum(over_motors(lambda k: volts[k] * now[k], robot), 0.0)
 
 
 @dataclass(frozen=True)
@@ -313,7 +321,7 @@ class SagCurve(Curve):
     variable: ClassVar[str] = "current drawn"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        largest = robot.scales.input / robot.parameters[robot.winding].value * len(robot.drive_inputs)
+        largest = robot.scales.input / robot.parameters[robot.winding].value * motors_of(robot)
         found = self.heights_and_reach(robot, "V", 0.05 * robot.scales.input, "A", largest)
         return found | shape(self, "by_duty", "", 1.0, free=False)
 
@@ -329,7 +337,7 @@ class SagCurve(Curve):
             """By how much the supply falls short of a share of its voltage, with what is drawn at that."""
             less = (1.0 - share) / p[robot.winding]
             now = tuple(i - less * u for i, u in zip(currents, volts, strict=True))
-            total = sum(jnp.abs(now[k]) for k in robot.drive_inputs)
+            total = over_motors(lambda k: jnp.abs(now[k]), robot)
             total = by_duty * jnp.abs(drawn(volts, now, p, robot)) + (1.0 - by_duty) * total
             return 1.0 - self.at(total, p) / nominal - share
 

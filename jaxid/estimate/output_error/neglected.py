@@ -7,6 +7,9 @@ residual, after what the fitted parameters and initial states could have taken u
 one finds a standard normal number there; with coloured noise its variance follows from the residual's autocovariance.
 What shows in several directions by a little each is looked for in all of them at once. Beside forces, two things that
 happen to commands on their way are looked for: a delay, and a dead zone.
+
+Commands that were rounded before they were logged move a simulation along these directions, too, and with a position that
+integrates by more than its noise lets pass. What they do is drawn, and allowed for.
 """
 
 from dataclasses import replace
@@ -25,6 +28,7 @@ from ...robots.robot import Robot
 from ..lacking import HINT, WAYS, Neglected, probed, words_of
 from ..residual_tests import FALSE_ALARM as COLOURED
 from ..residual_tests import whiteness
+from ..rounded_inputs import as_they_may_have_been, written_step
 from .direct import sensitivities_directly
 from .evaluation import simulated_with
 from .laid_out import direct
@@ -38,6 +42,9 @@ _INNER = 0.02
 """Dead zone, in shares of the largest input, by which a simulation is changed to see what one does."""
 _ALIKE = 1e-6
 """Share of the largest eigenvalue below which directions are one and the same."""
+_DRAWS, _SEED = 8, 61
+_PLAIN = 0.3
+"""Root mean square, in units of the noise, from which what rounding of the inputs makes would show in the residual's size."""
 _FEWEST = 30
 """Samples, less what is fitted to them, below which nothing is asked."""
 Array = NDArray[np.float64]
@@ -80,6 +87,21 @@ def _on_the_way(structure: Structure, problem: Problem, unknowns: Unknowns) -> A
     weight = residual_weights(problem)
     here, *there = simulated_with([inputs, late, less], structure, problem, unknowns)
     return np.stack([np.where(weight > 0.0, y - here, 0.0) * weight for y in there], axis=-1)
+
+
+def _by_rounding(logs: LogSet, structure: Structure, problem: Problem, unknowns: Unknowns) -> Array | None:
+    """Draws of what rounding of the logged inputs does to the weighted residual [k, E, T, ny]; None where they were not
+    rounded, or so coarsely that it would show."""
+    steps = [written_step(logs, name) for name in logs.channels.inputs]
+    if not any(steps):
+        return None
+    rng, inputs = np.random.default_rng(_SEED), np.asarray(problem.inputs)
+    acted = [np.stack([as_they_may_have_been(own, steps, rng) for own in inputs]) for _ in range(_DRAWS)]
+    here, *there = simulated_with([inputs, *acted], structure, problem, unknowns)
+    weight = residual_weights(problem)
+    drawn = np.stack([np.where(weight > 0.0, y - here, 0.0) * weight for y in there])
+    size = np.sqrt(np.sum(drawn**2) / (_DRAWS * max(np.count_nonzero(weight), 1)))
+    return drawn if 0.0 < size < _PLAIN else None
 
 
 class _Directions(NamedTuple):
@@ -147,6 +169,16 @@ def _together(scores: Array, covariance: Array, off: float, freedom: int) -> flo
     return float(f_tail(excess / rank, rank, freedom))
 
 
+def _likely(scores: Array, covariance: Array, off: float, freedom: int) -> tuple[int, float, float]:
+    """Of `scores` [m] that by chance have this `covariance` the one that stands out most, by how many standard deviations, and
+    how likely chance brings as much in two looks: at that one, and at all of them."""
+    z = np.maximum(np.abs(scores) - off, 0.0) / np.sqrt(np.diag(covariance))
+    best = int(np.argmax(z))
+    alone = 2.0 * float(student_tail(z[best], freedom)) * len(z)
+    p = min(2.0 * min(alone, _together(scores, covariance, off, freedom)), 1.0)
+    return best, float(z[best]), p
+
+
 def _white_without(problem: Problem, d: _Directions, scores: Array) -> bool:
     """Whether the residual is white but for what lies along the direction that it asks for most: then it is that force that
     colours it, and no noise."""
@@ -193,15 +225,15 @@ def neglected(
         return None
     d = d._replace(found=d.found[:, told], kept=d.kept[told], lengths=d.lengths[told], onto=d.onto[:, told])
     scores, covariance = scores[told], covariance[np.ix_(told, told)]
-    deviation, off = np.sqrt(np.diag(covariance)), error * float(np.sqrt(samples))
-    z = np.maximum(np.abs(scores) - off, 0.0) / deviation
-    best = int(np.argmax(z))
-    alone = 2.0 * float(student_tail(z[best], freedom)) * len(z)
-    # Two looks: at the one that stands out most, and at all of them.
-    p = min(2.0 * min(alone, _together(scores, covariance, off, freedom)), 1.0)
+    off = error * float(np.sqrt(samples))
+    found = _likely(scores, covariance, off, freedom)
+    if found[2] < HINT and (drawn := _by_rounding(logs, structure, problem, unknowns)) is not None:
+        moved = drawn.reshape(len(drawn), -1) @ d.found
+        found = _likely(scores, covariance + moved.T @ moved / len(moved), off, freedom)
+    best, z, p = found
     if p >= HINT:
         return None
     shift = np.zeros(len(structure.names))
     # The fitted parameters have taken up what they can of the force; in the model, it gives that back.
     shift[np.asarray(problem.free)] = d.onto[:, best] * scores[best] / d.lengths[best]
-    return Neglected(words_of(added[d.kept[best]]), float(z[best]), p, shift)
+    return Neglected(words_of(added[d.kept[best]]), z, p, shift)

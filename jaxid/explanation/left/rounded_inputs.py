@@ -1,37 +1,24 @@
 """Is what a model leaves no more than what the rounding of its logged inputs makes?
 
-A duty that is logged in 1/255, a voltage with one decimal: what acted lies anywhere within half a step, for as long as the
-logged number stays the same. That is no noise: it moves the simulation for many samples in one direction. What it would do
-is drawn: simulations by inputs that the log would show as the same numbers.
+What it would do is drawn: simulations by inputs that the log would show as the same numbers.
 """
 
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
-from numpy.typing import NDArray
 
 from ..._distributions import normal_tail
 from ...estimate.output_error.estimated_start import estimated_start
+from ...estimate.rounded_inputs import as_they_may_have_been, input_step
 from ...logs import LogSet
-from ...logs.noise import sensor_step
 from ...robots.robot import Robot
 from ...simulation.simulate import integrator_for, simulate
 from ..policy import current_policy
 from .heldout import HeldOut, scaled_residuals, structure
 
-_LEVELS = 48
-"""Different values from which an input was rounded to its step; fewer are what was commanded, as it was."""
 _SEEN = 0.02
 """Root mean square, in units of the noise, from which what rounding makes is to be seen in a residual."""
 _DRAWS, _SEED = 24, 71
-
-
-def input_step(logs: LogSet, name: str) -> float:
-    """The step [the input's unit] to which an input was rounded before it was logged; zero where it was not."""
-    values = np.concatenate([log.input(name) for log in logs])
-    step = sensor_step(values)
-    return step if step and len(np.unique(np.round(values / step))) >= _LEVELS else 0.0
 
 
 def within_input_rounding(robot: Robot, held_out: LogSet, state: HeldOut) -> HeldOut:
@@ -48,7 +35,7 @@ def within_input_rounding(robot: Robot, held_out: LogSet, state: HeldOut) -> Hel
         return state
     rng = np.random.default_rng(_SEED)
     moved = [
-        replace(log, name=f"{log.name} {k}", inputs=_as_it_may_have_been(log.inputs, list(steps.values()), rng))
+        replace(log, name=f"{log.name} {k}", inputs=as_they_may_have_been(log.inputs, list(steps.values()), rng))
         for k in range(_DRAWS)
         for log in held_out
     ]
@@ -72,15 +59,3 @@ def within_input_rounding(robot: Robot, held_out: LogSet, state: HeldOut) -> Hel
     shaped = (np.log(max(structure(state.residuals)[0], 1e-300)) - np.mean(shapes)) / np.std(shapes, ddof=1)
     likely = 2.0 * float(normal_tail(max(large, shaped)))
     return replace(state, inputs_rounded=likely >= state.false_alarm)
-
-
-def _as_it_may_have_been(
-    inputs: Float[NDArray[np.float64], "T nu"], steps: list[float], rng: np.random.Generator
-) -> Float[NDArray[np.float64], "T nu"]:
-    """Inputs that rounding to the steps makes these of, off by as much for as long as they stay the same; what is zero is."""
-    found = np.array(inputs, float)
-    for i, step in enumerate(steps):
-        changed = np.append(True, np.diff(found[:, i]) != 0)
-        off = rng.uniform(-0.5, 0.5, changed.sum())[np.cumsum(changed) - 1]
-        found[:, i] += np.where(found[:, i] != 0, off * step, 0.0)
-    return found

@@ -8,6 +8,7 @@ from ...logs import LogSet
 from ...robots.robot import Robot
 from ..screening.screen import Candidate
 from .refit import FEW_STEPS, Trial, compile_refits, refit
+from .short_windows import starts_from, windows_to_look_in
 
 Report = Callable[[str], None]
 
@@ -33,12 +34,14 @@ def all_added(
     if robots:
         say(f"compiling the refits with {', '.join(candidate.effect.title for candidate in candidates)}")
     compile_refits(robots, logs, base.angles)
+    windows = windows_to_look_in(base, logs)
     trials: list[Trial] = []
     for number, (robot, candidate) in enumerate(zip(robots, candidates, strict=True), start=1):
         say(f"refitting with {candidate.effect.title}, {number} of {len(robots)}")
         rival = min((trial.squares for trial in trials), default=np.inf)
         states = base.initial_states
-        trial = refit(robot, candidate.starts, logs, held_out, noise, states, FEW_STEPS, rival, base.angles)
+        starts = starts_from(robot, candidate.starts, windows, noise)
+        trial = refit(robot, starts, logs, held_out, noise, states, FEW_STEPS, rival, base.angles)
         if not (trial.squares < base.squares or candidate.effect.repeats):
             # Worse than without the effect: where the logs do not tell its parameters one by one, a first guess may be far off.
             own = f"{candidate.effect.id}."

@@ -6,8 +6,8 @@ more: to first order, what explains a little of everything then promises more th
 an initial state of its own, errors grow for the length of a window only (multiple shooting), and a first look sees the missing
 force where it acts. But a window's initial state takes up what is slow, and costs in windows and of whole logs do not compare.
 Where windows hide all that is missing, they are made longer.
-So windows are for the first look alone, all candidates in the same ones: it says which are refitted and from where. Refits are
-made to whole logs, where they are ranked and judged.
+So windows are for the first look, all candidates in the same ones: it says which are refitted and from where. Refits are made
+to whole logs, where they are ranked and judged (`short_windows.py`).
 
 A fit that does not follow its logs may have gone where nothing moves any more, such as to a mass that no motor turns, because
 what is missing holds the robot still. Nothing is seen from there, and no few steps lead back: the look is then one from where
@@ -19,44 +19,16 @@ from dataclasses import replace
 
 from ...estimate.result import Fit
 from ...logs import LogSet
-from ...logs.windows import Windows, in_windows
+from ...logs.windows import Windows
 from ...robots.effect import Effect
 from ...robots.robot import Robot
-from ...simulation.records import on_records_alone
-from ...simulation.scaled import scales_of
 from ..refits.candidate_refits import Report
 from ..refits.refit import Trial, refit
+from ..refits.short_windows import needs_the_past, windows_to_look_in
 from .screen import Candidate, screen
 
-_FAR = 5.0
-"""Residual of whole logs, in units of the noise, from which they are too far off for a look of first order."""
-_TIMES, _SAMPLES = 1.5, 12
-"""A window's length: at least so many time constants of the robot, and so many samples."""
-_FEWEST = 4
-"""Windows of a log below which they are no shorter than the log to speak of."""
 _LONGER = 3.0
 """How much longer windows are in which something is seen, where nothing is in the shorter ones."""
-
-
-def integrates(robot: Robot, logs: LogSet) -> bool:
-    """Whether any of the outputs measured is a position."""
-    places = {*robot.positions.values(), *robot.measured_angles, *logs.channels.positions}
-    return any(name in places for log in logs for name in log.measured)
-
-
-def windows_to_look_in(trial: Trial, logs: LogSet, longer: float = 1.0) -> Windows | None:
-    """The logs in windows, so many times as long as they need be, where the whole ones are too far from what `trial` simulates;
-    else None."""
-    if (
-        isinstance(logs, Windows)
-        or trial.angles
-        or trial.fitted.normalised_rms < _FAR
-        or not integrates(trial.robot, logs)
-    ):
-        return None
-    scales = scales_of(trial.robot, logs)
-    seconds = longer * max(_TIMES * scales.time, _SAMPLES * scales.interval)
-    return in_windows(logs, seconds) if min(log.duration for log in logs) >= _FEWEST * seconds else None
 
 
 def _from_there(candidate: Candidate, known: dict[str, float]) -> Candidate:
@@ -72,8 +44,8 @@ def _rescaled(candidate: Candidate, scale: float) -> Candidate:
 
 
 def begun_at(fit: Fit) -> dict[str, float]:
-    """The free parameters from which a failed fit began, as far as its origin tells; none of any other fit."""
-    arguments = fit.origin.arguments if fit.failed and fit.origin is not None else {}
+    """The free parameters from which a fit began, as far as its origin tells; none where it does not."""
+    arguments = fit.origin.arguments if fit.origin is not None else {}
     robot, start = arguments.get("robot"), arguments.get("start")
     if not isinstance(robot, Robot) or not set(fit.free_names) <= set(robot.parameters):
         return {}
@@ -112,32 +84,49 @@ def first_look(
     effects: Sequence[Effect],
     noise: dict[str, float],
     report: Report,
-    begun: dict[str, float] | None = None,
+    begun: Mapping[str, float] | None = None,
+    lost: bool = False,
 ) -> list[Candidate]:
-    """Score `effects` that `trial` lacks, as `screen` does; from the values `begun` besides, where these are given."""
-    found = _first_look(trial, logs, effects, noise, report)
-    return found if not begun else _from_the_start(found, begun, trial, logs, effects, noise, report)
+    """Score `effects` that `trial` lacks, as `screen` does.
+
+    `begun` are the values from which its fit began, such as those of a fit in windows. Windows are fitted from there, too, and
+    where the fit was `lost`, the look is one from there besides.
+    """
+    found = _first_look(trial, logs, effects, noise, report, begun or {})
+    return _from_the_start(found, dict(begun), trial, logs, effects, noise, report) if begun and lost else found
+
+
+def _in_windows(robot: Robot, starts: Sequence[dict[str, float]], windows: Windows, noise: dict[str, float]) -> Trial:
+    """`robot` refitted to the windows from the better of `starts`."""
+    tried = [refit(robot, [start], windows, windows, noise, {}) for start in starts]
+    return min(tried, key=lambda trial: trial.squares)
 
 
 def _first_look(
-    trial: Trial, logs: LogSet, effects: Sequence[Effect], noise: dict[str, float], report: Report
+    trial: Trial,
+    logs: LogSet,
+    effects: Sequence[Effect],
+    noise: dict[str, float],
+    report: Report,
+    begun: Mapping[str, float],
 ) -> list[Candidate]:
     windows = windows_to_look_in(trial, logs)
     if windows is None:
         return screen(trial.robot, logs, effects, noise, trial.initial_states, trial.angles, report)
     report("whole logs are too far off for a first look; looking in windows of them")
     start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
-    there, longer = refit(trial.robot, [start], windows, windows, noise, {}), 1.0
+    starts = [start, {**start, **begun}] if begun else [start]
+    there, longer = _in_windows(trial.robot, starts, windows, noise), 1.0
     # Windows whose own initial states take up all that is missing show nothing of it.
     while there.fitted.adequate and windows is not None:
         longer *= _LONGER
         windows = windows_to_look_in(trial, logs, longer)
-        there = refit(trial.robot, [start], windows, windows, noise, {}) if windows is not None else there
+        there = _in_windows(trial.robot, starts, windows, noise) if windows is not None else there
     if windows is None or there.fitted.diverged:
         return screen(trial.robot, logs, effects, noise, trial.initial_states, trial.angles, report)
     known = {name: there.robot.parameters[name].value for name in start}
-    # What acts on records (a delay, a filter) needs what came before a window; its first look is one of whole logs.
-    whole = [effect for effect in effects if on_records_alone(effect, trial.robot)]
+    # The first look at what needs the past is one of whole logs.
+    whole = [effect for effect in effects if needs_the_past(effect, trial.robot)]
     rest = [effect for effect in effects if effect.id not in {own.id for own in whole}]
     found = screen(there.robot, windows, rest, noise, there.initial_states, None, report) if rest else []
     found = [_from_there(candidate, known) for candidate in found]

@@ -86,7 +86,7 @@ def search(
             count = len({effect.id for effect in remaining})
             report(f"first look at {count} candidates by {sum(effect.first_look for effect in remaining)} laws")
             shown = current if colour is None else generalised_trial(current, logs, held_out, noise)
-            screened = first_look(shown, logs, remaining, noise, report, None if steps else begun)
+            screened = first_look(shown, logs, remaining, noise, report, begun, fit.failed and not steps)
             looked_at = looked_at or tuple(screened)
             if colour is not None and explained_somewhere(shown, remaining, screened, logs, held_out, noise):
                 colour = None

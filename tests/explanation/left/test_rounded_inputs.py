@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, Log, LogSet, explain, output_error
+from jaxid.estimate.rounded_inputs import input_step
 from jaxid.explanation.left.heldout import held_out_state
-from jaxid.explanation.left.rounded_inputs import input_step, within_input_rounding
+from jaxid.explanation.left.rounded_inputs import within_input_rounding
 from jaxid.simulation.scaled import scaled_to
 
 DT, FINE, SAMPLES = 0.02, 20, 1000

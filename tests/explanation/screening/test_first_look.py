@@ -21,7 +21,7 @@ def looked(monkeypatch, shown_from):
         seconds = max(one.duration for one in windows)
         fitted.append(seconds)
         state = SimpleNamespace(adequate=seconds < shown_from, diverged=())
-        return SimpleNamespace(robot=robot, fitted=state, initial_states={})
+        return SimpleNamespace(robot=robot, squares=1.0, fitted=state, initial_states={})
 
     def screen(robot, logs, effects, *others):
         seen.append(max(one.duration for one in logs) if isinstance(logs, Windows) else None)
