@@ -185,7 +185,7 @@ class Explanation:
         if colour.at_rest is False:
             return (
                 f"is a disturbance of the motion, in {colour.phrase}: while the robot stands, held by dry friction, it is not "
-                "there (floor, slip, gears, or noise of the measured inputs)."
+                "there (floor, slip, gears, noise of the measured inputs, or of a sensor that is noisier in motion)."
             )
         return (
             f"looks like slow noise of {colour.phrase} or a disturbance of the motion. A log of the robot at rest tells them "

@@ -42,7 +42,7 @@ _INNER = 0.02
 """Dead zone, in shares of the largest input, by which a simulation is changed to see what one does."""
 _ALIKE = 1e-6
 """Share of the largest eigenvalue below which directions are one and the same."""
-_DRAWS, _SEED = 8, 61
+_DRAWS, _SEED = 12, 61
 _PLAIN = 0.3
 """Root mean square, in units of the noise, from which what rounding of the inputs makes would show in the residual's size."""
 _FEWEST = 30
@@ -155,7 +155,7 @@ def _by_chance(problem: Problem, d: _Directions) -> Array:
     return stationary(d.residual, every.reshape(shape), np.asarray(problem.mask), inverse)[k:, k:]
 
 
-def _together(scores: Array, covariance: Array, off: float, freedom: int) -> float:
+def _together(scores: Array, covariance: Array, off: float, freedom: float) -> float:
     """p value of all `scores` [m] at once: their squares in units of `covariance` [m, m], whose root `off` may be no chance.
 
     What a delay or a dead zone does is seldom along one of the directions alone, and then stands out in several by a little.
@@ -169,7 +169,7 @@ def _together(scores: Array, covariance: Array, off: float, freedom: int) -> flo
     return float(f_tail(excess / rank, rank, freedom))
 
 
-def _likely(scores: Array, covariance: Array, off: float, freedom: int) -> tuple[int, float, float]:
+def _likely(scores: Array, covariance: Array, off: float, freedom: float) -> tuple[int, float, float]:
     """Of `scores` [m] that by chance have this `covariance` the one that stands out most, by how many standard deviations, and
     how likely chance brings as much in two looks: at that one, and at all of them."""
     z = np.maximum(np.abs(scores) - off, 0.0) / np.sqrt(np.diag(covariance))
@@ -229,7 +229,11 @@ def neglected(
     found = _likely(scores, covariance, off, freedom)
     if found[2] < HINT and (drawn := _by_rounding(logs, structure, problem, unknowns)) is not None:
         moved = drawn.reshape(len(drawn), -1) @ d.found
-        found = _likely(scores, covariance + moved.T @ moved / len(moved), off, freedom)
+        rounding = moved.T @ moved / len(moved)
+        share = float(np.max(np.diag(rounding) / np.diag(covariance + rounding)))
+        # Of a variance that few draws tell (Welch and Satterthwaite).
+        few = 1.0 / (share**2 / len(moved) + (1.0 - share) ** 2 / freedom)
+        found = _likely(scores, covariance + rounding, off, few)
     best, z, p = found
     if p >= HINT:
         return None

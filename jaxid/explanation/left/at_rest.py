@@ -6,6 +6,7 @@ there, while a sensor's noise does.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ _LESS = 0.5
 """Share of a noise's variance below which another one at rest is less, and not the same that drifted."""
 _SHORTEST, _LONGEST = 10, 400
 """Samples of a rest that are looked at: of longer ones, in parts."""
+_ENOUGH = 100
+"""Samples for each order of its colour from which a log tells its own noise."""
 _STEP = 1e-6
 
 
@@ -49,7 +52,7 @@ def shown_at_rest(
     """Whether the noise of the channels in `colours` is there while `robot` stands (`still`, of every state) as while it moves
     (True: the sensors'), or not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same
     of all channels. Of sensors that at rest show less than `quiet` of it (variance), such as counters, they tell nothing."""
-    rests: dict[str, list[Array]] = {name: [] for name in colours}
+    rests: dict[str, list[_Rest]] = {name: [] for name in colours}
     sizes: dict[str, list[Array]] = {name: [] for name in colours}
     speeds = list(robot.alone.channels.outputs)
     for (state, _), stands in zip(states, still, strict=True):
@@ -57,8 +60,11 @@ def shown_at_rest(
             for name in set(colours) & set(state.by_channel) & set(speeds):
                 own = residual[:, list(state.by_channel).index(name)]
                 sizes[name].append(own[~stood & np.isfinite(own)] * state.noise[name])
-                for first, end in _runs(stood):
-                    rests[name] += np.array_split(own[first:end], -(-(end - first) // _LONGEST))
+                parts = [p for a, b in _runs(stood) for p in np.array_split(own[a:b], -(-(b - a) // _LONGEST))]
+                parts = [part[np.isfinite(part)] for part in parts]
+                parts = [part for part in parts if len(part) >= _SHORTEST]
+                if parts:
+                    rests[name].append(_Rest(parts, _colour_here(own, stood, colours[name])))
     held = dict(zip(speeds, held_rates(robot), strict=True))
     said = set()
     for name, colour in colours.items():
@@ -66,7 +72,7 @@ def shown_at_rest(
         size = usual_size(moving) if moving.size else np.inf
         # What makes so large a slow error works against viscous friction, and against inertia within its own memory.
         needed = size * (1.0 / scales.time + 1.0 / (max(colour.memory, 1.0) * scales.interval))
-        said.add(_there(colour, rests[name], quiet) if held.get(name, 0.0) > needed else None)
+        said.add(_there(rests[name], quiet) if held.get(name, 0.0) > needed else None)
     return said.pop() if len(said) == 1 else None
 
 
@@ -126,39 +132,66 @@ def held_rates(robot: Robot) -> Array:
 
 
 def _runs(still: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First sample and end of every rest."""
+    """First sample and end of every stretch, such as a rest."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _SHORTEST]
 
 
-def _there(colour: Colour, rests: Sequence[Array], quiet: float) -> bool | None:
-    """Whether noise of this colour is there in `rests` [T]: by the likelihood ratio to white noise of any size, and, where it
-    is the likelier, to noise of a colour and size of the rests' own, which is another noise where it is less."""
-    rests = [own[np.isfinite(own)] for own in rests]
-    rests = [own for own in rests if len(own) >= _SHORTEST]
+class _Rest(NamedTuple):
+    """What is left while the robot stands in one log, `parts` [T], and the `colour` of what is left while it moves there."""
+
+    parts: list[Array]
+    colour: Colour
+
+    @property
+    def samples(self) -> int:
+        return sum(map(len, self.parts))
+
+    @property
+    def white(self) -> float:
+        """Log-likelihood of white noise of any size."""
+        return -0.5 * self.samples * (np.log(self.variance) + 1.0)
+
+    @property
+    def variance(self) -> float:
+        return max(float(np.mean(np.concatenate(self.parts) ** 2)), 1e-300)
+
+    def coloured(self, colour: Colour) -> float:
+        """Log-likelihood of noise of this colour."""
+        covariances = _variance(colour) * colour.correlations[: max(map(len, self.parts))]
+        return sum(_log_likelihood(own, covariances[: len(own)]) for own in self.parts)
+
+
+def _colour_here(residual: Array, stood: NDArray[np.bool_], colour: Colour) -> Colour:
+    """The colour of what is left while the robot moves in one log, whose noise may be another one than in the others; that of
+    all where it moves too little to tell."""
+    moving = [residual[a:b] for a, b in _runs(~stood & np.isfinite(residual))]
+    return colour_of(moving) if sum(map(len, moving)) >= _ENOUGH * max(colour.order, 1) else colour
+
+
+def _there(rests: Sequence[_Rest], quiet: float) -> bool | None:
+    """Whether noise of the colour that each log has in motion is there in its rests: by the likelihood ratio to white noise of
+    any size, and, where it is the likelier, to noise of a colour and size of the rests' own, which is another noise where it is
+    less. What was fitted to a log has its price (Schwarz)."""
     if not rests:
         return None
-    pooled = np.concatenate(rests)
-    white = max(float(np.mean(pooled**2)), 1e-300)
-    alone = -0.5 * len(pooled) * (np.log(white) + 1.0)
-    longest = max(map(len, rests))
-    response = colour.correlations[:longest]
-    variance = _variance(colour)
-    if white < quiet * variance:
+    samples = sum(rest.samples for rest in rests)
+    variance = sum(rest.samples * _variance(rest.colour) for rest in rests) / samples
+    if sum(rest.samples * rest.variance for rest in rests) < quiet * variance * samples:
         return None
-    coloured = sum(_log_likelihood(own, variance * response[: len(own)]) for own in rests)
+    alone = sum(rest.white for rest in rests) - 0.5 * sum(np.log(rest.samples) for rest in rests[1:])
+    coloured = sum(rest.coloured(rest.colour) for rest in rests)
     certain = -float(np.log(current_level()))
     if abs(coloured - alone) < certain:
         return None
     if coloured < alone:
         return False
-    own = colour_of(rests)
-    size, response = _variance(own), own.correlations[:longest]
-    price = 0.5 * (own.order + 1) * float(np.log(len(pooled)))
-    better = sum(_log_likelihood(rest, size * response[: len(rest)]) for rest in rests) - price - coloured
+    own = colour_of([part for rest in rests for part in rest.parts])
+    price = 0.5 * (own.order + 1) * float(np.log(samples))
+    better = sum(rest.coloured(own) for rest in rests) - price - coloured
     if better < certain:
         return True
-    return False if size < _LESS * variance else None
+    return False if _variance(own) < _LESS * variance else None
 
 
 def _variance(colour: Colour) -> float:

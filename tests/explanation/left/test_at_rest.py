@@ -5,6 +5,8 @@ import pytest
 from scipy import signal
 
 from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, explain, output_error
+from jaxid.estimate.noise_colour import colour_of
+from jaxid.explanation.left import at_rest
 from jaxid.explanation.left.at_rest import held_rates
 
 DT, FINE, SAMPLES = 0.02, 20, 900
@@ -77,3 +79,29 @@ def test_both_sides_of_a_drive_hold_it_against_turning():
 def test_more_mass_is_held_against_less_change(mass):
     robot = Axis().with_values(M=mass, Fv=1.0, Fc=2.0)
     np.testing.assert_allclose(held_rates(robot) * mass, [2.0], rtol=1e-6)
+
+
+def rests_of(noises, seed=5):
+    """Rests of a log for each of `noises`, with the colour of its motion: a memory in samples, sizes in motion and at rest."""
+    found = []
+    for k, (memory, moving, still) in enumerate(noises):
+        own = (
+            wander(np.random.default_rng([seed, k]), memory)
+            if memory
+            else np.random.default_rng(k).normal(size=SAMPLES)
+        )
+        stood = np.zeros(SAMPLES, bool)
+        stood[100:160] = stood[400:480] = stood[600:640] = True
+        residual = own * np.where(stood, still, moving)
+        colour = at_rest._colour_here(residual, stood, colour_of([residual]))
+        found.append(at_rest._Rest([residual[a:b] for a, b in at_rest._runs(stood)], colour))
+    return found
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_logs_of_sensors_with_another_noise_each_are_held_against_their_own(seed):
+    """White and large in one, slow and small in the next: all of it together at rest is the colour of neither."""
+    same = rests_of([(0, 3.0, 3.0), (4, 0.6, 0.6), (0, 2.0, 2.0), (3, 1.0, 1.0)], seed)
+    assert at_rest._there(same, 0.0) is True
+    held = rests_of([(4, 3.0, 0.3), (4, 0.6, 0.1), (0, 1.0, 1.0), (3, 1.0, 0.1)], seed)
+    assert at_rest._there(held, 0.0) is False
