@@ -2,6 +2,7 @@
 
 from ..logs import LogSet
 from ..logs.useless import useless
+from ..robots.robot import Robot
 from .arguments import UnusableInput
 from .console import say
 
@@ -13,6 +14,19 @@ def warn_of_findings(*sets: LogSet | None) -> None:
     findings = [str(f) for logs in sets if logs for f in logs.preflight() if f.severity in _STYLE]
     for line in dict.fromkeys(findings):
         say(line, style=_STYLE[line.partition(":")[0]])
+
+
+def warn_of_unused(robot: Robot, *sets: LogSet | None) -> None:
+    """Columns of the robot's own sensors that its logs hold and its fit has no use for, since others are measured."""
+    used = robot.channels.measured
+    there = {str(column) for logs in sets for log in logs or () for column in log.extra}
+    unused = [name for name in robot.words if name in there and name not in used]
+    if unused:
+        held = ", ".join(robot.channels.outputs)
+        say(
+            f"warning: {', '.join(unused)}: not used, since {held} are; without these columns they are used in their place.",
+            style=_STYLE["warning"],
+        )
 
 
 def refuse_useless(logs: LogSet) -> None:

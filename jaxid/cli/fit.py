@@ -26,7 +26,7 @@ from ..robots.closed_loop import Controller, Law
 from .arguments import UnusableInput, for_logs, load_controller, load_effects, load_robot
 from .cache import keep_compiled_programs
 from .console import say, show, step
-from .findings import refuse_useless, warn_of_findings
+from .findings import refuse_useless, warn_of_findings, warn_of_unused
 from .folder import results_in
 
 _SHOWN = 5
@@ -226,6 +226,7 @@ def read_case(robot: Robot, fit: list[str], held_out: list[str], mapping: Path |
     refuse_useless(fit_logs)
     say(f"{len(fit_logs)} logs to fit, {len(held_out_logs or ())} held out")
     warn_of_findings(fit_logs, held_out_logs)
+    warn_of_unused(robot, fit_logs, held_out_logs)
     return fit_logs, held_out_logs
 
 

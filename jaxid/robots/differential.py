@@ -15,7 +15,8 @@ slip sideways; kinetic energy m |v_c|^2 / 2 + J w^2 / 2 + Mr v^2 / 2):
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar, Literal, Self
 
@@ -26,19 +27,31 @@ from .robot import Robot
 from .trigonometry import sincos
 
 
+@lru_cache
+def _with_yaw_rate(wheels: Channels) -> Channels:
+    """The channels of wheels' speeds, and the body's yaw rate."""
+    return replace(
+        wheels,
+        outputs=(*wheels.outputs, "w"),
+        units={**wheels.units, "w": DIFFERENTIAL.units["w"]},
+        mixing={**wheels.mixing, "w": DIFFERENTIAL.mixing["w"]},
+    )
+
+
 @dataclass(frozen=True, repr=False)
 class DifferentialDrive(Robot):
     """Two driven wheels on one axle.
 
     `measures`: "body" for speed v [m/s] and yaw rate w [rad/s] (to the left) in the logs, "wheels" for the rim speeds
-    v_right and v_left [m/s]. `pose=True` integrates x, y, theta as well, `wheel_angles=True` the ways [m] that the wheels'
-    rims have rolled, way_right and way_left, which logs may then hold beside or in the place of the speeds. Inputs u_right,
-    u_left in any unit.
+    v_right and v_left [m/s], with `gyro=True` and the yaw rate w. `pose=True` integrates x, y, theta as well,
+    `wheel_angles=True` the ways [m] that the wheels' rims have rolled, way_right and way_left, which logs may then hold beside
+    or in the place of the speeds. Inputs u_right, u_left in any unit.
     """
 
     measures: Literal["body", "wheels"] = "body"
     pose: bool = False  # type: ignore[misc]
     wheel_angles: bool = False  # type: ignore[misc]
+    gyro: bool = field(default=False, kw_only=True)
 
     name: ClassVar[str] = "differential"
     in_plane: ClassVar[bool] = True
@@ -69,7 +82,8 @@ class DifferentialDrive(Robot):
             raise ValueError(f"measures = {self.measures!r}; use 'body' (v, w) or 'wheels' (v_right, v_left)")
 
     def for_columns(self, columns: Iterable[str]) -> Self:
-        """Wheel speeds where the columns have these and no body speeds, the wheels' ways where they have only these.
+        """Wheel speeds where the columns have these and not both of the body's, with the yaw rate if it is there; the wheels'
+        ways where they have only these.
 
         One wheel's speed alone says so, too, so that what is missing is the other's.
         """
@@ -78,7 +92,7 @@ class DifferentialDrive(Robot):
         body = there & set(DIFFERENTIAL.outputs)
         ways = set(self.angles) <= there
         wheels = (speeds <= there and len(body) < 2) or (bool(speeds & there) and not body and not ways)
-        return replace(self, measures="wheels") if wheels else super().for_columns(there)
+        return replace(self, measures="wheels", gyro="w" in body) if wheels else super().for_columns(there)
 
     def defaults(self) -> ParameterTable:
         start, given = "start value", "give it"
@@ -124,9 +138,10 @@ class DifferentialDrive(Robot):
     @property
     def channels(self) -> Channels:  # type: ignore[override]
         """The columns of its logs: of the body or of the wheels, as `measures` says."""
-        if self.wheel_angles:
-            return DIFFERENTIAL_WHEELS_WAYS if self._wheels else DIFFERENTIAL_WAYS
-        return DIFFERENTIAL_WHEELS if self._wheels else DIFFERENTIAL
+        if not self._wheels:
+            return DIFFERENTIAL_WAYS if self.wheel_angles else DIFFERENTIAL
+        own = DIFFERENTIAL_WHEELS_WAYS if self.wheel_angles else DIFFERENTIAL_WHEELS
+        return _with_yaw_rate(own) if self.gyro else own
 
     @property
     def velocities(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -159,12 +174,16 @@ class DifferentialDrive(Robot):
         """Of wheels, that at which both go as fast as the faster does, one forwards and one backwards."""
         if not self._wheels:
             return super().largest_yaw_rate
+        if self.gyro:
+            return self.scales.output("w")
         return max(map(self.scales.output, self.velocities)) / self.parameters["b"].value
 
     @property
     def farthest_yaw_rate(self) -> float:
         if not self._wheels:
             return super().farthest_yaw_rate
+        if self.gyro:
+            return self.scales.reach("w")
         return max(map(self.scales.reach, self.velocities)) / self.parameters["b"].value
 
     def yaw_rate(self, state: State, p: Numbers) -> Scalar:
@@ -284,4 +303,6 @@ class DifferentialDrive(Robot):
         return self.turned(self.pushed((0.0, 0.0), (along,), p), turn, p)
 
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
-        return tuple(state[name] for name in self.channels.measured)
+        if not (self._wheels and self.gyro):
+            return tuple(state[name] for name in self.channels.measured)
+        return tuple(self.yaw_rate(state, p) if n == "w" else state[n] for n in self.channels.measured)

@@ -2,21 +2,26 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 
 from ..logs import Channels
 from .wheels import MOST_LAYOUTS, Wheel, rim_rows, twists
 
+Shown = Literal["body", "wheels", "wheels and yaw rate"]
+"""What the speeds in a log are of."""
+
 
 @lru_cache(MOST_LAYOUTS)
-def channels_of(wheels: tuple[Wheel, ...], motors: bool, by_wheels: bool, with_angles: bool) -> Channels:
-    """Commands in volts of `motors` or in N m; speeds of the body or `by_wheels`; angles beside these or in their place."""
+def channels_of(wheels: tuple[Wheel, ...], motors: bool, shown: Shown, with_angles: bool) -> Channels:
+    """Commands in volts of `motors` or in N m; the speeds that are `shown`; angles beside these or in their place."""
     inputs = tuple(dict.fromkeys(wheel.input for wheel in wheels))
     planar = len(twists(wheels)) == 3
     body = {"V": "m/s", "Vn": "m/s", "W": "rad/s"} if planar else {"v": "m/s", "w": "rad/s"}
     speeds = {f"speed_{wheel.name}": "rad/s" for wheel in wheels}
-    outputs = speeds if by_wheels else body
+    turning = dict([list(body.items())[-1]])
+    outputs = {"body": body, "wheels": speeds, "wheels and yaw rate": {**speeds, **turning}}[shown]
     units = dict.fromkeys(inputs, "V" if motors else "N m") | outputs
     angles = tuple(f"angle_{wheel.name}" for wheel in wheels)
     pushed = _mixing(wheels, inputs, tuple(body))
@@ -24,9 +29,9 @@ def channels_of(wheels: tuple[Wheel, ...], motors: bool, by_wheels: bool, with_a
     if not with_angles:
         return own
     mixing = {angle: pushed[f"speed_{wheel.name}"] for angle, wheel in zip(angles, wheels, strict=True)}
-    if not by_wheels:
+    if shown == "body":
         return own.with_positions(angles, "rad", own.outputs, mixing)
-    told = dict(zip(outputs, angles, strict=True))
+    told = dict(zip(speeds, angles, strict=True))
     return replace(
         own,
         optional=angles,

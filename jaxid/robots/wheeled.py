@@ -31,7 +31,7 @@ from .effect import Levels, Numbers, Scalar, Scalars, State
 from .robot import Robot
 from .signal_path import products
 from .trigonometry import sincos
-from .wheel_channels import channels_of
+from .wheel_channels import Shown, channels_of
 from .wheels import LayoutError, Wheel, rim_rows, twists
 
 
@@ -41,8 +41,9 @@ class Wheeled(Robot):
 
     `title`: its name. `motors=True`: commands are the voltages of its motors, whose constants are K, Ra and gear; else
     torques of the wheels [N m], or by `gain` whatever else. `measures`: "body" for speeds of the body in the logs, V, Vn and W
-    or v and w, "wheels" for `speed_<wheel>` [rad/s]. `pose=True` integrates x, y, theta as well, `wheel_angles=True` the
-    angles `angle_<wheel>` [rad], which logs may then hold beside or in the place of the speeds.
+    or v and w, "wheels" for `speed_<wheel>` [rad/s], with `gyro=True` and the yaw rate of the body.
+    `pose=True` integrates x, y, theta as well, `wheel_angles=True` the angles `angle_<wheel>` [rad], which logs may then hold
+    beside or in the place of the speeds.
 
     Raises `LayoutError` for wheels that cannot move it.
     """
@@ -51,6 +52,7 @@ class Wheeled(Robot):
     title: str = "wheeled"
     motors: bool = False
     measures: Literal["body", "wheels"] = "body"
+    gyro: bool = False
     pose: bool = False  # type: ignore[misc]
     wheel_angles: bool = False  # type: ignore[misc]
 
@@ -98,7 +100,11 @@ class Wheeled(Robot):
     @property
     def channels(self) -> Channels:  # type: ignore[override]
         """The columns of its logs: of the body or of the wheels, as `measures` says, with the wheels' angles where wanted."""
-        return channels_of(self.wheels, self.motors, self.measures == "wheels", self.wheel_angles)
+        return channels_of(self.wheels, self.motors, self._shown, self.wheel_angles)
+
+    @property
+    def _shown(self) -> Shown:
+        return "body" if self.measures == "body" else "wheels and yaw rate" if self.gyro else "wheels"
 
     @property
     def angles(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -181,12 +187,13 @@ class Wheeled(Robot):
         )
 
     def for_columns(self, columns: Iterable[str]) -> Self:
-        """Wheel speeds where the columns have these and not the body's, the wheels' angles where they have only these."""
+        """Wheel speeds where the columns have these and not all of the body's, with the yaw rate if it is there; the wheels'
+        angles where they have only these."""
         there = set(columns)
         wheels = {f"speed_{wheel.name}" for wheel in self.wheels}
         body = there & set(self.velocities)
         if wheels <= there and len(body) < len(self.velocities):
-            return replace(self, measures="wheels")
+            return replace(self, measures="wheels", gyro=self.turning in body)
         return super().for_columns(there)
 
     def defaults(self) -> ParameterTable:
@@ -280,7 +287,7 @@ class Wheeled(Robot):
 
     def _yaw_rate_of(self, size) -> float:
         """Of wheels that are measured, that at which the one that turning turns most goes as fast as the fastest."""
-        if self.measures == "body":
+        if self.turning in self.channels.outputs:
             return size(self.turning)
         arms = [abs(float(row[-1])) for row in self._rows(self.parameters.numbers)]
         return max(map(size, self.channels.outputs)) / max(arms)
@@ -410,5 +417,6 @@ class Wheeled(Robot):
         return self._onto((along, across, p["xc"] * across - p["yc"] * along))
 
     def observe(self, state: State, inputs: Scalars, p: Numbers) -> Scalars:
-        seen = self._speeds(state, p) if self.measures == "wheels" else tuple(state[name] for name in self.velocities)
+        speeds = self._speeds(state, p) if self.measures == "wheels" else ()
+        seen = (*speeds, *(state[name] for name in self.velocities if name in self.channels.outputs))
         return (*seen, *(state[name] for name in self.measured_angles))

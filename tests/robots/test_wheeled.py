@@ -1,5 +1,7 @@
 """Robots on any wheels against mechanics in world coordinates with rolling constraints, and against robots of their own."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 
 from jaxid import DifferentialDrive, LayoutError, Log, LogSet, Omni, Wheel, Wheeled, output_error, simulate
 from jaxid._float64 import float64
-from jaxid.effects import catalogue, effect_by_id
+from jaxid.effects import catalogue, effect_by_id, laws_of
 
 KIWI = (
     Wheel("front", (0.2, 0.0), 90, "omni"),
@@ -253,3 +255,46 @@ def test_two_wheels_are_the_differential_drive():
             mine = robot.rates(state, tuple(0.1 * u), tuple(0.1 * dry), p)
             its = drive.rates(state, tuple(u), tuple(dry), q)
             np.testing.assert_allclose([mine["v"], mine["w"]], [its["v"], its["w"]], rtol=1e-10)
+
+
+@pytest.mark.parametrize("wheels", [SKID, (*SKID, Wheel("out", (0.0, 0.4), 0, "skid", command="u_l"))])
+def test_wheels_that_share_a_command_are_as_those_with_the_same_command_each(wheels):
+    """Also where one of them turns quicker than the others; a supply drops by the current of them all."""
+    shared, rng = Wheeled(wheels=wheels, motors=True), np.random.default_rng(3)
+    apart = Wheeled(wheels=tuple(replace(wheel, command="") for wheel in wheels), motors=True)
+    models = [(shared, apart), tuple(robot + effect_by_id(robot, "battery_sag") for robot in (shared, apart))]
+    p = {**apart.parameters.numbers, "Iw": 0.02, "gear": 20.0, "xc": 0.03, "battery_sag.resistance": 0.1}
+    with float64():
+        for together, each in models:
+            for _ in range(3):
+                state, (left, right) = dict(zip(("v", "w"), rng.normal(size=2), strict=True)), rng.uniform(-20, 20, 2)
+                u, dry = tuple(left if w.input == "u_l" else right for w in wheels), (0.0,) * (len(wheels) + 1)
+                mine, its = together.rates(state, (left, right), dry, p), each.rates(state, u, dry, p)
+                np.testing.assert_allclose([mine[n] for n in state], [its[n] for n in state], rtol=1e-10)
+
+
+@pytest.mark.parametrize("motors", [False, True])
+def test_all_that_may_be_missing_acts_on_wheels_that_share_a_command(motors):
+    robot = Wheeled(wheels=SKID, motors=motors, wheel_angles=True, pose=True)
+    with float64():
+        for law in catalogue(robot):
+            for own in laws_of(robot, law.id):
+                model = robot + own
+                p = {name: value or 0.01 for name, value in model.parameters.numbers.items()}
+                state = dict.fromkeys(model.states, 0.1)
+                rates = model.rates(state, (2.0, -1.0), (0.0,) * len(model.rubbing(state, p)), p)
+                assert all(np.isfinite(float(np.asarray(rates[name]))) for name in ("v", "w")), (law.id, own.law)
+
+
+def test_a_gyro_beside_the_wheels_speeds_is_measured_too():
+    skid, speeds = Wheeled(wheels=SKID), tuple(f"speed_{wheel.name}" for wheel in SKID)
+    seen = skid.for_columns(("t", *speeds, "w"))
+    assert seen.channels.outputs == (*speeds, "w") and seen.channels.units["w"] == "rad/s"
+    assert seen.channels.mixing["w"] == skid.channels.mixing["w"]
+    assert skid.for_columns(("t", *speeds)).channels.outputs == speeds
+    state, p = {"v": 0.3, "w": -0.7}, seen.parameters.numbers
+    assert seen.observe(state, (0.0, 0.0), p) == (*seen.rubbing(state, p)[:4], -0.7)
+    drive = DifferentialDrive().for_columns(("t", "v_right", "v_left", "w"))
+    q = drive.parameters.numbers
+    assert drive.channels.outputs == ("v_right", "v_left", "w")
+    assert drive.observe({"v_right": 1.0, "v_left": 0.6}, (0.0, 0.0), q)[2] == pytest.approx(0.4 / (2 * q["b"]))

@@ -23,6 +23,12 @@ def measured_speeds(robot: Robot) -> tuple[str, ...]:
             f"none of the outputs {list(robot.channels.outputs)} is a state of the robot {robot.name!r}, and integral "
             "least squares needs measured states; use output error for this robot."
         )
+    hidden = [name for name in robot.velocities if name not in names]
+    if hidden:
+        raise LogError(
+            f"{', '.join(hidden)} of the robot {robot.name!r} is not among the outputs {list(robot.channels.outputs)}, and "
+            "integral least squares needs all its speeds; use output error for this robot."
+        )
     return names
 
 
