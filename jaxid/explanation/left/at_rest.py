@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz, toeplitz
 
 from ..._float64 import in_float64
+from ...estimate.jumps import without_jumps
 from ...estimate.noise_colour import Colour, colour_of
 from ...estimate.output_error.estimated_start import estimated_start
 from ...logs import LogSet
@@ -33,7 +34,7 @@ _LESS = 0.5
 _SHORTEST, _LONGEST = 10, 400
 """Samples of a rest that are looked at: of longer ones, in parts."""
 _ENOUGH = 100
-"""Samples for each order of its colour from which a log tells its own noise."""
+"""Samples in motion from which a log tells the colour of its own noise."""
 _STEP = 1e-6
 
 
@@ -52,7 +53,7 @@ def shown_at_rest(
     """Whether the noise of the channels in `colours` is there while `robot` stands (`still`, of every state) as while it moves
     (True: the sensors'), or not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same
     of all channels. Of sensors that at rest show less than `quiet` of it (variance), such as counters, they tell nothing."""
-    rests: dict[str, list[_Rest]] = {name: [] for name in colours}
+    rests: dict[str, list[tuple[list[Array], Colour | None]]] = {name: [] for name in colours}
     sizes: dict[str, list[Array]] = {name: [] for name in colours}
     speeds = list(robot.alone.channels.outputs)
     for (state, _), stands in zip(states, still, strict=True):
@@ -64,7 +65,7 @@ def shown_at_rest(
                 parts = [part[np.isfinite(part)] for part in parts]
                 parts = [part for part in parts if len(part) >= _SHORTEST]
                 if parts:
-                    rests[name].append(_Rest(parts, _colour_here(own, stood, colours[name])))
+                    rests[name].append((parts, _colour_here(own, stood)))
     held = dict(zip(speeds, held_rates(robot), strict=True))
     said = set()
     for name, colour in colours.items():
@@ -72,7 +73,10 @@ def shown_at_rest(
         size = usual_size(moving) if moving.size else np.inf
         # What makes so large a slow error works against viscous friction, and against inertia within its own memory.
         needed = size * (1.0 / scales.time + 1.0 / (max(colour.memory, 1.0) * scales.interval))
-        said.add(_there(rests[name], quiet) if held.get(name, 0.0) > needed else None)
+        # A log that moves too little to tell the colour of its noise says nothing of that, unless all are such.
+        own = [_Rest(parts, own) for parts, own in rests[name] if own is not None]
+        own = own or [_Rest(parts, colour) for parts, _ in rests[name]]
+        said.add(_there(own, quiet) if held.get(name, 0.0) > needed else None)
     return said.pop() if len(said) == 1 else None
 
 
@@ -132,7 +136,7 @@ def held_rates(robot: Robot) -> Array:
 
 
 def _runs(still: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First sample and end of every stretch, such as a rest."""
+    """First sample and end of every rest."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _SHORTEST]
 
@@ -162,11 +166,11 @@ class _Rest(NamedTuple):
         return sum(_log_likelihood(own, covariances[: len(own)]) for own in self.parts)
 
 
-def _colour_here(residual: Array, stood: NDArray[np.bool_], colour: Colour) -> Colour:
-    """The colour of what is left while the robot moves in one log, whose noise may be another one than in the others; that of
-    all where it moves too little to tell."""
-    moving = [residual[a:b] for a, b in _runs(~stood & np.isfinite(residual))]
-    return colour_of(moving) if sum(map(len, moving)) >= _ENOUGH * max(colour.order, 1) else colour
+def _colour_here(residual: Array, stood: NDArray[np.bool_]) -> Colour | None:
+    """The colour of what is left while the robot moves in one log, whose noise may be another than that of the others; None
+    where it moves too little to tell."""
+    moving = residual[~stood & np.isfinite(residual)]
+    return colour_of([without_jumps(moving)]) if len(moving) >= _ENOUGH else None
 
 
 def _there(rests: Sequence[_Rest], quiet: float) -> bool | None:

@@ -5,7 +5,6 @@ import pytest
 from scipy import signal
 
 from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, explain, output_error
-from jaxid.estimate.noise_colour import colour_of
 from jaxid.explanation.left import at_rest
 from jaxid.explanation.left.at_rest import held_rates
 
@@ -93,8 +92,10 @@ def rests_of(noises, seed=5):
         stood = np.zeros(SAMPLES, bool)
         stood[100:160] = stood[400:480] = stood[600:640] = True
         residual = own * np.where(stood, still, moving)
-        colour = at_rest._colour_here(residual, stood, colour_of([residual]))
+        colour = at_rest._colour_here(residual, stood)
+        assert colour is not None
         found.append(at_rest._Rest([residual[a:b] for a, b in at_rest._runs(stood)], colour))
+    assert at_rest._colour_here(np.ones(SAMPLES), np.arange(SAMPLES) > 50) is None  # it moves too little to tell
     return found
 
 
