@@ -5,6 +5,7 @@ Every test has the false-alarm rate `FALSE_ALARM`: that often it rejects a resid
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,8 +217,17 @@ def cross_correlation(
     ), rho
 
 
-def relation(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> tuple[float, str]:
-    """Does a residual of any colour follow what moved the robot? p value, and the driver that it follows most.
+class Relation(NamedTuple):
+    """That a residual follows what moved the robot: `p_value` by chance, the driver that it follows `most`, and the `share` of
+    its variance that does, beyond what does by chance."""
+
+    p_value: float
+    most: str
+    share: float
+
+
+def relation(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> Relation:
+    """Does a residual of any colour follow what moved the robot?
 
     The share of the residual `parts` that the `drivers` (by name, [samples] of each log), as they are and smoothed, explain
     together is compared with the share that they explain shifted in time by random amounts, log by log and round the end:
@@ -239,7 +249,7 @@ def relation(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> 
     size = np.sqrt(np.diag(gram))
     used = size > 1e-9 * size.max(initial=0.0)
     if power == 0.0 or not used.any() or sum(map(len, parts)) < FEWEST:
-        return 1.0, ""
+        return Relation(1.0, "", 0.0)
     values, vectors = np.linalg.eigh(gram[np.ix_(used, used)] / np.outer(size[used], size[used]))
     kept = values > 1e-6 * values.max()
     onto = vectors[:, kept] / np.sqrt(values[kept])
@@ -257,7 +267,8 @@ def relation(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> 
     mean = min(max(mean, 1e-9), 1.0 - 1e-9)
     weight = max(mean * (1.0 - mean) / variance - 1.0, 1e-3)
     p = float(beta_tail(min(shares[0], 1.0), mean * weight, (1.0 - mean) * weight))
-    return p, np.array(names)[used][int(np.argmax(np.abs(products[0])))].item()
+    most = np.array(names)[used][int(np.argmax(np.abs(products[0])))].item()
+    return Relation(p, most, max(float(shares[0]) - mean, 0.0))
 
 
 def bursts(parts: Sequence[Array]) -> float:

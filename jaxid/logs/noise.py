@@ -61,7 +61,7 @@ def sensor_step(y: NDArray[np.float64]) -> float:
     return step if np.max(np.abs(off / step - numbers)) < 0.1 else 0.0
 
 
-def _updates(y: NDArray[np.float64]) -> NDArray[np.int64] | None:
+def updates_of(y: NDArray[np.float64]) -> NDArray[np.int64] | None:
     """The samples at which a slower sensor gave its values, None where every sample is its own."""
     finite = np.flatnonzero(np.isfinite(y))
     changed = finite[1:][np.diff(y[finite]) != 0]
@@ -105,7 +105,7 @@ def _differences(y: NDArray[np.float64], inputs: NDArray[np.float64], time: NDAr
     across the smallest changes where fewer than `_ENOUGH` remain: where these show hardly more than the error of the few
     lets expect, they make the level surer."""
     moved = np.cumsum(np.vstack([np.zeros(inputs.shape[1]), np.abs(np.diff(inputs, axis=0))]), axis=0)
-    updates = np.flatnonzero(np.isfinite(y)) if _sparse(y) else _updates(y)
+    updates = np.flatnonzero(np.isfinite(y)) if _sparse(y) else updates_of(y)
     if updates is not None:
         y, moved, time = y[updates], moved[updates], time[updates]
     third = _third(y, time)

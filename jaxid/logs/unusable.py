@@ -1,8 +1,8 @@
-"""Readings that tell nothing of the motion: at the end of a sensor's range, of a sensor that is dead in one of the logs, and of
-one that was frozen for a while.
+"""Readings that tell nothing of the motion: at the end of a sensor's range, of a sensor that is dead in one of the logs, of one
+that was frozen for a while, and those that a slower sensor repeats.
 
-A reading at the end of the range says only that there was at least that much, and one that never changes nothing at all. Taken
-as measurements, a fit follows them rather than the robot.
+A reading at the end of the range says only that there was at least that much, one that never changes nothing at all, and one
+that is repeated what was some samples before. Taken as measurements, a fit follows them rather than the robot.
 """
 
 from collections.abc import Sequence
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .log import Log, LogSet
+from .noise import updates_of
 
 _SHARE, _VISITS, _STAYS = 0.05, 3, 2
 """Share of a signal's samples at its extreme, and visits there of so many samples and more, from which it is clipped."""
@@ -81,6 +82,16 @@ def _frozen(log: Log, name: str) -> NDArray[np.bool_]:
     return found
 
 
+def _repeated(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which samples [T] repeat the reading of a sensor that is slower than the log; none of one that is not."""
+    updates, found = updates_of(values), np.zeros(len(values), dtype=bool)
+    if updates is None:
+        return found
+    found[np.flatnonzero(np.isfinite(values))[1:]] = True
+    found[updates] = False
+    return found
+
+
 def without_unusable(*sets: LogSet) -> tuple[tuple[LogSet, ...], list[str]]:
     """The sets with such readings taken for missing, and what was taken out, in words."""
     every, said = [log for logs in sets for log in logs], []
@@ -106,6 +117,10 @@ def without_unusable(*sets: LogSet) -> tuple[tuple[LogSet, ...], list[str]]:
                 first = int(np.argmax(frozen))
                 since = f"frozen at {values[first]:.4g} from {log.time[first]:.3g} s on"
                 said.append(f"{frozen.mean():.0%} of {name} of {log.name}, {since}")
+            elif (repeated := _repeated(values)).any():
+                outputs[repeated, column] = np.nan
+                said.append(f"what {name}, whose sensor is slower than the logs, repeats of the reading before")
         return replace(log, outputs=outputs) if not np.array_equal(outputs, log.outputs, equal_nan=True) else log
 
-    return tuple(LogSet([cleared(log) for log in logs]) for logs in sets), said
+    cleared_sets = tuple(LogSet([cleared(log) for log in logs]) for logs in sets)
+    return cleared_sets, list(dict.fromkeys(said))

@@ -70,3 +70,18 @@ def test_what_a_frozen_sensor_repeats_is_missing_and_what_a_robot_at_rest_reads_
     missing = ~np.isfinite(some[1].output("W"))
     assert np.array_equal(missing, np.append(False, np.diff(logs[1].output("W")) == 0))
     assert all(np.isfinite(own.outputs).all() for own in [some[0], *list(some)[2:], *others])
+
+
+def test_what_a_slower_sensor_repeats_is_missing_but_for_the_first_reading():
+    """A sensor that gives every fourth sample a value, which the log holds until the next."""
+
+    def held(k, y):
+        y[:, 1] = y[np.arange(len(y)) // 4 * 4, 1]
+        return y
+
+    logs, held_out = driven(3, change=held)
+    (some, others), said = without_unusable(logs, held_out)
+    assert said == ["what W, whose sensor is slower than the logs, repeats of the reading before"]
+    for own in [*some, *others]:
+        there = np.flatnonzero(np.isfinite(own.output("W")))
+        assert np.all(there % 4 == 0) and len(there) > 0.2 * len(own) and np.isfinite(own.output("V")).all()

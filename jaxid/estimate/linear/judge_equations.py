@@ -128,7 +128,7 @@ def _left(
     names = [name for name in residual.parts if by_channel.get(name, 0.0) >= NOTHING]
     coloured = [name for name in names if residual.white[name] < FALSE_ALARM / len(names)]
     follows = {name: relation(residual.parts[name], residual.drivers) for name in names}
-    follows = {name: driver for name, (p, driver) in follows.items() if p < FOLLOWS / len(names)}
+    follows = {name: own.most for name, own in follows.items() if own.p_value < FOLLOWS / len(names)}
     sentences = [
         f"What the equations leave in {name} follows the motion (most of all {driver}): part of it is not in the model."
         for name, driver in follows.items()
