@@ -7,6 +7,7 @@ The simulations are lanes of one program for every mechanism (`probed.py`).
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,8 @@ class Candidate:
     residual, what the best candidate leaves taken for coloured noise; `share` the part of the excess over the noise floor;
     `starts` the values to begin refits from, best first. `direction` is the change of the simulation (in
     units of the noise, fitted parameters projected off, of length one) by which it explains. `out_of` is how many shapes of it
-    were looked at. `held` are parameters that stay at zero, since the others and the fitted ones do all that they can.
+    were looked at. `held` are parameters that stay at zero, since the others and the fitted ones do all that they can, or
+    nothing that is measured shows them.
     """
 
     effect: Effect
@@ -65,6 +67,18 @@ def alike_to(identifier: str, candidates: Sequence[Candidate], without: Collecti
     """The candidates that explain by the same change as that of the effect `identifier`, but for those of the ids `without`."""
     first = next((c for c in candidates if c.effect.id == identifier), None)
     return [c for c in candidates if first is not None and c.like(first) and c.effect.id not in without]
+
+
+class _Scored(NamedTuple):
+    """What one probe of a law promises: its `score`, the `start` of a refit and where the fitted parameters would have
+    `given_way` to, and which of its strengths are shown `nowhere`."""
+
+    score: float
+    start: dict[str, float]
+    given_way: dict[str, float]
+    group: Group
+    direction: NDArray[np.float32]
+    nowhere: tuple[str, ...]
 
 
 @in_float64
@@ -99,12 +113,13 @@ def screen(
     moved -= here
     moved *= weights
     moved = moved.reshape(len(moved), -1)
+    unseen = ~np.any(moved, axis=1)[len(own) :]
     moved[~np.all(np.isfinite(moved), axis=1)] = 0.0
     basis, triangle = np.linalg.qr(moved[: len(own)].T)
     whole = residual
     residual = residual - basis @ (basis.T @ residual)
     excess = max(float(residual @ residual) - np.count_nonzero(weights), 1.0)
-    scored: dict[Effect, list[tuple[float, dict[str, float], dict[str, float], Group, NDArray[np.float32]]]] = {}
+    scored: dict[Effect, list[_Scored]] = {}
     explained = 0.0, np.zeros_like(residual)
     for group, mine in zip(found, columns, strict=True):
         block = moved[len(own) :][mine]
@@ -125,21 +140,33 @@ def screen(
         score = gain - _price(group, names, residual)
         explained = max(explained, (score, change), key=lambda entry: entry[0])
         direction = (change / max(float(np.linalg.norm(change)), 1e-300)).astype(np.float32)
-        scored.setdefault(group.effect, []).append((score, group.plain(start), given_way, group, direction))
+        nowhere = _shown_nowhere(group, unseen[mine])
+        scored.setdefault(group.effect, []).append(
+            _Scored(score, group.plain(start), given_way, group, direction, nowhere)
+        )
     in_colour = _in_colour(found, columns, residual + explained[1], whole, moved, len(own), weights)
     candidates = []
     for tried in scored.values():
-        tried.sort(key=lambda entry: -entry[0])
-        score, _, _, group, direction = tried[0]
-        best = tried[: _STARTS if len(tried[0][1]) > 1 else 1]
-        starts = tuple(start for entry in best for start in (entry[1], {**entry[2], **entry[1]}))
+        tried.sort(key=lambda entry: -entry.score)
+        score, group, direction = tried[0].score, tried[0].group, tried[0].direction
+        best = tried[: _STARTS if len(tried[0].start) > 1 else 1]
+        starts = tuple(start for own in best for start in (own.start, {**own.given_way, **own.start}))
         share = float(score / excess)
         coloured = in_colour.get(group.effect, float(score))
         whole = group.plain(group.probe.strengths) if group.effect.law == SHAPE else {}
         held = tuple(name for name in whole if name not in starts[0])
+        held = held or tried[0].nowhere
         out_of = group.probe.out_of
         candidates.append(Candidate(group.effect, float(score), share, starts, direction, out_of, held, coloured))
     return _by_mechanism(candidates)
+
+
+def _shown_nowhere(group: Group, unseen: NDArray[np.bool_]) -> tuple[str, ...]:
+    """The group's strengths, zero where nothing is wrong, that change nothing that the logs measure: such as of a sensor that
+    they lack."""
+    names = (name for name, none in zip(group.probe.strengths, unseen, strict=True) if none)
+    table = group.robot.parameters
+    return tuple(group.plain({n: 0.0 for n in names if n in table and table[n].free and table[n].value == 0.0}))
 
 
 def _by_mechanism(candidates: Sequence[Candidate]) -> list[Candidate]:
