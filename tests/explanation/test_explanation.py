@@ -129,3 +129,16 @@ def test_a_channels_words_are_not_said_twice():
     words = {"speed": "forward speed", "eta1": "forward speed"}
     named = [channel_name(channel, words) for channel in ("speed", "eta1", "q")]
     assert named == ["forward speed", "forward speed eta1", "q"]
+
+
+def test_names_that_leave_a_poor_fit_say_that_they_are_not_all(explained):
+    judgement = explained.final.judgement
+    assert judgement is not None and not judgement.doubt and "missing that has" not in explained.sentence
+    poor = replace(judgement, verdict="poor", sentences=("What is left follows the motion.",), follows={"v": "u"})
+    final = replace(explained.final, judgement=poor)
+    little = replace(explained, final=final)
+    assert little.sentence == f"{explained.sentence} The fit with it is poor all the same: more may be missing."
+    more = replace(little, after=replace(explained.before, noise_error=0.0))
+    assert more.sentence.endswith(
+        "More is missing that has no name here: what is left is more than noise, and follows the motion in v."
+    )

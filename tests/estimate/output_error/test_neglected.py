@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import kstest
 
 from jaxid import Axis, Log, LogSet, output_error
+from jaxid.estimate.output_error import neglected
 from jaxid.estimate.output_error.neglected import _together
 
 SAMPLES, DT, NOISE = 400, 0.05, 0.02
@@ -111,3 +112,31 @@ def test_what_stands_out_in_none_of_two_like_directions_stands_out_in_both():
     assert _together(scores, covariance, 0.0, 400) < 1e-4
     # What the simulation's own error may have done along it is no mark of anything.
     assert _together(scores, covariance, 6.0, 400) == 1.0
+
+
+def by_position(seed, decimals):
+    """Positions of a drive by a fine sensor, whose held inputs were logged with so many decimals."""
+    rng, dt, logs = np.random.default_rng(seed), 0.02, []
+    for k in range(2):
+        acted = np.repeat(np.append(0.0, rng.uniform(-3, 3, 59)), 20)
+        v, q, read = 0.0, 0.0, []
+        for u in acted:
+            read.append(q)
+            q += u * dt + (v - u) * (1.0 - np.exp(-dt))
+            v = u + (v - u) * np.exp(-dt)
+        seen = np.array(read) + 3e-4 * rng.normal(size=len(acted))
+        logged = np.round(acted, decimals)[:, None]
+        logs.append(Log.from_arrays(f"run {k}", dt * np.arange(len(acted)), logged, {"q": seen}, "axis"))
+    return LogSet(logs)
+
+
+def test_what_rounding_of_the_logged_inputs_does_is_no_force(monkeypatch):
+    """Four decimals of newtons leave a fifth of the noise in a position, along the directions of forces."""
+
+    def marks():
+        fits = [output_error(ROBOT, by_position(seed, 4), windows=None) for seed in range(5)]
+        return sum("holds the mark" in fit.judgement.sentence for fit in fits)
+
+    assert marks() == 0
+    monkeypatch.setattr(neglected, "_PLAIN", 0.0)  # it would show
+    assert marks() > 2

@@ -27,7 +27,8 @@ def test_a_first_guess_that_leads_astray_does_not_lose_the_effect(monkeypatch, a
     candidate = Candidate(
         effect_by_id(Axis(), "sensor_scale"), 1.0, 1.0, (guess, {"M": 0.02, **guess}), np.zeros(0, np.float32)
     )
-    base = SimpleNamespace(robot=Axis(), squares=1e3, initial_states={}, angles=None)
+    near = SimpleNamespace(normalised_rms=1.0)
+    base = SimpleNamespace(robot=Axis(), squares=1e3, initial_states={}, angles=None, fitted=near)
     logs = LogSet([axis_log("run", np.ones(20))])
     (trial,) = under_test.all_added(base, [candidate], logs, logs, {}, lambda text: None)
     assert trial.squares == kept
