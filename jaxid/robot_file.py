@@ -31,6 +31,8 @@ from .robots.wheels import KINDS, LayoutError, Wheel
 _TOP = ("name", "parameters", "wheels")
 _OF_WHEEL = ("at", "rolls", "kind", "rollers", "command")
 _OF_MOTORS = ("K", "Ra", "gear", "supply")
+_LARGEST_RADIUS, _FARTHEST = 3.0, 30.0
+"""Metres beyond which no robot's wheel is that large, or stands so far from its origin: then they are no metres."""
 
 
 class RobotFileError(ValueError):
@@ -79,10 +81,29 @@ def read_robot(path: str | Path) -> Wheeled:
     known = {
         key: entry if isinstance(entry, Mapping) else {"value": entry, "free": False} for key, entry in entries.items()
     }
+    for key in ("r", *(_OF_MOTORS if motors else ())):
+        value = known[key].get("value")
+        if _is_number(value) and not value > 0:
+            raise RobotFileError(f"{path}: parameters.{key} = {shown(value)}; give it a value above zero.")
+    _in_metres(known["r"].get("value"), placed, path)
     try:
         return robot.with_parameters(overridden(robot, known, path).parameters)
     except ModelFileError as error:
         raise RobotFileError(str(error)) from None
+
+
+def _in_metres(radius: Any, wheels: tuple[Wheel, ...], path: Path) -> None:
+    """Raise `RobotFileError` for lengths that are no robot's in metres."""
+    if _is_number(radius) and radius > _LARGEST_RADIUS:
+        raise RobotFileError(
+            f"{path}: parameters.r = {shown(radius)} is no wheel's radius in metres; millimetres are 0.001 of them."
+        )
+    for wheel in wheels:
+        if max(map(abs, wheel.at)) > _FARTHEST:
+            raise RobotFileError(
+                f"{path}: wheels.{wheel.name}.at = {shown(list(wheel.at))} is too far from the origin for metres; millimetres "
+                "are 0.001 of them."
+            )
 
 
 def _read(path: Path) -> dict[str, Any]:

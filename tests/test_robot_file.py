@@ -79,6 +79,10 @@ def test_what_makes_no_robot_is_said(tmp_path):
     assert "is not TOML" in refused(tmp_path, "name = kiwi")
     assert "is no table" in refused(tmp_path, "wheels = 3")
     assert "negative" in refused(tmp_path, KIWI.replace("M = 5.2", "M = -5.2"))
+    assert "gear = 0; give it a value above zero" in refused(tmp_path, KIWI.replace("gear = 12.0", "gear = 0"))
+    assert "r = -0.05; give it a value above zero" in refused(tmp_path, KIWI.replace("r = 0.05", "r = -0.05"))
+    assert "r = 50 is no wheel's radius in metres" in refused(tmp_path, KIWI.replace("r = 0.05", "r = 50"))
+    assert "too far from the origin for metres" in refused(tmp_path, KIWI.replace("[0.20, 0.0]", "[200, 0.0]"))
     assert "is no name" in refused(tmp_path, KIWI.replace('"kiwi"', "7"))
     with pytest.raises(RobotFileError, match="cannot be opened"):
         read_robot(tmp_path / "none.toml")
