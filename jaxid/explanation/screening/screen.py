@@ -110,8 +110,9 @@ def screen(
     residual = (np.where(weights > 0, here - measured, 0.0) * weights).ravel()
     # In place: together they are the largest array of an explanation.
     moved = np.concatenate([first[1:], *(group.outputs for group in found)])
-    moved -= here
-    moved *= weights
+    with np.errstate(over="ignore", invalid="ignore"):  # simulations that diverge, which count for nothing
+        moved -= here
+        moved *= weights
     moved = moved.reshape(len(moved), -1)
     unseen = ~np.any(moved, axis=1)[len(own) :]
     moved[~np.all(np.isfinite(moved), axis=1)] = 0.0
