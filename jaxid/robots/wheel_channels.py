@@ -20,8 +20,8 @@ def channels_of(wheels: tuple[Wheel, ...], motors: bool, shown: Shown, with_angl
     planar = len(twists(wheels)) == 3
     body = {"V": "m/s", "Vn": "m/s", "W": "rad/s"} if planar else {"v": "m/s", "w": "rad/s"}
     speeds = {f"speed_{wheel.name}": "rad/s" for wheel in wheels}
-    turning = dict([list(body.items())[-1]])
-    outputs = {"body": body, "wheels": speeds, "wheels and yaw rate": {**speeds, **turning}}[shown]
+    turning = "W" if planar else "w"
+    outputs = {"body": body, "wheels": speeds, "wheels and yaw rate": {**speeds, turning: body[turning]}}[shown]
     units = dict.fromkeys(inputs, "V" if motors else "N m") | outputs
     angles = tuple(f"angle_{wheel.name}" for wheel in wheels)
     pushed = _mixing(wheels, inputs, tuple(body))

@@ -41,9 +41,9 @@ class Wheeled(Robot):
 
     `title`: its name. `motors=True`: commands are the voltages of its motors, whose constants are K, Ra and gear; else
     torques of the wheels [N m], or by `gain` whatever else. `measures`: "body" for speeds of the body in the logs, V, Vn and W
-    or v and w, "wheels" for `speed_<wheel>` [rad/s], with `gyro=True` and the yaw rate of the body.
-    `pose=True` integrates x, y, theta as well, `wheel_angles=True` the angles `angle_<wheel>` [rad], which logs may then hold
-    beside or in the place of the speeds.
+    or v and w, "wheels" for `speed_<wheel>` [rad/s], with `gyro=True` and the yaw rate of the body. `pose=True` integrates x, y,
+    theta as well, `wheel_angles=True` the angles `angle_<wheel>` [rad], which logs may then hold beside or in the place of the
+    speeds.
 
     Raises `LayoutError` for wheels that cannot move it.
     """
@@ -320,7 +320,7 @@ class Wheeled(Robot):
         return tuple((u - emf) / less for u, emf in taken)
 
     def _taken(self, speed: Scalar, p: Numbers) -> Scalar:
-        """What a wheel's speed takes of its command: its motor's back-EMF [V]."""
+        """What a wheel's speed takes of its command: its motor's back-EMF."""
         return (p["gear"] * p["K"] if self.motors else p["back_emf"]) * speed
 
     def _taken_of_each(self, speeds: Scalars, p: Numbers) -> Scalars:
