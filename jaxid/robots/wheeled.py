@@ -42,8 +42,8 @@ class Wheeled(Robot):
     `title`: its name. `motors=True`: commands are the voltages of its motors, whose constants are K, Ra and gear; else
     torques of the wheels [N m], or by `gain` whatever else. `measures`: "body" for speeds of the body in the logs, V, Vn and W
     or v and w, "wheels" for `speed_<wheel>` [rad/s], with `gyro=True` and the yaw rate of the body. `pose=True` integrates x,
-    y, theta as well, `wheel_angles=True` the angles `angle_<wheel>` [rad], which logs may then hold beside or in the place of the
-    speeds.
+    y, theta as well, `wheel_angles=True` the angles `angle_<wheel>` [rad], which logs may then hold beside or in the place of
+    the speeds.
 
     Raises `LayoutError` for wheels that cannot move it.
     """
