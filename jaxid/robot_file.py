@@ -20,7 +20,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from ._toml import read_toml, shown
 from .logs.log import did_you_mean
@@ -169,5 +169,5 @@ def _wheel(name: str, entry: Any, path: Path) -> Wheel:
     )
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e6
