@@ -76,7 +76,7 @@ def shown_at_rest(
         # A log that moves too little to tell the colour of its noise says nothing of that, unless all are such.
         own = [_Rest(parts, own) for parts, own in rests[name] if own is not None]
         own = own or [_Rest(parts, colour) for parts, _ in rests[name]]
-        said.add(_there(own, quiet) if held.get(name, 0.0) > needed else None)
+        said.add(_there(own, colour, quiet) if held.get(name, 0.0) > needed else None)
     return said.pop() if len(said) == 1 else None
 
 
@@ -160,8 +160,9 @@ class _Rest(NamedTuple):
     def variance(self) -> float:
         return max(float(np.mean(np.concatenate(self.parts) ** 2)), 1e-300)
 
-    def coloured(self, colour: Colour) -> float:
-        """Log-likelihood of noise of this colour."""
+    def coloured(self, colour: Colour | None) -> float:
+        """Log-likelihood of noise of this colour, or of its own."""
+        colour = colour or self.colour
         covariances = _variance(colour) * colour.correlations[: max(map(len, self.parts))]
         return sum(_log_likelihood(own, covariances[: len(own)]) for own in self.parts)
 
@@ -173,10 +174,10 @@ def _colour_here(residual: Array, stood: NDArray[np.bool_]) -> Colour | None:
     return colour_of([without_jumps(moving)]) if len(moving) >= _ENOUGH else None
 
 
-def _there(rests: Sequence[_Rest], quiet: float) -> bool | None:
-    """Whether noise of the colour that each log has in motion is there in its rests: by the likelihood ratio to white noise of
-    any size, and, where it is the likelier, to noise of a colour and size of the rests' own, which is another noise where it is
-    less. What was fitted to a log has its price (Schwarz)."""
+def _there(rests: Sequence[_Rest], colour: Colour, quiet: float) -> bool | None:
+    """Whether noise of the `colour` that all logs together have in motion, or of each log's own, is there in the rests: by the
+    likelihood ratio to white noise of any size, and, where it is the likelier, to noise of a colour and size of the rests' own,
+    which is another noise where it is less. What was fitted to a log has its price (Schwarz)."""
     if not rests:
         return None
     samples = sum(rest.samples for rest in rests)
@@ -184,7 +185,8 @@ def _there(rests: Sequence[_Rest], quiet: float) -> bool | None:
     if sum(rest.samples * rest.variance for rest in rests) < quiet * variance * samples:
         return None
     alone = sum(rest.white for rest in rests) - 0.5 * sum(np.log(rest.samples) for rest in rests[1:])
-    coloured = sum(rest.coloured(rest.colour) for rest in rests)
+    # Of slow noise a log alone tells little; of logs with another noise each, all together nothing.
+    coloured = max(sum(rest.coloured(own) for rest in rests) for own in (colour, None))
     certain = -float(np.log(current_level()))
     if abs(coloured - alone) < certain:
         return None

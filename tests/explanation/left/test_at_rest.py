@@ -5,6 +5,7 @@ import pytest
 from scipy import signal
 
 from jaxid import AXIS, Axis, DifferentialDrive, Log, LogSet, explain, output_error
+from jaxid.estimate.noise_colour import colour_of
 from jaxid.explanation.left import at_rest
 from jaxid.explanation.left.at_rest import held_rates
 
@@ -103,6 +104,8 @@ def rests_of(noises, seed=5):
 def test_logs_of_sensors_with_another_noise_each_are_held_against_their_own(seed):
     """White and large in one, slow and small in the next: all of it together at rest is the colour of neither."""
     same = rests_of([(0, 3.0, 3.0), (4, 0.6, 0.6), (0, 2.0, 2.0), (3, 1.0, 1.0)], seed)
-    assert at_rest._there(same, 0.0) is True
+    pooled = colour_of([part for rest in same for part in rest.parts])
+    assert at_rest._there(same, pooled, 0.0) is True
+    assert at_rest._there([at_rest._Rest(rest.parts, pooled) for rest in same], pooled, 0.0) is False
     held = rests_of([(4, 3.0, 0.3), (4, 0.6, 0.1), (0, 1.0, 1.0), (3, 1.0, 0.1)], seed)
-    assert at_rest._there(held, 0.0) is False
+    assert at_rest._there(held, pooled, 0.0) is False
