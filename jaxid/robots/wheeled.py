@@ -315,36 +315,32 @@ class Wheeled(Robot):
     def motor(self, volts: Scalars, state: State, p: Numbers) -> Scalars:
         """Current [A] of each command's motors, the mean where several wheels share it; without motors what the commands have
         left of their speeds."""
-        taken = zip(volts, self._taken_of_each(self._speeds(state, p), p), strict=True)
-        less = p["Ra"] if self.motors else 1.0
-        return tuple((u - emf) / less for u, emf in taken)
-
-    def _taken(self, speed: Scalar, p: Numbers) -> Scalar:
-        """What a wheel's speed takes of its command: its motor's back-EMF."""
-        return (p["gear"] * p["K"] if self.motors else p["back_emf"]) * speed
-
-    def _taken_of_each(self, speeds: Scalars, p: Numbers) -> Scalars:
-        """The same of each command, of the mean speed of the wheels that share it."""
-        found = dict.fromkeys(self.channels.inputs, 0.0)
-        for wheel, speed in zip(self.wheels, speeds, strict=True):
-            found[wheel.input] = found[wheel.input] + self._taken(speed, p)
-        return tuple(found[n] / m for n, m in zip(self.channels.inputs, self.motors_behind, strict=True))
+        emf, winding = self._motor_constants(p)
+        speeds = self._of_commands(self._speeds(state, p))
+        return tuple((u - emf * speed) / winding for u, speed in zip(volts, speeds, strict=True))
 
     def gear(self, currents: Scalars, volts: Scalars, state: State, p: Numbers) -> Scalars:
-        if len(self.channels.inputs) < len(self.wheels):
-            currents = self._of_wheels(currents, state, p)
         torque = p["gear"] * p["K"] if self.motors else p["gain"]
+        if len(currents) < len(self.wheels):  # of wheels that share a command a faster one has less
+            emf, winding = self._motor_constants(p)
+            speeds = self._speeds(state, p)
+            of_each = zip(currents, self._of_commands(speeds), strict=True)
+            mean = dict(zip(self.channels.inputs, of_each, strict=True))
+            own = ((*mean[wheel.input], speed) for wheel, speed in zip(self.wheels, speeds, strict=True))
+            currents = tuple(current + emf * (usual - speed) / winding for current, usual, speed in own)
         return tuple(torque * current for current in currents)
 
-    def _of_wheels(self, currents: Scalars, state: State, p: Numbers) -> Scalars:
-        """Every wheel's own current, of those that are their commands' motors' mean: of a faster wheel less."""
-        speeds, inputs = self._speeds(state, p), self.channels.inputs
-        mean = dict(zip(inputs, zip(currents, self._taken_of_each(speeds, p), strict=True), strict=True))
-        less, found = p["Ra"] if self.motors else 1.0, []
-        for wheel, speed in zip(self.wheels, speeds, strict=True):
-            current, taken = mean[wheel.input]
-            found.append(current + (taken - self._taken(speed, p)) / less)
-        return tuple(found)
+    def _motor_constants(self, p: Numbers) -> tuple[Scalar, Scalar]:
+        """The command that a wheel's speed takes [V s/rad], and the motor's resistance [ohm]; without motors one."""
+        return (p["gear"] * p["K"], p["Ra"]) if self.motors else (p["back_emf"], 1.0)
+
+    def _of_commands(self, of_wheels: Scalars) -> Scalars:
+        """The mean of each command's wheels."""
+        own = [
+            [x for wheel, x in zip(self.wheels, of_wheels, strict=True) if wheel.input == n]
+            for n in self.channels.inputs
+        ]
+        return tuple(each[0] if len(each) == 1 else sum(each) / len(each) for each in own)
 
     def own_coulomb(self, state: State, p: Numbers) -> Levels:
         levels = ((p["coulomb"], p["coulomb"]),) * len(self.wheels)

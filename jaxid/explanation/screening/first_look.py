@@ -115,7 +115,7 @@ def _first_look(
         return screen(trial.robot, logs, effects, noise, trial.initial_states, trial.angles, report)
     report("whole logs are too far off for a first look; looking in windows of them")
     start = {name: trial.robot.parameters[name].value for name in trial.robot.parameters.free_names}
-    starts = [start, {**start, **begun}] if begun else [start]
+    starts = [start] if {**start, **begun} == start else [start, {**start, **begun}]
     there, longer = _in_windows(trial.robot, starts, windows, noise), 1.0
     # Windows whose own initial states take up all that is missing show nothing of it.
     while there.fitted.adequate and windows is not None:
