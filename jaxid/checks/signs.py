@@ -152,11 +152,17 @@ class Change:
         return 0.0 if energy <= 0 else float(np.sign(product)) * product**2 / energy
 
 
-def _contradicted(answers: Sequence[Answer], claimed: dict[str, Array]) -> bool:
-    """Whether the speeds themselves say clearly that the wiring is as it should be, and not as their changes have it."""
+def _gained(answers: "Sequence[Answer | Change]", claimed: dict[str, Array]) -> float:
+    """Share of the variance, summed over the outputs, that the `claimed` mixing explains beyond the one that was meant."""
     mixing = [(answer, claimed.get(answer.name, answer.mixing)) for answer in answers]
-    lost = sum(answer.weight * (answer.share(answer.mixing) - answer.share(other)) for answer, other in mixing)
-    return lost > _CLEARLY * sum(answer.weight for answer in answers)
+    return sum(answer.weight * (answer.share(other) - answer.share(answer.mixing)) for answer, other in mixing)
+
+
+def _contradicted(answers: Sequence[Answer], changes: "Sequence[Change]", claimed: dict[str, Array]) -> bool:
+    """Whether the speeds themselves say that the wiring is as it should be, and not as their changes have it: clearly, as of
+    changes that run ahead of their cause, or by more than these say."""
+    lost = -_gained(answers, claimed)
+    return lost > min(_gained(changes, claimed), _CLEARLY * sum(answer.weight for answer in answers))
 
 
 def _changes(log: Log) -> list[Change]:
@@ -257,8 +263,7 @@ def check_signs(log: Log, over_windows: bool = True) -> Iterator[Finding]:
     # Changes over short windows tell columns apart best; where noise hides them, the speeds themselves tell signs.
     changes = _changes(log) if over_windows else []
     found, answers = list(_wiring(log, changes)) if changes else [], _answers(log, rows, speeds)
-    # Changes that the speeds contradict run ahead of their cause.
-    if answers and (not found or _contradicted(answers, found[-1][1])):
+    if answers and (not found or _contradicted(answers, changes, found[-1][1])):
         found = list(_wiring(log, answers))
     named = [one for one, _ in found]
     yield from named

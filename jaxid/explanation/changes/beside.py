@@ -1,18 +1,22 @@
 """A second change beside the first: a load and a battery, a floor and a steering lag.
 
-Two sets of logs are seldom one change apart. Where two separate models follow them better than one change does, every number of
-the robot and every cause is tried beside the one that came nearest, and what came nearest is tried anew beside that.
+Two sets of logs are seldom one change apart. Where two separate models follow them better than one change does, or something
+explains more of what it leaves than chance does, every number of the robot, every cause and what promises most of the catalogue
+is tried beside the one that came nearest, and what came nearest is tried anew beside that.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..._distributions import chi_squared_beyond
+from ..._distributions import chi_squared_beyond, chi_squared_tail
 from .candidates import both
-from .first_look import FirstLook, Score
+from .first_look import UNSEEN, FirstLook, Score
 from .joint import Colours, Joint, Pair, refit
-from .trials import HeldOutLogs, Trial, trial_of
+from .noise_left import basis_of
+from .trials import HeldOutLogs, Trial, price, trial_of
+from .whitened import Whitened, answer, statistic
 
 _FEW, _KEPT = 3, 4
 """Steps after which the refits of two changes are compared, and how many of them are refitted to the end."""
@@ -31,7 +35,12 @@ def _apart(one: Score, other: Score) -> bool:
 
 def _beside(pair: Pair, first: Score, second: Score, joint: Joint, kept: np.ndarray, colours: Colours) -> Joint:
     """A few steps of the refit in which both have changed, the first by `kept`, from what `joint` has of the rest."""
-    delta = np.concatenate([kept, np.zeros(len(second.candidate.coordinates))])
+    start = (
+        second.delta
+        if not second.own and np.all(np.isfinite(second.delta))
+        else np.zeros(len(second.candidate.coordinates))
+    )
+    delta = np.concatenate([kept, start])
     candidate = both(first.candidate, second.candidate)
     return refit(pair, candidate, colours, joint.theta, delta, joint.states, steps=_FEW)
 
@@ -49,27 +58,64 @@ def _alike(look: FirstLook, score: Score) -> list[Score]:
     return found[:_KEPT]
 
 
+def promising_beside(look: FirstLook, best: Trial, colours: Colours, level: float) -> list[Score]:
+    """What would explain more of what the `best` change leaves than chance lets any of so many, to first order, the most
+    worth first."""
+    view = Whitened(look.seen, colours, best.joint.residuals)
+    basis = basis_of(view, look.changes_of(best.joint.candidate))
+    left = view.left - basis @ (basis.T @ view.left)
+    scores = {score.candidate: score for score in look.scores}
+    others = [c for c in look.seen.changes if c.candidate in scores and _apart(scores[c.candidate], best.score)]
+    every = []
+    for change in others:
+        D = view.directions(change)
+        every.append(D - basis @ (basis.T @ D))
+    answers = [answer(D, left, change.positive) for change, D in zip(others, every, strict=True)]
+    if not answers:
+        return []
+    k = max(range(len(answers)), key=lambda i: answers[i][1] - every[i].shape[1] * np.log(len(left)))
+    remains = left + every[k] @ answers[k][0]
+    blocks, logs, free = view.blocks(remains), view.logs, view.basis.shape[1] + basis.shape[1]
+    found = []
+    for change, D, (delta, gain) in zip(others, every, answers, strict=True):
+        shown = np.linalg.norm(D, axis=0) > UNSEEN
+        if gain <= 0 or not shown.any():
+            continue
+        drop, freedom = statistic(D[:, shown], left, remains, blocks, logs, free)
+        p = float(chi_squared_tail(drop, max(freedom, 1)))
+        if p * len(others) < level:
+            old = scores[change.candidate]
+            start = np.where(np.isfinite(change.sizes), delta * np.nan_to_num(change.sizes), old.delta)
+            found.append(replace(old, gain=drop, p_value=p, delta=start))
+    return sorted(found, key=lambda score: -score.worth)
+
+
 def changed_beside(
     pair: Pair,
     look: FirstLook,
     best: Trial,
+    promising: Sequence[Score],
     colours: Colours,
     held_out: HeldOutLogs | None,
     level: float,
     report: Callable[[str], None],
 ) -> list[Trial]:
     """The refits in which something has changed beside the `best` change, the best first; none where nothing does so that is
-    beyond chance, all that were tried accounted for."""
+    beyond chance, all that were tried accounted for. Of mechanisms of the catalogue those that are `promising` are tried."""
     own = [score for score in look.scores if score.own]
     seconds = [score for score in own if _apart(score, best.score)]
+    seconds += [score for score in promising if not score.own and _apart(score, best.score)][:_KEPT]
     if not seconds:
         return []
     report(f"looking whether something else changed beside {best.score.candidate.title}")
 
+    def worth(joint: Joint) -> float:
+        return joint.squares + price(pair) * len(joint.delta)
+
     def ended(tried: Sequence[tuple[Score, Joint]]) -> list[Trial]:
         least = min(joint.squares for _, joint in tried)
         near = least + _IN_THE_RUNNING * max(best.joint.squares - least, 0.0)
-        running = sorted((own for own in tried if own[1].squares <= near), key=lambda own: own[1].squares)[:_KEPT]
+        running = sorted((own for own in tried if own[1].squares <= near), key=lambda own: worth(own[1]))[:_KEPT]
         trials = []
         for score, joint in running:
             end = refit(pair, joint.candidate, colours, joint.theta, joint.delta, joint.states)

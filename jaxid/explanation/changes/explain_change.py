@@ -22,10 +22,10 @@ from ...robots.effect import in_words
 from ...robots.given import given_logs
 from ..left.other_way import CHECK, other_way
 from ..level import FALSE_ALARM, checked_level
-from .beside import changed_beside
+from .beside import changed_beside, promising_beside
 from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
-from .first_look import FirstLook, first_look
+from .first_look import FirstLook, Score, first_look
 from .in_both import fitted_with, lacking_in_both
 from .joint import SIDES, Colours, Joint, Pair, refit, with_candidate
 from .judged import Worse, differ_at_all, follows_one_worse, noticed_from
@@ -207,13 +207,22 @@ def _explained(
         columns = _columns(before, after, logs)
         left = best.joint.squares - separate
         # Beside what both sets lacked, how far its law is from nature's would pass for a second change.
-        if not doubts and not columns and not lacked and _significant(left, level, len(pair.free)):
-            together = _together(pair, look, best, null, separate, colours, held_out, level, poor, report)
+        alone = not doubts and not columns and not lacked
+        promising = promising_beside(look, best, colours, level) if alone else []
+        if alone and (promising or _significant(left, level, len(pair.free))):
+            together = _together(pair, look, best, promising, null, separate, colours, held_out, level, poor, report)
             if together:
                 best, *equivalent = together
                 worse = follows_one_worse(pair, best.joint.residuals)
+                promising = promising_beside(look, best, colours, level)
         doubts += columns
         doubts += _doubts(best, null, separate, worse, by_name, level, held_out, colours, pair)
+        gained = null.squares - best.joint.squares
+        if promising and not poor and promising[0].gain > LEFT * gained:
+            doubts.append(
+                f"beside it {promising[0].candidate.title} would explain more (chi-squared {promising[0].gain:.0f}, of "
+                f"{gained:.0f} that it gains)"
+            )
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
     if best is not None and null.squares - best.joint.squares < LEFT * gained:
         best, equivalent, doubts, notes = None, [], [], ()
@@ -275,12 +284,12 @@ def _columns(before: Fit, after: Fit, logs: tuple[LogSet, LogSet]) -> list[str]:
 
 
 def _together(
-    pair: Pair, look: FirstLook, best: Trial, null: Joint, separate: float, colours: Colours, held_out: HeldOutLogs | None,
-    level: float, poor: bool, report: Callable[[str], None],
+    pair: Pair, look: FirstLook, best: Trial, promising: list[Score], null: Joint, separate: float, colours: Colours,
+    held_out: HeldOutLogs | None, level: float, poor: bool, report: Callable[[str], None],
 ) -> list[Trial]:  # fmt: skip
     """What changed beside the best candidate, and what these logs cannot tell from the two; empty where no two do as well as
     separate models, or better than one on logs that chose nothing."""
-    found = changed_beside(pair, look, best, colours, held_out, level, report)
+    found = changed_beside(pair, look, best, promising, colours, held_out, level, report)
     if not found:
         return []
     first, *others = simplest_first(found, null, poor)

@@ -9,8 +9,10 @@ from ...logs import LogSet
 from ..search.telling_apart import vuong
 from .candidates import Side
 from .first_look import FirstLook, Score
-from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, with_candidate
+from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, white, with_candidate
 from .judged import predicted
+from .noise_left import likelihood_cost, noise_left
+from .whitened import Whitened
 
 _MOST, _ALWAYS, _FEW = 8, 3, 3
 _PROMISING = 0.3
@@ -57,10 +59,6 @@ class Trial:
     compared: list[np.ndarray]
 
 
-def _colours_left(pair: Pair, joint: Joint) -> Colours:
-    return {side: pair.sides[side].colours(joint.residuals[side]) for side in SIDES}
-
-
 def _whitened(pair: Pair, joint: Joint, colours: Colours) -> list[np.ndarray]:
     """Whitened residuals [T, ny] of every log."""
     return [own for side in SIDES for own in pair.sides[side].whiten(joint.residuals[side], colours[side])]
@@ -68,14 +66,15 @@ def _whitened(pair: Pair, joint: Joint, colours: Colours) -> list[np.ndarray]:
 
 def _shortlist(look: FirstLook) -> list[Score]:
     """The candidates worth a refit: all of the robot's own, since large changes are not what they promise to first order, and
-    the mechanisms that promise most."""
+    the mechanisms that promise most, also if all that differs were taken for change and none of it for slow noise."""
     others = [score for score in look.scores if not score.own and score.gain > 0.0]
     least = _PROMISING * max((score.gain for score in look.scores), default=0.0)
     kept = [s for i, s in enumerate(others[:_MOST]) if i < _ALWAYS or s.gain > least]
+    kept += [s for s in sorted(others, key=lambda s: -s.in_white)[:_ALWAYS] if s not in kept]
     return [*(score for score in look.scores if score.own), *kept]
 
 
-def _price(pair: Pair) -> float:
+def price(pair: Pair) -> float:
     """What a number more must gain (Schwarz's criterion)."""
     return float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
 
@@ -83,7 +82,7 @@ def _price(pair: Pair) -> float:
 def trial_of(pair: Pair, score: Score, joint: Joint, held_out: HeldOutLogs | None, colours: Colours) -> Trial:
     """The refit of a candidate, with what it leaves of the logs by which candidates are compared."""
     compared = held_out.residuals(pair, joint, colours) if held_out is not None else _whitened(pair, joint, colours)
-    total = joint.squares + _price(pair) * len(joint.delta)
+    total = joint.squares + price(pair) * len(joint.delta)
     total += sum(float(np.sum(r**2)) for r in compared) if held_out is not None else 0.0
     return Trial(score, joint, total, compared)
 
@@ -92,7 +91,7 @@ def refitted(
     pair: Pair, look: FirstLook, null: Joint, held_out: HeldOutLogs | None, report: Callable[[str], None]
 ) -> tuple[list[Trial], Joint, Colours]:
     """The shortlist refitted, the best first; the model without any change; the colours of the noise that the best leaves."""
-    rows = _price(pair)
+    rows = price(pair)
     joints: list[tuple[Score, Joint]] = []
     for score in _shortlist(look):
         start = score.delta if np.all(np.isfinite(score.delta)) else None
@@ -101,9 +100,11 @@ def refitted(
         steps = _MORE if look.far else _FEW
         tried = [refit(pair, score.candidate, look.colours, look.theta, own, steps=steps) for own in starts]
         joints.append((score, min(tried, key=lambda joint: joint.squares)))
-    _, first = min(joints, key=lambda own: own[1].squares + rows * len(own[1].delta))
+    # Each with noise of its own colour: that of a worse one would pass for what the better one explains.
+    _, first = min(joints, key=lambda own: likelihood_cost(pair, own[1].residuals)[0] + rows * len(own[1].delta))
     first = refit(pair, first.candidate, look.colours, first.theta, first.delta, first.states)
-    colours = _colours_left(pair, first)
+    left = Whitened(look.seen, white(pair), first.residuals)
+    colours = noise_left(look.seen, left, look.changes_of(first.candidate)).colours
     nothing = weighed(pair, null, colours)
     reached = weighed(pair, first, colours)
     near = reached + max(_IN_THE_RUNNING * (nothing - reached), _FAR)
