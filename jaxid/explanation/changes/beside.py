@@ -11,20 +11,21 @@ from dataclasses import replace
 import numpy as np
 
 from ..._distributions import chi_squared_beyond, chi_squared_tail
-from .candidates import both
+from .candidates import Candidate, both, is_only_later
 from .first_look import UNSEEN, FirstLook, Score
 from .joint import Colours, Joint, Pair, refit
 from .noise_left import basis_of
 from .trials import HeldOutLogs, Trial, price, trial_of
 from .whitened import Whitened, answer, statistic
 
-_FEW, _KEPT = 3, 4
-"""Steps after which the refits of two changes are compared, and how many of them are refitted to the end."""
+_FEW, _KEPT, _ROUNDS = 3, 4, 4
+"""Steps after which the refits of two changes are compared, how many of them are refitted to the end, and of how many changes
+it is asked what is beside them."""
 _IN_THE_RUNNING = 0.3
 """Share of what the best second change gains that others may lack after these steps and still be refitted to the end."""
 
 _DIFFERENT = 0.1
-"""Share of a change, squared, that another must not make for the two to be different."""
+"""Share of a change, squared, that another must not make for the two to be different, or of what it explains."""
 
 
 def _apart(one: Score, other: Score) -> bool:
@@ -46,14 +47,18 @@ def _beside(pair: Pair, first: Score, second: Score, joint: Joint, kept: np.ndar
 
 
 def _alike(look: FirstLook, score: Score) -> list[Score]:
-    """Mechanisms of the catalogue that make nearly the same change as a candidate of the robot's own."""
+    """Mechanisms of the catalogue that make nearly the same change as a candidate, or make all come later as it does."""
     found = []
     for other in look.scores:
         if other.own or not _apart(other, score):
             continue
+        if is_only_later(other.candidate) and is_only_later(score.candidate):
+            found.append(other)
+            continue
         onto = np.linalg.qr(other.directions)[0]
         left = score.directions - onto @ (onto.T @ score.directions)
-        if float(np.sum(left**2)) < _DIFFERENT * float(np.sum(score.directions**2)):
+        same = float(np.sum(left**2)) < _DIFFERENT * float(np.sum(score.directions**2))
+        if same or other.gain > (1.0 - _DIFFERENT) * score.gain > 0.0:
             found.append(other)
     return found[:_KEPT]
 
@@ -122,22 +127,29 @@ def changed_beside(
             trials.append(trial_of(pair, _together(score, end), end, held_out, colours))
         return trials
 
-    k = len(best.joint.delta)
-    found = ended([(s, _beside(pair, best.score, s, best.joint, best.joint.delta, colours)) for s in seconds])
-    leader = min(found, key=lambda trial: trial.total)
-    gained = best.joint.squares - leader.joint.squares
-    chance = level / len(seconds)
-    if gained < float(chi_squared_beyond(chance, len(leader.joint.delta) - k)):
-        return []
-    second = next(s for s in seconds if s.candidate == leader.score.candidate.parts[1])
-    firsts = [s for s in own if _apart(s, second) and s.candidate != best.score.candidate]
-    # What does the same as either is no candidate of the robot's own alone: a sensor's scale, and the gain of what drives it.
-    firsts += [score for score in _alike(look, best.score) if _apart(score, second)]
-    instead = [score for score in _alike(look, second) if _apart(score, best.score)]
-    if instead:
-        found += ended([(s, _beside(pair, best.score, s, best.joint, best.joint.delta, colours)) for s in instead])
-    if firsts:
-        found += ended([(s, _beside(pair, second, s, leader.joint, leader.joint.delta[k:], colours)) for s in firsts])
+    by_candidate = {score.candidate: score for score in look.scores}
+    around, joint, kept, others = best.score, best.joint, best.joint.delta, seconds
+    found, explored = list[Trial](), list[Candidate]()
+    while others and len(explored) < _ROUNDS:
+        explored.append(around.candidate)
+        found += ended([(s, _beside(pair, around, s, joint, kept, colours)) for s in others])
+        leader = min(found, key=lambda trial: trial.total)
+        first, second = (by_candidate[part] for part in leader.score.candidate.parts)
+        if len(explored) == 1:
+            gained, more = best.joint.squares - leader.joint.squares, len(leader.joint.delta) - len(best.joint.delta)
+            if gained < float(chi_squared_beyond(level / len(seconds), more)):
+                return []
+            # What does the same is no candidate of the robot's own alone: a sensor's scale, and the gain of what drives it.
+            instead = [score for score in _alike(look, second) if _apart(score, best.score) and score not in seconds]
+            if instead:
+                found += ended([(s, _beside(pair, best.score, s, joint, kept, colours)) for s in instead])
+        # What came second was found beside another: what is beside that now?
+        if second.candidate in explored:
+            break
+        k = len(first.candidate.coordinates)
+        around, joint, kept = second, leader.joint, leader.joint.delta[k:]
+        others = [s for s in own if s.candidate not in explored and s.candidate != first.candidate]
+        others = [s for s in (*others, *_alike(look, first)) if _apart(s, around)]
     found.sort(key=lambda trial: trial.total)
     for trial in found:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")

@@ -173,6 +173,11 @@ def _parameters(robot: Robot) -> list[Candidate]:
     return [_of_parameters(robot, name, _worded(robot, name), [name]) for name in robot.parameters]
 
 
+def is_only_later(candidate: Candidate) -> bool:
+    """Whether it makes the same motion later and changes nothing else."""
+    return bool(candidate.effects) and all(effect.only_later for effect in candidate.effects)
+
+
 def of_mechanism(effect: Effect, robot: Robot, side: Side, start: Mapping[str, float] | None = None) -> Candidate:
     """An effect of the catalogue that came (`side` after) or went (before)."""
     word = "appeared" if side == "after" else "vanished"
@@ -214,4 +219,4 @@ def mechanisms_of(robot: Robot) -> list[Effect]:
     return [e for e in catalogue(robot) if not isinstance(e, OwnParameter) and not e.repeats]
 
 
-__all__ = ["Candidate", "Coordinate", "Side", "both", "candidates_of", "mechanisms_of", "of_mechanism"]
+__all__ = ["Candidate", "Coordinate", "Side", "both", "candidates_of", "is_only_later", "mechanisms_of", "of_mechanism"]

@@ -182,10 +182,10 @@ def _explained(
     otherwise = min(2.0 * by_name, 4.0 * apart)
     worse = follows_one_worse(pair, null.residuals, slow=otherwise >= level)
     p = min(otherwise, 4.0 * worse.p_value, 1.0)
-    best, equivalent, doubts, poor = None, [], list[str](), False
+    best, likeliest, equivalent, doubts, poor = None, None, [], list[str](), False
     notes: tuple[str, ...] = (worse.noise,) if worse.noise and p >= level else ()
     if p < level:
-        trials, null, colours = refitted(pair, look, null, held_out, report)
+        trials, likeliest, null, colours = refitted(pair, look, null, held_out, report)
         # One alone may lack just what has changed.
         poor = all(fit.judgement is not None and fit.judgement.doubt for fit in (before, after))
         best, *equivalent = simplest_first(trials, null, poor)
@@ -210,7 +210,9 @@ def _explained(
         alone = not doubts and not columns and not lacked
         promising = promising_beside(look, best, colours, level) if alone else []
         if alone and (promising or _significant(left, level, len(pair.free))):
-            together = _together(pair, look, best, promising, null, separate, colours, held_out, level, poor, report)
+            ground = likeliest if promising and likeliest is not None else best
+            beside = promising if ground is best else promising_beside(look, ground, colours, level)
+            together = _together(pair, look, ground, beside, null, separate, colours, held_out, level, poor, report)
             if together:
                 best, *equivalent = together
                 worse = follows_one_worse(pair, best.joint.residuals)
@@ -293,6 +295,7 @@ def _together(
     if not found:
         return []
     first, *others = simplest_first(found, null, poor)
+    others += only_later(first, [t for t in found if t is not first and t not in others], null)
     gained = null.squares - first.joint.squares
     left = first.joint.squares - separate
     if _significant(left, level, len(pair.free)) and left > LEFT * gained:

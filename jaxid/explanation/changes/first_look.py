@@ -98,7 +98,7 @@ def first_look(
             best, worth = plain.left + D @ delta, gain - len(delta) * np.log(len(D))
     left = plain.shaped(best)
     far = float(np.sqrt(np.mean(np.square(np.concatenate([left[s][pair.sides[s].there] for s in SIDES]))))) > _FAR_OFF
-    noise = NoiseLeft(white(pair), ()) if far else noise_left(seen, plain)
+    noise = NoiseLeft(white(pair)) if far else noise_left(seen, plain)
     view = Whitened(seen, noise.colours)
     every = [view.directions(change) for change in seen.changes]
     answers = [answer(D, view.left, change.positive) for change, D in zip(seen.changes, every, strict=True)]

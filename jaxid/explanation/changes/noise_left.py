@@ -25,10 +25,12 @@ _OLD = 1e-8
 
 
 class NoiseLeft(NamedTuple):
-    """The `colours` of what is left of both sides, and the changes that were `taken` off for it."""
+    """The `colours` of what is left of both sides, the changes that were `taken` off for it, and the cost in likelihood of all
+    of these."""
 
     colours: Colours
-    taken: tuple[Changes, ...]
+    taken: tuple[Changes, ...] = ()
+    cost: float = np.inf
 
     def without(self, view: Whitened) -> Array:
         """What is left [rows] once these changes are taken off in this view."""
@@ -43,21 +45,21 @@ def noise_left(seen: Linear, plain: Whitened, first: Sequence[Changes] = ()) -> 
     taken, basis = tuple(first), basis_of(plain, first)
     left = plain.left - basis @ (basis.T @ plain.left)
     cost, colours = likelihood_cost(seen.pair, plain.shaped(left))
+    cost += basis.shape[1] * np.log(len(left))
     for _ in range(_MOST - len(first)):
         tried = []
         for i in _promising(seen, plain, every, left, colours):
             wider = _with(basis, every[i])
             remains = plain.left - wider @ (wider.T @ plain.left)
             own, their = likelihood_cost(seen.pair, plain.shaped(remains))
-            price = (wider.shape[1] - basis.shape[1]) * np.log(len(left))
-            tried.append((own + price, wider, remains, their, seen.changes[i]))
+            tried.append((own + wider.shape[1] * np.log(len(left)), wider, remains, their, seen.changes[i]))
         best = min(tried, key=lambda own: own[0], default=None)
         # One of many: by chance the best of so many gains twice the logarithm of their number.
         if best is None or best[0] > cost - 2.0 * np.log(len(every)):
             break
         cost, basis, left, colours, change = best
         taken = (*taken, change)
-    return NoiseLeft(colours, taken)
+    return NoiseLeft(colours, taken, cost)
 
 
 def basis_of(view: Whitened, changes: Sequence[Changes]) -> Array:

@@ -7,14 +7,14 @@ import numpy as np
 
 from ...logs import LogSet
 from ..search.telling_apart import vuong
-from .candidates import Side
+from .candidates import Side, is_only_later
 from .first_look import FirstLook, Score
 from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, white, with_candidate
 from .judged import predicted
-from .noise_left import likelihood_cost, noise_left
+from .noise_left import NoiseLeft, likelihood_cost, noise_left
 from .whitened import Whitened
 
-_MOST, _ALWAYS, _FEW = 8, 3, 3
+_MOST, _ALWAYS, _FEW, _LIKELY = 8, 3, 3, 4
 _PROMISING = 0.3
 """Share of the best candidate's promise below which mechanisms of the catalogue are not refitted, but for the first three."""
 _MORE = 8
@@ -89,9 +89,15 @@ def trial_of(pair: Pair, score: Score, joint: Joint, held_out: HeldOutLogs | Non
 
 def refitted(
     pair: Pair, look: FirstLook, null: Joint, held_out: HeldOutLogs | None, report: Callable[[str], None]
-) -> tuple[list[Trial], Joint, Colours]:
-    """The shortlist refitted, the best first; the model without any change; the colours of the noise that the best leaves."""
+) -> tuple[list[Trial], Trial, Joint, Colours]:
+    """The shortlist refitted, the best first; the one that is likeliest with what else may have changed; the model without any
+    change; the colours of the noise that is then left."""
     rows = price(pair)
+
+    def left_by(joint: Joint) -> NoiseLeft:
+        view = Whitened(look.seen, white(pair), joint.residuals)
+        return noise_left(look.seen, view, look.changes_of(joint.candidate))
+
     joints: list[tuple[Score, Joint]] = []
     for score in _shortlist(look):
         start = score.delta if np.all(np.isfinite(score.delta)) else None
@@ -100,11 +106,13 @@ def refitted(
         steps = _MORE if look.far else _FEW
         tried = [refit(pair, score.candidate, look.colours, look.theta, own, steps=steps) for own in starts]
         joints.append((score, min(tried, key=lambda joint: joint.squares)))
-    # Each with noise of its own colour: that of a worse one would pass for what the better one explains.
-    _, first = min(joints, key=lambda own: likelihood_cost(pair, own[1].residuals)[0] + rows * len(own[1].delta))
+    # Each with noise of its own colour (that of a worse one would pass for what the better one explains), and those that come
+    # first with what else makes it likelier: several may differ at once.
+    joints.sort(key=lambda own: likelihood_cost(pair, own[1].residuals)[0] + rows * len(own[1].delta))
+    likely = [*joints[:_LIKELY], *[own for own in joints[_LIKELY:] if own[0].own][:_LIKELY]]
+    _, first = min(likely, key=lambda own: left_by(own[1]).cost)
     first = refit(pair, first.candidate, look.colours, first.theta, first.delta, first.states)
-    left = Whitened(look.seen, white(pair), first.residuals)
-    colours = noise_left(look.seen, left, look.changes_of(first.candidate)).colours
+    colours = left_by(first).colours
     nothing = weighed(pair, null, colours)
     reached = weighed(pair, first, colours)
     near = reached + max(_IN_THE_RUNNING * (nothing - reached), _FAR)
@@ -120,9 +128,10 @@ def refitted(
     # Of a mechanism's laws the best.
     first_of = {(t.score.candidate.id, t.score.candidate.side): t for t in reversed(trials)}
     trials = [t for t in trials if first_of[t.score.candidate.id, t.score.candidate.side] is t]
+    likeliest = next((t for t in trials if t.score.candidate == first.candidate), trials[0])
     for trial in trials:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
-    return trials, refit(pair, None, colours, null.theta, None, null.states), colours
+    return trials, likeliest, refit(pair, None, colours, null.theta, None, null.states), colours
 
 
 def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
@@ -149,14 +158,19 @@ def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
 def only_later(best: Trial, others: list[Trial], null: Joint) -> list[Trial]:
     """Of the `others` those that make the same motion later, as late commands do as well as late sensors, where the best does
     and they leave little of the difference: between two samples each is interpolated in its own way."""
-    later = [
-        t for t in (best, *others) if t.score.candidate.effects and all(e.only_later for e in t.score.candidate.effects)
-    ]
-    if best not in later:
+    mine = _later_and_else(best)
+    if mine is None:
         return []
+    later = [t for t in (best, *others) if _later_and_else(t) == mine]
     left = best.joint.squares + LEFT * (null.squares - best.joint.squares)
-    side = best.score.candidate.side
-    return [t for t in later[1:] if t.score.candidate.side == side and t.joint.squares < left]
+    return [t for t in later[1:] if t.joint.squares < left]
+
+
+def _later_and_else(trial: Trial) -> tuple[Side, frozenset[str]] | None:
+    """Side and ids of what else has changed beside what makes all come later; None where nothing does."""
+    parts = trial.score.candidate.parts or (trial.score.candidate,)
+    others = frozenset(part.id for part in parts if not is_only_later(part))
+    return (trial.score.candidate.side, others) if len(others) == len(parts) - 1 else None
 
 
 def _says_the_same(one: Trial, other: Trial) -> bool:
