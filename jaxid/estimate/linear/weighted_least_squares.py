@@ -176,10 +176,10 @@ def solve(equations: WindowEquations, robot: Robot, held: NDArray[np.bool_]) -> 
     which = [equations.equation == i for i in range(kinds)]
     counts = np.array([np.sum(own) for own in which], dtype=float)
     stretches = np.array([len(np.unique(equations.stretch[own])) for own in which])
-    # Start with weights that put the equations on a common scale, whatever their units.
-    size = [
-        np.std(np.concatenate([equations.targets[own], equations.regressors[own] @ default, [0.0]])) for own in which
-    ]
+    # Start with weights that put the equations on a common scale, whatever their units: that of their terms. At good values of
+    # the table the terms of an equation without a target cancel: weighed by their sum, it would be solved by nothing at all.
+    terms = np.column_stack([equations.targets, equations.regressors * default])
+    size = [float(np.sqrt(np.max(np.mean(terms[own] ** 2, axis=0)))) if own.any() else 0.0 for own in which]
     F, y, kind = _rows(equations)
     noise = np.array([s if s > 0 else 1.0 for s in size])
     held, theta = held.copy(), default.copy()

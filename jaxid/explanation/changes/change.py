@@ -170,6 +170,7 @@ class ExplainedChange:
     - `noticeable`: the smallest changes that would have been noticed; `unseen`: what these logs do not show at all.
     - `lacked`: what the model lacks in both sets is much like these mechanisms; `before` and `after` are fits with them, and
       compared so.
+    - `only_noise`: whether the change leaves no more of both sets than their sensors' noise, whatever their own fits lack.
     - `looked`: all candidates, the likeliest first. `held_out_gain`: drop of chi-squared on held-out logs by the change, NaN
       without.
     """
@@ -190,6 +191,7 @@ class ExplainedChange:
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     lacked: tuple[str, ...] = ()
+    only_noise: bool = False
     origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
@@ -238,7 +240,9 @@ class ExplainedChange:
 
     @property
     def unsound(self) -> str:
-        """What it means that a set's own fit is poor or failed; empty where neither is."""
+        """What it means that a set's own fit is poor or failed; empty where neither is, or where it lacks the change alone."""
+        if self.only_noise:
+            return ""
         said = {
             side: fit.judgement.verdict
             for side, fit in (("before", self.before), ("after", self.after))

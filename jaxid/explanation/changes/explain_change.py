@@ -34,6 +34,8 @@ from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_fir
 
 _IN_BOTH = 3
 """Mechanisms that are added to both sets at most."""
+_NO_MORE = 1.05
+"""Times the noise, as it is known from the logs themselves, up to which nothing but noise is left of a set."""
 _CLEAR, _NAMED = 4.0, 3
 """Standard errors from which another parameter of the two fits is said to differ, too, and how many of them are."""
 
@@ -251,7 +253,14 @@ def _explained(
         doubts=tuple(doubts),
         notes=notes,
         lacked=lacked,
+        only_noise=best is not None and verdict != "unexplained" and _only_noise(pair, best.joint),
     )
+
+
+def _only_noise(pair: Pair, joint: Joint) -> bool:
+    """Whether a refit leaves no more of either set than its noise."""
+    left = (joint.residuals[side][own.there] for side, own in pair.sides.items())
+    return all(float(np.sqrt(np.mean(np.square(r)))) < _NO_MORE for r in left)
 
 
 def _mechanism(joint: Joint) -> str:

@@ -5,7 +5,7 @@ costs what its program computes, and together they are many times the robot.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
@@ -29,6 +29,8 @@ from ..refits.smoothed_angles import Angles
 
 _SAID = 8
 """About how often it is said how far the simulations are."""
+_FAR, _NEAR = 5.0, 0.1
+"""What a probe may change, in units of all motion, and what it changes once its strengths are smaller."""
 
 Pairs = Sequence[tuple[Effect, Effect]]
 """Effects as candidates have them, each with itself as it stands beside the other laws of its mechanism."""
@@ -139,6 +141,43 @@ def _admitted(robot: Robot, pairs: Pairs) -> list[Pairs]:
     return list(sets)
 
 
+def _changes_of(probes: Sequence[tuple[Effect, Effect, Probe]]) -> list[dict[str, float]]:
+    """What each lane changes: one strength, with the shape that it has."""
+    return [{**probe.shape, name: value} for *_, probe in probes for name, value in probe.strengths.items()]
+
+
+def _no_farther(
+    probes: list[tuple[Effect, Effect, Probe]],
+    outputs: NDArray[np.float64],
+    plain: NDArray[np.float64],
+    simulate: Callable[[Sequence[Mapping[str, float]]], NDArray[np.float64]],
+) -> tuple[list[tuple[Effect, Effect, Probe]], NDArray[np.float64]]:
+    """The probes and their `outputs` [P, E, T, ny], those that move the robot far more than all that drove it with smaller
+    strengths: what is typical of a force is a guess where a robot of one's own has units of its own, and nothing is
+    proportional there."""
+    size = np.sqrt(np.nanmean(np.square(plain - plain.mean(axis=1, keepdims=True)), axis=(0, 1)))
+    moves = size > 0
+    if not moves.any():
+        return probes, outputs
+    far = (outputs[..., moves] - plain[..., moves]) / size[moves]
+    with np.errstate(over="ignore", invalid="ignore"):
+        beyond = np.sqrt(np.nanmean(np.square(far), axis=(1, 2, 3)))
+    found, places, at = list(probes), list[int](), 0
+    for i, (alone, there, probe) in enumerate(probes):
+        own = range(at, at + len(probe.strengths))
+        at = own.stop
+        most = max(beyond[k] for k in own)
+        if not probe.limits and _FAR < most < np.inf:
+            smaller = {name: value * _NEAR / most for name, value in probe.strengths.items()}
+            found[i] = alone, there, replace(probe, strengths=smaller)
+            places += own
+    if places:
+        changes = _changes_of(found)
+        outputs = outputs.copy()
+        outputs[places] = simulate([changes[k] for k in places])
+    return found, outputs
+
+
 def probed(
     robot: Robot,
     logs: LogSet,
@@ -165,16 +204,20 @@ def probed(
     for number, some in enumerate(sets, start=1):
         full = _with(robot, some)
         probes = [(alone, there, probe) for alone, there in some for probe in there.probes(full, seen)]
-        changes = [{**probe.shape, name: value} for *_, probe in probes for name, value in probe.strengths.items()]
+        changes = _changes_of(probes)
         if not changes:
             continue
         fixed = dict(angles or integrated_angles(full, logs))
         prescribed |= fixed
         begun = _begun(full, logs, known_states)
-        outputs = _simulate(full, integrator, logs, changes, begun, fixed)
-        if not np.all(np.isfinite(outputs)) and (finer := integrator_for(full, logs)).substeps > integrator.substeps:
+        steps = integrator
+        outputs = _simulate(full, steps, logs, changes, begun, fixed)
+        if not np.all(np.isfinite(outputs)) and (finer := integrator_for(full, logs)).substeps > steps.substeps:
             # A state of one effect that the robot's own steps do not follow spoils what stands beside it.
-            outputs = _simulate(full, finer, logs, changes, begun, fixed)
+            steps = finer
+            outputs = _simulate(full, steps, logs, changes, begun, fixed)
+        simulate = partial(_simulate, full, steps, logs, states=begun, prescribed=fixed)
+        probes, outputs = _no_farther(probes, outputs, first[0], simulate)
         at = 0
         for alone, there, probe in probes:
             n = len(probe.strengths)

@@ -15,6 +15,7 @@ from ..refits.refit import Trial, continued, refit_from_itself
 from ..screening.screen import Candidate, alike_to
 from .colour_left import explaining, ranked_in_colour
 from .denser import densest
+from .from_the_best import from_the_best
 from .laws import (
     best_first,
     by_law,
@@ -138,6 +139,7 @@ def name_next(
     mechanisms = with_what_it_rather_is(mechanisms, screened, added, lambda trial: densest(trial, again))
     mechanisms = with_its_other_laws(by_where_they_bend(mechanisms, base), screened, added)
     mechanisms = with_the_same_law(mechanisms, screened, added)
+    mechanisms = from_the_best(mechanisms, screened, logs, held_out, noise, say)
     mechanisms = by_what_holds(mechanisms, base)
     trials = [own[0] for own in mechanisms]
     rather = trials[0].id
