@@ -160,9 +160,10 @@ def _gained(answers: "Sequence[Answer | Change]", claimed: dict[str, Array]) -> 
 
 def _contradicted(answers: Sequence[Answer], changes: "Sequence[Change]", claimed: dict[str, Array]) -> bool:
     """Whether the speeds themselves say that the wiring is as it should be, and not as their changes have it: clearly, as of
-    changes that run ahead of their cause, or by more than these say."""
-    lost = -_gained(answers, claimed)
-    return lost > min(_gained(changes, claimed), _CLEARLY * sum(answer.weight for answer in answers))
+    changes that run ahead of their cause, by more than these say, or at all where these say little of each output."""
+    lost, gained = -_gained(answers, claimed), _gained(changes, claimed)
+    little = gained < _CLAIM * sum(change.weight for change in changes)
+    return lost > min(gained, _CLEARLY * sum(answer.weight for answer in answers)) or (little and lost > 0.0)
 
 
 def _changes(log: Log) -> list[Change]:

@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 
-from jaxid import demo, read_logs
+from jaxid import Wheel, Wheeled, demo, read_logs
 from jaxid.checks.exchanged import check_exchanged
 from jaxid.checks.preflight import preflight
+from jaxid.checks.signs import check_signs
 from jaxid.logs import AXIS, Channels, Log
 from tests.checks.any_scale import ROBOTS, make
 
 N = 500
+MIXING = np.array([[1, 1, 1, 1], [-1, 1, 1, -1], [-1, 1, -1, 1.0]])
+ARMS = np.array([[1, -1, -0.39], [1, 1, 0.39], [1, 1, -0.39], [1, -1, 0.39]])
 JUMPS = ("levels", "two levels")
 
 
@@ -117,3 +120,41 @@ def test_measurements_that_are_missing_foretell_nothing(axis_log):
     slow = np.where(np.arange(N)[:, None] % 10 == 0, log.outputs, np.nan)
     assert not list(check_exchanged(Log.from_arrays("slow.csv", log.time, inputs, slow, AXIS)))
     assert list(check_exchanged(exchanged(log, "u", "v")))
+
+
+def mecanum(seed, level, hold=40, samples=1000, dt=0.02):
+    """Speeds of the body beside the counts of four mecanum wheels, with dry friction that weak commands hardly overcome."""
+    wheels = [
+        Wheel(n, (0.24 * a, 0.15 * b), kind="mecanum")
+        for n, a, b in (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1))
+    ]
+    rng = np.random.default_rng(seed)
+    modes = rng.normal(size=(samples // hold + 1, 3)) * (1, 1, 0.6)
+    u, x, angles, seen = level * np.repeat(modes @ MIXING / 2, hold, axis=0)[:samples], np.zeros(3), np.zeros(4), []
+    for row in u:
+        seen.append(np.concatenate([x, angles]))
+        for _ in range(10):
+            friction = np.array([1.0, 1.0, 2.8]) * np.tanh(x / 0.005)
+            x = x + 0.1 * dt * (np.array([0.9, 0.9, 2.6]) * (MIXING @ row) - 2.4 * x - friction)
+            angles = angles + 0.1 * dt * (ARMS @ x) / 0.05
+    read, count = np.array(seen), 2 * np.pi / 4096
+    read[:, :3] += rng.normal(size=(samples, 3)) * (0.004, 0.004, 0.01)
+    read[:, 3:] = np.round(read[:, 3:] / count) * count
+    channels = Wheeled(wheels=tuple(wheels), wheel_angles=True).channels
+    return Log.from_arrays("mecanum", dt * np.arange(samples), u, read, channels)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_weak_commands_to_many_wheels_are_no_swapped_wires(seed):
+    """Changes of seven outputs say a little more for another wiring, the outputs themselves say more against it."""
+    assert not list(check_signs(mecanum(seed, level=0.6)))
+
+
+@pytest.mark.parametrize(("seed", "pair"), [(0, (0, 1)), (1, (2, 3))])
+def test_wires_of_many_wheels_that_are_swapped_are_named(seed, pair):
+    log = mecanum(seed, level=2.0)
+    inputs = np.array(log.inputs)
+    inputs[:, pair] = inputs[:, pair[::-1]]
+    found = list(check_signs(Log.from_arrays("mapped.csv", log.time, inputs, log.outputs, log.channels)))
+    names = [log.channels.inputs[k] for k in pair]
+    assert any(all(name in one.message for name in names) for one in found)

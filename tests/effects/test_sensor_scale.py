@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, DifferentialDrive, Omni
+from jaxid import Axis, Channels, Custom, DifferentialDrive, Omni, Parameter
 from jaxid.effects import effect_by_id
 
 LAW = effect_by_id(Axis(), "sensor_scale", "shape")
@@ -36,6 +36,23 @@ def test_what_all_sensors_have_alike_may_be_held_as_another_s():
     assert scale.may_hold(held) == []
     pair = effect_by_id(Axis(), "sensor_scale", "by_direction")
     assert pair.may_hold(Axis() + pair) == []
+
+
+def test_of_sensors_of_each_unit_one_may_be_held():
+    """What both ammeters read too much is another resistance, whatever the encoders read."""
+    names = ("nr", "nl", "ir", "il")
+    robot = Custom(
+        dynamics=lambda state, inputs, p: dict.fromkeys(names, p["a"] * inputs["u"]),
+        state_names=names,
+        own_channels=Channels(("u",), names, (), {"u": "V", "nr": "rpm", "nl": "rpm", "ir": "A", "il": "A"}),
+        table={"a": Parameter(1.0, "1/s", free=True)},
+    )
+    scale = effect_by_id(robot, "sensor_scale", "each_channel")
+    robot = (robot + scale).with_values(**{scale.key(f"error_{n}"): 0.01 * (k + 1) for k, n in enumerate(names)})
+    assert scale.may_hold(robot) == [scale.key("error_nl")]
+    held = robot.change(scale.key("error_nl"), free=False)
+    assert scale.may_hold(held) == [scale.key("error_ir")]
+    assert scale.may_hold(held.change(scale.key("error_ir"), free=False)) == []
 
 
 def test_of_sensors_that_no_log_has_none_is_held():

@@ -37,13 +37,21 @@ class SensorScale(Effect):
 
     def may_hold(self, robot: Robot) -> list[str]:
         """The error in the middle of all, of two the smaller one: what all sensors read too much may be a constant's of the
-        robot, such as its mass."""
-        names = self.either_nominal(robot)
-        values = {name: robot.parameters[name].value for name in names if robot.parameters[name].free}
-        if len(values) < max(len(names), 2):
-            return []
+        robot, such as its mass. Where one is held, the same of all that have another unit: what all currents read too much is
+        another resistance, whatever the speeds read."""
+        free = {name: robot.parameters[name].free for name in self.either_nominal(robot)}
+        if all(free.values()):
+            return self._middle(list(free), robot)
+        units: dict[str, list[str]] = {}
+        for channel in sensed(robot):
+            units.setdefault(robot.channels.units.get(channel, ""), []).append(self.key(f"error_{channel}"))
+        return [name for own in units.values() if all(map(free.get, own)) for name in self._middle(own, robot)]
+
+    def _middle(self, names: list[str], robot: Robot) -> list[str]:
         # What no log measures is where it was.
-        values = {name: value for name, value in values.items() if value != 0.0}
+        values = {name: robot.parameters[name].value for name in names if robot.parameters[name].value != 0.0}
+        if len(names) < 2 or len(values) < 2:
+            return sorted(values) if len(names) > 1 else []
         if len(values) == 2:
             return [min(values, key=lambda name: abs(values[name]))]
         return sorted(values, key=lambda name: values[name])[(len(values) - 1) // 2 :][:1]

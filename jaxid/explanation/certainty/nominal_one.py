@@ -46,16 +46,23 @@ def with_another_nominal(
 
 def _others(robot: Robot, effect: Effect) -> Iterator[tuple[str, Robot]]:
     """Models in which another share is none, the least and the largest of them, with what that means: from where the shares
-    differ as much as they do."""
+    differ as much as they do; where one of each unit is none, another of the same."""
     table, words = robot.parameters, effect.either_nominal(robot)
-    held = [name for name in words if not table[name].free and table[name].value == 0.0]
-    free = {name: table[name].value for name in words if table[name].free}
-    if len(held) != 1 or len(held) + len(free) != len(words) or not free:
-        return
-    for name in dict.fromkeys(chosen(free, key=lambda name: free[name]) for chosen in (min, max)):
-        scale = 1.0 + free[name]
-        if not scale > 0.0:
-            continue  # dead, or the other way round: not what the others are measured by
-        values = {other: (1.0 + value) / scale - 1.0 for other, value in {**free, held[0]: 0.0}.items()}
-        other = robot.with_values(**values).change(held[0], free=True).change(name, free=False)
-        yield words[name], other
+    every_held = [name for name in words if not table[name].free and table[name].value == 0.0]
+    units = {name: _unit(robot, name) if len(every_held) > 1 else "" for name in words}
+    for held in every_held:
+        free = {name: table[name].value for name in words if table[name].free and units[name] == units[held]}
+        if len(free) + 1 != list(units.values()).count(units[held]) or not free:
+            continue
+        for name in dict.fromkeys(chosen(free, key=lambda name: free[name]) for chosen in (min, max)):
+            scale = 1.0 + free[name]
+            if not scale > 0.0:
+                continue  # dead, or the other way round: not what the others are measured by
+            values = {other: (1.0 + value) / scale - 1.0 for other, value in {**free, held: 0.0}.items()}
+            other = robot.with_values(**values).change(held, free=True).change(name, free=False)
+            yield words[name], other
+
+
+def _unit(robot: Robot, name: str) -> str:
+    """The unit of the sensor that a share is of: of several units, one sensor of each is the nominal one."""
+    return next((unit for channel, unit in robot.channels.units.items() if name.endswith(f"_{channel}")), "")

@@ -24,14 +24,16 @@ it is asked what is beside them."""
 _IN_THE_RUNNING = 0.3
 """Share of what the best second change gains that others may lack after these steps and still be refitted to the end."""
 
-_DIFFERENT = 0.1
-"""Share of a change, squared, that another must not make for the two to be different, or of what it explains."""
+_DIFFERENT, _WITHIN = 0.1, 0.02
+"""Share of a change, squared, that another must not make for the two to be different, and share of one of which nothing is its
+own."""
 
 
 def _apart(one: Score, other: Score) -> bool:
-    """Whether two candidates move different numbers of the same side."""
+    """Whether two candidates move different numbers of the same side, and not by two laws of one mechanism."""
     a, b = one.candidate, other.candidate
-    return a.side == b.side and not {c.name for c in a.coordinates} & {c.name for c in b.coordinates}
+    named = {c.name for c in a.coordinates} & {c.name for c in b.coordinates}
+    return a.side == b.side and a.id != b.id and not named
 
 
 def _beside(pair: Pair, first: Score, second: Score, joint: Joint, kept: np.ndarray, colours: Colours) -> Joint:
@@ -46,21 +48,48 @@ def _beside(pair: Pair, first: Score, second: Score, joint: Joint, kept: np.ndar
     return refit(pair, candidate, colours, joint.theta, delta, joint.states, steps=_FEW)
 
 
-def _alike(look: FirstLook, score: Score) -> list[Score]:
-    """Mechanisms of the catalogue that make nearly the same change as a candidate, or make all come later as it does."""
-    found = []
+def _alike(look: FirstLook, view: Whitened, score: Score, delta: np.ndarray, keep: Score) -> list[Score]:
+    """Mechanisms of the catalogue that, to first order, may make beside `keep` what a candidate of this size makes, or that
+    make all come later as it does, the nearest first."""
+    of = {change.candidate: change for change in look.seen.changes}
+    own, basis = of[score.candidate], basis_of(view, look.changes_of(keep.candidate))
+
+    def beside(rows: np.ndarray) -> np.ndarray:
+        return rows - basis @ (basis.T @ rows)
+
+    makes = beside(view.directions(own) @ np.nan_to_num(delta / own.sizes))
+    found: list[tuple[float, Score]] = []
     for other in look.scores:
         if other.own or not _apart(other, score):
             continue
-        if is_only_later(other.candidate) and is_only_later(score.candidate):
-            found.append(other)
+        onto = np.linalg.qr(beside(view.directions(of[other.candidate])))[0]
+        left = float(np.sum((makes - onto @ (onto.T @ makes)) ** 2) / max(float(makes @ makes), 1e-300))
+        if left < _DIFFERENT or (is_only_later(other.candidate) and is_only_later(score.candidate)):
+            found.append((left, other))
+    return [other for _, other in sorted(found, key=lambda own: own[0])][:_KEPT]
+
+
+def as_well(look: FirstLook, best: Trial, colours: Colours) -> list[str]:
+    """Titles of what may have changed as well where two changes are named: what it does is what these do together in other
+    sizes, and nothing that either does by itself."""
+    parts = best.score.candidate.parts
+    if len(parts) < 2:
+        return []
+    view = Whitened(look.seen, colours, best.joint.residuals)
+    changes = [look.changes_of(part) for part in parts]
+    alone, together = [basis_of(view, own) for own in changes], basis_of(view, [c for own in changes for c in own])
+    found = []
+    for score in look.scores:
+        if not score.own or len(score.delta) != 1 or score.candidate in parts:
             continue
-        onto = np.linalg.qr(other.directions)[0]
-        left = score.directions - onto @ (onto.T @ score.directions)
-        same = float(np.sum(left**2)) < _DIFFERENT * float(np.sum(score.directions**2))
-        if same or other.gain > (1.0 - _DIFFERENT) * score.gain > 0.0:
-            found.append(other)
-    return found[:_KEPT]
+        D = view.directions(look.changes_of(score.candidate)[0])[:, 0]
+
+        def outside(basis: np.ndarray, D: np.ndarray = D) -> float:
+            return float(np.linalg.norm(D - basis @ (basis.T @ D)) / max(float(np.linalg.norm(D)), 1e-300))
+
+        if outside(together) < _WITHIN and all(outside(own) > 10.0 * _WITHIN for own in alone):
+            found.append(score.candidate.title)
+    return found
 
 
 def promising_beside(look: FirstLook, best: Trial, colours: Colours, level: float) -> list[Score]:
@@ -127,6 +156,7 @@ def changed_beside(
             trials.append(trial_of(pair, _together(score, end), end, held_out, colours))
         return trials
 
+    view = Whitened(look.seen, colours, best.joint.residuals)
     by_candidate = {score.candidate: score for score in look.scores}
     around, joint, kept, others = best.score, best.joint, best.joint.delta, seconds
     found, explored = list[Trial](), list[Candidate]()
@@ -135,21 +165,29 @@ def changed_beside(
         found += ended([(s, _beside(pair, around, s, joint, kept, colours)) for s in others])
         leader = min(found, key=lambda trial: trial.total)
         first, second = (by_candidate[part] for part in leader.score.candidate.parts)
+        k = len(first.candidate.coordinates)
         if len(explored) == 1:
             gained, more = best.joint.squares - leader.joint.squares, len(leader.joint.delta) - len(best.joint.delta)
             if gained < float(chi_squared_beyond(level / len(seconds), more)):
                 return []
-            # What does the same is no candidate of the robot's own alone: a sensor's scale, and the gain of what drives it.
-            instead = [score for score in _alike(look, second) if _apart(score, best.score) and score not in seconds]
-            if instead:
-                found += ended([(s, _beside(pair, best.score, s, joint, kept, colours)) for s in instead])
         # What came second was found beside another: what is beside that now?
         if second.candidate in explored:
             break
-        k = len(first.candidate.coordinates)
         around, joint, kept = second, leader.joint, leader.joint.delta[k:]
         others = [s for s in own if s.candidate not in explored and s.candidate != first.candidate]
-        others = [s for s in (*others, *_alike(look, first)) if _apart(s, around)]
+        others = [s for s in (*others, *_alike(look, view, first, leader.joint.delta[:k], second)) if _apart(s, around)]
+    # What does the same is no candidate of the robot's own alone: a sensor's scale, and the gain of what drives it.
+    leader = min(found, key=lambda trial: trial.total)
+    first, second = (by_candidate[part] for part in leader.score.candidate.parts)
+    k, tried = len(first.candidate.coordinates), {frozenset(t.score.candidate.parts) for t in found}
+    for keep, kept, other, made in (
+        (first, leader.joint.delta[:k], second, leader.joint.delta[k:]),
+        (second, leader.joint.delta[k:], first, leader.joint.delta[:k]),
+    ):
+        instead = [s for s in _alike(look, view, other, made, keep) if _apart(s, keep)]
+        instead = [s for s in instead if frozenset((keep.candidate, s.candidate)) not in tried]
+        if instead:
+            found += ended([(s, _beside(pair, keep, s, leader.joint, kept, colours)) for s in instead])
     found.sort(key=lambda trial: trial.total)
     for trial in found:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")

@@ -22,7 +22,7 @@ from ...robots.effect import in_words
 from ...robots.given import given_logs
 from ..left.other_way import CHECK, other_way
 from ..level import FALSE_ALARM, checked_level
-from .beside import changed_beside, promising_beside
+from .beside import as_well, changed_beside, promising_beside
 from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
@@ -228,6 +228,9 @@ def _explained(
                 f"{gained:.0f} that it gains)"
             )
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
+        others = as_well(look, best, colours) if not doubts else []
+        if others:
+            notes += (f"With {' or '.join(others)} changed as well these sizes would be others: the logs cannot tell.",)
     if best is not None and null.squares - best.joint.squares < LEFT * gained:
         best, equivalent, doubts, notes = None, [], [], ()
     verdict: Verdict = "unchanged"

@@ -25,7 +25,11 @@ def with_parameters_held(
     """The trial with what each of its effects `may_hold` held at zero, one number after another, where that is the likelier
     model, or, of a number that is far from none, where that leaves nothing to be explained of the logs fitted."""
     for effect in trial.robot.effects if not trial.angles else ():
-        for name in effect.may_hold(trial.robot):
+        asked = set[str]()
+        # Of what is left where one is held another may be.
+        while names := [name for name in effect.may_hold(trial.robot) if name not in asked]:
+            name = names[0]
+            asked.add(name)
             say(f"refitting with a parameter of {effect.title} held")
             robot = trial.robot.with_values(**{name: 0.0}).change(name, free=False)
             again = continued(refit_from_itself(robot, trial, logs, held_out, noise), logs, held_out, noise)

@@ -13,6 +13,7 @@ from jaxid import (
     Axis,
     Channels,
     Custom,
+    DifferentialDrive,
     Log,
     LogError,
     LogSet,
@@ -198,6 +199,38 @@ def test_omni_moving_in_all_directions():
     printed = integral_least_squares(wrong.uncoupled(), logs)  # eqs. 1-3 lack the turning frame's terms
     assert printed.robot.parameters["coriolis"].value == 0.0
     assert printed.noise["V"] > 10 * fit.noise["V"]
+
+
+def test_values_of_the_table_that_are_right_are_no_worse_to_begin_with():
+    """The yaw equation of a differential drive has no known force: at right values its terms cancel, and weighed by what is
+    left it would be solved by no force and no inertia at all."""
+    rng, dt, true = (
+        np.random.default_rng(5),
+        0.01,
+        {"M": 12.0, "J": 0.25, "Fv": 11.0, "Fc": 3.0, "gain": 4.0, "b": 0.18},
+    )
+    robot, logs = DifferentialDrive(), []
+    for k in range(2):
+        u = np.repeat(rng.uniform(2.0, 6.0, (10, 2)), 50, axis=0)
+        v, w, seen = 0.0, 0.0, []
+        for right, left in true["gain"] * u:
+            seen.append((v, w))
+            for _ in range(10):
+                rims = v + true["b"] * w, v - true["b"] * w
+                forces = [
+                    f - true["Fv"] * s - true["Fc"] * np.tanh(s / 1e-3)
+                    for f, s in zip((right, left), rims, strict=True)
+                ]
+                v += 0.1 * dt * sum(forces) / true["M"]
+                w += 0.1 * dt * true["b"] * (forces[0] - forces[1]) / true["J"]
+        read = np.array(seen) + rng.normal(size=(500, 2)) * (0.01, 0.02)
+        logs.append(Log.from_arrays(f"run {k}", dt * np.arange(500), u, read, robot))
+    robot = robot.with_values(**true).change("M", free=False).change("gain", free=True)
+    fits = [integral_least_squares(own, LogSet(logs)) for own in (robot, robot.with_values(Fc=5.0, Fv=20.0, J=0.5))]
+    for name in ("J", "Fv", "Fc", "gain"):
+        assert all(fit[name].status == "identified" for fit in fits), name
+        np.testing.assert_allclose(fits[0][name].value, fits[1][name].value, rtol=1e-4)
+        assert abs(fits[0][name].value - true[name]) < 0.05 * true[name]
 
 
 def test_coupled_pioneer(coupled_logs):

@@ -116,7 +116,9 @@ def test_a_payload_is_named_with_its_size_and_saved(tmp_path):
     low, high = said["change"]["parameters"]["M"]["difference"]["ci95"]
     assert low < 0.2 < high and said["change"]["parameters"]["M"]["after"] == pytest.approx(1.2, abs=0.02)
     # Sizes from a model that lacks something are doubted in a terminal as they are on the page.
-    poor = replace(found, after=replace(found.after, judgement=found.after.judgement.doubted("Drag is missing.")))
+    judged_poor = replace(found.after, judgement=found.after.judgement.doubted("Drag is missing."))
+    assert found.only_noise and not replace(found, after=judged_poor).unsound  # it lacks the change alone
+    poor = replace(found, after=judged_poor, only_noise=False)
     assert "of the set" not in str(found)
     assert "The fit of the set after is poor: what the model lacks may pass for a change" in " ".join(str(poor).split())
     both = replace(poor, before=replace(found.before, judgement=found.before.judgement.doubted("Drag is missing.")))

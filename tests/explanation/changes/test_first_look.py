@@ -14,10 +14,10 @@ def test_coordinates_that_do_nearly_the_same_explain_no_more_than_chance():
         first = rng.normal(size=4000)
         D = np.stack([first, first + 0.01 * rng.normal(size=4000), rng.normal(size=4000)], axis=1) * (1.0, 300.0, 1e-3)
         left = rng.normal(size=4000)
-        statistic, freedom = statistic(D, left, left, blocks, logs, 5)
+        drop, freedom = statistic(D, left, left, blocks, logs, 5)
         basis = np.linalg.qr(D)[0]
-        assert freedom == 3 and statistic <= np.sum((basis.T @ left) ** 2) * (1.0 + 1e-9)
-        found.append(statistic)
+        assert freedom == 3 and drop <= np.sum((basis.T @ left) ** 2) * (1.0 + 1e-9)
+        found.append(drop)
     assert 2.0 < np.mean(found) < 3.3  # three on average, less what blocks of time widen
 
 

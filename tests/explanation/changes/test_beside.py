@@ -1,0 +1,66 @@
+"""Two things that changed at once, one of them where two separate fits cannot follow it: both are named, with their sizes, and
+what is left is noise in the sensor's own units."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from jaxid import Channels, Custom, Log, LogSet, Parameter, explain_change, output_error
+
+CHANNELS = Channels(("u",), ("v",), (), {"u": "V", "v": "m/s"})
+ROBOT = Custom(
+    dynamics=lambda state, inputs, p: {"v": (p["K"] * inputs["u"] - state["v"]) / p["T"]},
+    state_names=("v",),
+    own_channels=CHANNELS,
+    table={"T": Parameter(0.3, "s", lower=0.0, free=True), "K": Parameter(0.1, "m/(V s)", free=True)},
+)
+
+
+def logs_of(seed, T=0.3, bias=0.0, colour=0.0):
+    """A first-order drive in closed form, with a sensor's bias and noise of 0.005 m/s whose neighbours are so correlated."""
+    rng, found = np.random.default_rng(seed), []
+    for k in range(3):
+        u, v, seen = np.repeat(rng.uniform(-10.0, 10.0, 20), 15), 0.0, []
+        for final in 0.1 * u:
+            seen.append(v)
+            v = final + (v - final) * np.exp(-0.02 / T)
+        noise = 0.005 * rng.normal(size=300)
+        for i in range(1, 300):
+            noise[i] = colour * noise[i - 1] + np.sqrt(1.0 - colour**2) * noise[i]
+        read = np.array(seen) + bias + noise
+        found.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(300), u[:, None], read[:, None], CHANNELS))
+    return LogSet(found)
+
+
+@cache
+def before(colour=0.0):
+    logs = logs_of(0, colour=colour)
+    return output_error(ROBOT, logs), logs
+
+
+def compared(colour=0.0, **changed):
+    after = logs_of(1, colour=colour, **changed)
+    fit, logs = before(colour)
+    return explain_change(fit, output_error(ROBOT, after), logs, after)
+
+
+def test_a_bias_beside_a_slower_drive_is_no_slow_noise():
+    """Two fits of the model cannot have a bias: what is left would pass for noise, and the drive's change for all there is."""
+    found = compared(T=0.36, bias=0.01)
+    assert found.verdict == "named" and found.change is not None and found.only_noise and not found.unsound
+    assert {part.id for part in found.change.parts} == {"T", "sensor_bias"}
+    sizes = {name: d.size for name, d in found.change.differences.items()}
+    (bias,) = (size for name, size in sizes.items() if "bias" in name)
+    assert abs(sizes["T"].value - 0.06) < 4.0 * sizes["T"].std_error
+    assert abs(bias.value - 0.01) < 4.0 * bias.std_error
+    assert found.change.rms == pytest.approx(1.0, abs=0.05) and found.rms_unchanged > 1.8
+
+
+def test_slow_noise_is_no_bias():
+    """Coloured noise of both sets stays noise beside a change."""
+    found = compared(colour=0.9, T=0.36)
+    assert found.verdict == "named" and found.change is not None and not found.change.parts
+    assert found.change.id == "T"
+    size = found.change.differences["T"].size
+    assert abs(size.value - 0.06) < 4.0 * size.std_error
