@@ -5,7 +5,7 @@ where that is unlikely by chance for any of the candidates, all of which are cou
 more of the difference than two separate models would, and follows both sets alike.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +29,7 @@ from .first_look import FirstLook, Score, first_look
 from .in_both import fitted_with, lacking_in_both
 from .joint import SIDES, Colours, Joint, Pair, refit, with_candidate
 from .judged import Worse, differ_at_all, follows_one_worse, noticed_from
+from .noise_left import MOST
 from .sides import SetOfLogs, side_of
 from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first
 
@@ -174,7 +175,13 @@ def _explained(
     chi-squared) has been added."""
     sides: dict[Side, SetOfLogs] = {"before": side_of(before, logs[0]), "after": side_of(after, logs[1])}
     pair = Pair.of(before.robot, before.free_names, sides)
-    look = first_look(before.robot, pair, {"before": before.initial_states, "after": after.initial_states}, report)
+    # What two poor fits leave is more than noise, and no change: one alone may lack just what has changed.
+    poor = all(fit.judgement is not None and fit.judgement.doubt for fit in (before, after))
+    known: dict[Side, Mapping[str, Mapping[str, float]]] = {
+        "before": before.initial_states,
+        "after": after.initial_states,
+    }
+    look = first_look(before.robot, pair, known, report, 1 if poor else MOST)
     report("first look: " + ", ".join(f"{s.candidate.title} {s.gain:.0f}" for s in look.scores[:5]))
     null, colours = refit(pair, None, look.colours, look.theta), look.colours
     by_name = min([1.0, *(s.p_value * look.tried for s in look.scores)])
@@ -184,12 +191,10 @@ def _explained(
     otherwise = min(2.0 * by_name, 4.0 * apart)
     worse = follows_one_worse(pair, null.residuals, slow=otherwise >= level)
     p = min(otherwise, 4.0 * worse.p_value, 1.0)
-    best, likeliest, equivalent, doubts, poor = None, None, [], list[str](), False
+    best, likeliest, equivalent, doubts = None, None, [], list[str]()
     notes: tuple[str, ...] = (worse.noise,) if worse.noise and p >= level else ()
     if p < level:
         trials, likeliest, null, colours = refitted(pair, look, null, held_out, report)
-        # One alone may lack just what has changed.
-        poor = all(fit.judgement is not None and fit.judgement.doubt for fit in (before, after))
         best, *equivalent = simplest_first(trials, null, poor)
         equivalent += only_later(best, [t for t in trials if t is not best and t not in equivalent], null)
         tried = [trial.joint for trial in trials if not trial.score.own]
@@ -210,7 +215,7 @@ def _explained(
         left = best.joint.squares - separate
         # Beside what both sets lacked, how far its law is from nature's would pass for a second change.
         alone = not doubts and not columns and not lacked
-        promising = promising_beside(look, best, colours, level) if alone else []
+        promising = promising_beside(look, best, colours, level) if alone and not poor else []
         if alone and (promising or _significant(left, level, len(pair.free))):
             ground = likeliest if promising and likeliest is not None else best
             beside = promising if ground is best else promising_beside(look, ground, colours, level)
@@ -218,14 +223,14 @@ def _explained(
             if together:
                 best, *equivalent = together
                 worse = follows_one_worse(pair, best.joint.residuals)
-                promising = promising_beside(look, best, colours, level)
+                promising = promising_beside(look, best, colours, level) if not poor else []
         doubts += columns
         doubts += _doubts(best, null, separate, worse, by_name, level, held_out, colours, pair)
-        gained = null.squares - best.joint.squares
-        if promising and not poor and promising[0].gain > LEFT * gained:
+        explained = null.squares - best.joint.squares
+        if promising and promising[0].gain > LEFT * explained:
             doubts.append(
                 f"beside it {promising[0].candidate.title} would explain more (chi-squared {promising[0].gain:.0f}, of "
-                f"{gained:.0f} that it gains)"
+                f"{explained:.0f} that it gains)"
             )
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
         others = as_well(look, best, colours) if not doubts else []

@@ -18,7 +18,7 @@ from ...robots.robot import Robot
 from .candidates import Candidate, Side
 from .joint import SIDES, Colours, Pair, stacked, white
 from .moved import Changes, Linear, all_that_may_move
-from .noise_left import NoiseLeft, noise_left
+from .noise_left import MOST, NoiseLeft, noise_left
 from .whitened import Whitened, answer, statistic, wider
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class FirstLook:
     """The `scores`, the most worth first, one of each mechanism and of candidates that do the same; the `colours` of what the
     best ones leave together; how many candidates and shapes were `tried`; what no log shows (`unseen`, titles); shared
     parameters `theta` to start from; all that was `seen` to move; whether the difference is `far` beyond the noise, so that
-    white noise is taken."""
+    white noise is taken; how many changes at `most` are no noise."""
 
     scores: tuple[Score, ...]
     colours: Colours
@@ -72,6 +72,7 @@ class FirstLook:
     theta: Float[np.ndarray, " n"]
     seen: Linear = field(repr=False)
     far: bool = False
+    most: int = MOST
 
     def changes_of(self, candidate: Candidate | None) -> list[Changes]:
         """To first order, what a candidate changes, or what its parts do."""
@@ -84,9 +85,10 @@ def first_look(
     pair: Pair,
     known: Mapping[Side, Mapping[str, Mapping[str, float]]],
     report: Callable[[str], None] = lambda message: None,
+    most: int = MOST,
 ) -> FirstLook:
     """Score everything that may have changed of `robot`, the first fit's. `known` are the estimated initial states of each
-    side's logs by name; `report` is told how far the simulations are."""
+    side's logs by name; `report` is told how far the simulations are. So many changes at `most` are no noise."""
     seen = all_that_may_move(robot, pair, known, report)
     plain = Whitened(seen, white(pair))
     best, worth, in_white = plain.left, -np.inf, []
@@ -98,7 +100,7 @@ def first_look(
             best, worth = plain.left + D @ delta, gain - len(delta) * np.log(len(D))
     left = plain.shaped(best)
     far = float(np.sqrt(np.mean(np.square(np.concatenate([left[s][pair.sides[s].there] for s in SIDES]))))) > _FAR_OFF
-    noise = NoiseLeft(white(pair)) if far else noise_left(seen, plain)
+    noise = NoiseLeft(white(pair)) if far else noise_left(seen, plain, most=most)
     view = Whitened(seen, noise.colours)
     every = [view.directions(change) for change in seen.changes]
     answers = [answer(D, view.left, change.positive) for change, D in zip(seen.changes, every, strict=True)]
@@ -134,6 +136,7 @@ def first_look(
         theta + step * pair.sizes(),
         seen,
         far,
+        most,
     )
 
 

@@ -18,7 +18,7 @@ from .moved import Changes, Linear
 from .whitened import Whitened, answer
 
 Array = NDArray[np.float64]
-_MOST, _TRIED = 4, 3
+MOST, _TRIED = 4, 3
 """Candidates that are added at most, and how many of the most promising are tried for each."""
 _OLD = 1e-8
 """Length, in those of a candidate's coordinates, below which it adds nothing to those before."""
@@ -38,15 +38,15 @@ class NoiseLeft(NamedTuple):
         return view.left - basis @ (basis.T @ view.left)
 
 
-def noise_left(seen: Linear, plain: Whitened, first: Sequence[Changes] = ()) -> NoiseLeft:
-    """What is noise once everything that makes the rest likelier has been taken off, `first` in any case; `plain` is all of it
-    in units of white noise."""
+def noise_left(seen: Linear, plain: Whitened, first: Sequence[Changes] = (), most: int = MOST) -> NoiseLeft:
+    """What is noise once everything that makes the rest likelier has been taken off, `most` changes of it and `first` in any
+    case; `plain` is all of it in units of white noise."""
     every = [plain.directions(change) for change in seen.changes]
     taken, basis = tuple(first), basis_of(plain, first)
     left = plain.left - basis @ (basis.T @ plain.left)
     cost, colours = likelihood_cost(seen.pair, plain.shaped(left))
     cost += basis.shape[1] * np.log(len(left))
-    for _ in range(_MOST - len(first)):
+    for _ in range(most - len(first)):
         tried = []
         for i in _promising(seen, plain, every, left, colours):
             wider = _with(basis, every[i])

@@ -96,7 +96,7 @@ def refitted(
 
     def left_by(joint: Joint) -> NoiseLeft:
         view = Whitened(look.seen, white(pair), joint.residuals)
-        return noise_left(look.seen, view, look.changes_of(joint.candidate))
+        return noise_left(look.seen, view, look.changes_of(joint.candidate), look.most)
 
     joints: list[tuple[Score, Joint]] = []
     for score in _shortlist(look):
