@@ -22,7 +22,7 @@ from ...robots.effect import in_words
 from ...robots.given import given_logs
 from ..left.other_way import CHECK, other_way
 from ..level import FALSE_ALARM, checked_level
-from .beside import as_well, changed_beside, promising_beside
+from .beside import changed_beside
 from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
@@ -32,6 +32,7 @@ from .judged import Worse, differ_at_all, follows_one_worse, noticed_from
 from .noise_left import MOST
 from .sides import SetOfLogs, side_of
 from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first
+from .what_else import as_well, promising_beside
 
 _IN_BOTH = 3
 """Mechanisms that are added to both sets at most."""
