@@ -2,8 +2,8 @@
 
 Both sets are simulated at the first fit's numbers. What the shared parameters and the initial states can take up is projected
 off, and the score (Lagrange-multiplier) test of each candidate's coordinates remains (Rao, Proceedings of the Cambridge
-Philosophical Society 44, 1948). All is whitened for noise of the colour that the best candidates leave
-together, and the scores' variance is at least what blocks of time show.
+Philosophical Society 44, 1948). All is whitened for noise of the colour that the best candidates leave together, and
+the scores' variance is at least what blocks of time show.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -62,8 +62,8 @@ class Score:
 class FirstLook:
     """The `scores`, the most worth first, one of each mechanism and of candidates that do the same; the `colours` of what the
     best ones leave together; how many candidates and shapes were `tried`; what no log shows (`unseen`, titles); shared
-    parameters `theta` to start from; all that was `seen` to move; whether the difference is `far` beyond the noise, so that
-    white noise is taken; how many changes at `most` are no noise."""
+    parameters `theta` to start from; all that was `seen` to move, and its directions `in_white` noise; whether the difference
+    is `far` beyond the noise, so that white noise is taken; how many changes at `most` are no noise."""
 
     scores: tuple[Score, ...]
     colours: Colours
@@ -71,6 +71,7 @@ class FirstLook:
     unseen: tuple[str, ...]
     theta: Float[np.ndarray, " n"]
     seen: Linear = field(repr=False)
+    in_white: tuple[Array, ...] = field(repr=False)
     far: bool = False
     most: int = MOST
 
@@ -92,15 +93,15 @@ def first_look(
     seen = all_that_may_move(robot, pair, known, report)
     plain = Whitened(seen, white(pair))
     best, worth, in_white = plain.left, -np.inf, []
-    for change in seen.changes:
-        D = plain.directions(change)
+    directions = tuple(plain.directions(change) for change in seen.changes)
+    for change, D in zip(seen.changes, directions, strict=True):
         delta, gain = answer(D, plain.left, change.positive)
         in_white.append(gain)
         if gain - len(delta) * np.log(len(D)) > worth:
             best, worth = plain.left + D @ delta, gain - len(delta) * np.log(len(D))
     left = plain.shaped(best)
     far = float(np.sqrt(np.mean(np.square(np.concatenate([left[s][pair.sides[s].there] for s in SIDES]))))) > _FAR_OFF
-    noise = NoiseLeft(white(pair)) if far else noise_left(seen, plain, most=most)
+    noise = NoiseLeft(white(pair)) if far else noise_left(seen, plain, directions, most=most)
     view = Whitened(seen, noise.colours)
     every = [view.directions(change) for change in seen.changes]
     answers = [answer(D, view.left, change.positive) for change, D in zip(seen.changes, every, strict=True)]
@@ -135,6 +136,7 @@ def first_look(
         tuple(title for title in dict.fromkeys(unseen) if title not in shown),
         theta + step * pair.sizes(),
         seen,
+        directions,
         far,
         most,
     )

@@ -38,10 +38,11 @@ class NoiseLeft(NamedTuple):
         return view.left - basis @ (basis.T @ view.left)
 
 
-def noise_left(seen: Linear, plain: Whitened, first: Sequence[Changes] = (), most: int = MOST) -> NoiseLeft:
+def noise_left(
+    seen: Linear, plain: Whitened, every: Sequence[Array], first: Sequence[Changes] = (), most: int = MOST
+) -> NoiseLeft:
     """What is noise once everything that makes the rest likelier has been taken off, `most` changes of it and `first` in any
-    case; `plain` is all of it in units of white noise."""
-    every = [plain.directions(change) for change in seen.changes]
+    case; `plain` is all of it in units of white noise, with `every` change's directions."""
     taken, basis = tuple(first), basis_of(plain, first)
     left = plain.left - basis @ (basis.T @ plain.left)
     cost, colours = likelihood_cost(seen.pair, plain.shaped(left))

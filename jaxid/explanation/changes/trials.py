@@ -96,7 +96,7 @@ def refitted(
 
     def left_by(joint: Joint) -> NoiseLeft:
         view = Whitened(look.seen, white(pair), joint.residuals)
-        return noise_left(look.seen, view, look.changes_of(joint.candidate), look.most)
+        return noise_left(look.seen, view, look.in_white, look.changes_of(joint.candidate), look.most)
 
     joints: list[tuple[Score, Joint]] = []
     for score in _shortlist(look):
@@ -109,8 +109,10 @@ def refitted(
     # Each with noise of its own colour (that of a worse one would pass for what the better one explains), and those that come
     # first with what else makes it likelier: several may differ at once.
     joints.sort(key=lambda own: likelihood_cost(pair, own[1].residuals)[0] + rows * len(own[1].delta))
-    likely = [*joints[:_LIKELY], *[own for own in joints[_LIKELY:] if own[0].own][:_LIKELY]]
-    _, first = min(likely, key=lambda own: left_by(own[1]).cost)
+    first = joints[0][1]
+    if len(left_by(first).taken) > len(look.changes_of(first.candidate)):
+        likely = [*joints[:_LIKELY], *[own for own in joints[_LIKELY:] if own[0].own][:_LIKELY]]
+        _, first = min(likely, key=lambda own: left_by(own[1]).cost)
     first = refit(pair, first.candidate, look.colours, first.theta, first.delta, first.states)
     colours = left_by(first).colours
     nothing = weighed(pair, null, colours)
