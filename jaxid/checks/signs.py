@@ -158,12 +158,19 @@ def _gained(answers: "Sequence[Answer | Change]", claimed: dict[str, Array]) -> 
     return sum(answer.weight * (answer.share(other) - answer.share(answer.mixing)) for answer, other in mixing)
 
 
-def _contradicted(answers: Sequence[Answer], changes: "Sequence[Change]", claimed: dict[str, Array]) -> bool:
+def _contradicted(
+    answers: Sequence[Answer], changes: "Sequence[Change]", found: Sequence[tuple[Finding, dict[str, Array]]]
+) -> bool:
     """Whether the speeds themselves say that the wiring is as it should be, and not as their changes have it: clearly, as of
-    changes that run ahead of their cause, by more than these say, or at all where these say little of each output."""
+    changes that run ahead of their cause; of wires that are swapped, which leaves most of what many wheels do as it is, by more
+    than these say, or at all where these say little of each output."""
+    claimed = found[-1][1]
     lost, gained = -_gained(answers, claimed), _gained(changes, claimed)
+    clearly = lost > _CLEARLY * sum(answer.weight for answer in answers)
+    if any(finding.check != "swapped" for finding, _ in found):
+        return clearly
     little = gained < _CLAIM * sum(change.weight for change in changes)
-    return lost > min(gained, _CLEARLY * sum(answer.weight for answer in answers)) or (little and lost > 0.0)
+    return clearly or lost > gained or (little and lost > 0.0)
 
 
 def _changes(log: Log) -> list[Change]:
@@ -264,7 +271,7 @@ def check_signs(log: Log, over_windows: bool = True) -> Iterator[Finding]:
     # Changes over short windows tell columns apart best; where noise hides them, the speeds themselves tell signs.
     changes = _changes(log) if over_windows else []
     found, answers = list(_wiring(log, changes)) if changes else [], _answers(log, rows, speeds)
-    if answers and (not found or _contradicted(answers, changes, found[-1][1])):
+    if answers and (not found or _contradicted(answers, changes, found)):
         found = list(_wiring(log, answers))
     named = [one for one, _ in found]
     yield from named

@@ -140,7 +140,8 @@ class Declared(Robot):
         inertias = () if callable(self.forces) else tuple(i for _, i in self.forces if isinstance(i, str))
         supply = (self.supply_voltage,) if isinstance(self.supply_voltage, str) else ()
         freed = tuple(name for names in self.mechanisms.values() for name in names)
-        for name in (*inertias, *supply, *freed, *(n for n in (self.mass, self.winding) if n)):
+        levers = tuple(own.lever for _, own in self._axes if isinstance(own.lever, str))
+        for name in (*inertias, *supply, *freed, *levers, *(n for n in (self.mass, self.winding) if n)):
             if name not in self.table:
                 raise ParameterError(f"{name!r} is not a parameter; use one of {', '.join(self.table)}")
         if self._axes and not takes_friction(self.dynamics) and not self.forces:

@@ -102,7 +102,8 @@ def given_logs(robot: Any, logs: Any) -> LogSet:
 def check_free(robot: Robot) -> None:
     """Raise `ParameterError` if no parameter of the robot is free: there is nothing to estimate."""
     if not robot.parameters.free_names:
-        raise ParameterError("no parameter is free; free at least one (`robot.change('Cs', free=True)`)")
+        first = next(iter(robot.parameters), "name")
+        raise ParameterError(f"no parameter is free; free at least one (`robot.change({first!r}, free=True)`)")
 
 
 def check_choice(what: str, value: Any, choices: Any) -> None:

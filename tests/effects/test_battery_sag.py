@@ -47,6 +47,7 @@ def test_a_supply_that_runs_down_is_named_with_its_rate():
     assert found.final["M"].value == pytest.approx(1.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_supply_that_settles_is_named_with_how_far_and_how_fast():
     """As of a battery under load, and not evenly: of 12 % in 8 s more than half is gone after 2 s."""
     share, slow = 0.12, 2.5

@@ -27,6 +27,7 @@ def filtered(mean, damping):
     return np.interp(TIME, fine, signal.lsim(system, speed(fine), fine)[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mean", "damping"), [(0.075, 0.5**0.5), (0.3, 0.4), (0.02, 0.9), (0.1, 0.99)])
 def test_a_low_pass_of_second_order(mean, damping):
     with float64():

@@ -41,6 +41,7 @@ def test_what_rounding_makes_of_slow_signals_is_taken_out_and_nothing_of_fine_on
         assert all(a is b for a, b in zip(less_rounding(signal, noise, step), noise, strict=True))
 
 
+@pytest.mark.slow
 def test_speeds_of_a_few_steps_of_a_coarse_encoder_are_fitted_without_bias():
     """An axis with dry friction in steps of a millisecond, its complete model fitted to speeds that are rounded to ten times
     their noise: plain least squares takes the friction for several standard errors too large, and such fits are poor."""

@@ -17,6 +17,7 @@ from jaxid import (
     output_error,
     simulate,
 )
+from jaxid.robots.given import check_free
 from jaxid.robots.scales import time_constant
 
 CHANNELS = Channels(inputs=("voltage",), outputs=("angle",), units={"voltage": "V", "angle": "rad"})
@@ -146,6 +147,13 @@ def test_what_does_not_fit_together_is_refused_by_name():
         Custom(**base, dry_friction={"bearing": ("omega", "weight")})
     with pytest.raises(ParameterError, match="level 'coulomb'; the first must be a state and the second a parameter"):
         Custom(**base, dry_friction={"bearing": ("rate", "coulomb")})
+    with pytest.raises(ParameterError, match="'radius' is not a parameter; use one of weight"):
+        Custom(**base, axes={"wheel": DriveAxis(speed="rate", lever="radius")}, forces={"rate": "weight"})
+    with pytest.raises(
+        ParameterError, match=r"no parameter is free; free at least one \(`robot.change\('weight', free=True"
+    ):
+        free = {"dynamics": lambda state, inputs, p: {"angle": state["rate"], "rate": -p["weight"] * state["angle"]}}
+        check_free(Custom(**(base | free)))
 
 
 def test_a_mass_of_zero_in_a_denominator_raises_nothing():

@@ -34,6 +34,7 @@ def disturbed(disturbed_axis):
     return logs, prediction_error(Axis(), logs, integrator=FINE)
 
 
+@pytest.mark.slow
 def test_without_process_noise_it_is_output_error(disturbed_axis, monkeypatch):
     logs = LogSet([disturbed_axis(seed, q=0.0) for seed in (3, 4)])
     innovations, simulation = (method(Axis(), logs, integrator=FINE) for method in (prediction_error, output_error))

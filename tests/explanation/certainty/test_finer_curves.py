@@ -125,6 +125,7 @@ def by_a_formula(limit, law):
     return named_by(*driven(limit, 8, count=13), "voltage_saturation", law, inverse_limit=0.3)
 
 
+@pytest.mark.slow
 def test_beside_a_formula_of_another_form_the_parameters_errors_allow_for_it():
     plain, wider = by_a_formula(lambda u: u / (1.0 + np.abs(u / 3.0) ** 2.5) ** 0.4, "tanh")
     assert errors_off(plain) > 10.0 and errors_off(wider) < 2.0
@@ -161,6 +162,7 @@ def resisted(resistance, seed=3, count=3, samples=400, fine=20, h=0.02):
     return LogSet(logs[:-1]), LogSet(logs[-1:])
 
 
+@pytest.mark.slow
 def test_a_curve_takes_the_place_of_a_formula_whose_fit_is_doubted():
     """A drag that sets in at 0.6 m/s and is level from 1.2 m/s on, as no power of the speed is."""
     logs, held_out = resisted(

@@ -57,6 +57,7 @@ def test_a_bias_beside_a_slower_drive_is_no_slow_noise():
     assert found.change.rms == pytest.approx(1.0, abs=0.05) and found.rms_unchanged > 1.8
 
 
+@pytest.mark.slow
 def test_slow_noise_is_no_bias():
     """Coloured noise of both sets stays noise beside a change."""
     found = compared(colour=0.9, T=0.36)

@@ -171,6 +171,7 @@ def recorded(axis_law, correlation, dead=0.0, seed=1):
     return LogSet(logs[:2]), LogSet(logs[2:])
 
 
+@pytest.mark.slow
 def test_nothing_is_missing_where_only_the_sensors_noise_is_coloured(axis_law):
     for seed in (1, 2):
         logs, check = recorded(axis_law, 0.8, seed=seed)

@@ -58,6 +58,7 @@ def test_what_a_fast_robot_does_later_than_its_model_is_no_slip_of_a_sensor():
         assert count <= sum(int(each.sum()) for each in found) <= 2 * count
 
 
+@pytest.mark.slow
 def test_a_dead_zone_is_named_through_them_and_nothing_is_missing_without_it():
     """By least squares, which they count for in full."""
     for law, named in ((lambda u: u, []), (small_zone, ["actuator_dead_zone"])):

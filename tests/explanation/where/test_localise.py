@@ -65,6 +65,7 @@ def test_stribeck_friction_is_placed_at_low_speed():
     assert again["conditions"][0]["mean_force"].keys() == {"eta1", "eta2"}
 
 
+@pytest.mark.slow
 def test_a_slope_follows_the_heading_and_no_condition():
     found = located({"ground_slope": {"angle": 0.03, "direction": 0.7}})
     assert found.patterns[0].name == "heading" and found.patterns[0].share > 0.9
