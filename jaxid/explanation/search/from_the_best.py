@@ -40,7 +40,7 @@ def from_the_best(
         for own in mechanisms[1:]
         if promised.get(own[0].id, 0.0) > _AS_MUCH * promised[best.id] and not own[0].fitted.adequate
     ]
-    found = {id(own): own for own in mechanisms}
+    nearer: dict[int, list[Trial]] = {}
     bare, values = bare_of(best.robot, best.effect), best.robot.parameters.numbers
     for own in lost[:_MOST]:
         law = by_law.get((own[0].id, own[0].law))
@@ -53,5 +53,7 @@ def from_the_best(
         # Two, so that weaker ones of it are tried, too.
         trial = refit(robot, [*starts, known], logs, held_out, noise, best.initial_states, FEW_STEPS)
         if trial.score < own[0].score:
-            found[id(own)] = best_first([replace(trial, id=own[0].id), *own])
-    return sorted(found.values(), key=lambda own: own[0].score)
+            nearer[id(own)] = best_first([replace(trial, id=own[0].id), *own])
+    if not nearer:
+        return list(mechanisms)  # in the order that other questions have left
+    return sorted((nearer.get(id(own), own) for own in mechanisms), key=lambda own: own[0].score)
