@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jaxid import Axis, output_error, read_logs
 from jaxid.cli import fleet as command
+from jaxid.cli.fleet_work import with_findings
 from tests.recordings import Ros, ns
 
 MASSES = {"a": 1.0, "b": 2.0, "c": 4.0}
@@ -159,6 +161,8 @@ def test_a_log_that_cannot_be_read_is_left_out_and_named(jaxid, robots, without_
     assert members.failure["a"] == "" and members.logs["a"] == 2 and "3 of 4 members fitted" in said
     for name, why in (("cut.csv", "'v'"), ("empty.csv", "empty")):
         assert "left out" in members.notes["a"] and name in members.notes["a"] and why in members.notes["a"]
+    said = " ".join(said.split())
+    assert "Sound, with something to look at in the logs: a." in said and "a: warning: left out:" in said
     assert "left out" not in members.notes["b"] and "run.csv" in members.failure["broken"]
 
 
@@ -178,6 +182,19 @@ def test_a_member_whose_held_out_logs_cannot_be_read_is_fitted_and_says_why_it_i
     assert members.failure["a"] == "" and "cut.csv" in members.notes["a"] and "check.csv" in members.notes["a"]
     why = pd.read_parquet(out / "explanations.parquet").set_index("member").failure["a"]
     assert "No held-out log can be used" in why and "check.csv" in why and "cut.csv" not in why
+
+
+def test_what_is_wrong_with_a_held_out_log_is_said_too(tmp_path):
+    """A speed of the other sign in the log that judges."""
+    for seed, name in enumerate(("run", "check")):
+        axis_log(tmp_path / f"{name}.csv", 1.0, seed)
+    wrong = tmp_path / "check.csv"
+    table = pd.read_csv(wrong)
+    table.assign(v=-table["v"]).to_csv(wrong, index=False)
+    run, check = (read_logs(tmp_path / f"{name}.csv", "axis") for name in ("run", "check"))
+    fit = output_error(Axis(), run)
+    (said,) = [note for note in with_findings(fit, run, check, ()).notes if "opposite sign" in note]
+    assert "check" in said and with_findings(fit, run, run, ()).notes == fit.notes
 
 
 def test_a_member_far_from_the_others_is_pointed_out(jaxid, without_dry_friction, tmp_path):

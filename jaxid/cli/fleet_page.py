@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.output_error.far_members import FarMember, OneParameter
+from ..estimate.output_error.far_members import FarMember, OneParameter, too_few
 from ..estimate.result import Estimate
 from ..explanation.fleet import summary
 from ..report.document import Listing, Page, Section, Tabled, texts
-from ..report.fleet_files import Columns
+from ..report.fleet_files import Columns, remarks_on_logs
 from ..report.tables import DOUBT, Cell, Table, value_cell
 from ..robots import Robot
 from ..robots.effect import in_words
@@ -30,6 +30,13 @@ def _sound(members: Columns) -> NDArray[Any]:
 
 def _doubted(members: Columns) -> list[str]:
     return list(members["member"][(members["failure"] == "") & ~members["trustworthy"].astype(bool)])
+
+
+def _remarked(members: Columns) -> dict[str, list[str]]:
+    """What is said of the logs of members whose fits are sound all the same."""
+    sound = set(_sound(members))
+    said = {m: remarks_on_logs(notes.split("\n")) for m, notes in zip(members["member"], members["notes"], strict=True)}
+    return {member: found for member, found in said.items() if found and member in sound}
 
 
 def _counting(members: Columns, estimates: Columns) -> NDArray[Any]:
@@ -62,6 +69,10 @@ def sentences(tables: Mapping[str, Columns], far: Sequence[FarMember]) -> list[s
         out = list(dict.fromkeys(one.member for one in far))
         more = f" and {len(out) - _SHOWN} more" if len(out) > _SHOWN else ""
         said.append(f"Far from the others: {', '.join(out[:_SHOWN])}{more}.")
+    said += filter(None, [too_few(len(_sound(tables["members"])), len(failure))])
+    if remarked := list(_remarked(tables["members"])):
+        more = f" and {len(remarked) - _SHOWN} more" if len(remarked) > _SHOWN else ""
+        said.append(f"Sound, with something to look at in the logs: {', '.join(remarked[:_SHOWN])}{more}.")
     if "explanations" in tables:
         every = (tables["explanations"][name] for name in ("member", "verdict", "effects", "failure"))
         said += summary(list(zip(*every, strict=True)))
@@ -95,7 +106,9 @@ def spread_table(members: Columns, estimates: Columns, far: Sequence[FarMember])
     first = [one.sentence for one in far[:_SHOWN]]
     notes = [f"{members['member'][k]}: {members['failure'][k]}" for k in failed[:_SHOWN]]
     notes += [f"{name}: {why[name]}" for name in doubted[:_SHOWN]]
-    left = len(failed) + len(doubted) - len(notes)
+    remarked = _remarked(members)
+    notes += [f"{name}: {' '.join(found)}" for name, found in list(remarked.items())[:_SHOWN]]
+    left = len(failed) + len(doubted) + len(remarked) - len(notes)
     notes += [f"{left} more in members.parquet."] if left > 0 else []
     header = ("parameter", "unit", "sound fits", "5 %", "median", "95 %", "median std. error")
     return Table("Parameters over the fleet", header, tuple(rows), (*first, *notes))

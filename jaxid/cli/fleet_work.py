@@ -22,7 +22,7 @@ from ..explanation.explanation import Explanation
 from ..explanation.fleet import unforeseen
 from ..logs import LogError, LogSet, LogWarning, read_logs
 from ..parameters import ParameterError
-from ..report.fleet_files import Row, member_row
+from ..report.fleet_files import Row, member_row, remarks_on_logs
 from ..robots import Robot
 from .arguments import UnusableInput
 from .cache import keep_compiled_programs
@@ -98,7 +98,7 @@ def worked(members: Sequence[Member], work: Work, report: Report | None = None) 
             unexplained = left_out[name][-1]  # why no held-out log is left
         # What was found to be missing biases every number of the model without it.
         fit = found.final if found is not None else fit
-        fit = _with_findings(fit, own, left_out[name])
+        fit = with_findings(fit, own, apart, left_out[name])
         rows.append(member_row(name, own, fit, why=_why(fit), explanation=found, unexplained=unexplained))
     return rows
 
@@ -164,15 +164,17 @@ def _explained(fit: Fit, logs: LogSet, held_out: LogSet, work: Work) -> tuple[Ex
         return None, unforeseen(error)
 
 
-def _with_findings(fit: Fit, logs: LogSet, left_out: Sequence[str]) -> Fit:
-    """The fit with what was left out and what pre-flight says of its logs among its notes, such as a wrong sign."""
-    found = [*left_out, *(str(f) for f in logs.preflight() if f.severity in ("error", "warning"))]
+def with_findings(fit: Fit, logs: LogSet, held_out: LogSet | None, left_out: Sequence[str]) -> Fit:
+    """The fit with what was left out and what pre-flight says of its logs, held-out ones too, among its notes, such as a
+    wrong sign."""
+    every = (finding for own in (logs, held_out) if own is not None for finding in own.preflight())
+    found = [*left_out, *(str(finding) for finding in every if finding.severity in ("error", "warning"))]
     return replace(fit, notes=(*fit.notes, *dict.fromkeys(found)))
 
 
 def _why(fit: Fit) -> str:
     """Why a fit is doubted: what pre-flight says of its logs, which may be the reason, then its judgement."""
-    found = [note for note in fit.notes if note.startswith(("error:", "warning:"))]
+    found = remarks_on_logs(fit.notes)
     said = [fit.judgement.sentence] if fit.judgement is not None else []
     return " ".join([*found, *said])
 

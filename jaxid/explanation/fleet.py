@@ -16,6 +16,7 @@ import pandas as pd
 from .._origin import Origin, with_origin
 from .._table import html_table, text_table
 from ..estimate.output_error.conclude import Covariance
+from ..estimate.output_error.far_members import FarMember, far_members, too_few
 from ..estimate.output_error.fleet import Fleet, fit_fleet
 from ..estimate.output_error.losses import Loss
 from ..estimate.output_error.output_error import Windows
@@ -120,7 +121,7 @@ def summary(members: Sequence[Answer], false_alarm: float = FALSE_ALARM) -> list
         said.append("Missing: " + ", ".join(f"{in_words(e)} in {count}" for e, count in effects.most_common()) + ".")
     by = list(answers(members).items())
     if len(by) > 1 and 2 * len(by[0][1]) > len(sound):
-        said.append(f"Most ({len(by[0][1])}) are alike: {by[0][0]}.")
+        said.append(f"One answer for most ({len(by[0][1])}): {by[0][0]}.")
         said += [f"Other than most, {answer}: {_listed(others)}." for answer, others in by[1:]]
     by_chance = false_alarm * len(sound)
     if by_chance >= _WORTH_A_WORD and any(verdict != "adequate" for verdict, _ in sound):
@@ -133,7 +134,7 @@ def summary(members: Sequence[Answer], false_alarm: float = FALSE_ALARM) -> list
 
 @dataclass(frozen=True, repr=False)
 class ExplainedFleet:
-    """Explanations by member, and why the others have none."""
+    """Explanations by member, and why the others have none. `far` are the members whose numbers stand out from the fleet."""
 
     explanations: dict[str, Explanation]
     failed: dict[str, str]
@@ -142,6 +143,12 @@ class ExplainedFleet:
     @cached_property
     def _documents(self) -> dict[str, dict[str, Any]]:
         return {member: found.to_dict() for member, found in self.explanations.items()}
+
+    @cached_property
+    def far(self) -> tuple[FarMember, ...]:
+        """Sound members whose estimates, of the model with what was found missing, are farther from the fleet's than chance
+        makes them. The same effect, or none, in all members says nothing of their numbers."""
+        return far_members({member: found.final for member, found in self.explanations.items()})
 
     def to_pandas(self) -> pd.DataFrame:
         """A row for every member, those that failed last: `verdict`, `effects` and names that the data cannot tell from them
@@ -173,6 +180,9 @@ class ExplainedFleet:
     def _after(self) -> list[str]:
         left = len(self.explanations) - _SHOWN
         more = [f"{left} more in explanations."] if left > 0 else []
+        more += [far.sentence for far in self.far[:_SHOWN]]
+        sound = sum(found.final.trustworthy for found in self.explanations.values())
+        more += filter(None, [too_few(sound, len(self.explanations) + len(self.failed))])
         return more + [f"{name}: {why}" for name, why in list(self.failed.items())[:_SHOWN]]
 
     def __repr__(self) -> str:

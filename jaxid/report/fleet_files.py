@@ -55,6 +55,11 @@ Row = dict[str, Any]
 text of explanation.json, empty without one) and why it has none (`unexplained`)."""
 
 
+def remarks_on_logs(notes: Iterable[str]) -> list[str]:
+    """Of a fit's notes, what is wrong with its logs, or may be."""
+    return [note for note in notes if note.startswith(("error:", "warning:"))]
+
+
 def member_row(
     member: str,
     logs: LogSet | None,

@@ -6,7 +6,7 @@ import pytest
 
 from jaxid import Axis, LogError, explain_fleet, read_logs
 from jaxid.explanation import fleet
-from jaxid.explanation.fleet import summary
+from jaxid.explanation.fleet import ExplainedFleet, summary
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +33,21 @@ def test_a_member_gets_what_it_gets_alone_and_one_that_fails_is_named(explained,
     assert "quadratic drag in 1" in repr(found) and "twice: " in repr(found)
 
 
+def test_one_answer_for_all_says_nothing_of_their_numbers(explained):
+    """Seven members that lack the same, one of which weighs twice as much; of four nothing can be said, which is said."""
+    weights = dict(zip("abcdefg", (1.0, 1.02, 0.98, 1.01, 1.0, 0.99, 2.0), strict=True))
+    mass = explained.final["M"]
+    members = {}
+    for name, times in weights.items():
+        own = replace(mass, value=times * mass.value)
+        members[name] = replace(explained, final=replace(explained.final, parameters={**explained.final.parameters, "M": own}))
+    found = ExplainedFleet(members, {})
+    assert [(far.member, far.parameter) for far in found.far] == [("g", "M")]
+    assert "g is far from the others in M" in repr(found)
+    few = ExplainedFleet(dict(list(members.items())[:4]), {})
+    assert not few.far and "takes 5 sound fits, and there are 4" in repr(few)
+
+
 def test_members_without_logs_are_the_callers_mistake(explained, logs):
     with pytest.raises(LogError, match="a has no held-out logs"):
         explain_fleet({"a": explained.baseline}, {"a": logs}, {})
@@ -49,7 +64,7 @@ def test_who_differs_from_most_is_said():
     said = summary(rows)
     assert said[0] == "7 of 8 members explained: 6 named, 1 adequate."
     assert said[1] == "Missing: input delay in 6, sensor bias in 1."
-    assert said[2] == "Most (5) are alike: input delay."
+    assert said[2] == "One answer for most (5): input delay."
     assert said[3:] == [
         "Other than most, input delay and sensor bias: robot 5.",
         "Other than most, adequate: robot 6.",

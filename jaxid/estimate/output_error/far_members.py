@@ -111,6 +111,16 @@ class OneParameter(NamedTuple):
     errors: NDArray[np.float64]
 
 
+def too_few(sound: int, members: int) -> str:
+    """Why none of the members is called far, where too few of their fits are sound; empty otherwise."""
+    if sound >= FEWEST or members < 2:
+        return ""
+    return (
+        f"Whether a member is far from the others is not judged: that takes {FEWEST} sound fits, and there "
+        f"{'is' if sound == 1 else 'are'} {sound}."
+    )
+
+
 def far_members(fits: Mapping[str, Fit]) -> tuple[FarMember, ...]:
     """Those that are farther from the fleet than chance makes them, the farthest first.
 

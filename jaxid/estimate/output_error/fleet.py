@@ -25,7 +25,7 @@ from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..result import Fit, estimate_text
-from .far_members import FarMember, far_members
+from .far_members import FarMember, far_members, too_few
 from .from_optimum import channel_noise
 from .laid_out import runs_directly
 from .lanes import all_in_lanes, in_lanes
@@ -174,6 +174,8 @@ class Fleet:
     def _after(self) -> list[str]:
         more = [f"{len(self.fits) - _SHOWN} more in fits."] if len(self.fits) > _SHOWN else []
         more += [far.sentence for far in self.far[:_SHOWN]]
+        sound = sum(fit.trustworthy for fit in self.fits.values())
+        more += filter(None, [too_few(sound, len(self.fits) + len(self.failed))])
         return more + [f"{name}: {why}" for name, why in list(self.failed.items())[:_SHOWN]]
 
     def __repr__(self) -> str:
