@@ -5,9 +5,13 @@ first, and last, where it is one unknown function of one variable, a curve witho
 mechanisms and laws that its traits allow (`robots.traits`), whichever robot it is.
 """
 
+from collections.abc import Sequence
+
+from ..logs.finding import did_you_mean
+from ..parameters import ParameterError
 from ..robots.effect import Effect
 from ..robots.robot import Robot
-from ..robots.traits import refusal
+from ..robots.traits import asked, refusal
 from .actuator import (
     battery_sag,
     dead_zone,
@@ -94,6 +98,18 @@ def _applicable(robot: Robot) -> list[list[Effect]]:
     return [laws for laws in possible if laws]
 
 
+def check_mechanisms(robot: Robot, others: Sequence[Effect] = ()) -> None:
+    """Raise `ParameterError` where the robot has parameters for a mechanism (`mechanisms=`) that is neither in the catalogue
+    nor among `others`, the user's own: nothing would ever free them."""
+    known = [effect.id for laws in (*MECHANISMS, tuple(others)) for effect in laws if "mechanism" in asked(effect)]
+    for name in robot.mechanisms:
+        if name not in known:
+            raise ParameterError(
+                f"{robot.name}: mechanisms= names {name!r}{did_you_mean(name, known)}, for which no effect asks; there are "
+                f"{', '.join(dict.fromkeys(known))}"
+            )
+
+
 def catalogue(robot: Robot) -> list[Effect]:
     """Every mechanism that applies to `robot` and that it lacks, by its usual law (of those that the robot can have).
 
@@ -121,8 +137,8 @@ def effect_by_id(robot: Robot, identifier: str, law: str = "") -> Effect:
     if identifier in found and (not law or law in named):
         return named[law] if law else found[identifier][0]
     known = {effect.law: effect for laws in MECHANISMS for effect in laws if effect.id == identifier}
-    asked = known.get(law) if law else next(iter(known.values()), None)
-    why = refusal(asked, robot) if asked is not None else None
+    meant = known.get(law) if law else next(iter(known.values()), None)
+    why = refusal(meant, robot) if meant is not None else None
     if why is not None:
         raise KeyError(why)
     if identifier in found:

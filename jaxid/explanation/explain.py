@@ -9,6 +9,7 @@ from .._memory import bounded_memory
 from .._origin import with_origin
 from .._renamed import renamed
 from ..checks.in_words import doubtful_units
+from ..effects.catalogue import check_mechanisms
 from ..effects.in_some_logs import InSomeLogs
 from ..effects.table_constants import TableConstants
 from ..estimate.output_error.conclude import Covariance
@@ -194,12 +195,13 @@ def explain(
     is explained without `localisation`. A fit in windows of a plant that is not unstable is repeated without
     (`without_windows`).
 
-    Raises `LogError` for logs of another robot, for a name that a fitted and a held-out log share, and where pre-flight finds
-    an error in every fitted log (the robot never moved), `ValueError` for a `false_alarm` that is no share below a half,
-    `TypeError` for a robot in the place of its fit.
+    Raises `ParameterError` for a robot's `mechanisms` that no effect knows, `LogError` for logs of another robot, for a name
+    that a fitted and a held-out log share, and where pre-flight finds an error in every fitted log (the robot never moved),
+    `ValueError` for a `false_alarm` that is no share below a half, `TypeError` for a robot in the place of its fit.
     """
     logs, held_out = (given_logs(checked_fit(fit).robot, each) for each in (logs, held_out))
     apart(logs, held_out)
+    check_mechanisms(fit.robot, effects)
     if why := useless(logs):
         raise LogError(why)
     loss = loss_named(loss)

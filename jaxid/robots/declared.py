@@ -15,6 +15,7 @@ from ..parameters import Parameter, ParameterError, ParameterTable
 from .drive_axis import DriveAxis
 from .effect import Scalar
 from .lengths import accelerated
+from .own_viscous import ViscousFriction, check_viscous_friction
 from .robot import Robot
 from .user_functions import UserFunctions, check_user_functions
 
@@ -165,6 +166,12 @@ class Declared(Robot):
                 rubbing if rubbing and takes_friction(self.dynamics) else None,
             )
         )
+        if not self.effects:  # what these change of it the dynamics do not know
+            functions, viscous = (
+                (self.dynamics, self.forces, self.axes),
+                tuple((a, own.viscous or "") for a, own in self._axes),
+            )
+            check_viscous_friction(ViscousFriction(functions, self.own_states, tuple(self.table), viscous, self))
 
     # -- what it says about itself -------------------------------------------------------------------------------------
     @property

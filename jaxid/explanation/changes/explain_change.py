@@ -15,6 +15,7 @@ from ..._distributions import chi_squared_beyond, chi_squared_tail, normal_beyon
 from ..._float64 import in_float64
 from ..._memory import bounded_memory
 from ..._origin import with_origin
+from ...effects.catalogue import check_mechanisms
 from ...estimate.result import Estimate, Fit, Status, checked_fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
@@ -151,6 +152,7 @@ def explain_change(
     """
     level = checked_level(false_alarm)
     _checked(checked_fit(before), checked_fit(after))
+    check_mechanisms(before.robot)
     if (held_out_before is None) != (held_out_after is None):
         raise LogError("Held-out logs are given of one set only; give some of both, or none.")
     logs_before, logs_after = given_logs(before.robot, logs_before), given_logs(after.robot, logs_after)
