@@ -68,8 +68,8 @@ def _check(own: ViscousFriction) -> None:
             has = f"{times:.4g} times that force" if times else "no such force"
             raise ParameterError(
                 f"axis {axis!r}: viscous={parameter!r} says that {parameter} times the axis' speed resists it, and the "
-                f"dynamics have {has}; give a parameter in the unit of the axis' friction over that of its speed, use it so in the "
-                "dynamics, or leave `viscous` out"
+                f"dynamics have {has}; give a parameter in the unit of the axis' friction over that of its speed, use it so "
+                "in the dynamics, or leave `viscous` out"
             )
 
 
