@@ -40,7 +40,9 @@ def test_one_answer_for_all_says_nothing_of_their_numbers(explained):
     members = {}
     for name, times in weights.items():
         own = replace(mass, value=times * mass.value)
-        members[name] = replace(explained, final=replace(explained.final, parameters={**explained.final.parameters, "M": own}))
+        members[name] = replace(
+            explained, final=replace(explained.final, parameters={**explained.final.parameters, "M": own})
+        )
     found = ExplainedFleet(members, {})
     assert [(far.member, far.parameter) for far in found.far] == [("g", "M")]
     assert "g is far from the others in M" in repr(found)
