@@ -84,7 +84,7 @@ def _known_until(time: Stamps) -> float:
     return float(time[-1] + _REGULAR * _regular(time))
 
 
-def _silences(inputs: dict[str, Signal], start: int, stop: int) -> tuple[Silence, ...]:
+def silences(inputs: dict[str, Signal], start: int, stop: int) -> tuple[Silence, ...]:
     """Stretches within the log in which a regular command stayed away, and was held."""
     found: list[Silence] = []
     for name, signal in inputs.items():
@@ -248,5 +248,5 @@ def combine(inputs: dict[str, Signal], outputs: dict[str, Signal], needed: set[s
         )
         notes.append(("note", "several_clocks", None, text))
     return Rows(
-        (rows - rows[0]) / 1e9, int(rows[0]), columns, filled, tuple(notes), _silences(inputs, int(rows[0]), stop)
+        (rows - rows[0]) / 1e9, int(rows[0]), columns, filled, tuple(notes), silences(inputs, int(rows[0]), stop)
     )

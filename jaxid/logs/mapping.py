@@ -16,7 +16,7 @@ class Source(NamedTuple):
     """Where a standard column comes from: value = scale * column + offset, or, for time, interval * row.
 
     `column` is a table's column or a recording's field, such as `/odom.twist.twist.linear.x`. `derivative`: the rate of change
-    of that is meant. `stamp`, of time: whose clock counts in a recording, the sender's ("header") or the recorder's
+    of that is meant. `held`: a command that is written only when it changes. `stamp`, of time: whose clock counts in a recording, the sender's ("header") or the recorder's
     ("receive"). `terms`: columns and their weights, where `column` is their sum and its name.
     """
 
@@ -25,6 +25,7 @@ class Source(NamedTuple):
     offset: float = 0.0
     interval: float | None = None
     derivative: bool = False
+    held: bool = False
     stamp: str | None = None
     terms: tuple[tuple[str, float], ...] = ()
 
@@ -55,7 +56,7 @@ def _wrong(key: str, value: Any) -> str:
     """What an entry's value should be instead; empty where it is right."""
     if key in _NUMBERS:
         return "" if _finite(value) else "give a number"
-    if key == "derivative":
+    if key in ("derivative", "held"):
         return "" if isinstance(value, bool) else "give true or false"
     if key == "stamp":
         return "" if value in STAMPS else f"use {' or '.join(map(repr, STAMPS))}"
@@ -70,7 +71,7 @@ def _source(place: str, name: str, entry: Any) -> Source:
         return Source(entry)
     if not isinstance(entry, Mapping):
         raise LogError(f"{place} of {name!r} is {shown(entry)}; give a column name or {{column=..., scale=...}}.")
-    own = ("interval", "stamp") if name == "t" else ("fields", "derivative")
+    own = ("interval", "stamp") if name == "t" else ("fields", "derivative", "held")
     known = ("column", "field", "scale", "offset", *own)
     for key, value in entry.items():
         if key not in known:

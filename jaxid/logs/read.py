@@ -3,8 +3,8 @@
 Decisions taken here, each leaving a finding that pre-flight repeats:
 
 - an output cell that is empty, NaN, infinite or beyond any physical size is "not measured" and masked;
-- an input missing for a single sample is held from the sample before (zero-order hold); a longer gap is an error, since
-  what was applied is unknown;
+- an input missing for a single sample is held from the sample before (zero-order hold), one that is written only now and
+  then from row to row (`held_commands`); any other longer gap is an error, since what was applied is unknown;
 - a few rows that were written later than their followers are put at their place; a row that repeats the row before it in every
   column, time included, is left out (the recorder wrote it twice); any other time that does not increase is an error.
 """
@@ -21,6 +21,7 @@ from .channels import BY_COLUMNS, POSE, Channels, layout_of
 from .files import PathLike, files_of, named_files
 from .finding import Finding, LogError, LogWarning
 from .formats import format_of, read_recording
+from .held_commands import held, now_and_then
 from .log import ABSURD, Log, LogSet, channels_of, did_you_mean
 from .mapping import Source, mapped_names, read_mapping
 from .rates import rate, whole_way
@@ -96,7 +97,8 @@ def _held(values: np.ndarray, name: str, column: str, table: Table, path: Path) 
             length = int(present[0]) if len(present) else len(values) - start
             raise LogError(
                 f"{path}: input {name!r} (column {column!r}) has no value at {_where(table, start)}, in a gap of "
-                f"{length} sample(s); fill in the command that was applied, or cut the log there."
+                f"{length} sample(s); fill in the command that was applied, or cut the log there"
+                + (f", or, where it was only written when it changed, map {name} = {{ held = true }}." if k else ".")
             )
     return np.where(missing, np.roll(values, 1), values), rows
 
@@ -227,6 +229,9 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source],
         absurd = (np.abs(values) > ABSURD) & (standard != "t")
         values = np.where(absurd, np.nan, values)
         if standard in channels.inputs:
+            if now_and_then(values) or (source.held and np.isfinite(values[:1]).all()):
+                values, severity, text = held(columns["t"], values, standard)
+                findings.append(Finding(name, standard, None, severity, "held_command", f"{name}: {text}."))
             values, rows = _held(values, standard, source.column, table, path)
             what = f"input {standard!r} has no value and was held from the sample before"
             note(standard, rows, "held_input", what, "fill in what was applied")
