@@ -27,7 +27,9 @@ def now_and_then(values: Vector) -> bool:
     """Whether a command, NaN where nothing is written, is there in the first row, and then seldom in two that follow one
     another. A column that is written in row after row and then no more has lost what was applied."""
     rows = np.flatnonzero(~np.isnan(values))
-    return len(rows) > 1 and rows[0] == 0 and bool(np.isfinite(values[rows]).all()) and float(np.quantile(np.diff(rows), _SELDOM)) >= 2.0
+    if len(rows) < 2 or rows[0] != 0 or not np.isfinite(values[rows]).all():
+        return False
+    return float(np.quantile(np.diff(rows), _SELDOM)) >= 2.0
 
 
 def held(time: Vector, values: Vector, name: str) -> Held:

@@ -16,8 +16,9 @@ class Source(NamedTuple):
     """Where a standard column comes from: value = scale * column + offset, or, for time, interval * row.
 
     `column` is a table's column or a recording's field, such as `/odom.twist.twist.linear.x`. `derivative`: the rate of change
-    of that is meant. `held`: a command that is written only when it changes. `stamp`, of time: whose clock counts in a recording, the sender's ("header") or the recorder's
-    ("receive"). `terms`: columns and their weights, where `column` is their sum and its name.
+    of that is meant. `held`: a command that is written only when it changes. `stamp`, of time: whose clock counts in a
+    recording, the sender's ("header") or the recorder's ("receive"). `terms`: columns and their weights, where `column` is
+    their sum and its name.
     """
 
     column: str
