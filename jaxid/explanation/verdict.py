@@ -134,6 +134,7 @@ def doubted_on(final: Fit, after: HeldOut) -> Fit:
     if (
         final.judgement is None
         or not final.judgement.trustworthy
+        or after.adequate
         or not after.normalised_rms > final.judgement.normalised_rms
     ):
         return final

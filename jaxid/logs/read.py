@@ -29,7 +29,7 @@ from .recorded import read_recorded
 from .sums import with_summed_columns
 from .supply import FALLING_SUPPLY, is_supply, said_fall
 from .table import Table, read_table
-from .times import SINCE_1970, order_of_late_rows, with_seconds
+from .times import SINCE_1970, order_of_late_rows, since_1970, with_seconds
 
 
 def _where(table: Table, row: int) -> str:
@@ -217,11 +217,13 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source],
             values, text = whole_way(columns["t"], values, standard, source.column)
             if text:
                 findings.append(Finding(name, standard, None, "warning", "turns", f"{name}: {text}."))
+        factor, unit = since_1970(values) if standard == "t" and source.scale == 1.0 else (source.scale, "")
         with np.errstate(over="ignore"):
-            values = source.scale * values + source.offset
+            values = factor * values + source.offset
         if standard == "t" and len(values) and values[0] > SINCE_1970:
             values = values - values[0]
-            text = f"{name}: {source.column!r} counts from 1970; the times are seconds since the first row."
+            counted = f"counts {unit}" if unit else "counts"
+            text = f"{name}: {source.column!r} {counted} from 1970; the times are seconds since the first row."
             findings.append(Finding(name, None, None, "note", "dates", text))
         if source.derivative:
             values, text = _rate(values, columns["t"], standard, source.column, path)

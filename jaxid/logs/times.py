@@ -28,8 +28,13 @@ _UNITS = {"s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3, "millis
     "us": 1e-6, "usec": 1e-6, "microsecond": 1e-6, "µs": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanosecond": 1e-9,
     "min": 60.0, "minute": 60.0,
 }  # fmt: skip
-_EPOCHS = ((1e9, 1.0), (1e12, 1e-3), (1e15, 1e-6), (1e18, 1e-9))
-"""Sizes of today's date since 1970 in seconds, milli-, micro- and nanoseconds, and the factor to seconds."""
+_EPOCHS = (
+    (1e9, 1.0, "seconds"),
+    (1e12, 1e-3, "milliseconds"),
+    (1e15, 1e-6, "microseconds"),
+    (1e18, 1e-9, "nanoseconds"),
+)
+"""Sizes of today's date since 1970 in its units, and the factors to seconds."""
 
 
 _OF_DAY = r"\s*\d{1,2}:\d\d:\d\d(\.\d+)?\s*"
@@ -106,18 +111,20 @@ def _words(name: str) -> list[str]:
     return [word.lower() for word in re.findall(r"[A-Z]?[a-zµ]+|[A-Z]+(?![a-z])", name)]
 
 
+def since_1970(values: Float[np.ndarray, " n"]) -> tuple[float, str]:
+    """The factor to seconds of times that count from 1970, as their size tells, and their unit; 1 and nothing of others."""
+    typical = float(np.median(np.abs(values))) if len(values) else 0.0
+    return next(((factor, unit) for size, factor, unit in _EPOCHS if 0.5 * size < typical < 5.0 * size), (1.0, ""))
+
+
 def _unit(name: str, values: Float[np.ndarray, " n"]) -> tuple[float, str]:
     """Factor to seconds, and what says so: the name's last unit, else the size of a date since 1970."""
     for word in reversed(_words(name)):
         base = word[:-1] if len(word) > 3 and word.endswith("s") else word
         if base in _UNITS and (base != "s" or len(_words(name)) > 1):
             return _UNITS[base], f"the name says {word}"
-    typical = float(np.median(np.abs(values)))
-    for size, factor in _EPOCHS:
-        if 0.5 * size < typical < 5.0 * size:
-            unit = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}[factor]
-            return factor, f"{unit} since 1970 by their size"
-    return 1.0, ""
+    factor, unit = since_1970(values)
+    return factor, f"{unit} since 1970 by their size" if unit else ""
 
 
 def seconds_in_name(name: str) -> float | None:

@@ -115,3 +115,14 @@ def test_a_clock_that_was_set_back_is_no_late_row(tmp_path, back):
     (tmp_path / "set_back.csv").write_text(table(time).to_csv(index=False))
     with pytest.raises(LogError, match="runs backwards at sample 40"):
         read_logs(tmp_path / "set_back.csv", "pioneer", mapping={"t": "when"})
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+def test_times_since_1970_in_another_unit_are_known_by_their_size(tmp_path, factor, unit):
+    """No robot is logged in the year 57000; times of its own in milliseconds, which may be seconds, stay as they are."""
+    table(np.round(factor * (START + TIME)).astype(np.int64)).to_csv(tmp_path / "run.csv", index=False)
+    log = read_logs(tmp_path / "run.csv", Pioneer(), mapping={"t": "when"})[0]
+    np.testing.assert_allclose(log.time, TIME, atol=2e-6 if factor > 1e3 else 1e-3)
+    assert any(f"counts {unit} from 1970" in finding.message for finding in log.findings)
+    table(1e3 * TIME).to_csv(tmp_path / "own.csv", index=False)
+    np.testing.assert_allclose(read_logs(tmp_path / "own.csv", Pioneer(), mapping={"t": "when"})[0].time, 1e3 * TIME)

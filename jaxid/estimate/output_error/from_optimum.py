@@ -181,7 +181,8 @@ def vague_note(names: Sequence[str], found: Spread, at_bound: NDArray[np.bool_])
     if not vague:
         return []
     errors = "its standard error is" if len(vague) == 1 else "their standard errors are"
-    return [f"These logs do not determine {' and '.join(vague)}: {errors} too large, as where the robot hardly moved."]
+    why = "as where no motion shows them apart, or the model is another"
+    return [f"These logs do not determine {' and '.join(vague)}: {errors} too large, {why}."]
 
 
 def unseen_note(names: Sequence[str], found: Spread, at_bound: NDArray[np.bool_]) -> list[str]:

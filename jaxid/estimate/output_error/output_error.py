@@ -6,6 +6,7 @@ logged inputs only; no measurement is fed back, so noise on the outputs biases n
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Literal
 
 from ..._compile import seldom_collected
@@ -18,6 +19,7 @@ from ...robots.given import check_choice, check_free, given_logs
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
+from .beyond_supply import beyond_supply
 from .conclude import Covariance
 from .fitted import fitted
 from .losses import Loss, loss_named
@@ -93,15 +95,22 @@ def output_error(
     check_free(robot)
     options = Options(initial_states, integrator, loss_named(loss), solver, covariance, clock_offset, max_steps, report)
     if windows != "auto":
-        return _with_stamps_noted(fitted(robot, logs, options, start, windows), robot, logs, options)
+        return _noted(fitted(robot, logs, options, start, windows), robot, logs, options)
 
     def once(window: float | None, start: Starts, unless: Unless | None = None) -> Fit:
         if window is not None:
             report(f"windows of {window:.3g} s")
         return fitted(robot, logs, options, start, window, unless)
 
-    found = _with_stamps_noted(choose(robot, logs, once, start), robot, logs, options)
+    found = _noted(choose(robot, logs, once, start), robot, logs, options)
     return without_unusable_readings(found, logs, lambda usable: fitted(robot, usable, options, start, None))
+
+
+def _noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
+    """The fit with what is to be said of the logs' stamps and commands."""
+    found = _with_stamps_noted(found, robot, logs, options)
+    said = beyond_supply(robot, logs)
+    return replace(found, notes=(*found.notes, said)) if said else found
 
 
 def _with_stamps_noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
