@@ -143,7 +143,7 @@ def estimated(
     logs = between_samples(logs, intersample)
     held_out = None if held_out is None else between_samples(held_out, intersample)
     fits = estimate(robot, logs, options if law is None else {**options, "controller": law}, methods)
-    if units := doubtful_units(logs, held_out):
+    if not doubtful_units(logs) and (units := doubtful_units(held_out)):  # the fits say it of their own logs
         fits = [replace(fit, notes=(*fit.notes, units)) for fit in fits]
     if not fits:
         raise UnusableInput(f"{', '.join(methods)} gives no estimate here; add --method output_error.")

@@ -23,6 +23,7 @@ from ...robots.robot import Robot
 from ..judge import judged
 from ..result import Fit, Status
 from ..uncertainty import combinations
+from ..units_doubted import with_units_doubted
 from .by_speeds import by_speeds
 from .coupled_noise import noise_weights
 from .integral_least_squares import linear_estimate
@@ -375,4 +376,5 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         fit = replace(judged_equations(fit, logs), standard_errors="robust")
     else:
         fit = judged_instruments(fit, logs, _errors(found, solved.theta, speeds), simulated)
+    fit = with_units_doubted(fit, logs)
     return replace(fit, robot=given.with_parameters(fit.robot.parameters))

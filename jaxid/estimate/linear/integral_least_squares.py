@@ -19,6 +19,7 @@ from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
+from ..units_doubted import with_units_doubted
 from .by_speeds import by_speeds
 from .judge_equations import judged_least_squares
 from .linear_steps import METHOD, STEPS, estimates_of, estimates_with, identify, notes_on, status_notes, with_estimate
@@ -107,4 +108,5 @@ def integral_least_squares(
     cut = equations.window
     del equations  # large for long logs
     fit = judged_least_squares(fit, speeds, solution, cut)
+    fit = with_units_doubted(fit, speeds)
     return replace(fit, robot=robot.with_parameters(fit.robot.parameters))

@@ -19,6 +19,7 @@ from ...robots.given import check_choice, check_free, given_logs
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
+from ..units_doubted import with_units_doubted
 from .beyond_supply import beyond_supply
 from .conclude import Covariance
 from .fitted import fitted
@@ -107,8 +108,8 @@ def output_error(
 
 
 def _noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
-    """The fit with what is to be said of the logs' stamps and commands."""
-    found = _with_stamps_noted(found, robot, logs, options)
+    """The fit with what is to be said of the logs' stamps, units and commands."""
+    found = with_units_doubted(_with_stamps_noted(found, robot, logs, options), logs)
     said = beyond_supply(robot, logs)
     return replace(found, notes=(*found.notes, said)) if said else found
 

@@ -29,6 +29,7 @@ from ..nothing_moved import where_nothing_moved
 from ..output_error.setup import InitialStates, StartValues, start_values
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
+from ..units_doubted import with_units_doubted
 from .beside_output_error import contradiction
 from .disturbance import SIGNIFICANT, disturbance
 from .likelihood import Problem, noise_at, parameters_at, unflat
@@ -292,4 +293,4 @@ def prediction_error(
     if disturbed and judgement.verdict in ("sound", "coloured"):
         said = contradiction(fit, logs, initial_states, integrator, report, white=judgement.verdict == "sound")
         judgement = replace(judgement, verdict="poor", sentences=(said, *judgement.sentences)) if said else judgement
-    return judged(fit, where_nothing_moved(fit, judgement, logs))
+    return with_units_doubted(judged(fit, where_nothing_moved(fit, judgement, logs)), logs)

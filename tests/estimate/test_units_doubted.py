@@ -1,0 +1,26 @@
+"""jaxid/estimate/units_doubted.py: a fit that follows logs in wrong units to the noise is not to be trusted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, LogSet, instrumental_variables, integral_least_squares, output_error
+
+ROBOT = Axis().change("offset", value=0.0, free=False).change("Fc", value=0.0, free=False)
+
+
+@pytest.fixture(scope="module")
+def log(axis_log):
+    inputs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5, 2.5, -3.0], 80)
+    return axis_log("run", inputs, 0.01, 1, position=False, Fc=0.0)
+
+
+@pytest.mark.parametrize("method", [integral_least_squares, instrumental_variables, output_error])
+def test_milliseconds_taken_for_seconds(log, method):
+    """A mass a thousand times too large, at the noise: every method says so; in seconds none has a doubt."""
+    fit = method(ROBOT, LogSet([replace(log, time=1e3 * log.time)]))
+    assert fit["M"].value > 100.0 and not fit.trustworthy
+    assert any("sampling interval of 20 s over" in note and "every number here is in them" in note for note in fit.notes)
+    right = method(ROBOT, LogSet([log]))
+    assert right.trustworthy and not any("doubts the units" in note for note in right.notes)
