@@ -1,5 +1,6 @@
 """jaxid fleet: many robots from one folder; tables that hold every member, and one bad member that touches no other."""
 
+import re
 import subprocess
 import sys
 import time
@@ -85,6 +86,26 @@ def test_every_member_has_its_own_fit_and_a_broken_one_is_named(
     assert all(f">{name}</td>" in page for name in MASSES) and "no fit: " in page and "M [kg]" in page
     assert "linear estimates are there" in remarks and "members side by side" in remarks  # where it is
     assert np.median([*MASSES.values()]) == pytest.approx(float(said.split("M ")[1].split()[3]), rel=0.02)
+
+
+def test_what_a_sound_members_logs_do_not_determine_and_what_to_do_about_a_doubtful_one_is_said(jaxid, tmp_path):
+    """One that was driven one way only, whose offset and dry friction are one; one with the sign of a command changed."""
+    masses = {"a": 1.0, "b": 1.1, "one way": 1.0}
+    for k, (name, mass) in enumerate(masses.items()):
+        axis_log(tmp_path / "logs" / f"{name}.csv", mass, k)
+    one_way = tmp_path / "logs/one way.csv"
+    u = 3.0 + np.repeat(np.random.default_rng(5).uniform(0.0, 1.0, 15), 20)
+    decay, v = np.exp(-FRICTION * DT), np.zeros(len(u))
+    for k in range(len(u) - 1):
+        v[k + 1] = decay * v[k] + (1 - decay) * u[k] / FRICTION
+    noise = NOISE * np.random.default_rng(6).normal(size=len(v))
+    pd.DataFrame({"t": np.arange(len(u)) * DT, "u": u, "v": v + noise}).to_csv(one_way, index=False)
+    wrong = pd.read_csv(tmp_path / "logs/b.csv")
+    wrong.assign(v=-wrong["v"]).to_csv(tmp_path / "logs/b.csv", index=False)
+    status, said, _ = jaxid("fleet", "axis", tmp_path / "logs", "--windows", "none", "--out", tmp_path / "out")
+    said = " ".join(said.split())
+    assert status == 0 and "the same command with --explain and --held-out" in said
+    assert re.search(r"Not determined by a sound member's logs: one way \(.*offset", said), said
 
 
 def test_a_folder_of_logs_is_a_member_a_log(jaxid, without_dry_friction, tmp_path):

@@ -18,6 +18,10 @@ from ..robots.effect import in_words
 
 _SHOWN = 10
 _FAR = "far: farther from the fleet's median than chance makes a sound member, by its spread and the standard error."
+_UNKNOWN = {
+    "not_identifiable": "Not determined by a sound member's logs",
+    "at_bound": "On its bound, of a sound member",
+}
 _EXPLAINED = ("verdict", "effects", "failure")
 _ON_PAGE = 200
 """Members that the page lists."""
@@ -46,6 +50,15 @@ def _counting(members: Columns, estimates: Columns) -> NDArray[Any]:
     return of_sound & (estimates["status"] == "identified")
 
 
+def _of_status(members: Columns, estimates: Columns, status: str) -> dict[str, list[str]]:
+    """Free parameters of this status, by sound member."""
+    sound, found = set(_sound(members)), {}
+    for k in np.flatnonzero((estimates["status"] == status) & estimates["free"].astype(bool)):
+        if estimates["member"][k] in sound:
+            found.setdefault(estimates["member"][k], []).append(estimates["parameter"][k])
+    return found
+
+
 def identified(members: Columns, estimates: Columns) -> dict[str, OneParameter]:
     """What the sound members have identified, by parameter: what `far_estimates` judges."""
     values, errors = (estimates[name].astype(float) for name in ("value", "std_error"))
@@ -65,6 +78,13 @@ def sentences(tables: Mapping[str, Columns], far: Sequence[FarMember]) -> list[s
     how = "is" if len(doubted) == 1 else "are"
     fitted = np.count_nonzero(failure == "")
     said = [f"{fitted} of {len(failure)} members fitted; {len(doubted)} of these {how} to be doubted."]
+    if doubted and "explanations" not in tables:
+        said.append("What a member lacks that is to be doubted: the same command with --explain and --held-out.")
+    for status, what in _UNKNOWN.items():
+        if found := _of_status(tables["members"], tables["estimates"], status):
+            more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+            listed = (f"{member} ({', '.join(names)})" for member, names in list(found.items())[:_SHOWN])
+            said.append(f"{what}: {', '.join(listed)}{more}.")
     if far:
         out = list(dict.fromkeys(one.member for one in far))
         more = f" and {len(out) - _SHOWN} more" if len(out) > _SHOWN else ""

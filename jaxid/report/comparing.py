@@ -7,13 +7,14 @@ import numpy as np
 from .._float64 import in_float64
 from .._origin import with_origin
 from .._renamed import renamed
-from ..estimate.confidence.agreement import agreement
+from ..estimate.confidence.agreement import Agreement, agreement
 from ..estimate.confidence.prediction_spread import prediction_sentence
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.output_error.windows import followed
 from ..estimate.prediction_error.predict import predict
 from ..estimate.result import Fit, checked_fit
 from ..logs import Log, LogError, LogSet, noise_scale
+from ..logs.unusable import without_unusable
 from ..simulation.simulate import simulate
 from ..simulation.start import initial_states
 from . import tables as tab
@@ -22,6 +23,8 @@ from .comparison import Comparison
 HORIZONS = (1, 10)
 """Samples ahead that a model with process noise predicts, beside its free simulation."""
 _PUBLISHED = ("Table", "section")
+_LESS = 0.9
+"""Share of the held-out error that a model must come below without readings that tell nothing of the motion."""
 _SAME_ROBOT = 1.2
 """Ratio of a known constant and the published one beyond which the robot is another one."""
 
@@ -91,6 +94,28 @@ def _notes(fits: Mapping[str, Fit], held_out: LogSet, fit: LogSet | None) -> tup
     return tuple(notes)
 
 
+def _usable(fits: Mapping[str, Fit], held_out: LogSet) -> tuple[LogSet, str]:
+    """The held-out logs without readings that tell nothing of the motion, and a sentence on that, where those make much of
+    what the best model leaves; else as they are."""
+    (usable,), said = without_unusable(held_out)
+    if not said:
+        return held_out, ""
+    with_them, without = (
+        min(_free(fit, logs, noise_scale(logs)).normalised_rms for fit in fits.values()) for logs in (held_out, usable)
+    )
+    if not without < _LESS * with_them:
+        return held_out, ""
+    return usable, (
+        f"Left out of the held-out logs, since they tell nothing of the motion: {'; '.join(said)}. With them the best model "
+        f"leaves {with_them:.3g} times the noise."
+    )
+
+
+def _free(fit: Fit, logs: LogSet, noise: Mapping[str, float]) -> Agreement:
+    """How a free simulation agrees with logs, those that begin in motion from the initial state that suits it best."""
+    return agreement(logs, simulate(fit.robot, logs, start=estimated_start(fit.robot, logs, noise)), noise)
+
+
 def _set(logs: Sequence[Log]) -> LogSet:
     return logs if isinstance(logs, LogSet) else LogSet(logs)
 
@@ -128,9 +153,10 @@ def compare(
                     f"{logs[0].name} has the channels {list(logs.channels)} and the robot of {label} has "
                     f"{list(found.robot.channels)}; compare with logs of that robot."
                 )
-    noise = noise_scale(held_out)
     windows = [f.window for f in fits if f.window is not None]
-    predicted, fitted, said = {}, {}, []
+    held_out, left_out = (held_out, "") if windows else _usable(named, held_out)
+    noise = noise_scale(held_out)
+    predicted, fitted, said = {}, {}, [left_out] * bool(left_out)
     for label, f in named.items():
         if windows:
             predicted[label] = agreement(held_out, followed(f.robot, held_out, min(windows), noise), noise)

@@ -21,6 +21,8 @@ def test_milliseconds_taken_for_seconds(log, method):
     """A mass a thousand times too large, at the noise: every method says so; in seconds none has a doubt."""
     fit = method(ROBOT, LogSet([replace(log, time=1e3 * log.time)]))
     assert fit["M"].value > 100.0 and not fit.trustworthy
-    assert any("sampling interval of 20 s over" in note and "every number here is in them" in note for note in fit.notes)
+    assert any(
+        "sampling interval of 20 s over" in note and "every number here is in them" in note for note in fit.notes
+    )
     right = method(ROBOT, LogSet([log]))
     assert right.trustworthy and not any("doubts the units" in note for note in right.notes)

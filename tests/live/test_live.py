@@ -58,7 +58,7 @@ def test_logs_are_followed_step_by_step(texts, tmp_path):
         assert parts["logs"]["words"] == "0 to fit, 0 held out, 1 left out"
         assert "bad.csv" in board.html("logs") and "line 3" in board.html("logs")
         assert "<b>one" not in board.html("logs") and "notes.md" in board.html("logs")
-        assert until(board, "fit", "waiting")["fit"]["words"] == "Waiting for logs to fit."
+        until(board, "fit", "waiting", words="Waiting for logs to fit.")
 
         for name in ("fit_1.csv", "fit_2.csv"):
             (tmp_path / name).write_text(texts[name])

@@ -14,6 +14,7 @@ from jaxid.estimate.result import NORMAL_95, Estimate, Fit
 from jaxid.report import tables
 from jaxid.report.comparing import compare
 from jaxid.report.figures import Ratio, parameters
+from tests.closed_form_rover import driven, rover
 
 DEMO = Path(__file__).parents[2] / "jaxid/demo_logs/pioneer"
 TRUTH = tomllib.loads((DEMO / "truth.toml").read_text())
@@ -289,3 +290,19 @@ def test_numbers_with_errors(value, error, text):
 )
 def test_shares(value, text):
     assert tables.percent(value) == text
+
+
+def test_what_a_slower_sensor_repeats_in_a_held_out_log_is_no_reading():
+    """A speed that is refreshed at every eighth row: by its repeats the right model would miss the log by many times."""
+
+    def held(k, y):
+        return np.stack([np.repeat(y[::8, 0], 8)[: len(y)], y[:, 1]], axis=1) if k == 2 else y
+
+    logs, held_out = driven(3, count=2, change=held)
+    fit = jaxid.output_error(rover(), logs)
+    found = compare(fit, held_out=jaxid.LogSet(list(held_out)[:1]))
+    (seen,) = found.predicted.values()
+    assert seen.normalised_rms < 1.1
+    (note,) = [note for note in found.notes if "tell nothing of the motion" in note]
+    assert "what V, whose sensor is slower than the logs, repeats" in note
+    assert not any("misses the held-out logs" in note for note in found.notes)
