@@ -1,4 +1,5 @@
-"""Outputs that go the other way than the model says, or many times as far in one log as in the others: a sign or a unit.
+"""Outputs that go the other way than the model says, or many times as far in one log as in the others, or as the model says
+where others go as far: a sign or a unit.
 
 Pre-flight knows the signs of robots that declare how their inputs mix, and units that no robot reaches. Of any other robot its
 model says the same: a fit can make a gain zero, where it must not be negative, and no parameter turns one log alone. What is
@@ -29,6 +30,8 @@ _FOLLOWS = 0.9
 """The same from which the two differ by a factor."""
 _FACTOR = 2.5
 """Ratio of one log's factor to the others' from which it is another unit (3.6 for km/h): at a crawl friction makes two."""
+_AS_FAR = 1.5
+"""Ratio of two factors up to which they are one."""
 _MOVES = 1.2
 """Standard deviation of an output, in those of its noise, from which it moves."""
 _FEWEST = 50
@@ -114,6 +117,22 @@ def _other_units(fitted: Sequence[_Seen]) -> Iterator[tuple[str, str, float]]:
             yield from ((one.log, channel, one.factor / usual) for one in far)
 
 
+def _beside_others(fitted: Sequence[_Seen]) -> Iterator[tuple[str, float, list[str]]]:
+    """(output, factor, others) of outputs that go many times as far as the fitted model says in every log in which they move,
+    where others go as far as it says: two columns that say the same of one motion in units that differ."""
+    factors = {
+        channel: [one.factor for one in fitted if one.channel == channel]
+        for channel in dict.fromkeys(one.channel for one in fitted)
+        if all(one.correlation > _FOLLOWS for one in fitted if one.channel == channel)
+    }
+    usual = {channel: float(np.median(own)) for channel, own in factors.items()}
+    right = [channel for channel, own in factors.items() if all(1.0 / _AS_FAR < factor < _AS_FAR for factor in own)]
+    for channel, own in factors.items():
+        if right and all(usual[channel] / _AS_FAR < factor < usual[channel] * _AS_FAR for factor in own):
+            if not 1.0 / _FACTOR < usual[channel] < _FACTOR:
+                yield channel, usual[channel], right
+
+
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - _TOLD} more" if len(names) > _TOLD else ""
     return ", ".join(names[:_TOLD]) + more
@@ -144,6 +163,13 @@ def other_way(fit: Fit, logs: LogSet, held_out: LogSet | None = None, first: Rob
     parts += [
         f"{channel} goes {by:.3g} times as far in {log} as in the other logs (its unit)" for log, channel, by in units
     ]
+    beside = list(_beside_others(fitted))
+    if beside:
+        far = " and ".join(f"{channel} {by:.3g} times" for channel, by, _ in beside)
+        parts.append(
+            f"every log goes in {far} as far as the model says, and in {_listed(beside[0][2])} as far as it says (the unit or "
+            "scale of the former, or of the latter)"
+        )
     return f"{CHECK}: {'; '.join(parts)}." if parts else ""
 
 

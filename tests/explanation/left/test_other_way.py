@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, explain_change, output_error
+from jaxid import Axis, Channels, Custom, Log, LogSet, Parameter, ParameterTable, explain_change, output_error
 from jaxid.explanation.left.other_way import other_way
 
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5)
@@ -46,6 +46,34 @@ def test_a_unit_that_one_log_has_alone_is_said_with_the_factor(axis_log):
     logs, held_out = runs(axis_log, (1, 3.6, 1, 1, 1, 1))
     said = other_way(output_error(ROBOT, logs), logs, held_out)
     assert "times as far in run 1 as in the other logs (its unit)" in said and "other way" not in said
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.6, 4.0])
+def test_two_sensors_of_one_motion_that_differ_by_a_unit_are_said_with_the_factor(factor):
+    """A cart's speed and the rate of its wheel of 0.1 m, counted in quarters; a scale of 1.6 may be the wheel's."""
+    robot = Custom(
+        dynamics=lambda s, u, p: {"v": (u["u"] - p["fv"] * s["v"]) / p["m"]},
+        state_names=("v",),
+        output=lambda s, u, p: {"speed": s["v"], "rate": s["v"] / 0.1},
+        own_channels=Channels(inputs=("u",), outputs=("speed", "rate")),
+        table=ParameterTable({"m": Parameter(1.0, "kg", free=True), "fv": Parameter(1.0, "N s/m", free=True)}),
+    )
+    logs = []
+    for k in range(3):
+        rng = np.random.default_rng(k)
+        u, v = np.repeat(rng.uniform(-5, 5, 25), 20), np.zeros(500)
+        keep = np.exp(-0.02 * 2.0 / 1.3)
+        for t in range(499):
+            v[t + 1] = keep * v[t] + (1 - keep) * u[t] / 2.0
+        outputs = {"speed": v + 0.01 * rng.normal(size=500), "rate": factor * v / 0.1 + 0.1 * rng.normal(size=500)}
+        logs.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(500), u[:, None], outputs, robot.channels))
+    said = other_way(output_error(robot, LogSet(logs[:2])), LogSet(logs[:2]), LogSet(logs[2:]))
+    if factor < 2:
+        assert said == ""
+    else:
+        assert "every log goes in" in said and ("speed 0.2" in said or "rate 4 times" in said or "rate 3.9" in said), (
+            said
+        )
 
 
 @pytest.mark.slow
