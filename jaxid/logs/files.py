@@ -1,4 +1,5 @@
-"""Which files are meant: paths, patterns, ROS 2 bags as folders, and stretches of them such as `run.mcap[3:18.5]`."""
+"""Which files are meant: paths, patterns, ROS 2 bags as folders, tables of one run as `odometry.csv+imu.csv`, and stretches of
+them such as `run.mcap[3:18.5]`."""
 
 import glob
 import re
@@ -7,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .finding import LogError
-from .formats import is_bag_folder
+from .formats import is_bag_folder, tables_of
 from .log import Log, did_you_mean
 
 PathLike = str | Path
@@ -64,6 +65,11 @@ def _files(path: Path) -> list[Path]:
     """The files that one path or pattern means. Raises `LogError` for what is no log."""
     if _is_log(path):
         return [path]
+    if tables := tables_of(path):
+        for table in tables:
+            if table.is_dir() or _files(table) != [table]:
+                raise LogError(f"{path}: {table} is no table; join tables of one run, as odometry.csv+imu.csv.")
+        return [path]
     if path.is_dir():
         raise LogError(f"{path} is a folder; give its logs, such as {path / '*.csv'}.")
     if path.exists():
@@ -112,9 +118,17 @@ def files_of(paths: PathLike | Iterable[PathLike]) -> list[Path]:
     return [one.path for one in named_files(paths)]
 
 
+def _place(path: Path) -> tuple[str, ...]:
+    """The parts of a path; the tables of one run are one name in the folder of the first."""
+    tables = tables_of(path)
+    if not tables:
+        return path.resolve().parts
+    return (*tables[0].resolve().parent.parts, "+".join(table.name for table in tables))
+
+
 def _names(paths: Sequence[Path]) -> list[str]:
     """File names, with as many parent folders as it takes to tell equal ones apart."""
-    parts = [path.resolve().parts for path in paths]
+    parts = [_place(path) for path in paths]
     names = []
     for own in parts:
         depth = 1

@@ -73,6 +73,8 @@ def _sources(table: Table, channels: Channels, mapping: dict[str, Source], path:
         remedy = "correct the mapping" if name in mapping else example
         listed = ", ".join(map(repr, columns[:12])) + (f" and {len(columns) - 12} more" if len(columns) > 12 else "")
         near = did_you_mean(source.column, columns)
+        if not near and name not in mapping and there & set(channels):
+            remedy += "; where another table of the same run has it, give both as one log, THIS.csv+OTHER.csv"
         raise LogError(f"{path} has no {what}{near}; it has {listed:.400}: {remedy}.")
     sources = {name: source for name, source in sources.items() if name in there}
     users: dict[str, str] = {}
@@ -283,7 +285,8 @@ def read_logs(
     **Arguments:**
 
     - `paths`: a file (or a ROS 2 bag's folder), a pattern (`"logs/*.csv"`), or a list of them; patterns are read in
-      alphabetical order. `"run.mcap[3:18.5]"` is what lies from 3 s up to 18.5 s of a log's own time, `"run.mcap[3:]"` what
+      alphabetical order. `"odometry.csv+imu.csv"` is one run in two tables, each with its own rows, both by one clock.
+      `"run.mcap[3:18.5]"` is what lies from 3 s up to 18.5 s of a log's own time, `"run.mcap[3:]"` what
       comes after 3 s (`Log.window`).
     - `robot`: `"pioneer"`, `"omni"`, `"axis"`, `"differential"`, a `Channels`, or any object with `.channels`. Logs without the
       speeds of a robot's body may hold the angles of its wheels (`phi2`, `phi3` of the Pioneer); the robot of such logs is
@@ -366,7 +369,7 @@ def first_columns(paths: PathLike | Iterable[PathLike]) -> tuple[str, ...]:
     """
     path = files_of(paths)[0]
     kind = format_of(path)
-    if kind in ("wpilog", "mat"):
+    if kind in ("wpilog", "mat", "tables"):
         recording = read_recording(path)
         return tuple(recording.series) if recording is not None else ()
     return () if kind is not None else tuple(str(column) for column in read_table(path).frame.columns)

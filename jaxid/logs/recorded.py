@@ -296,8 +296,10 @@ def read_recorded(path: Path, name: str, channels: Channels, mapping: dict[str, 
     recording, summed = with_summed_fields(plain, wanted, lambda field, name: found(plain, field, name, path), path)
     there = _there(recording, path, channels, wanted, mapping)
     clock, notes = _clock(path, there, time.stamp)
-    if time.scale != 1.0:
-        clock = {n: np.round(time.scale * stamps).astype(np.int64) for n, stamps in clock.items()}
+    # Of tables the times are seconds already, by what the column's name or size says.
+    scale = time.scale / (recording.time.scale if recording.time is not None else 1.0)
+    if time.scale != 1.0 and scale != 1.0:
+        clock = {n: np.round(scale * stamps).astype(np.int64) for n, stamps in clock.items()}
     signals, more = _signals(path, channels, wanted, there, clock)
     notes = [*(("warning", check, None, text) for check, text in recording.notes), *notes, *more]
     notes += [("note", check, None, text) for check, text in dict.fromkeys(summed)]

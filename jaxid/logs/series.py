@@ -57,6 +57,8 @@ class Recording:
     notes: tuple[tuple[str, str], ...] = ()
     time: TimeColumn | None = None
     """The column of a table's times."""
+    origin: float = 0.0
+    """The time [s] that a table's first row has by its own clock."""
 
 
 def nanoseconds(seconds: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:

@@ -119,7 +119,7 @@ def since_1970(values: Float[np.ndarray, " n"]) -> tuple[float, str]:
 
 def _unit(name: str, values: Float[np.ndarray, " n"]) -> tuple[float, str]:
     """Factor to seconds, and what says so: the name's last unit, else the size of a date since 1970."""
-    for word in reversed(_words(name)):
+    for word in reversed(_words(name)) if name != "t" else ():
         base = word[:-1] if len(word) > 3 and word.endswith("s") else word
         if base in _UNITS and (base != "s" or len(_words(name)) > 1):
             return _UNITS[base], f"the name says {word}"
@@ -152,7 +152,7 @@ def time_column(frame: pd.DataFrame, given: str | None = None) -> TimeColumn | N
             continue
         if dates is not None:
             return TimeColumn(name, 1.0, "dates")
-        scale, said = _unit(name, there) if len(there) and name != "t" else (1.0, "")
+        scale, said = _unit(name, there) if len(there) else (1.0, "")
         return TimeColumn(name, scale, said) if math.isfinite(scale) else None
     return None
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ..finding import LogError
 from ..series import Recording
+from .several import read_several, tables_of
 
 _MAGIC = (
     (b"#ROSBAG V", "bag"),
@@ -29,10 +30,12 @@ def is_bag_folder(path: Path) -> bool:
 
 
 def format_of(path: Path) -> str | None:
-    """What a file holds by its first bytes: "bag", "mcap", "db3", "wpilog" or "mat"; "folder" for a ROS 2 bag's; None for
-    tables. Raises `LogError` where the name promises a recording and the bytes are none."""
+    """What a file holds by its first bytes: "bag", "mcap", "db3", "wpilog" or "mat"; "folder" for a ROS 2 bag's; "tables" for
+    several that are one run (`several`); None for a table. Raises `LogError` where the name promises a recording and the bytes are none."""
     if path.is_dir():
         return "folder"
+    if tables_of(path):
+        return "tables"
     try:
         with path.open("rb") as file:
             start = file.read(16)
@@ -66,6 +69,8 @@ def read_recording(
         return None
     if kind in ("bag", "mcap", "db3") and path.suffix != f".{kind}":
         raise LogError(f"{path} is {_WORDS[kind]}; let its name end in .{kind}.")
+    if kind == "tables":
+        return read_several(path, time_field)
     if kind == "wpilog":
         from .wpilog import read_wpilog
 
@@ -79,4 +84,4 @@ def read_recording(
     return read_ros(path, fields)
 
 
-__all__ = ["format_of", "is_bag_folder", "read_recording"]
+__all__ = ["format_of", "is_bag_folder", "read_recording", "tables_of"]

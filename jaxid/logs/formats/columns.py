@@ -57,4 +57,4 @@ def read_columns(path: Path, time_field: str | None = None) -> Recording:
     if not series:
         raise LogError(f"{path} has no column of numbers beside {time!r}; give a log of an experiment.")
     notes = tuple((check, text) for check, _, text in table.notes)
-    return Recording(series, {topic: Topic(topic, "table", len(received))}, notes, found)
+    return Recording(series, {topic: Topic(topic, "table", len(received))}, notes, found, float(found.scale * first))
