@@ -31,7 +31,9 @@ def is_bag_folder(path: Path) -> bool:
 
 def format_of(path: Path) -> str | None:
     """What a file holds by its first bytes: "bag", "mcap", "db3", "wpilog" or "mat"; "folder" for a ROS 2 bag's; "tables" for
-    several that are one run (`several`); None for a table. Raises `LogError` where the name promises a recording and the bytes are none."""
+    several that are one run (`several`); None for a table.
+
+    Raises `LogError` where the name promises a recording and the bytes are none."""
     if path.is_dir():
         return "folder"
     if tables_of(path):

@@ -15,7 +15,7 @@ VOLTS = np.array([2.0, -1.0, 0.0, 3.0])
 
 @pytest.fixture
 def run(tmp_path):
-    """Commands when they change, odometry at 50 Hz in milliseconds since 1970, a gyro at 200 Hz in seconds of the same clock."""
+    """Commands when they change, odometry at 50 Hz in milliseconds since 1970, a gyro at 200 Hz in seconds of that clock."""
 
     def table(name, time, **columns):
         pd.DataFrame({"stamp": time, **columns}).to_csv(tmp_path / name, index=False)
