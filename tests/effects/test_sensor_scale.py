@@ -68,3 +68,15 @@ def test_a_curve_of_a_scale_is_no_other_unit():
     """Of a car that understeers, sensors that show four times the speed at all speeds, and a mass four times as large."""
     robot = with_scale(lambda share: 3.3 - 0.4 * share)
     assert LAW.doubt(robot).startswith("v would be in another unit, by a curve")
+
+
+def test_sensors_that_are_all_in_another_unit_stand_for_something_else():
+    """A tracked robot 25 times as heavy whose speeds are both shown 25 times too large; of one of them, degrees are a unit."""
+    scale = effect_by_id(DifferentialDrive(), "sensor_scale", "each_channel")
+
+    def doubt(**errors):
+        robot = DifferentialDrive() + scale
+        return scale.doubt(robot.with_values(**{scale.key(f"error_{name}"): error for name, error in errors.items()}))
+
+    assert doubt(v=24.1, w=24.2) == "v and w would all be in another unit, and the robot's own parameters with them"
+    assert doubt(v=0.02, w=56.3) == "" and doubt(v=0.0, w=56.3) == "" and doubt(v=-0.2, w=0.25) == ""

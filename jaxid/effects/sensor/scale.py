@@ -59,6 +59,15 @@ class SensorScale(Effect):
     def either_nominal(self, robot: Robot) -> dict[str, str]:
         return {self.key(f"error_{name}"): f"{name} is to scale" for name in sensed(robot)}
 
+    def doubt(self, robot: Robot) -> str:
+        """One sensor may read in another unit; where all do, it is the robot that is another, and the sensors stand for what
+        it lacks."""
+        errors = {name: robot.parameters[self.key(f"error_{name}")].value for name in sensed(robot)}
+        errors = {name: error for name, error in errors.items() if error != 0.0}  # others are not measured
+        if len(errors) < 2 or min(map(abs, errors.values())) <= _OTHER_UNIT:
+            return ""
+        return f"{' and '.join(errors)} would all be in another unit, and the robot's own parameters with them"
+
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return outputs * (1.0 + each_channel(self, p, "error", robot))
 
