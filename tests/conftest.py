@@ -54,6 +54,8 @@ SHARED = (
     "test_cli_explain.py",
     "test_explained_fleet.py",
     "test_saved_results.py",
+    "test_cli_fleet.py",
+    "test_verdict.py",
 )
 """Files that share the explanation `explained`."""
 LONGEST = ("test_notebooks", "tests/explanation", "tests/estimate", "test_cli", "tests/papers", "tests/fuzz")

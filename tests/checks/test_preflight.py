@@ -276,9 +276,10 @@ def _doubts(log):
     return [f"{f.check}: {f.message}" for f in preflight(log) if f.severity != "note"]
 
 
+@pytest.mark.parametrize("count", [20, pytest.param(50, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("robot", list(ROBOTS))
-def test_clean_logs_of_any_scale_raise_no_warning(robot):
-    said = {made.log.name: _doubts(made.log) for made in make(50, seed=17, robots=(robot,))}
+def test_clean_logs_of_any_scale_raise_no_warning(robot, count):
+    said = {made.log.name: _doubts(made.log) for made in make(count, seed=17, robots=(robot,))}
     assert not {name: doubts for name, doubts in said.items() if doubts}
 
 
@@ -295,11 +296,12 @@ def _flipped(log, *, output=None, input=None):
     return _wrong(log, inputs=inputs, outputs=outputs)
 
 
+@pytest.mark.parametrize("count", [6, pytest.param(16, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("robot", list(ROBOTS))
-def test_a_sensor_of_the_wrong_sign_is_named_at_any_scale(robot):
+def test_a_sensor_of_the_wrong_sign_is_named_at_any_scale(robot, count):
     """A gyro on straight and turning runs among them: each log excites all of its outputs."""
     missed = []
-    for made in make(16, seed=23, robots=(robot,), runs=SIGNS):
+    for made in make(count, seed=23, robots=(robot,), runs=SIGNS):
         for name in made.log.channels.mixing:
             found = [f for f in preflight(_flipped(made.log, output=name)) if f.check in ("sign_flipped", "swapped")]
             if not any(repr(name) in f.message for f in found):

@@ -36,6 +36,7 @@ def test_other_laws_have_no_such_form(law):
     assert effect_by_id(Pioneer(), "motor_heating", law).freer is None
 
 
+@pytest.mark.slow
 def test_magnets_that_cool_are_weaker_by_the_heat_that_is_left(driven):
     """The heat of a steady current is P T (1 - exp(-t / T)); without cooling worth the name the law is that of the magnets."""
     robot = (Pioneer() + effect_by_id(Pioneer(), "motor_heating", "torque_constant_with_cooling")).with_values(

@@ -84,6 +84,7 @@ def test_a_body_s_ramps_limit_its_speed_and_yaw_rate_and_not_the_sides(robot):
     np.testing.assert_allclose(found, on_the_spot, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_slowing_down_at_another_rate_than_speeding_up():
     inputs = _commands()
     found = _ramped_by("unequal_ramps", Pioneer(), {"time_per_unit": 1.0, "share_back": 0.25}, inputs)

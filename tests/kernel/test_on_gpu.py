@@ -68,7 +68,7 @@ def compared(system: System, numbers: np.ndarray, *, inputs_move: bool = False, 
     np.testing.assert_allclose(dy, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(("inputs_move", "rows"), [(False, 1), (True, SUBSTEPS)])
+@pytest.mark.parametrize(("inputs_move", "rows"), [pytest.param(False, 1, marks=pytest.mark.slow), (True, SUBSTEPS)])
 def test_every_operation(inputs_move, rows):
     with jaxid.float64():
         compared(*of_its_own(), inputs_move=inputs_move, rows=rows)

@@ -74,7 +74,9 @@ def constrained(wheels, state, torques, resisting, turning, p):
     return np.array([straight[0] + W * Vn, straight[1] - W * V, found[2]]), np.array(phi)
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize(
+    "layout", [pytest.param(name, marks=pytest.mark.slow) if name in ("kiwi", "cart") else name for name in LAYOUTS]
+)
 def test_it_obeys_lagrange_with_wheels_that_roll(layout):
     wheels, rng = LAYOUTS[layout], np.random.default_rng(3)
     robot = Wheeled(wheels=wheels)
@@ -226,6 +228,7 @@ def kiwi_logs(robot, **moved):
     return LogSet(logs)
 
 
+@pytest.mark.slow
 def test_a_kiwi_of_its_own_equations_is_identified():
     robot = Wheeled(wheels=KIWI, motors=True).with_values(K=0.025, Ra=0.6, gear=12.0, supply=12.0, Iw=0.004)
     fit = output_error(robot, kiwi_logs(robot))

@@ -30,7 +30,10 @@ def test_what_computes_much_on_one_shape_is_compiled_and_stays_the_same():
     )  # three samples later
 
 
-@pytest.mark.parametrize("substeps", [6, 64, 83, 192])
+_OTHERS = [pytest.param(substeps, marks=pytest.mark.slow) for substeps in (6, 83)]
+
+
+@pytest.mark.parametrize("substeps", [64, 192, *_OTHERS])
 def test_a_delay_of_finer_steps_is_that_of_coarser_ones_on_average(substeps):
     """Beyond the pace at which steps suit a robot several share what arrives, where their number has such shares."""
     robot = (jaxid.Axis() + jaxid.effects.effect_by_id(jaxid.Axis(), "input_delay")).structure

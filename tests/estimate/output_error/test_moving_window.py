@@ -119,7 +119,8 @@ def test_a_silent_sensor_does_not_make_up_for_what_another_has_too_much():
         assert all(fit.normalised_rms < 1.0 for fit in fits)
 
 
-@pytest.mark.parametrize("related", [0.8, pytest.param(0.95, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("related", [0.8, 0.95])
 def test_coloured_noise_is_no_change_and_no_certainty(related):
     fits, off = [], []
     for seed in range(3):

@@ -34,7 +34,8 @@ def fits(axis_log, rho, covariance, runs=RUNS):
     return found
 
 
-@pytest.mark.parametrize("rho", [0.8, pytest.param(0.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("rho", [0.8, 0.0])
 def test_errors_are_the_scatter_of_the_estimates(axis_log, rho):
     found = fits(axis_log, rho, "robust")
     for name, true in TRUE.items():

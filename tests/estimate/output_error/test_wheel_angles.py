@@ -53,7 +53,7 @@ def measured(robot, name, kinds, noise, rng):
     return LogSet(logs)
 
 
-@pytest.mark.parametrize("noise", [0.01, 0.0])
+@pytest.mark.parametrize("noise", [0.01, pytest.param(0.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["pioneer", pytest.param("omni", marks=pytest.mark.slow)])
 def test_angles_give_the_parameters_with_intervals_that_hold_them(name, noise, demo_truth):
     robot = Pioneer(wheel_angles=True) if name == "pioneer" else Omni(wheel_angles=True)

@@ -14,7 +14,7 @@ STRIBECK = {"axis": 4.0, "own drive": 1.5, "pioneer": 0.4, "omni": 12.0}
     ("name", "counts", "seconds"),
     [
         ("axis", 2048, 1.0),
-        ("own drive", 8192, 1.0),
+        pytest.param("own drive", 8192, 1.0, marks=pytest.mark.slow),
         pytest.param("pioneer", 512, 0.4, marks=pytest.mark.slow),
         pytest.param("omni", 4096, 1.0, marks=pytest.mark.slow),
     ],
