@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from ..estimate.output_error.far_members import FarMember, OneParameter, too_few
 from ..estimate.result import Estimate
-from ..explanation.fleet import summary
+from ..explanation.fleet import named, summary
 from ..report.document import Listing, Page, Section, Tabled, texts
 from ..report.fleet_files import Columns, remarks_on_logs
 from ..report.tables import DOUBT, Cell, Table, value_cell
 from ..robots import Robot
-from ..robots.effect import in_words
 
 _SHOWN = 10
 _FAR = "far: farther from the fleet's median than chance makes a sound member, by its spread and the standard error."
@@ -22,7 +21,7 @@ _UNKNOWN = {
     "not_identifiable": "Not determined by a sound member's logs",
     "at_bound": "On its bound, of a sound member",
 }
-_EXPLAINED = ("verdict", "effects", "failure")
+_EXPLAINED = ("verdict", "effects", "equivalent", "failure")
 _ON_PAGE = 200
 """Members that the page lists."""
 
@@ -94,7 +93,7 @@ def sentences(tables: Mapping[str, Columns], far: Sequence[FarMember]) -> list[s
         more = f" and {len(remarked) - _SHOWN} more" if len(remarked) > _SHOWN else ""
         said.append(f"Sound, with something to look at in the logs: {', '.join(remarked[:_SHOWN])}{more}.")
     if "explanations" in tables:
-        every = (tables["explanations"][name] for name in ("member", "verdict", "effects", "failure"))
+        every = (tables["explanations"][name] for name in ("member", *_EXPLAINED))
         said += summary(list(zip(*every, strict=True)))
     return said
 
@@ -167,12 +166,12 @@ def members_table(
     return Table("Members", header, tuple(rows), notes + more)
 
 
-def _missing(verdict: str, effects: str, failure: str) -> Cell:
+def _missing(verdict: str, effects: str, equivalent: str, failure: str) -> Cell:
     """A member's explanation in words."""
     if failure:
         return Cell(f"no explanation: {failure}", "bad")
-    named = ", ".join(map(in_words, filter(None, effects.split(","))))
-    return Cell("nothing" if verdict == "adequate" else f"{verdict}{': ' if named else ''}{named}")
+    lacks = named(verdict, effects, equivalent)
+    return Cell("nothing" if verdict == "adequate" else f"{verdict}{': ' if lacks else ''}{lacks}")
 
 
 def _own_cell(estimate: Estimate, sound: bool, far: bool) -> Cell:

@@ -95,36 +95,54 @@ def _listed(members: Sequence[str]) -> str:
     return ", ".join(members[:_SHOWN]) + more
 
 
-Answer = tuple[str, str, str, str]
-"""Of one member: its name, and `verdict`, `effects` and `failure` as in `EXPLANATIONS`."""
+Answer = tuple[str, str, str, str, str]
+"""Of one member: its name, and `verdict`, `effects`, `equivalent` and `failure` as in `EXPLANATIONS`."""
+
+
+def named(verdict: str, effects: str, equivalent: str) -> str:
+    """What a member lacks, in words: the names, with those that its logs cannot tell from them; empty where it has none."""
+    found = [in_words(one) for one in sorted(filter(None, effects.split(",")))] if verdict in _NAMED else []
+    others = ", ".join(in_words(one) for one in equivalent.split(",") if one)
+    return " and ".join(found) + (f" (or {others})" if found and others else "")
 
 
 def answers(members: Iterable[Answer]) -> dict[str, list[str]]:
-    """Members by what their explanations say (the names, or the verdict where there are none), the commonest first."""
-    by: dict[str, list[str]] = {}
-    for member, verdict, effects, failure in members:
+    """Members by what their explanations say (the names, with those that the logs of any of them cannot tell from these, or
+    the verdict where there are none), the commonest first."""
+    by: dict[tuple[str, str], list[Answer]] = {}
+    for answer in members:
+        _, verdict, effects, _, failure = answer
         if not failure:
-            named = sorted(filter(None, effects.split(","))) if verdict in _NAMED else []
-            by.setdefault(" and ".join(map(in_words, named)) or verdict, []).append(member)
-    return dict(sorted(by.items(), key=lambda entry: -len(entry[1])))
+            own = ("", ",".join(sorted(effects.split(",")))) if verdict in _NAMED and effects else (verdict, "")
+            by.setdefault(own, []).append(answer)
+    found = {}
+    for (verdict, effects), own in by.items():
+        others = dict.fromkeys(other for answer in own for other in answer[3].split(",") if other)
+        found[verdict or named("ambiguous", effects, ",".join(others))] = [answer[0] for answer in own]
+    return dict(sorted(found.items(), key=lambda entry: -len(entry[1])))
 
 
 def summary(members: Sequence[Answer], false_alarm: float = FALSE_ALARM) -> list[str]:
     """How many members were explained, which effects are named how often, who differs from most, and how many of so many
     chance alone may have made look incomplete."""
-    sound = [(verdict, effects) for _, verdict, effects, failure in members if not failure]
-    counted = ", ".join(f"{count} {verdict}" for verdict, count in Counter(v for v, _ in sound).most_common())
+    sound = [answer[1:4] for answer in members if not answer[4]]
+    counted = ", ".join(f"{count} {verdict}" for verdict, count in Counter(v for v, *_ in sound).most_common())
     said = [f"{len(sound)} of {len(members)} members explained{': ' if counted else ''}{counted}."]
-    named = (effects.split(",") for verdict, effects in sound if verdict in _NAMED)
-    effects = Counter(effect for ids in named for effect in filter(None, ids))
+    # A name that its logs cannot tell from others is none of those that are sure.
+    sure = (one for verdict, ids, others in sound if verdict in _NAMED and not others for one in ids.split(",") if one)
+    effects = Counter(sure)
     if effects:
         said.append("Missing: " + ", ".join(f"{in_words(e)} in {count}" for e, count in effects.most_common()) + ".")
+    open_ = Counter(named(*own) for own in sound if own[0] in _NAMED and own[2])
+    if open_:
+        each = ", ".join(f"{words} in {count}" for words, count in open_.most_common())
+        said.append(f"Missing, of names that the logs cannot tell apart: {each}.")
     by = list(answers(members).items())
     if len(by) > 1 and 2 * len(by[0][1]) > len(sound):
         said.append(f"One answer for most ({len(by[0][1])}): {by[0][0]}.")
         said += [f"Other than most, {answer}: {_listed(others)}." for answer, others in by[1:]]
     by_chance = false_alarm * len(sound)
-    if by_chance >= _WORTH_A_WORD and any(verdict != "adequate" for verdict, _ in sound):
+    if by_chance >= _WORTH_A_WORD and any(verdict != "adequate" for verdict, *_ in sound):
         said.append(
             f"Every member is judged on its own: of {len(sound)} complete robots, chance makes {by_chance:.2g} look "
             "incomplete. One that is only just above its noise may be such a one; fresh logs of it tell."
@@ -165,16 +183,18 @@ class ExplainedFleet:
     @cached_property
     def sentences(self) -> tuple[str, ...]:
         """How many were explained, what is missing how often, and who differs from most."""
-        found = [(m, e.verdict, ",".join(effect.id for effect in e.effects), "") for m, e in self.explanations.items()]
+        rows = (explanation_row(member, document) for member, document in self._documents.items())
+        found = [(row[0], row[1], row[2], row[3], "") for row in rows]
         level = next((e.before.false_alarm for e in self.explanations.values()), FALSE_ALARM)
-        return tuple(summary([*found, *((member, "", "", why) for member, why in self.failed.items())], level))
+        return tuple(summary([*found, *((member, "", "", "", why) for member, why in self.failed.items())], level))
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "verdict", "effects", "before", "after")] if self.explanations else []
         for member, found in list(self.explanations.items())[:_SHOWN]:
-            named = ", ".join(effect.title for effect in found.effects)
+            document = self._documents[member]
+            lacks = named(*explanation_row(member, document)[1:4])
             before, after = (f"{state.normalised_rms:.3g}" for state in (found.before, found.after))
-            rows.append((member, found.verdict, named, before, after))
+            rows.append((member, found.verdict, lacks, before, after))
         return rows
 
     def _after(self) -> list[str]:

@@ -78,5 +78,5 @@ def test_sensors_that_are_all_in_another_unit_stand_for_something_else():
         robot = DifferentialDrive() + scale
         return scale.doubt(robot.with_values(**{scale.key(f"error_{name}"): error for name, error in errors.items()}))
 
-    assert doubt(v=24.1, w=24.2) == "v and w would all be in another unit, and the robot's own parameters with them"
+    assert doubt(v=24.1, w=24.2).startswith("v (25.1 times) and w (25.2 times) would all be in another unit")
     assert doubt(v=0.02, w=56.3) == "" and doubt(v=0.0, w=56.3) == "" and doubt(v=-0.2, w=0.25) == ""

@@ -6,7 +6,7 @@ import pytest
 
 from jaxid import Axis, LogError, explain_fleet, read_logs
 from jaxid.explanation import fleet
-from jaxid.explanation.fleet import ExplainedFleet, summary
+from jaxid.explanation.fleet import ExplainedFleet, named, summary
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +60,9 @@ def test_members_without_logs_are_the_callers_mistake(explained, logs):
 
 
 def test_who_differs_from_most_is_said():
-    rows = [(f"robot {k}", "named", "input_delay", "") for k in range(5)]
-    rows += [("robot 5", "named", "sensor_bias,input_delay", ""), ("robot 6", "adequate", "", "")]
-    rows += [("robot 7", "", "", "no fit")]
+    rows = [(f"robot {k}", "named", "input_delay", "", "") for k in range(5)]
+    rows += [("robot 5", "named", "sensor_bias,input_delay", "", ""), ("robot 6", "adequate", "", "", "")]
+    rows += [("robot 7", "", "", "", "no fit")]
     said = summary(rows)
     assert said[0] == "7 of 8 members explained: 6 named, 1 adequate."
     assert said[1] == "Missing: input delay in 6, sensor bias in 1."
@@ -71,7 +71,23 @@ def test_who_differs_from_most_is_said():
         "Other than most, input delay and sensor bias: robot 5.",
         "Other than most, adequate: robot 6.",
     ]
-    assert summary([("a", "", "", "no fit")]) == ["0 of 1 members explained."]
+    assert summary([("a", "", "", "", "no fit")]) == ["0 of 1 members explained."]
+
+
+def test_names_that_the_logs_cannot_tell_apart_are_no_names_that_are_sure():
+    """An effective track that may be a sensor's scale: both are said, wherever the member is."""
+    rows = [(f"robot {k}", "adequate", "", "", "") for k in range(5)]
+    rows += [
+        ("robot 5", "ambiguous", "effective_track", "sensor_scale,motor_cross_talk", ""),
+        ("robot 6", "ambiguous", "effective_track", "sensor_scale", ""),
+        ("robot 7", "named", "input_delay", "", ""),
+    ]
+    said = summary(rows)
+    assert said[1] == "Missing: input delay in 1."
+    assert said[2].startswith("Missing, of names that the logs cannot tell apart: effective track (or sensor scale")
+    assert "Other than most, effective track (or sensor scale, motor cross talk): robot 5, robot 6." in said
+    assert named("ambiguous", "effective_track", "sensor_scale") == "effective track (or sensor scale)"
+    assert named("unexplained", "effective_track", "") == ""
 
 
 def test_what_jaxid_should_not_raise_costs_one_member_alone(explained, logs, monkeypatch):
@@ -90,11 +106,11 @@ def test_what_jaxid_should_not_raise_costs_one_member_alone(explained, logs, mon
 
 def test_a_fleet_says_how_many_complete_robots_chance_makes_look_incomplete():
     """One of thirty at a level of 1 %: it may be chance's. Nothing is said where all are complete, or where there are few."""
-    members = [(f"robot {k}", "adequate", "", "") for k in range(29)]
-    said = " ".join(summary([*members, ("odd one", "unexplained", "", "")]))
+    members = [(f"robot {k}", "adequate", "", "", "") for k in range(29)]
+    said = " ".join(summary([*members, ("odd one", "unexplained", "", "", "")]))
     assert "of 30 complete robots, chance makes 0.3 look incomplete" in said
     assert "of 30 complete robots, chance makes 1.5" in " ".join(
-        summary([*members, ("odd one", "unexplained", "", "")], false_alarm=0.05)
+        summary([*members, ("odd one", "unexplained", "", "", "")], false_alarm=0.05)
     )
     assert "chance" not in " ".join(summary(members))
-    assert "chance" not in " ".join(summary([*members[:2], ("odd one", "unexplained", "", "")]))
+    assert "chance" not in " ".join(summary([*members[:2], ("odd one", "unexplained", "", "", "")]))

@@ -66,7 +66,8 @@ class SensorScale(Effect):
         errors = {name: error for name, error in errors.items() if error != 0.0}  # others are not measured
         if len(errors) < 2 or min(map(abs, errors.values())) <= _OTHER_UNIT:
             return ""
-        return f"{' and '.join(errors)} would all be in another unit, and the robot's own parameters with them"
+        times = " and ".join(f"{name} ({1.0 + error:.3g} times)" for name, error in errors.items())
+        return f"{times} would all be in another unit, and the robot's own parameters with them; map the columns if they are"
 
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return outputs * (1.0 + each_channel(self, p, "error", robot))
