@@ -22,7 +22,17 @@ from ..._float64 import in_float64
 from ...estimate.judge import drivers
 from ...estimate.portmanteau import robust_portmanteau
 from ...estimate.prediction_error.cubature import Moments, carried
-from ...estimate.prediction_error.filter import Model, Record, advance, filter_pass, held_inputs, observe, substeps
+from ...estimate.prediction_error.filter import (
+    Model,
+    Record,
+    advance,
+    as_state,
+    filter_pass,
+    held_inputs,
+    observe,
+    substeps,
+)
+from ...estimate.prediction_error.late_sensors import with_lagged
 from ...estimate.prediction_error.setup import Task, build
 from ...estimate.residual_tests import cross_correlation, related_squares, relation
 from ...logs import LogError, LogSet
@@ -169,7 +179,8 @@ def _innovations(model: Model, numbers, records: Record, noise, usual: Float[Arr
             return observe(model.robot, numbers, x, seen)[: record.outputs.shape[1]]
 
         rows = ((fine, record.dt, acts), fine[:, 0], record.outputs, record.there)
-        news = filter_pass(look, propagate, record.start, rows, noise * size[_KINDS:])[4]
+        start = with_lagged(model.robot, numbers, record.start, fine[0, 0], as_state)
+        news = filter_pass(look, propagate, start, rows, noise * size[_KINDS:])[4]
         return news.surprise, news.variance
 
     return jax.lax.map(lambda size: jax.vmap(lambda record: one(record, size))(records), sizes)

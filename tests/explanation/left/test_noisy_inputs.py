@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from jaxid import DifferentialDrive, Log, LogSet, explain, output_error
+from jaxid.effects import effect_by_id
 from jaxid.explanation.left.heldout import held_out_state
 from jaxid.explanation.left.noisy_inputs import noise_of_inputs
 from jaxid.simulation.scaled import scaled_to, scales_of
@@ -81,6 +82,21 @@ def test_noise_of_the_inputs_is_told_with_its_size(noise, kind, size):
     assert found is not None
     assert found.sizes[kind] == pytest.approx(size, rel=0.25)
     assert np.hypot(*(own for k, own in enumerate(found.sizes) if k != kind)) < size / 2.0
+
+
+@pytest.mark.slow
+def test_a_lag_of_the_sensors_that_is_none_changes_nothing():
+    """Every output is then a state of the filter of its own, which shows what the robot's states do."""
+    some = LogSet(list(logs(in_proportion(0.08))[0])[:4])
+    plain = scaled_to(output_error(robot(), some).robot, some)
+    lag = effect_by_id(plain, "sensor_lag", "first_order")
+
+    def found(own):
+        return noise_of_inputs(own, [(held_out_state(own, some, NOISE), some)], NOISE, scales_of(own, some), 1e-3)
+
+    late = found((plain + lag).with_values(**{lag.key("time_constant"): 1e-7}))
+    assert late is not None and late.sizes == pytest.approx(found(plain).sizes, rel=0.02)
+    assert late.sizes[1] == pytest.approx(0.08, rel=0.25)
 
 
 @pytest.mark.parametrize(
