@@ -19,6 +19,7 @@ from .left.coloured import OnlyColour
 from .left.heldout import HeldOut
 from .named_effect import NamedEffect
 from .next_experiment import NextExperiment
+from .policy import current_policy
 from .search.steps import Search
 
 Verdict = Literal["named", "adequate", "ambiguous", "unexplained"]
@@ -142,6 +143,8 @@ class Explanation:
                 )
             return f"{base}: the held-out error is {before:.4g} times the noise; {part} fits no known effect.{why}{few}"
         closed = f"the held-out error falls from {before:.2f} to {after:.2f} times the noise"
+        if f"{before:.2f}" == f"{after:.2f}":
+            closed = f"the held-out error, {before:.2f} times the noise, hardly falls by it"
         freely = self.after.simulated_freely
         if freely is not None:
             closed += (
@@ -165,10 +168,13 @@ class Explanation:
         own = self.colour.of_inputs if self.colour is not None else None
         if own is None:
             return ""
-        return (
+        noise = (
             f"what noise of the inputs makes of the motion ({own.phrase}, by chance in every sample: as they were measured, or "
             "as they acted)"
         )
+        # A law that is near nature's leaves as little of a gap, and as shapeless.
+        near = self.after.gap < current_policy().coarse_share * self.before.gap
+        return f"{noise}, or what is wrong with the form of the law that was added" if self.effects and near else noise
 
     @property
     def _slow(self) -> str:
