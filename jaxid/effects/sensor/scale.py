@@ -94,7 +94,8 @@ class ScaleByDirection(SensorScale):
             for name in robot.channels.outputs
         }
         other = [name for name, own in both.items() if min(abs(p.value) for p in own) > _OTHER_UNIT]
-        return f"{' and '.join(other)} would be in another unit for either way" if other else ""
+        times = " and ".join(f"{name} ({1.0 + both[name][0].value:.3g} times)" for name in other)
+        return f"{times} would be in another unit for either way; map the columns if they are" if other else ""
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}

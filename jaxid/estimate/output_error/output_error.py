@@ -21,6 +21,7 @@ from ...simulation.rollout import Integrator
 from ..result import Fit
 from ..units_doubted import with_units_doubted
 from .beyond_supply import beyond_supply
+from .braking_motors import braking_motors
 from .conclude import Covariance
 from .fitted import fitted
 from .losses import Loss, loss_named
@@ -110,8 +111,8 @@ def output_error(
 def _noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
     """The fit with what is to be said of the logs' stamps, units and commands."""
     found = with_units_doubted(_with_stamps_noted(found, robot, logs, options), logs)
-    said = beyond_supply(robot, logs)
-    return replace(found, notes=(*found.notes, said)) if said else found
+    said = filter(None, (beyond_supply(robot, logs), braking_motors(robot, logs)))
+    return replace(found, notes=(*found.notes, *said))
 
 
 def _with_stamps_noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
