@@ -6,7 +6,7 @@ from ...logs import LogSet
 from ...robots.robot import Robot
 
 _NEARLY = 0.8
-"""Share of the power that motors turn over, at which it goes the wrong way: a robot that rolls downhill stands and climbs, too."""
+"""Share of the power of the motors at which it goes the wrong way: a robot that rolls downhill stands and climbs, too."""
 
 
 def braking_motors(robot: Robot, logs: LogSet) -> str:
