@@ -329,7 +329,7 @@ def explain(
         held_out = unsorted(held_out)
     changed = ""
     if verdict == "unexplained":
-        final = doubted_on(final, after)
+        final = doubted_on(final, after, doubts)
         changed = changed_between(fit, logs, held_out, report)
     # With prescribed angles there is no free simulation of the fitted logs.
     free = found.final is None or not found.final.angles

@@ -126,23 +126,26 @@ def still_doubted(final: Fit) -> str:
     return f"The fit with what was added is itself to be doubted. {doubt}" if doubt else ""
 
 
-def doubted_on(final: Fit, after: HeldOut) -> Fit:
-    """`final`, which does not explain what it leaves on held-out logs (`after`): of a poor model, however well it fits its own.
+def doubted_on(final: Fit, after: HeldOut, doubts: Sequence[str] = ()) -> Fit:
+    """`final`, which is no answer: of a poor model where it does not explain what it leaves on held-out logs (`after`), however
+    well it fits its own, or where there are `doubts` about what was added to it.
 
     What a wrong model's parameters are on the fitted logs, no standard error says of the robot.
     """
-    if (
-        final.judgement is None
-        or not final.judgement.trustworthy
-        or after.adequate
-        or not after.normalised_rms > final.judgement.normalised_rms
-    ):
+    if final.judgement is None or not final.judgement.trustworthy:
         return final
-    rms = "diverges on" if after.diverged else f"leaves {after.normalised_rms:.3g} times the noise on"
-    sentence = (
-        f"The model {rms} held-out logs ({final.judgement.normalised_rms:.2f} on its own): something is missing, and its "
-        "parameters may be far off, by more than their standard errors."
-    )
+    if after.adequate:
+        if not (final.robot.effects and doubts):
+            return final
+        sentence = f"What was added is no answer, since {'; '.join(doubts)}: the parameters hold beside it alone."
+    elif after.normalised_rms > final.judgement.normalised_rms:
+        rms = "diverges on" if after.diverged else f"leaves {after.normalised_rms:.3g} times the noise on"
+        sentence = (
+            f"The model {rms} held-out logs ({final.judgement.normalised_rms:.2f} on its own): something is missing, and its "
+            "parameters may be far off, by more than their standard errors."
+        )
+    else:
+        return final
     return replace(
         final, judgement=replace(final.judgement.doubted(sentence), better=""), notes=(sentence, *final.notes)
     )

@@ -11,6 +11,8 @@ def test_of_a_model_that_leaves_nothing_but_noise_nothing_is_said_to_be_missing(
     """Though it be more than on the fitted logs; of one that leaves more, it is."""
     final, after = explained.final, explained.after
     assert after.adequate and doubted_on(final, after) is final
+    columns = doubted_on(final, after, ("columns of the logs contradict the model",))
+    assert "no answer, since columns of the logs contradict" in columns.judgement.sentence and not columns.trustworthy
     assert not explained.before.adequate
     said = doubted_on(final, explained.before)
     assert "something is missing" in said.judgement.sentence and not said.trustworthy
