@@ -9,6 +9,7 @@ from ..estimate.result import Fit
 from ..logs import LogSet
 from ..robots.effect import Effect
 from ..robots.robot import Robot
+from ..robots.traits import axes_in_words
 from .certainty.in_common import common_delay
 from .named_effect import Evidence, NamedEffect, effect_parameters
 from .policy import current_policy
@@ -48,7 +49,7 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
                 NamedEffect(
                     id=effect.id,
                     where=effect.where,
-                    formula=effect.formula,
+                    formula=effect.formula + _which_axes(effect, final.robot),
                     parameters=own,
                     equivalent_to=_equivalent(effect, step, baseline.robot, final, found.after.by_chance),
                     evidence=_evidence(step),
@@ -61,6 +62,15 @@ def named_effects(found: Search, baseline: Fit, final: Fit) -> tuple[NamedEffect
                 )
             )
     return tuple(sorted(named, key=lambda effect: -effect.evidence.fit_gain))
+
+
+def _which_axes(effect: Effect, robot: Robot) -> str:
+    """Which drive axes the numbers in the names of an effect's parameters are, where the robot says what these are called."""
+    if not any(name.rpartition("_")[2].isdigit() for name in effect.parameters(robot)):
+        return ""
+    if not (robot.axis_words or len(robot.drive_axes) == 2):
+        return ""
+    return f" ({', '.join(f'{k} is {words}' for k, words in enumerate(axes_in_words(robot), start=1))})"
 
 
 def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit, by_chance: bool) -> tuple[str, ...]:
