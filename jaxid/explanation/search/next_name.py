@@ -15,6 +15,7 @@ from ..refits.refit import Trial, continued, refit_from_itself
 from ..screening.screen import Candidate, alike_to
 from .colour_left import explaining, ranked_in_colour
 from .denser import densest
+from .freer_forms import as_well_by_a_freer_form
 from .from_the_best import from_the_best
 from .laws import (
     best_first,
@@ -161,6 +162,8 @@ def name_next(
         more = [trial for trial in more if worth_it(base, trial, first, _looked_at(screened, trial))]
         mechanisms = [*mechanisms, *([trial] for trial in more)]
         trials = simplest_first(with_more(trials, more)) if more else trials
+        freely = as_well_by_a_freer_form(trials, base, again) if worth else {}
+        trials = [freely.get(trial.id, trial) for trial in trials]
         equivalent = tuple(name for name in not_told_apart(trials, base) if name not in supersets(trials))
     else:
         trials, equivalent, worth = in_colour
