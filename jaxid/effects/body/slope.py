@@ -165,6 +165,8 @@ class AlongALine(Effect):
     def refusal(self, robot: Robot) -> str | None:
         if robot.in_plane or robot.turns:
             return f"{robot.name!r} does not go along a line alone"
+        if not robot.velocities:
+            return f"{robot.name!r} does not say at which of its velocities a force would act"
         if _pulled_already(robot):
             return f"a parameter of {robot.name!r} itself that is free is such a force"
         return None

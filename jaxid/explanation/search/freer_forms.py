@@ -25,7 +25,8 @@ def as_well_by_a_freer_form(
     `again` refits a robot from its own values, and from the initial states of a trial.
     """
     best = trials[0]
-    if best.law == SHAPE or not best.fitted.adequate:
+    # Of a plant in its loop the effects are the plant's, which are not exchanged one by one.
+    if best.law == SHAPE or not best.fitted.adequate or base.robot.controlled:
         return {}
     least = best.score + _NEARLY * (base.score - best.score)
     same = {trial.id for trial in alike(trials, base)}
