@@ -7,15 +7,18 @@ from ..series import Recording, Series, Topic
 from .columns import read_columns
 
 _DATES = "dates"
+_TABLES = (".csv", ".tsv", ".txt", ".gz", ".parquet", ".pq")
 
 
 def tables_of(path: Path) -> list[Path]:
-    """The tables that a path with `+` means; none where it is a file's own name, or has none. The later ones may leave out
-    the folder."""
+    """The tables that a path with `+` means; none where it is a file's or a folder's own name, or has none. The later ones may
+    leave out the folder."""
     text = str(path)
     if "+" not in text or path.exists():
         return []
     first, *others = (Path(part) for part in text.split("+"))
+    if any(part.suffix.lower() not in _TABLES for part in (first, *others)):
+        return []  # a folder's name has it
     return [first, *(other if other.exists() else first.parent / other for other in others)]
 
 
@@ -44,11 +47,12 @@ def read_several(path: Path, time_field: str | None = None) -> Recording:
         topics |= recording.topics
         notes += recording.notes
     spans = [(min(own), max(own)) for topic in topics if (own := _edges(series, topic))]
-    latest, earliest = max(span[0] for span in spans), min(span[1] for span in spans)
-    if latest >= earliest:
+    apart = max(span[0] for span in spans) - min(span[1] for span in spans)
+    # A command that is given once, before the sensors begin, holds from then on.
+    if apart > max(end - begin for begin, end in spans):
         raise LogError(
-            f"{path}: the times of these tables have nothing in common (one begins {1e-9 * (latest - earliest):.4g} s after "
-            "another has ended); give all of them by one clock."
+            f"{path}: the times of these tables have nothing in common (one begins {1e-9 * apart:.4g} s after another has "
+            "ended); give all of them by one clock."
         )
     return Recording(series, topics, tuple(notes), found[0].time, start)
 

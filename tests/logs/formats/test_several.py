@@ -56,11 +56,26 @@ def test_tables_that_are_not_of_one_run_are_refused(run, tmp_path):
     with pytest.raises(LogError, match=r"gyro.csv does not exist \(close: 'imu.csv'\)|gyro.csv does not exist"):
         read_logs(f"{tmp_path}/odometry.csv+gyro.csv", "differential")
     with pytest.raises(LogError, match="is no table"):
-        read_logs(f"{tmp_path}/odometry.csv+{tmp_path}", "differential")
+        read_logs(f"{tmp_path}/odometry.csv+*.csv", "differential")
     dates = pd.Timestamp("2025-11-29") + pd.to_timedelta(T, unit="s")
     pd.DataFrame({"stamp": dates, "w": np.cos(T)}).to_csv(tmp_path / "imu.csv", index=False)
     with pytest.raises(LogError, match="imu.csv has dates for times"):
         read_logs(run, "differential")
+
+
+def test_a_command_that_is_given_once_holds(run, tmp_path):
+    pd.DataFrame({"stamp": [START], "u_right": [2.0], "u_left": [1.0]}).to_csv(tmp_path / "commands.csv", index=False)
+    (log,) = read_logs(run, "differential")
+    assert np.all(log.input("u_right") == 2.0) and log.time[-1] > 1.9
+
+
+def test_a_pattern_in_a_folder_whose_name_has_a_plus_is_that_pattern(tmp_path):
+    (tmp_path / "c++").mkdir()
+    for name in ("a", "b"):
+        pd.DataFrame({"t": T, "u": 1.0, "v": np.sin(T)}).to_csv(tmp_path / "c++" / f"{name}.csv", index=False)
+    assert read_logs(f"{tmp_path}/c++/*.csv", "axis").names == ("a.csv", "b.csv")
+    with pytest.raises(LogError, match="c.csv does not exist"):
+        read_logs(f"{tmp_path}/c++/c.csv", "axis")
 
 
 def test_a_file_whose_name_has_a_plus_is_that_file(tmp_path):
