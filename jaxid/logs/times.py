@@ -35,6 +35,8 @@ _EPOCHS = (
     (1e18, 1e-9, "nanoseconds"),
 )
 """Sizes of today's date since 1970 in its units, and the factors to seconds."""
+_FAR_APART = 60.0
+"""Seconds between two rows that no robot's log leaves as a rule."""
 
 
 _OF_DAY = r"\s*\d{1,2}:\d\d:\d\d(\.\d+)?\s*"
@@ -114,7 +116,10 @@ def _words(name: str) -> list[str]:
 def since_1970(values: Float[np.ndarray, " n"]) -> tuple[float, str]:
     """The factor to seconds of times that count from 1970, as their size tells, and their unit; 1 and nothing of others."""
     typical = float(np.median(np.abs(values))) if len(values) else 0.0
-    return next(((factor, unit) for size, factor, unit in _EPOCHS if 0.5 * size < typical < 5.0 * size), (1.0, ""))
+    step = float(np.median(np.abs(np.diff(values)))) if len(values) > 1 else 0.0
+    # Nanoseconds since a computer was started are as many as milliseconds since 1970, and far apart as such.
+    fits = ((factor, unit) for size, factor, unit in _EPOCHS if 0.5 * size < typical < 5.0 * size)
+    return next(((factor, unit) for factor, unit in fits if factor * step < _FAR_APART), (1.0, ""))
 
 
 def _unit(name: str, values: Float[np.ndarray, " n"]) -> tuple[float, str]:
@@ -148,7 +153,9 @@ def time_column(frame: pd.DataFrame, given: str | None = None) -> TimeColumn | N
         dates = seconds_of_dates(frame[name])
         values = _numbers(frame[name]) if dates is None else dates
         there = values[np.isfinite(values)]
-        if given is None and (len(there) < 2 or np.mean(np.diff(there) > 0) < 0.9):
+        if given is None and len(there) < (1 if set(_words(name)) & _NAMES else 2):
+            continue
+        if given is None and len(there) > 1 and np.mean(np.diff(there) > 0) < 0.9:
             continue
         if dates is not None:
             return TimeColumn(name, 1.0, "dates")

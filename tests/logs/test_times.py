@@ -126,3 +126,9 @@ def test_times_since_1970_in_another_unit_are_known_by_their_size(tmp_path, fact
     assert any(f"counts {unit} from 1970" in finding.message for finding in log.findings)
     table(1e3 * TIME).to_csv(tmp_path / "own.csv", index=False)
     np.testing.assert_allclose(read_logs(tmp_path / "own.csv", Pioneer(), mapping={"t": "when"})[0].time, 1e3 * TIME)
+
+
+def test_nanoseconds_since_a_computer_was_started_are_no_milliseconds_since_1970(tmp_path):
+    table(np.round(1e9 * (2000.0 + TIME)).astype(np.int64)).to_csv(tmp_path / "run.csv", index=False)
+    with pytest.raises(LogError, match="no recorder does; map t with the scale that gives seconds"):
+        read_logs(tmp_path / "run.csv", Pioneer(), mapping={"t": "when"})
