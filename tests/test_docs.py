@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "benchmarks/README.md")]
 PAGES += sorted((ROOT / "docs").rglob("*.md"))
-HOW_TO = ("record", "robot", "effect", "bad_fit")
+HOW_TO = ("record", "robot", "speed_commands", "effect", "bad_fit")
 FILES = r"(?<![\w/.])((?:tests|jaxid|benchmarks|reference|notebooks)/[\w./-]*\.(?:py|ipynb))"
 
 

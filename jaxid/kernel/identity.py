@@ -36,7 +36,7 @@ def _source() -> str:
 
 def _own(thing: Any) -> str:
     """Where a class or function of jaxid's stands."""
-    module, name = thing.__module__, thing.__qualname__
+    module, name = thing.__module__ or "", thing.__qualname__  # none of what was made by exec
     if module.split(".")[0] != _PACKAGE or getattr(modules.get(module), name, None) is not thing:
         raise _Unnamed
     for base in thing.__mro__[:-1] if isinstance(thing, type) else ():
