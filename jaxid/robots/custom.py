@@ -105,7 +105,8 @@ class Custom(Declared):
         """Viscous resistance as the user names it; what effects change of it is all that `motion` uses."""
         if not self._acts("viscous"):
             return (0.0,) * len(speeds)
-        return tuple(p[a.viscous] * s if a.viscous else 0.0 * s for (_, a), s in zip(self._axes, speeds, strict=True))
+        own = zip(self._axes, speeds, self._viscous_times, strict=True)
+        return tuple(p[a.viscous] * s * times if a.viscous else 0.0 * s for (_, a), s, times in own)
 
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
         if all(isinstance(axis.speed, str) for _, axis in self._axes):

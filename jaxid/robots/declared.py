@@ -15,7 +15,7 @@ from ..parameters import Parameter, ParameterError, ParameterTable
 from .drive_axis import DriveAxis
 from .effect import Scalar
 from .lengths import accelerated
-from .own_viscous import ViscousFriction, check_viscous_friction
+from .own_viscous import ViscousFriction, viscous_times
 from .robot import Robot
 from .user_functions import UserFunctions, check_user_functions
 
@@ -166,12 +166,14 @@ class Declared(Robot):
                 rubbing if rubbing and takes_friction(self.dynamics) else None,
             )
         )
-        if not self.effects:  # what these change of it the dynamics do not know
-            functions, viscous = (
-                (self.dynamics, self.forces, self.axes),
-                tuple((a, own.viscous or "") for a, own in self._axes),
-            )
-            check_viscous_friction(ViscousFriction(functions, self.own_states, tuple(self.table), viscous, self))
+        _ = self._viscous_times  # raises where the dynamics have no such friction
+
+    @property
+    def _viscous_times(self) -> tuple[float, ...]:
+        """How many times coefficient and speed the dynamics have as viscous friction of each axis."""
+        functions = (self.dynamics, self.forces, self.axes)
+        named = tuple((axis, own.viscous or "") for axis, own in self._axes)
+        return viscous_times(ViscousFriction(functions, self.own_states, tuple(self.table), named, self))
 
     # -- what it says about itself -------------------------------------------------------------------------------------
     @property

@@ -12,7 +12,7 @@ class DriveAxis:
 
     - `speed`: the state that is its speed, or a function `(state, params) -> speed`.
     - `coulomb`, `viscous`: the parameters that are its Coulomb level and its viscous coefficient. The dynamics keep their
-      own viscous term; naming the coefficient lets effects act on it.
+      own viscous term; naming the coefficient lets effects act on it, in whatever unit the dynamics have it.
     - `torque`: `(state, input, params) -> drive torque` as in the dynamics, which keep their own, too.
     - `angle`: the state that is its angle, or a name for it, if no state of the dynamics is.
     - `lever`: a number or the parameter (a radius) that turns its speed into one at the wheel's rim.

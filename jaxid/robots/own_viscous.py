@@ -1,8 +1,8 @@
-"""Whether the viscous friction that a user's robot declares is the one that its dynamics have: in other units, or with another
-sign, effects on it would be other effects."""
+"""How many times the viscous friction that a user's robot declares its dynamics have: where a coefficient is in N s/m and the
+speed in mm/s, a thousandth, by which effects on it would be other effects."""
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -32,7 +32,8 @@ class ViscousFriction:
 def _times(own: ViscousFriction, axis: int) -> float:
     """How many times the force that is declared the dynamics have: not a number where no one number says it (a parameter
     that is at work elsewhere too), or where they cannot be asked."""
-    robot, parameter = own.robot, own.named[axis][1]
+    robot = replace(own.robot, effects=()) if own.robot.effects else own.robot
+    parameter = own.named[axis][1]
     rng = np.random.default_rng(2)
     free, unit = (0.0,) * len(own.named), tuple(float(k == axis) for k in range(len(own.named)))
 
@@ -61,20 +62,24 @@ def _times(own: ViscousFriction, axis: int) -> float:
 
 
 @lru_cache(_MOST_ROBOTS)
-def _check(own: ViscousFriction) -> None:
+def _every(own: ViscousFriction) -> tuple[float, ...]:
+    found = []
     for k, (axis, parameter) in enumerate(own.named):
         times = _times(own, k) if parameter else float("nan")
-        if np.isfinite(times) and abs(times - 1.0) > _SAME:
+        if times <= 0.0:
             has = f"{times:.4g} times that force" if times else "no such force"
             raise ParameterError(
                 f"axis {axis!r}: viscous={parameter!r} says that {parameter} times the axis' speed resists it, and the "
-                f"dynamics have {has}; give a parameter in the unit of the axis' friction over that of its speed, use it so "
-                "in the dynamics, or leave `viscous` out"
+                f"dynamics have {has}; let them have it, or leave `viscous` out"
             )
+        found.append(times if np.isfinite(times) and abs(times - 1.0) > _SAME else 1.0)
+    return tuple(found)
 
 
 @in_float64
-def check_viscous_friction(own: ViscousFriction) -> None:
-    """Raise `ParameterError` where the dynamics have some other multiple of the viscous friction that is declared."""
-    if any(parameter for _, parameter in own.named):
-        _check(own)
+def viscous_times(own: ViscousFriction) -> tuple[float, ...]:
+    """How many times coefficient and speed the dynamics have for each axis: one where no one number says it.
+
+    Raises `ParameterError` where they have no such force, or one that drives.
+    """
+    return _every(own) if any(parameter for _, parameter in own.named) else (1.0,) * len(own.named)

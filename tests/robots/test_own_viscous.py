@@ -1,9 +1,10 @@
-"""jaxid/robots/own_viscous.py: viscous friction in another unit than the dynamics have it is refused, with the factor."""
+"""jaxid/robots/own_viscous.py: viscous friction in another unit than the axis' speed is what the dynamics make of it."""
 
 import jax.numpy as jnp
 import pytest
 
 from jaxid import Channels, Custom, DriveAxis, Parameter, ParameterError, ParameterTable
+from jaxid.effects import effect_by_id
 
 CHANNELS = Channels(inputs=("u",), outputs=("v",), units={"v": "mm/s"})
 TABLE = ParameterTable(
@@ -25,10 +26,15 @@ def in_millimetres(unit):
     return lambda s, u, p, friction: {"v": 1e3 * (u["u"] - unit * p["fv"] * s["v"] - friction["wheel"]) / p["m"]}
 
 
-def test_a_coefficient_in_newtons_per_metre_and_second_of_a_speed_in_millimetres():
-    with pytest.raises(ParameterError, match=r"'wheel'.*'fv'.* 0\.001 times that force.*leave `viscous` out"):
-        cart(in_millimetres(1e-3))
-    assert cart(in_millimetres(1.0)).parameters["fv"].value == 2.0
+@pytest.mark.parametrize("unit", [1e-3, 1.0])
+def test_half_of_the_viscous_friction_is_half_of_it_in_any_unit(unit):
+    """A coefficient in N s/m of a speed in mm/s, and one in N s/mm: an effect that takes half of it leaves half of it."""
+    robot = cart(in_millimetres(unit)) + effect_by_id(cart(in_millimetres(unit)), "sublinear_viscous_friction", "power")
+    p = robot.with_values(**{"sublinear_viscous_friction.deficit": 1.0, "sublinear_viscous_friction.reference": 100.0})
+    state, still = {"v": 200.0}, (0.0,)
+    # At twice the reference speed the friction is half of what is proportional.
+    slowed = float(p.rates(state, (0.0,), still, p.parameters.numbers)["v"])
+    assert slowed == pytest.approx(-0.5 * 1e3 * unit * 2.0 * 200.0, rel=1e-3)
 
 
 def test_forces_that_have_no_viscous_friction_or_one_that_drives():
