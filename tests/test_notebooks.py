@@ -29,7 +29,7 @@ CELL_SECONDS = 600
 SAMPLES = 501
 SHORTENED = ("omni", "pioneer", "unknown")
 LEFT_OUT = ("fit_crawl", "fit_prbs_forward", "fit_turning", "fit_2", "fit_3", "fit_6")
-QUICK = ("omni_paper", "own_robot")
+QUICK = ("omni_paper",)
 """What the default run runs."""
 EFFECTS = ("sensor_bias", "quadratic_drag", "stribeck_friction", "actuator_dead_zone")
 

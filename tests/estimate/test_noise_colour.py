@@ -34,7 +34,7 @@ def test_white_noise_has_no_colour_and_gaps_are_stepped_over():
     assert colour_of([slow]).coefficients[0] == pytest.approx(0.8, abs=0.06)
 
 
-@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.95])
+@pytest.mark.parametrize("correlation", [0.0, pytest.param(0.5, marks=pytest.mark.slow), 0.95])
 def test_it_is_drawn_stationary_from_the_first_sample_on(correlation):
     colour, rng = Colour.first_order(0.3, correlation), np.random.default_rng(5)
     drawn = np.stack([colour.drawn(rng, 20) for _ in range(4000)])

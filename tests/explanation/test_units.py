@@ -73,6 +73,7 @@ def explained(runs, time, length, force):
     return found.verdict, names, numbers, {name: found.final[name].std_error for name in back}, back
 
 
+@pytest.mark.slow
 def test_the_same_names_and_numbers_in_any_units(recorded):
     verdict, names, numbers, errors, _ = explained(recorded, *UNITS[0])
     assert (verdict, names) == ("named", ("quadratic_drag",))

@@ -75,7 +75,8 @@ def constrained(wheels, state, torques, resisting, turning, p):
 
 
 @pytest.mark.parametrize(
-    "layout", [pytest.param(name, marks=pytest.mark.slow) if name in ("kiwi", "cart") else name for name in LAYOUTS]
+    "layout",
+    [pytest.param(name, marks=pytest.mark.slow) if name in ("kiwi", "cart", "askew") else name for name in LAYOUTS],
 )
 def test_it_obeys_lagrange_with_wheels_that_roll(layout):
     wheels, rng = LAYOUTS[layout], np.random.default_rng(3)
@@ -238,6 +239,7 @@ def test_a_kiwi_of_its_own_equations_is_identified():
         assert fit[name].std_error < 0.02 * true, name
 
 
+@pytest.mark.slow
 def test_a_wheel_radius_that_differs_is_found_by_its_own_parameter():
     robot = Wheeled(wheels=KIWI, motors=True).with_values(K=0.025, Ra=0.6, gear=12.0, supply=12.0, Iw=0.004)
     robot = robot + effect_by_id(robot, "wheel_radius_mismatch")

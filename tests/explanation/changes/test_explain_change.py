@@ -226,7 +226,7 @@ def test_a_robot_of_ones_own():
             assert within(named["command_gain"].differences["command_gain.gain"], -0.05)
 
 
-@pytest.mark.parametrize("gain", [1.0, 1.02])
+@pytest.mark.parametrize("gain", [pytest.param(1.0, marks=pytest.mark.slow), 1.02])
 def test_a_second_change_that_is_small_beside_the_first_is_not_passed_over(gain):
     robot, before = lag(1.0, 0.3, 0)
     _, after = lag(gain, 0.5, 1)

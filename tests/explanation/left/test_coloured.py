@@ -246,6 +246,7 @@ def test_generalised_least_squares_reaches_what_the_coloured_noise_allows(slow_n
     assert np.max(np.abs(before) / bound) > 3.5  # output error weighs slow noise as if it were white
 
 
+@pytest.mark.slow
 def test_slow_noise_alone_is_explained_by_no_effect(slow_noise):
     logs, check = slow_noise
     found = explain(output_error(ROBOT, logs), logs, check)

@@ -89,6 +89,7 @@ def test_a_share_below_half_a_per_cent_is_not_said_to_be_none():
     assert "80 % of it in 1 % of the time" in _when([plain], [], 0.012)
 
 
+@pytest.mark.slow
 def test_a_complete_model_leaves_nothing_to_place():
     found = located({})
     assert found.sentence.startswith("Nothing stands out")
