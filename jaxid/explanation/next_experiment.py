@@ -164,6 +164,8 @@ def propose(one: Trial, other: Trial, logs: LogSet) -> NextExperiment | None:
     columns = [channels.measured.index(c) for c in judged]
     scale = np.array([noise[c] for c in judged])
     family = _family(one.robot, logs)
+    if not family:  # no input was driven: how large one may be is not known
+        return None
     interval = float(np.median([log.sampling_interval for log in logs]))
     time = np.asarray(np.arange(len(family[0].inputs)) * interval, np.float64)
     nothing = np.full((2, len(family), len(time), len(channels.measured)), np.nan)

@@ -1,5 +1,7 @@
 """jaxid/explanation/next_experiment.py: proposals that would tell two models apart, and none that a refit makes up for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,3 +60,9 @@ def test_what_a_refit_makes_up_for_is_no_experiment(one, other, told, only_if):
     if found is not None:
         assert found.only_if == only_if and found.separation > 0.5 and np.max(np.abs(found.inputs)) <= 4.0
         assert "after a refit" in found.sentence and ("if it is other" in found.sentence) == bool(only_if)
+
+
+def test_of_logs_without_a_command_there_is_no_experiment():
+    """Nothing says how large an input may be; the explanation of such a log had ended with a traceback."""
+    logs = LogSet([replace(_pushed(1), inputs=np.zeros((400, 1)))])
+    assert propose(_trial(ROBOT, "one", logs), _trial(_drag(), "other", logs), logs) is None
