@@ -17,6 +17,7 @@ import numpy as np
 from ..estimate.linear.integral_least_squares import linear_estimate
 from ..estimate.output_error.fleet import fit_fleet
 from ..estimate.result import Fit
+from ..estimate.units_doubted import with_units_doubted
 from ..explanation.explain import explain
 from ..explanation.explanation import Explanation
 from ..explanation.fleet import unforeseen
@@ -98,7 +99,7 @@ def worked(members: Sequence[Member], work: Work, report: Report | None = None) 
             unexplained = left_out[name][-1]  # why no held-out log is left
         # What was found to be missing biases every number of the model without it.
         fit = found.final if found is not None else fit
-        fit = with_findings(fit, own, apart, left_out[name])
+        fit = with_findings(with_units_doubted(fit, own), own, apart, left_out[name])
         rows.append(member_row(name, own, fit, why=_why(fit), explanation=found, unexplained=unexplained))
     return rows
 

@@ -8,8 +8,10 @@ from .result import Fit
 
 
 def with_units_doubted(fit: Fit, logs: LogSet) -> Fit:
-    """The fit, judged poor where pre-flight doubts the units of its logs."""
+    """The fit, judged poor where pre-flight doubts the units of its logs; once, however often it is asked."""
     said = doubtful_units(logs)
+    if said in fit.notes or (fit.judgement is not None and said in fit.judgement.sentences):
+        return fit
     if not said or fit.judgement is None or fit.judgement.verdict == "failed":
         return replace(fit, notes=(*fit.notes, said)) if said else fit
     judgement = replace(fit.judgement.doubted(said), better="")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, LogSet, instrumental_variables, integral_least_squares, output_error
+from jaxid.estimate.units_doubted import with_units_doubted
 
 ROBOT = Axis().change("offset", value=0.0, free=False).change("Fc", value=0.0, free=False)
 
@@ -24,5 +25,6 @@ def test_milliseconds_taken_for_seconds(log, method):
     assert any(
         "sampling interval of 20 s over" in note and "every number here is in them" in note for note in fit.notes
     )
+    assert with_units_doubted(fit, LogSet([replace(log, time=1e3 * log.time)])) is fit
     right = method(ROBOT, LogSet([log]))
     assert right.trustworthy and not any("doubts the units" in note for note in right.notes)

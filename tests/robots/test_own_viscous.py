@@ -51,4 +51,4 @@ def test_a_coefficient_that_is_at_work_elsewhere_too_is_the_users():
     heated = lambda s, u, p, friction: {  # noqa: E731
         "v": (u["u"] / (1.0 + p["fv"] * jnp.abs(s["v"])) - p["fv"] * s["v"] - friction["wheel"]) / p["m"]
     }
-    cart(heated)
+    assert cart(heated)._viscous_times == (1.0,)

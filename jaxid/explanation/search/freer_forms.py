@@ -10,10 +10,8 @@ from ...effects.curve import SHAPE
 from ...robots.robot import Robot
 from ..refits.refit import Trial
 from .denser import with_freer_form
+from .laws import NEARLY
 from .telling_apart import alike
-
-_NEARLY = 0.03
-"""Share of what the best explains that another mechanism may lack by its formula and be asked by its freer form."""
 
 
 def as_well_by_a_freer_form(
@@ -28,7 +26,7 @@ def as_well_by_a_freer_form(
     # Of a plant in its loop the effects are the plant's, which are not exchanged one by one.
     if best.law == SHAPE or not best.fitted.adequate or base.robot.controlled:
         return {}
-    least = best.score + _NEARLY * (base.score - best.score)
+    least = best.score + NEARLY * (base.score - best.score)
     same = {trial.id for trial in alike(trials, base)}
     found = {}
     for trial in trials[1:]:

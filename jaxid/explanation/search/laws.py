@@ -16,7 +16,7 @@ from ..screening.screen import Candidate
 from .telling_apart import alike, kinds_alike
 from .worth import coarseness
 
-_NEARLY = 0.03
+NEARLY = 0.03
 """Share of what the best explains that another mechanism may lack by one law and be tried by others."""
 Refits = Callable[[list[Candidate]], list[Trial]]
 
@@ -73,7 +73,7 @@ def by_law(
         # Another mechanism that explains nearly as much may do so as well by another of its laws.
         best = best_first(found[ranked[0].id])[0]
         same = alike([best, *ranked[1:]])
-        least = best.score + _NEARLY * (nothing - best.score)
+        least = best.score + NEARLY * (nothing - best.score)
         close = [trial for trial in ranked[1:] if trial.score < least and trial not in same]
         further = [law for trial in close for law in other_laws(first[trial.id], curve=False)]
         for trial in refits(further) if further else []:
