@@ -1,13 +1,38 @@
 """Delays that scatter: what chance makes once of a signal of which a law is the mean over all delays.
 
-NumPy, since nothing is fitted to a draw. All take the edges of the steps or the stamps in seconds, and delays even between none
-and `longest`.
+Draws are NumPy, since nothing is fitted to one. All take the edges of the steps or the stamps in seconds, and delays even
+`between` the shortest and the longest.
 """
 
+from collections.abc import Mapping, Sequence
+
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ..robots.effect import Effect, Numbers
+from ..robots.probe import Probe
+from ..robots.robot import Robot
+
 Array = NDArray[np.float64]
+Between = tuple[float, float]
+
+
+def within(delay, scatter):
+    """The shortest and the longest delay of those within the `scatter` of one; nothing is early."""
+    most = jnp.minimum(scatter, delay)
+    return delay - most, delay + most
+
+
+def scatters(effect: Effect, p: Numbers) -> Mapping[str, Sequence[float]]:
+    """From a little to all of the delay."""
+    return {effect.key("scatter"): tuple(np.linspace(0.1, 1.0, 7) * float(p[effect.key("delay")]))}
+
+
+def scattered(effect: Effect, robot: Robot) -> tuple[Probe, ...]:
+    """Delays to try, each with half as much scatter."""
+    delay, scatter = effect.key("delay"), effect.key("scatter")
+    return tuple(Probe({delay: time, scatter: 0.5 * time}) for time in robot.scales.times_to_try)
 
 
 def _means(values: Array, begins: Array, edges: Array) -> Array:
@@ -19,28 +44,28 @@ def _means(values: Array, begins: Array, edges: Array) -> Array:
     return np.diff(integrals, axis=0) / np.diff(edges)[:, None]
 
 
-def changes_late(inputs: Array, edges: Array, longest: float, random: np.random.Generator) -> Array:
+def changes_late(inputs: Array, edges: Array, between: Between, random: np.random.Generator) -> Array:
     """Held `inputs` [T, m] of which every change comes late by a time of its own, none before the one before it."""
     first = np.flatnonzero(np.any(np.diff(inputs, axis=0) != 0, axis=1)) + 1
-    come = np.maximum.accumulate(edges[first] + random.uniform(0.0, longest, len(first)))
+    come = np.maximum.accumulate(edges[first] + random.uniform(*between, len(first)))
     rows = np.append(0, first)
     return _means(inputs[rows], np.append(edges[0], come), edges)
 
 
-def rows_late(inputs: Array, edges: Array, longest: float, random: np.random.Generator) -> Array:
+def rows_late(inputs: Array, edges: Array, between: Between, random: np.random.Generator) -> Array:
     """Held `inputs` [T, m], every row of which shows them as they were a time of its own ago."""
-    delays = random.uniform(0.0, longest, len(inputs))
+    delays = random.uniform(*between, len(inputs))
     steps = np.diff(edges)
     # Before the start there is what was commanded first.
     whole = np.concatenate(
-        [-inputs[:1] * longest, np.zeros_like(inputs[:1]), np.cumsum(inputs * steps[:, None], axis=0)]
+        [-inputs[:1] * between[1], np.zeros_like(inputs[:1]), np.cumsum(inputs * steps[:, None], axis=0)]
     )
-    at = np.append(edges[0] - max(longest, np.finfo(float).tiny), edges)
+    at = np.append(edges[0] - max(between[1], np.finfo(float).tiny), edges)
     then = [np.interp(edges[1:] - delays, at, c) - np.interp(edges[:-1] - delays, at, c) for c in whole.T]
     return np.stack(then, axis=1) / steps[:, None]
 
 
-def samples_late(outputs: Array, time: Array, longest: float, random: np.random.Generator) -> Array:
+def samples_late(outputs: Array, time: Array, between: Between, random: np.random.Generator) -> Array:
     """`outputs` [T, m] at stamps from which each was measured a time of its own earlier."""
-    then = time - random.uniform(0.0, longest, len(time))
+    then = time - random.uniform(*between, len(time))
     return np.stack([np.interp(then, time, column) for column in outputs.T], axis=1)

@@ -204,13 +204,16 @@ class Explanation:
             return f" {self._let_expect(self.after)}"
         if not self.after.by_chance:
             return ""
-        return " What is left is what delays that scatter so leave, each of them by chance: no model foretells it."
+        found = [effect.parameters["scatter"] for effect in self.effects if "scatter" in effect.parameters]
+        about = " or ".join(f"{scatter.value:.2g} s about their mean" for scatter in found if scatter.value > 0)
+        so = f"by up to {about}" if about else "so"
+        return f" What is left is what delays that scatter {so} leave, each of them by chance: no model foretells it."
 
     @property
     def _more(self) -> str:
         """That names which close most of the gap are not all that is missing, where the fit with them is poor."""
         judgement = self.final.judgement
-        if judgement is None or not judgement.doubt:
+        if judgement is None or not judgement.doubt or self.after.by_chance:
             return ""
         if self.noise_floor > 1.0 or self.after.adequate:
             return " The fit with it is poor all the same: more may be missing."

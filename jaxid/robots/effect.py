@@ -130,6 +130,11 @@ class Effect:
         """Where its law is the mean over what chance does: the ways in which chance may do it to `robot`; mostly none."""
         return ()
 
+    def told_by_size(self, p: Numbers, robot: "Robot") -> Mapping[str, Sequence[float]]:
+        """A parameter of which the size of what chance leaves tells more than the mean does, and values of it, increasing, in
+        whose range it is; mostly none."""
+        return {}
+
     def may_hold(self, robot: "Robot") -> Sequence[str]:
         """Parameters of its own, each of which may be held at zero where the others can do all that it does; mostly none."""
         return ()
@@ -152,6 +157,11 @@ class Effect:
     def doubt(self, robot: "Robot") -> str:
         """Why the numbers, or the curve, that `robot` has of it are none that this mechanism may have, in words; empty where
         they may be its own."""
+        return ""
+
+    def doubt_of_change(self, robot: "Robot") -> str:
+        """Why the numbers that `robot` has of it are hardly what came or went between two sets of logs, in words; empty where
+        they may be."""
         return ""
 
     def key(self, name: str) -> str:

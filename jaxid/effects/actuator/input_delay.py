@@ -14,7 +14,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
-from ..scattered import changes_late, rows_late
+from ..scattered import changes_late, rows_late, scattered, scatters, within
 from ..sensor.outputs import all_late
 from .drives import drive_names, each_drive, on_drives, other_inputs
 
@@ -116,13 +116,18 @@ class JitteringDelay(InputDelay):
     def same_on(self, robot: Robot) -> str:
         return "motor_lag"  # on average
 
+    def delays(self, p: Numbers):
+        """The shortest delay and the longest one."""
+        return 0.0 * p[self.key("delay")], 2.0 * p[self.key("delay")]
+
     def draws(self, p: Numbers, robot: Robot) -> tuple[Draw, ...]:
-        longest, drives = 2.0 * float(p[self.key("delay")]), list(robot.drive_inputs)
+        shortest, longest = (float(delay) for delay in self.delays(p))
+        drives = list(robot.drive_inputs)
 
         def of(late_by_chance):
             def once(inputs, time, random):
                 drawn, edges = np.array(inputs), np.append(time, 2.0 * time[-1] - time[-2])
-                drawn[:, drives] = late_by_chance(drawn[:, drives], edges, longest, random)
+                drawn[:, drives] = late_by_chance(drawn[:, drives], edges, (shortest, longest), random)
                 return drawn
 
             return Draw("inputs", once)
@@ -130,9 +135,34 @@ class JitteringDelay(InputDelay):
         return of(changes_late), of(rows_late)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        delays = (2 * jnp.arange(_PARTS) + 1) / _PARTS * p[self.key("delay")]
+        shortest, longest = self.delays(p)
+        delays = shortest + (jnp.arange(_PARTS) + 0.5) / _PARTS * (longest - shortest)
         parts = jax.vmap(late, (None, None, None, 0))(inputs, time, dt, delays)
         return on_drives(robot, inputs, jnp.mean(parts, axis=0))
+
+
+@dataclass(frozen=True)
+class ScatteredDelay(JitteringDelay):
+    """Every command late by a time of its own, anything within the `scatter` of the `delay`: a queue or a radio link behind a
+    fixed time of transport."""
+
+    law: ClassVar[str] = "scattered"
+    formula: ClassVar[str] = "u'(t) = mean of u over (t - delay - scatter, t - delay + scatter)"
+
+    def same_on(self, robot: Robot) -> str:
+        return "sensor_delay" if all_late(robot) else ""  # on average
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | positive(self, "scatter", "s", 0.1 * robot.scales.time)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return scattered(self, robot)
+
+    def delays(self, p: Numbers):
+        return within(p[self.key("delay")], p[self.key("scatter")])
+
+    def told_by_size(self, p: Numbers, robot: Robot):
+        return scatters(self, p)
 
 
 @dataclass(frozen=True)
@@ -155,4 +185,4 @@ class GrowingDelay(InputDelay):
         return on_drives(robot, inputs, late(inputs, time, dt, p[self.key("rate")] * (edges - time[0])))
 
 
-LAWS: tuple[Effect, ...] = (InputDelay(), DelayOfEach(), DelayOfAll(), JitteringDelay(), GrowingDelay())
+LAWS: tuple[Effect, ...] = (InputDelay(), DelayOfEach(), DelayOfAll(), JitteringDelay(), ScatteredDelay(), GrowingDelay())

@@ -15,7 +15,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
-from ..scattered import samples_late
+from ..scattered import samples_late, scattered, scatters, within
 from .lag import averaged
 from .outputs import all_late, bends, each_channel, first_slope, sensed, sensed_only
 
@@ -111,19 +111,52 @@ class JitteringSensorDelay(SensorDelay):
     def same_on(self, robot: Robot) -> str:
         return "sensor_lag"  # on average
 
+    def delays(self, p: Numbers):
+        """The shortest delay and the longest one."""
+        return 0.0 * p[self.key("delay")], 2.0 * p[self.key("delay")]
+
     def draws(self, p: Numbers, robot: Robot) -> tuple[Draw, ...]:
-        longest, names = 2.0 * float(p[self.key("delay")]), sensed(robot)
+        shortest, longest = (float(delay) for delay in self.delays(p))
+        names = sensed(robot)
         late = [i for i, name in enumerate(robot.channels.measured) if name in names]
 
         def once(outputs, time, random):
             drawn = np.array(outputs)
-            drawn[:, late] = samples_late(drawn[:, late], time, longest, random)
+            drawn[:, late] = samples_late(drawn[:, late], time, (shortest, longest), random)
             return drawn
 
         return (Draw("outputs", once),)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
         return sensed_only(robot, averaged(outputs, time, 2.0 * p[self.key("delay")], moving=moving), outputs)
+
+
+@dataclass(frozen=True)
+class ScatteredSensorDelay(JitteringSensorDelay):
+    """Every sample late by a time of its own, anything within the `scatter` of the `delay`."""
+
+    law: ClassVar[str] = "scattered"
+    formula: ClassVar[str] = "y'(t) = mean of y over (t - delay - scatter, t - delay + scatter)"
+
+    def same_on(self, robot: Robot) -> str:
+        return "input_delay" if all_late(robot) else ""  # on average
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | positive(self, "scatter", "s", 0.1 * robot.scales.time)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return scattered(self, robot)
+
+    def delays(self, p: Numbers):
+        return within(p[self.key("delay")], p[self.key("scatter")])
+
+    def told_by_size(self, p: Numbers, robot: Robot):
+        return scatters(self, p)
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        shortest, longest = self.delays(p)
+        first = stamped_late(outputs, time, shortest, moving)
+        return sensed_only(robot, averaged(first, time, longest - shortest, moving=moving), outputs)
 
 
 @dataclass(frozen=True)
@@ -174,6 +207,7 @@ LAWS: tuple[Effect, ...] = (
     SensorDelay(),
     SensorDelayOfEach(),
     JitteringSensorDelay(),
+    ScatteredSensorDelay(),
     GrowingSensorDelay(),
     StampedEarly(),
 )

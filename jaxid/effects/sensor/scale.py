@@ -69,6 +69,17 @@ class SensorScale(Effect):
         times = " and ".join(f"{name} ({1.0 + error:.3g} times)" for name, error in errors.items())
         return f"{times} would all be in another unit, and the robot's own parameters with them; map the columns if they are"
 
+    def doubt_of_change(self, robot: Robot) -> str:
+        """One sensor may have been exchanged, or its wheel; where all show another scale at once it is rather the robot."""
+        names = sensed(robot)
+        errors = [robot.parameters[self.key(f"error_{name}")].value for name in names]
+        if len(errors) < 2 or not all(errors):
+            return ""
+        return (
+            f"{' and '.join(names)} would all have another scale at once, which is what a change of what drives the robot does "
+            "together with changes of its load and friction"
+        )
+
     def measure(self, outputs, time, p: Numbers, robot: Robot):
         return outputs * (1.0 + each_channel(self, p, "error", robot))
 

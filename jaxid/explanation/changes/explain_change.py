@@ -16,7 +16,7 @@ from ..._float64 import in_float64
 from ..._memory import bounded_memory
 from ..._origin import with_origin
 from ...effects.catalogue import check_mechanisms
-from ...estimate.result import Estimate, Fit, Status, checked_fit
+from ...estimate.result import NORMAL_95, Estimate, Fit, Status, checked_fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.effect import in_words
@@ -28,11 +28,11 @@ from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
 from .in_both import fitted_with, lacking_in_both
-from .joint import SIDES, Colours, Joint, Pair, refit, with_candidate
+from .joint import SIDES, Colours, Joint, Pair, inside, refit, with_candidate
 from .judged import Worse, differ_at_all, follows_one_worse, noticed_from
 from .noise_left import MOST
 from .sides import SetOfLogs, side_of
-from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first
+from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first, with_a_number_more
 from .what_else import as_well, promising_beside
 
 _IN_BOTH = 3
@@ -194,7 +194,7 @@ def _explained(
     otherwise = min(2.0 * by_name, 4.0 * apart)
     worse = follows_one_worse(pair, null.residuals, slow=otherwise >= level)
     p = min(otherwise, 4.0 * worse.p_value, 1.0)
-    best, likeliest, equivalent, doubts = None, None, [], list[str]()
+    best, likeliest, equivalent, doubts, same = None, None, [], list[str](), list[str]()
     notes: tuple[str, ...] = (worse.noise,) if worse.noise and p >= level else ()
     if p < level:
         trials, likeliest, null, colours = refitted(pair, look, null, held_out, report)
@@ -222,7 +222,12 @@ def _explained(
         if alone and (promising or _significant(left, level, len(pair.free))):
             ground = likeliest if promising and likeliest is not None else best
             beside = promising if ground is best else promising_beside(look, ground, colours, level)
-            together = _together(pair, look, ground, beside, null, separate, colours, held_out, level, poor, report)
+            grounds = [(ground, beside)]
+            if ground.score.candidate.side == "before":
+                # What was taken from before has no other of its side beside it but such: beside what came, all the robot's own.
+                own = next((trial for trial in trials if trial.score.own), None)
+                grounds += [(own, promising_beside(look, own, colours, level))] if own is not None else []
+            together, same = _together(pair, look, grounds, null, separate, colours, held_out, level, poor, report)
             if together:
                 best, *equivalent = together
                 worse = follows_one_worse(pair, best.joint.residuals)
@@ -236,6 +241,8 @@ def _explained(
                 f"{explained:.0f} that it gains)"
             )
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
+        if same and not doubts:
+            notes += (f"{' or '.join(same)} would be the same in these logs, with a number more.",)
         others = as_well(look, best, colours) if not doubts else []
         if others:
             notes += (f"With {' or '.join(others)} changed as well these sizes would be others: the logs cannot tell.",)
@@ -306,25 +313,32 @@ def _columns(before: Fit, after: Fit, logs: tuple[LogSet, LogSet]) -> list[str]:
 
 
 def _together(
-    pair: Pair, look: FirstLook, best: Trial, promising: list[Score], null: Joint, separate: float, colours: Colours,
+    pair: Pair, look: FirstLook, grounds: list[tuple[Trial, list[Score]]], null: Joint, separate: float, colours: Colours,
     held_out: HeldOutLogs | None, level: float, poor: bool, report: Callable[[str], None],
-) -> list[Trial]:  # fmt: skip
-    """What changed beside the best candidate, and what these logs cannot tell from the two; empty where no two do as well as
-    separate models, or better than one on logs that chose nothing."""
-    found = changed_beside(pair, look, best, promising, colours, held_out, level, report)
+) -> tuple[list[Trial], list[str]]:  # fmt: skip
+    """What changed beside the best candidate (the first of the `grounds`, each with what is promising beside it), and what
+    these logs cannot tell from the two; empty where no two do as well as separate models, or better than one on logs that
+    chose nothing. With it the titles of two that say the same by a number more."""
+    best = grounds[0][0]
+    found = [
+        trial
+        for ground, promising in grounds
+        for trial in changed_beside(pair, look, ground, promising, colours, held_out, level, report)
+    ]
     if not found:
-        return []
+        return [], []
+    found.sort(key=lambda trial: trial.total)
     first, *others = simplest_first(found, null, poor)
     others += only_later(first, [t for t in found if t is not first and t not in others], null)
     gained = null.squares - first.joint.squares
     left = first.joint.squares - separate
     if _significant(left, level, len(pair.free)) and left > LEFT * gained:
-        return []
+        return [], []
     if held_out is not None:
         more = _held_out_gain(pair, held_out, best.joint, first.joint, colours)
         if more <= float(normal_beyond(level / 2.0)) ** 2:
-            return []
-    return [first, *others]
+            return [], []
+    return [first, *others], with_a_number_more(first, found)
 
 
 def _significant(left: float, level: float, free: int) -> bool:
@@ -376,8 +390,20 @@ def _doubts(
         )
     if 4.0 * worse.p_value < level:
         doubts.append(f"even so the model follows one of the two sets {worse.ratio:.2f} times less well than the other")
+    doubts += _unlikely(best, pair)
     if held_out is not None:
         gain = _held_out_gain(pair, held_out, null, best.joint, colours)
         if gain <= float(normal_beyond(level / 2.0)) ** 2:
             doubts.append(f"on held-out logs it gains nothing (chi-squared {gain:+.1f})")
     return doubts
+
+
+def _unlikely(best: Trial, pair: Pair) -> list[str]:
+    """Why effects of the best candidate are hardly what came or went, those of their numbers left out that may be none."""
+    candidate, delta = best.score.candidate, best.joint.delta
+    errors = np.sqrt(np.maximum(np.diag(best.joint.covariance), 0.0))
+    shown = np.where(np.abs(delta) > NORMAL_95 * errors, delta, 0.0)
+    numbers = candidate.move(pair.robot.parameters.numbers, shown)
+    robot = with_candidate(pair.robot, candidate)
+    robot = robot.with_values(**inside(robot, numbers))
+    return [why for effect in candidate.effects if (why := effect.doubt_of_change(robot))]

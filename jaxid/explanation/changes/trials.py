@@ -1,6 +1,6 @@
 """The candidates refitted to both sets of logs and ranked: the best one, and those that the logs cannot tell from it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -155,6 +155,18 @@ def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
         if not any(_says_the_same(own, trial) for own in simpler):
             kept.append(trial)
     return kept
+
+
+def with_a_number_more(best: Trial, others: Sequence[Trial]) -> list[str]:
+    """Titles of those of the `others` that say the same as the best two changes by another one in the place of either, which
+    has a number more."""
+    mine, said = {part.id for part in best.score.candidate.parts}, list[str]()
+    for trial in others:
+        more = len(trial.joint.delta) - len(best.joint.delta)
+        new = {part.id for part in trial.score.candidate.parts} - mine
+        if new and more == 1 and _says_the_same(best, trial):
+            said.append(trial.score.candidate.title)
+    return said
 
 
 def only_later(best: Trial, others: list[Trial], null: Joint) -> list[Trial]:

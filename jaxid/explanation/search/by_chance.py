@@ -32,6 +32,8 @@ from .steps import Step
 from .telling_apart import clearly_better, told_apart_from
 
 _DRAWS = 60
+_FEW = 15
+"""Draws by each value of what their size tells."""
 _SEED = 41
 
 Residuals = list[NDArray[np.float64]]
@@ -60,7 +62,7 @@ def _scatters(effect: Effect) -> bool:
 def _as_drawn(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut, no_more: bool = False) -> bool:
     """Whether the `state` is like draws of `effect` in one `way` of several: two tests, each of them from both sides; or that
     it is `no_more` than they are."""
-    draws = list(_draws(fit, effect, way, held_out, state))
+    draws = list(_draws(fit, effect, way, held_out, state, [_own_numbers(fit, effect, k) for k in range(_DRAWS)]))
     where = [np.mean(np.square(own), axis=0) for own in zip(*draws, strict=True)]
     seen = np.array(_measures(state.residuals))
     drawn = np.array([_measures(own) for own in draws])
@@ -98,16 +100,14 @@ def _measures(residuals: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
     return rms(np.concatenate(list(residuals))), structure(residuals)[0]
 
 
-def _draws(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut) -> Iterator[Residuals]:
-    """Residuals of `fit` on logs in which its delays have come out otherwise, and the noise, too.
-
-    The delay itself is drawn by its standard error.
-    """
+def _draws(
+    fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut, numbers: Sequence[dict[str, float]]
+) -> Iterator[Residuals]:
+    """Residuals of `fit` on logs in which its delays have come out otherwise, by each of the `numbers`, and the noise, too."""
     random = np.random.default_rng(_SEED)
     robot, bare = fit.robot, bare_of(fit.robot, effect)
     start = estimated_start(robot, held_out, state.noise)
     usual = scaled_residuals(held_out, _simulated(robot, held_out, start, 1), state.noise)
-    numbers = [_own_numbers(fit, effect, random) for _ in range(_DRAWS)]
     draws = [effect.draws(p, robot)[way] for p in numbers]
 
     def drawn(draw: Draw, of: str, signal: NDArray[np.float64], log: Log) -> NDArray[np.float64]:
@@ -118,7 +118,7 @@ def _draws(fit: Fit, effect: Effect, way: int, held_out: LogSet, state: HeldOut)
         for k, draw in enumerate(draws)
         for log in held_out
     )
-    every = iter(_simulated(bare, logs, start, _DRAWS))
+    every = iter(_simulated(bare, logs, start, len(draws)))
     for draw in draws:
         outputs = [drawn(draw, "outputs", np.asarray(next(every)), log) for log in held_out]
         once = scaled_residuals(held_out, outputs, state.noise)
@@ -130,14 +130,32 @@ def _simulated(robot: Robot, logs: LogSet, start, times: int) -> Residuals:
     return simulate(robot, logs, start=many, integrator=integrator_for(robot, logs))
 
 
-def _own_numbers(fit: Fit, effect: Effect, random: np.random.Generator) -> dict[str, float]:
+def _own_numbers(fit: Fit, effect: Effect, seed: int) -> dict[str, float]:
     """The model's numbers, those of the effect drawn by their standard errors where these are known."""
+    random = np.random.default_rng([_SEED, seed])
     numbers = dict(fit.robot.parameters.numbers)
     for name in [name for name in fit.free_names if name.startswith(effect.key(""))]:
         error = fit[name].std_error
         moved = numbers[name] + (random.normal() * error if np.isfinite(error) else 0.0)
         numbers[name] = float(np.clip(moved, fit.robot.parameters[name].lower, fit.robot.parameters[name].upper))
     return numbers
+
+
+def _by_size(trial: Trial, effect: Effect, logs: LogSet, noise: dict[str, float]) -> list[Robot]:
+    """The robot of a trial with what the size of what is left on the `logs` tells of its `effect` held there, by each of the
+    ways of chance."""
+    robot = trial.robot
+    numbers = robot.parameters.numbers
+    ((name, values),) = effect.told_by_size(numbers, robot).items()
+    fit, left = in_full(trial, logs, noise), held_out_state(robot, logs, noise)
+    tried = [numbers | {name: value} for value in values for _ in range(_FEW)]
+    seen, found = np.log(left.normalised_rms), []
+    for way in range(len(effect.draws(numbers, robot))):
+        sizes = np.log([rms(np.concatenate(own)) for own in _draws(fit, effect, way, logs, left, tried)])
+        means = np.maximum.accumulate(sizes.reshape(len(values), _FEW).mean(axis=1))
+        value = float(np.interp(seen, means, values))
+        found.append(robot.change(name, free=False).with_values(**{name: value}))
+    return found
 
 
 def rather_by_chance(
@@ -149,7 +167,7 @@ def rather_by_chance(
     for place, step in enumerate(steps):
         if step.chosen.id not in present or current.angles:
             continue
-        found = []
+        found: list[Trial] = []
         for law in _scattering(step, base.robot, present - {step.chosen.id}):
             owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != step.chosen.id}
             trial = replace(current, id=law.id)
@@ -160,25 +178,42 @@ def rather_by_chance(
             # How sure a difference is, its own scatter says: what chance leaves comes with the changes of command.
             if clearly_better(current.fitted, trial.fitted):
                 continue
-            state = by_chance(in_full(trial, logs, noise), logs, held_out, trial.held_out)
-            if state.by_chance:
-                say(f"{law.title}: what is left, {state.normalised_rms:.3f} x noise, is what its scatter leaves")
-                found.append(trial.leaving(state))
+            for own in _held_by_size(trial, law, current, logs, held_out, noise):
+                state = by_chance(in_full(own, logs, noise), logs, held_out, own.held_out)
+                if state.by_chance:
+                    say(f"{law.title}: what is left, {state.normalised_rms:.3f} x noise, is what its scatter leaves")
+                    found.append(own.leaving(state))
+                    break
         if found:
-            best, *others = sorted(found, key=lambda trial: trial.score)
+            ranked = sorted(found, key=lambda trial: trial.score)
+            best, others = ranked[0], [trial for trial in ranked if trial.id != ranked[0].id]
+            laws = [trial for trial in ranked if trial.id == best.id]
             ids = {trial.id for trial in found}
             # What is as likely and leaves what nothing accounts for is no rival any more.
             rest = [t for t in step.trials if t.id not in ids and told_apart_from(best, t)]
             new = replace(
                 step,
                 trials=(best, *others, *rest),
-                equivalent=tuple(trial.id for trial in others),
-                laws=(best,),
-                laws_alike=(),
+                equivalent=tuple(dict.fromkeys(trial.id for trial in others)),
+                laws=tuple(laws),
+                laws_alike=tuple(trial.law for trial in laws[1:]),
                 after=best,
             )
             return [*steps[:place], new, *steps[place + 1 :]], best
     return steps, current
+
+
+def _held_by_size(
+    trial: Trial, law: Effect, current: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]
+) -> Iterator[Trial]:
+    """The trial; with what the size of what is left tells held there and the rest refitted, one for each way of chance."""
+    if not law.told_by_size(trial.robot.parameters.numbers, trial.robot):
+        yield trial
+        return
+    for robot in _by_size(trial, law, logs, noise):
+        own = refitted_like(robot, trial, logs, held_out, noise)
+        if not clearly_better(current.fitted, own.fitted):
+            yield replace(own, id=trial.id)
 
 
 def _scattering(step: Step, robot: Robot, present: set[str]) -> list[Effect]:

@@ -12,6 +12,7 @@ from ...effects.table_constants import TableConstants
 from ...logs import LogSet
 from ...robots.effect import Effect, EffectError
 from ...robots.robot import Robot
+from ...robots.signal_path import overrides
 from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued, refit, refit_from_itself
 from ..screening.screen import Candidate, alike_to, screen
@@ -292,6 +293,12 @@ def _untried(step: Step, leading: Trial, present: Collection[str]) -> list[Candi
     return [c for c in alike_to(leading.id, step.screened, without) if c.gain > 0][:_RIVALS]
 
 
+def _accounts(rival: Trial, final: Trial) -> bool:
+    """Whether a rival accounts for what it leaves where the model does, of which that is what chance makes of its delays."""
+    scatters = rival.effect is not None and overrides(type(rival.effect), "draws")
+    return not final.held_out.by_chance or rival.held_out.adequate or scatters
+
+
 def reconsidered(
     steps: list[Step], final: Trial, base: Trial, logs, held_out, noise, say: Report
 ) -> tuple[list[Step], Trial]:
@@ -339,7 +346,7 @@ def reconsidered(
             say(f"{whose} by its laws instead of {leading.title}")
             laws = _by_laws(laws_of(bare.robot, whose)[0], bare, logs, held_out, noise, say)
             trials = [*(t for t in trials if t.id != whose), *best_first(laws)[:1]]
-        trials = [t for t in trials if t.id == step.chosen.id or holds_as_well(t, final)]
+        trials = [t for t in trials if t.id == step.chosen.id or holds_as_well(t, final) and _accounts(t, final)]
         mechanisms = by_where_they_bend([[trial] for trial in sorted(trials, key=lambda t: t.score)], bare)
         trials = simplest_first([own[0] for own in mechanisms])
         final = trials[0]

@@ -8,13 +8,14 @@ import pytest
 from jaxid import AXIS, Axis, Log, LogSet, explain, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.left.heldout import held_out_state
-from jaxid.explanation.search.by_chance import _where_drawn, by_chance
+from jaxid.explanation.refits.refit import refit
+from jaxid.explanation.search.by_chance import _by_size, _where_drawn, by_chance
 
 LONGEST, NOISE = 0.08, 0.03  # s, m/s
 AXIS_MODEL = Axis().change("Fc", free=False).with_values(Fc=0.0)
 
 
-def _run(seed, commands=False, samples=False, push=0.0):
+def _run(seed, commands=False, samples=False, push=0.0, least=0.0):
     """1 kg with 2 N s/m in steps of a millisecond: commands, or samples, that come late by times of their own."""
     random = np.random.default_rng(seed)
     count, each = 400, 20
@@ -23,7 +24,7 @@ def _run(seed, commands=False, samples=False, push=0.0):
     applied = u.copy()
     if commands:
         changes = 10 * each * np.arange(1, count // 10)
-        arrived = np.maximum.accumulate(changes + random.uniform(0.0, 1000.0 * LONGEST, len(changes)).astype(int))
+        arrived = np.maximum.accumulate(changes + random.uniform(1000.0 * least, 1000.0 * LONGEST, len(changes)).astype(int))
         for change, at in zip(changes, arrived, strict=True):
             applied[change:at] = applied[change - 1]
     v, fine = 0.0, []
@@ -32,7 +33,7 @@ def _run(seed, commands=False, samples=False, push=0.0):
         decay = np.exp(-0.002)
         v = 0.5 * force + (v - 0.5 * force) * decay
     at = each * np.arange(count)
-    seen = np.maximum(at - random.uniform(0.0, 1000.0 * LONGEST, count).astype(int), 0) if samples else at
+    seen = np.maximum(at - random.uniform(1000.0 * least, 1000.0 * LONGEST, count).astype(int), 0) if samples else at
     outputs = {"v": np.array(fine)[seen] + NOISE * random.normal(size=count)}
     return Log.from_arrays(f"run {seed}", 0.02 * np.arange(count), u[at][:, None], outputs, AXIS)
 
@@ -101,6 +102,30 @@ def test_too_few_samples_for_autocorrelations_are_not_said_to_be_chance():
     short = LogSet([_first(held_out[0], 60)])
     state = held_out_state(fit.robot, short, {"v": NOISE / 10.0})
     assert not state.adequate and not by_chance(fit, fit_logs, short, state).by_chance
+
+
+@pytest.mark.parametrize(("law", "way"), [("input_delay", "commands"), ("sensor_delay", "samples")])
+def test_the_size_of_what_is_left_tells_how_much_delays_scatter(law, way):
+    """Between 40 and 80 ms: what the mean law alone hardly tells."""
+    logs, held_out = _logs(**{way: True}, least=0.04)
+    effect = effect_by_id(AXIS_MODEL, law, "scattered")
+    start = {"M": 1.0, "Fv": 2.0, "offset": 0.0, effect.key("delay"): 0.05, effect.key("scatter"): 0.005}
+    trial = replace(refit(AXIS_MODEL + effect, [start], logs, held_out, {"v": NOISE}, {}), id=law)
+    own = _by_size(trial, effect, logs, {"v": NOISE})[0]  # by changes of command, each late by a time of its own
+    assert own.parameters.numbers[effect.key("delay")] == pytest.approx(0.06, abs=0.004)
+    assert own.parameters.numbers[effect.key("scatter")] == pytest.approx(0.02, abs=0.005)
+    assert not own.parameters[effect.key("scatter")].free
+
+
+@pytest.mark.slow
+def test_late_commands_that_all_take_a_while_are_named_with_their_scatter():
+    fit_logs, held_out = _logs(commands=True, least=0.04)
+    found = explain(output_error(AXIS_MODEL, fit_logs), fit_logs, held_out)
+    assert found.verdict == "named" and [(e.id, e.law) for e in found.effects] == [("input_delay", "scattered")]
+    assert "s about their mean" in found.sentence
+    delay, scatter = (found.effects[0].parameters[name] for name in ("delay", "scatter"))
+    assert delay.value == pytest.approx(0.06, abs=4.0 * delay.std_error)
+    assert scatter.value == pytest.approx(0.02, abs=0.005)
 
 
 @pytest.mark.slow
