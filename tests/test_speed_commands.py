@@ -8,21 +8,35 @@ import numpy as np
 import jaxid
 
 PAGE = Path(__file__).parents[1] / "docs/howto/speed_commands.md"
-TRUTH = {"kp_v": 9.0, "ki_v": 14.0, "d_v": 1.6, "c_v": 0.35, "kp_w": 12.0, "ki_w": 20.0, "d_w": 2.5, "c_w": 0.8}
+TRUTH = {"kp_v": 9.0, "ki_v": 14.0, "kp_w": 12.0, "ki_w": 20.0, "d": 1.6, "c": 0.17, "q": 30.0}
+HALF_TRACK = 0.15  # m
 
 
 def driven(seed):
-    """12 s at 50 Hz of a base whose two PI controllers run at 2 kHz; each axis sticks where it may."""
+    """12 s at 50 Hz of a base whose two PI controllers run at 2 kHz; the wheels of each side stick where they may: impulses of
+    friction that stop them, each within its bounds, by projected Gauss-Seidel."""
     rng, h = np.random.default_rng([11, seed]), 5e-4
     sets = np.repeat(rng.uniform(-1, 1, (15, 2)) * (0.7, 2.0) * rng.integers(0, 2, (15, 1)), 40, axis=0)
-    speed, total, rows = np.zeros(2), np.zeros(2), []
-    kp, ki, d, c = (np.array([TRUTH[f"{name}_{axis}"] for axis in "vw"]) for name in ("kp", "ki", "d", "c"))
-    for wanted in sets:
-        rows.append(speed)
+    kp_v, ki_v, kp_w, ki_w, d, c, q = TRUTH.values()
+    b, most = HALF_TRACK, h * c
+    own, other = 1.0 + q * b**2, 1.0 - q * b**2  # what an impulse on one side changes of its own speed and of the other's
+    v = w = sum_v = sum_w = 0.0
+    rows = []
+    for v_set, w_set in sets.tolist():
+        rows.append((v, w))
         for _ in range(40):
-            free = speed + h * (kp * (wanted - speed) + ki * total - d * speed)
-            total = total + h * (wanted - speed)
-            speed = np.sign(free) * np.maximum(np.abs(free) - h * c, 0.0)
+            v_free = v + h * (kp_v * (v_set - v) + ki_v * sum_v - d * v)
+            w_free = w + h * (kp_w * (w_set - w) + ki_w * sum_w - q * b**2 * d * w)
+            sum_v, sum_w = sum_v + h * (v_set - v), sum_w + h * (w_set - w)
+            right, left = v_free + b * w_free, v_free - b * w_free
+            on_right = on_left = 0.0
+            for _ in range(30):
+                before = on_right, on_left
+                on_right = min(max(-(right + other * on_left) / own, -most), most)
+                on_left = min(max(-(left + other * on_right) / own, -most), most)
+                if before == (on_right, on_left):
+                    break
+            v, w = v_free + on_right + on_left, w_free + q * b * (on_right - on_left)
     return sets, np.array(rows) + rng.normal(size=(len(rows), 2)) * (0.004, 0.012)
 
 

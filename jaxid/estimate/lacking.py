@@ -36,6 +36,7 @@ _HAD = {
     "actuator_dead_zone": WAYS["inputs.dead_zone"],
     "input_delay": WAYS["inputs.late"],
     "quadratic_drag": _DRAG,
+    "sensor_delay": WAYS["inputs.late"],
     "stribeck_friction": _RISE,
 }
 """How the words for a force begin that is in a model which has this effect, by one of its laws."""
@@ -138,6 +139,14 @@ def probed(robot: Robot, logs: LogSet) -> tuple[Robot, tuple[str, ...]]:
             robot = robot + effect
     added = [name for name in robot.parameters if name not in own and robot.parameters[name].free]
     return robot, tuple(added)
+
+
+def ways_of(robot: Robot) -> tuple[str, ...]:
+    """What may happen to commands on their way that `robot` is asked for: no delay of these where its own free numbers are one
+    already. What both differ by is the motion between rows, and in a loop the noise, which a command holds a row later."""
+    free = [f"{effect.id}." for effect in robot.effects if _HAD.get(effect.id) == WAYS["inputs.late"]]
+    shifted = any(name.startswith(tuple(free)) for name in robot.parameters.free_names) if free else False
+    return tuple(way for way in WAYS if way != "inputs.late" or not shifted)
 
 
 def words_of(name: str) -> str:

@@ -67,6 +67,11 @@ class ClosedLoop(Robot):
 
     controlled: ClassVar[bool] = True
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.plant.effects != self.effects:  # of a loop that was copied with others
+            object.__setattr__(self, "plant", replace(self.plant, effects=self.effects))
+
     @property
     def channels(self) -> Channels:  # type: ignore[override]
         own = self.plant.channels
@@ -114,6 +119,14 @@ class ClosedLoop(Robot):
     @property
     def motors_behind(self) -> tuple[int, ...]:
         return self.plant.motors_behind
+
+    @property
+    def velocities(self) -> tuple[str, ...]:  # type: ignore[override]
+        return self.plant.velocities
+
+    @property
+    def turning(self) -> str:  # type: ignore[override]
+        return self.plant.turning
 
     @property
     def translations(self) -> tuple[str, ...]:
@@ -239,10 +252,39 @@ class ClosedLoop(Robot):
         return self.plant.coulomb(state, p)
 
     def compliance(self, state: State, p: Numbers) -> tuple[Scalars, ...]:
-        return self.plant.compliance(state, p)
+        return self.plant.compliance(self._of_plant(state), p)
 
     def rubbing_rates(self, state: State, rates: State, p: Numbers) -> Scalars:
-        return self.plant.rubbing_rates(state, rates, p)
+        return self.plant.rubbing_rates(self._of_plant(state), self._of_plant(rates), p)
+
+    def _of_plant(self, state: State) -> State:
+        """Without the states that the loop adds, where a plant takes its own as they are."""
+        return {name: state[name] for name in self.plant.states}
+
+    # What is looked for asks the robot for; in a simulation the plant's own answer.
+    def own_coulomb(self, state: State, p: Numbers) -> Levels:
+        return self.plant.own_coulomb(state, p)
+
+    def own_viscous(self, speeds: Scalars, state: State, p: Numbers) -> Scalars:
+        return self.plant.own_viscous(speeds, state, p)
+
+    def along(self, state: State, p: Numbers) -> Scalars:
+        return self.plant.along(state, p)
+
+    def pushed(self, forces: Scalars, each: Scalars, p: Numbers) -> Scalars:
+        return self.plant.pushed(forces, each, p)
+
+    def yaw_rate(self, state: State, p: Numbers) -> Scalar:
+        return self.plant.yaw_rate(state, p)
+
+    def turned(self, forces: Scalars, moment: Scalar, p: Numbers) -> Scalars:
+        return self.plant.turned(forces, moment, p)
+
+    def rim_levers(self, p: Numbers) -> Scalars:
+        return self.plant.rim_levers(p)
+
+    def rim_speeds(self, speeds: Scalars, p: Numbers) -> Scalars:
+        return self.plant.rim_speeds(speeds, p)
 
     def __add__(self, effect: Effect) -> Self:
         plant = self.plant.with_parameters(self.parameters) + effect
@@ -253,7 +295,7 @@ class ClosedLoop(Robot):
     def alone(self) -> Robot:
         """The plant without its controller, with the loop's numbers."""
         own = {name: p for name, p in self.parameters.items() if name not in self.controller.parameters}
-        return self.plant.with_parameters(ParameterTable(own))
+        return replace(self.plant.with_parameters(ParameterTable(own)), scales=self.scales)
 
 
 def _check_effects(plant: Robot) -> None:

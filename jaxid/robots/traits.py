@@ -76,7 +76,7 @@ def refusal(effect: Effect, robot: "Robot") -> str | None:
     if lacking:
         said = " and ".join(TRAITS.get(trait, trait) for trait in lacking)
         return f"the robot {robot.name!r} cannot have the effect {effect.id!r}: it does not say {said}"
-    return effect.refusal(robot)
+    return effect.refusal(robot.alone)
 
 
 def axes_in_words(robot: "Robot") -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What effects on commands and motors share."""
+"""What effects on commands and motors share; of a robot in closed loop the inputs are its plant's."""
 
 from collections.abc import Callable
 
@@ -11,17 +11,18 @@ from ..curve import Curve
 
 def input_unit(robot: Robot) -> str:
     """Unit of the drive inputs."""
-    return robot.channels.units.get(robot.channels.inputs[0], "")
+    channels = robot.alone.channels
+    return channels.units.get(channels.inputs[0], "")
 
 
 def drive_names(robot: Robot) -> list[str]:
     """Names of the inputs that drive."""
-    return [robot.channels.inputs[k] for k in robot.drive_inputs]
+    return [robot.alone.channels.inputs[k] for k in robot.drive_inputs]
 
 
 def other_inputs(robot: Robot) -> list[str]:
     """Names of the inputs that do not drive, such as a steering angle."""
-    return [name for k, name in enumerate(robot.channels.inputs) if k not in robot.drive_inputs]
+    return [name for k, name in enumerate(robot.alone.channels.inputs) if k not in robot.drive_inputs]
 
 
 def each_other_input(robot: Robot, value: Callable[[str], Scalar]):

@@ -25,7 +25,7 @@ from ..._compile import compiled
 from ..._distributions import f_tail, student_tail
 from ...logs import LogSet
 from ...robots.robot import Robot
-from ..lacking import HINT, WAYS, Neglected, probed, words_of
+from ..lacking import HINT, WAYS, Neglected, probed, ways_of, words_of
 from ..residual_tests import FALSE_ALARM as COLOURED
 from ..residual_tests import whiteness
 from ..rounded_inputs import as_they_may_have_been, written_step
@@ -204,11 +204,12 @@ def neglected(
     numbers = {n: np.asarray(float(v)) for n, v in full.parameters.numbers.items() if n not in problem.numbers}
     wider = replace(problem, numbers={**problem.numbers, **numbers})
     wide = structure._replace(robot=full.structure)
-    ways = _on_the_way(structure, problem, unknowns)
+    asked = ways_of(robot)
+    ways = _on_the_way(structure, problem, unknowns)[..., [way in asked for way in WAYS]]
     residual, jacobian = (np.asarray(x) for x in _look(wide, added, wider, unknowns))
     own = len(structure.names) + len(added)
     jacobian = np.concatenate([jacobian[..., :own], ways, jacobian[..., own:]], axis=-1)
-    added = (*added, *WAYS)
+    added = (*added, *asked)
     samples = int(np.count_nonzero(np.asarray(problem.mask)))
     freedom = samples - jacobian.shape[-1]
     if freedom < _FEWEST or not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):

@@ -203,7 +203,7 @@ def probed(
     sets = _apart(robot, integrator, pairs)
     for number, some in enumerate(sets, start=1):
         full = _with(robot, some)
-        probes = [(alone, there, probe) for alone, there in some for probe in there.probes(full, seen)]
+        probes = [(alone, there, probe) for alone, there in some for probe in there.probes(full.alone, seen)]
         changes = _changes_of(probes)
         if not changes:
             continue
