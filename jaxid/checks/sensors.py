@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 _PUSHED = 0.1
 """Share of the largest that the inputs could drive an output by, from which they drove it."""
+_FEW, _MOVED = 24, 0.3
+"""Readings from which, and share of their variance from which, they follow the commands, so that the robot moved."""
 _RELATED = 0.1
 """Share of a sensor's variance from which it is taken to follow what predicts it."""
 _RADIANS = {"rad": 1.0, "deg": np.pi / 180.0}
@@ -214,6 +216,12 @@ def _moved(log: Log, names: list[str]) -> Iterator[Finding]:
         values = log.output(name)
         if is_position(log, name):
             values = values - np.nanmedian(values)  # at rest anywhere is at rest
+        there = np.isfinite(values)
+        values, pushed = values[there], _lagged(log, log.inputs)[there]
+        # What follows the commands moves, however slow a sensor's readings come, which may then be as far apart as noise is.
+        if len(values) > _FEW and np.ptp(values) > 0 and _predicted(values, pushed) > _MOVED:
+            return
+        width = max(1, round(width * np.mean(there)))
         smooth = _smooth(values, width)
         loud = np.sqrt(np.mean(smooth**2)) > 3 * white_level(values) / np.sqrt(width)
         # Whatever its spectrum within a window, noise does not carry from one window to the next; motion does.

@@ -87,7 +87,7 @@ def as_sampled(y: NDArray[np.float64]) -> NDArray[np.float64]:
     return y[np.isfinite(y)] if _sparse(y) else y
 
 
-def _third(y: NDArray[np.float64], time: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def third_differences(y: NDArray[np.float64], time: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """Third divided differences of a signal, in units in which white noise has its own standard deviation."""
     if len(y) < 4:
         return np.zeros(0)
@@ -108,7 +108,7 @@ def _differences(y: NDArray[np.float64], inputs: NDArray[np.float64], time: NDAr
     updates = np.flatnonzero(np.isfinite(y)) if _sparse(y) else updates_of(y)
     if updates is not None:
         y, moved, time = y[updates], moved[updates], time[updates]
-    third = _third(y, time)
+    third = third_differences(y, time)
     still = (y[:-3] == y[1:-2]) & (y[1:-2] == y[2:-1]) & (y[2:-1] == y[3:])
     telling = np.isfinite(third) & ~still
     change = np.diff(moved, axis=0)
@@ -152,7 +152,7 @@ def usual_size(values: NDArray[np.float64]) -> float:
 def white_level(values: NDArray[np.float64]) -> float:
     """Standard deviation of the white noise on evenly sampled `values`, those not finite left out; zero if there are few."""
     values = values[np.isfinite(values)]
-    return usual_size(_third(values)) if len(values) >= 4 else 0.0
+    return usual_size(third_differences(values)) if len(values) >= 4 else 0.0
 
 
 class _Shown(NamedTuple):

@@ -9,6 +9,7 @@ from .._origin import with_origin
 from .._renamed import renamed
 from ..estimate.confidence.agreement import Agreement, agreement
 from ..estimate.confidence.prediction_spread import prediction_sentence
+from ..estimate.judge import no_larger_than_left
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.output_error.windows import followed
 from ..estimate.prediction_error.predict import predict
@@ -157,12 +158,16 @@ def compare(
     held_out, left_out = (held_out, "") if windows else _usable(named, held_out)
     noise = noise_scale(held_out)
     predicted, fitted, said = {}, {}, [left_out] * bool(left_out)
+    starts = {} if windows else {label: estimated_start(f.robot, held_out, noise) for label, f in named.items()}
+    simulated = {label: simulate(named[label].robot, held_out, start=start) for label, start in starts.items()}
+    for outputs in simulated.values():
+        noise = no_larger_than_left(held_out, outputs, noise)
     for label, f in named.items():
         if windows:
             predicted[label] = agreement(held_out, followed(f.robot, held_out, min(windows), noise), noise)
             continue
-        start = estimated_start(f.robot, held_out, noise)
-        predicted[label] = agreement(held_out, simulate(f.robot, held_out, start=start), noise)
+        start = starts[label]
+        predicted[label] = agreement(held_out, simulated[label], noise)
         sentence = prediction_sentence(f, predicted[label].normalised_rms, held_out, noise, fit, start)
         said += [f"{tab.title_of(label)}: {sentence}"] if sentence else []
     ahead = {
@@ -172,7 +177,10 @@ def compare(
     }
     if fit is not None:
         level = noise_scale(fit)
-        fitted = {label: agreement(fit, seen, level) for label, seen in on_fitted(named, fit, level).items()}
+        again = on_fitted(named, fit, level)
+        for outputs in again.values():
+            level = no_larger_than_left(fit, outputs, level)
+        fitted = {label: agreement(fit, seen, level) for label, seen in again.items()}
     references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)
     for found in reversed(fits) if references else ():
         fixed = {n: v for n, v in found.robot.parameters.numbers.items() if n not in found.free_names}

@@ -1,5 +1,7 @@
 """Fits judged by their residual: logs of a drive axis in closed form, right and wrong models of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from jaxid import (
     Log,
     LogError,
     LogSet,
+    compare,
     explain,
     fit_fleet,
     instrumental_variables,
@@ -420,3 +423,22 @@ def test_of_a_robot_that_never_moved_nothing_is_sound(axis_log, method):
     assert fit.judgement.verdict == "poor" and "did not move" in fit.judgement.sentence, fit.judgement.sentence
     with pytest.raises(LogError, match="did not move"):
         explain(fit, LogSet(logs[:2]), LogSet(logs[2:]))
+
+
+@pytest.mark.parametrize("every", [8, 10])
+def test_a_sensor_slower_than_the_motion_is_judged_by_what_is_left(axis_log, every):
+    """Readings at 5 or 6 Hz of an axis of 0.15 s: between any four of them it moves as much as noise would."""
+    logs = []
+    for seed in range(3):
+        inputs = np.repeat(np.random.default_rng([3, seed]).uniform(-6.0, 6.0, 60), 20)
+        log = axis_log(f"run {seed}", inputs, 0.01, seed, position=False, M=0.3)
+        logs.append(replace(log, outputs=np.where(np.arange(len(inputs))[:, None] % every, np.nan, log.outputs)))
+    logs = LogSet(logs)
+    assert noise_scale(logs)["v"] > 0.05 and not any(f.check == "never_moved" for f in logs.preflight())
+    fit = output_error(Axis(), logs)
+    assert fit.judgement.verdict == "sound", fit.judgement.sentence
+    assert fit.judgement.normalised_rms == pytest.approx(1.0, abs=0.2)
+    held = Axis().with_values(**{name: fit.robot.parameters.numbers[name] for name in fit.free_names} | {"M": 0.33})
+    assert compare(fit, held_out=logs).noise["v"] == pytest.approx(0.01, rel=0.2)
+    poor = output_error(held.change("M", free=False), logs)
+    assert not poor.judgement.verdict == "sound" and poor.judgement.normalised_rms > 1.3

@@ -17,6 +17,7 @@ from ..._origin import with_origin
 from ...logs import Log, LogError
 from ...robots.given import check_free
 from ...robots.robot import Robot
+from ..judge import judged
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
 from ..units_doubted import with_units_doubted
@@ -26,6 +27,9 @@ from .linear_steps import METHOD, STEPS, estimates_of, estimates_with, identify,
 from .regressors import check_linear
 from .weighted_least_squares import USELESS, Solution
 from .window_equations import WindowEquations
+
+_UNSETTLED = f"the equations, linearised about the estimate, did not settle in {STEPS} times"
+_HELP = "Hold what the logs do not determine at known values, or take output error."
 
 
 def _combinations(robot: Robot, names: tuple[str, ...], solution: Solution) -> dict[str, Estimate]:
@@ -69,7 +73,7 @@ def linear_estimate(
             name: float(solution.noise[i]) for i, name in enumerate(equations.speeds) if np.any(equations.equation == i)
         },
         converged=stands,
-        reason="linear least squares, solved" if stands else f"equation 33 did not settle in {STEPS} linearisations",
+        reason="linear least squares, solved" if stands else _UNSETTLED,
         iterations=iterations,
         notes=(*notes_on(robot, equations), *status_notes(names, solution.status, errors)),
     )
@@ -109,4 +113,8 @@ def integral_least_squares(
     del equations  # large for long logs
     fit = judged_least_squares(fit, speeds, solution, cut)
     fit = with_units_doubted(fit, speeds)
+    if not fit.converged and fit.judgement is not None and fit.judgement.trustworthy:
+        said = _UNSETTLED[0].upper() + _UNSETTLED[1:]
+        judgement = replace(fit.judgement, better=fit.judgement.better or _HELP)
+        fit = judged(fit, judgement.doubted(f"{said}: what they leave says little of the estimate."))
     return replace(fit, robot=robot.with_parameters(fit.robot.parameters))

@@ -11,7 +11,7 @@ from ...logs import LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import bridged, stitched
 from ...robots.robot import Robot
-from ..judge import judge, judged
+from ..judge import judge, judged, no_larger_than_left
 from ..judgement import LOOK_FURTHER
 from ..lacking import FALSE_ALARM
 from ..nothing_moved import where_nothing_moved
@@ -124,7 +124,9 @@ def conclude(
 
     optimum = bounded.optimum
     here = outputs(bounded.problem, optimum.unknowns)
-    if whole is not None:
+    if whole is None:
+        noise = no_larger_than_left(seen, here, noise)
+    else:
         apart = [each[: len(log)] * np.asarray(bounded.problem.sigma) for log, each in zip(logs, own, strict=True)]
         apart = stitched(*whole, apart)
         here = [np.where(np.isfinite(e), log.outputs + e, y) for log, e, y in zip(whole[0], apart, here, strict=True)]

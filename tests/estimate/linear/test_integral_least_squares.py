@@ -1,5 +1,6 @@
 """Integral least squares against analytic truths and an independent, event-accurate simulator."""
 
+import sys
 from pathlib import Path
 
 import jax
@@ -24,7 +25,7 @@ from jaxid import (
     float64,
 )
 from jaxid.estimate.linear.instrumental_variables import instrumental_variables
-from jaxid.estimate.linear.integral_least_squares import integral_least_squares
+from jaxid.estimate.linear.integral_least_squares import integral_least_squares, linear_estimate
 from jaxid.estimate.linear.log_rows import gather
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
 from jaxid.estimate.linear.window_equations import _stretches
@@ -260,6 +261,16 @@ def test_straight_logs_say_nothing_about_turning(uncoupled_logs, sigma):
         assert fit[name].status == "not_identifiable" and np.isnan(fit[name].std_error)
     rows = [fit.free_names.index("I0"), fit.free_names.index("Cs1")]
     assert np.isnan(fit.covariance[rows]).all()
+
+
+def test_equations_that_did_not_settle_are_not_sound_however_little_they_leave(axis_logs, monkeypatch):
+    settled = integral_least_squares(Axis(), axis_logs)
+    identified = sys.modules[linear_estimate.__module__].identify
+    monkeypatch.setattr(sys.modules[linear_estimate.__module__], "identify", lambda *given: (*identified(*given)[:3], False))
+    fit = integral_least_squares(Axis(), axis_logs)
+    assert settled.judgement.trustworthy and settled.converged
+    assert fit.judgement.verdict == "poor" and not fit.converged
+    assert "did not settle" in fit.judgement.sentence and "at known values" in fit.judgement.sentence
 
 
 def test_estimates_stay_within_bounds(axis_logs):
