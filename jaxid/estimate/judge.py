@@ -78,6 +78,8 @@ white: that of first-order noise is 1.17 for a correlation of 0.6 and 1.28 for 0
 TAILS = 1.5
 """Root mean square of a residual, in units of its usual size, from which single samples make it: of Gaussian noise one, of
 Student's with three degrees of freedom 1.4."""
+_PULLED = 3.0
+"""The same from which a few samples may have pulled the fit so far off that the others leave more than noise, too."""
 _CERTAIN = 4.0
 """Standard errors by which neighbours must be related for that to be no chance."""
 _DOUBT = 2.0
@@ -229,7 +231,11 @@ def judge(
     series = {c: [as_sampled(part) for part in own] for c, own in told.items()}
     coloured = [c for c, own in series.items() if whiteness(own).p_value < FALSE_ALARM / len(parts)]
     outlying = [c for c, own in parts.items() if by_channel[c] > max(ABOVE, TAILS * _usual(own) / noise[c])]
-    outlying = [] if any(_usual(own) > ABOVE * noise[c] for c, own in parts.items()) else outlying
+    # Beside what most samples leave more than noise of, those far off say nothing, unless it is they that pull the fit away.
+    above = [c for c, own in parts.items() if _usual(own) > ABOVE * noise[c]]
+    pulled = [c for c in above if c in outlying and by_channel[c] * noise[c] > _PULLED * _usual(parts[c])]
+    outlying = [] if len(pulled) < len(above) else outlying
+    pulled = [c for c in pulled if c in outlying]
     driving = drivers(LogSet([logs[k] for k in kept]), [(moved or simulated)[k] for k in kept])
     follows = {}
     for c in parts:
@@ -269,7 +275,7 @@ def judge(
     limit = _FOLLOWS_LARGE / (2 * max(len(alone), 1))
     bursty = [c for c in alone if pooled > POOR and min(bursts(series[c]), uneven(series[c])) < limit]
     # A few far samples pull squares off, and decide by themselves which part of the motion they happen to fall on.
-    glitches = [c for c in outlying if c in bursty or c in follows]
+    glitches = [c for c in outlying if c in bursty or c in follows or c in pulled]
     if glitches and not odd:
         sentences.append(
             f"A few samples of {_listed(glitches)} make it that large: outliers (a sensor that failed for a "
@@ -307,7 +313,7 @@ def judge(
     verdict: Verdict = "sound"
     if failures:
         verdict = "failed"
-    elif far or follows or slow or bursty or few:
+    elif far or follows or slow or bursty or few or pulled:
         verdict = "poor"
     elif coloured or (pooled > POOR and not outlying):
         verdict = "coloured"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .log import Log, LogSet
-from .noise import updates_of
+from .noise import updates_of, white_level
 
 _SHARE, _VISITS, _STAYS = 0.05, 3, 2
 """Share of a signal's samples at its extreme, and visits there of so many samples and more, from which it is clipped."""
@@ -21,6 +21,8 @@ _FEWEST, _LEVELS = 20, 0.2
 
 _FROZEN, _HOLDS = 50, 20.0
 """Samples that a frozen sensor shows the same, and how often as many as it usually does."""
+_BEYOND, _AWAY = 1.5, 0.1
+"""Times its noise by which a sensor varies that shows a motion, and share of its largest reading which it shows on average."""
 _SETTLED, _DROPPED = 1e-4, 0.1
 """Steps, as shares of the largest reading: one that is no jump but the end of a smooth approach, and one that is a drop-out
 where the reading is zero, which is the true one of a robot that stands."""
@@ -64,19 +66,28 @@ def _changes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     return values[1:] != values[:-1]
 
 
+def _moves(stretch: NDArray[np.float64], whole: NDArray[np.float64]) -> bool:
+    """Whether a sensor goes on over a `stretch` of a signal, and not by its noise alone, which goes on at rest, too."""
+    there = stretch[np.isfinite(stretch)]
+    if len(there) < 2 or not _changes(stretch).mean() > 0.5:
+        return False
+    largest = float(np.max(np.abs(np.nan_to_num(whole)), initial=0.0))
+    return bool(np.std(there) > _BEYOND * white_level(there) or abs(np.mean(there)) > _AWAY * largest)
+
+
 def _frozen(log: Log, name: str) -> NDArray[np.bool_]:
     """Which samples of a speed repeat one that a sensor was frozen at, while others went on; none of a slower sensor's."""
     values, found = log.output(name), np.zeros(len(log), dtype=bool)
     largest = float(np.max(np.abs(np.nan_to_num(values)), initial=0.0))
     if name in log.channels.positions or not largest:
         return found
-    others = [_changes(log.output(other)) for other in log.measured if other != name]
+    others = [log.output(other) for other in log.measured if other != name]
     edges = np.concatenate([[0], np.flatnonzero(_changes(values)) + 1, [len(values)]])
     lengths = np.diff(edges)
     enough = max(_FROZEN, _HOLDS * float(np.quantile(lengths, 0.95)))
     for start, length in zip(edges[:-1][lengths >= enough], lengths[lengths >= enough], strict=True):
         jump = abs(values[start] - values[start - 1]) / largest if start else 0.0
-        moves = any(own[start : start + length - 1].mean() > 0.5 for own in others)
+        moves = any(_moves(own[start : start + length], own) for own in others)
         if moves and jump >= (_SETTLED if values[start] else _DROPPED):
             found[start + 1 : start + length] = True
     return found

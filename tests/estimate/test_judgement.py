@@ -442,3 +442,16 @@ def test_a_sensor_slower_than_the_motion_is_judged_by_what_is_left(axis_log, eve
     assert compare(fit, held_out=logs).noise["v"] == pytest.approx(0.01, rel=0.2)
     poor = output_error(held.change("M", free=False), logs)
     assert not poor.judgement.verdict == "sound" and poor.judgement.normalised_rms > 1.3
+
+
+def test_readings_too_high_that_pull_a_fit_off_make_it_poor_and_name_the_loss_that_does_not_mind(axis_log):
+    noise = 0.01 * coloured(0.0, 1)
+    noise[np.random.default_rng(7).random(SAMPLES) < 0.03] += 0.4
+    logs = LogSet([log(axis_log, noise)])
+    model = ROBOT.change("offset", free=True)
+    fit = output_error(model, logs)
+    assert fit.judgement.verdict == "poor" and "cauchy" in fit.judgement.sentence
+    assert "outliers" in fit.judgement.sentence
+    robust = output_error(model, logs, loss="cauchy")
+    assert robust.judgement.trustworthy
+    assert abs(robust["offset"].value) < 3.0 * robust["offset"].std_error < abs(fit["offset"].value)

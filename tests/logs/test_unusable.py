@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jaxid import Channels, Log, LogSet
 from jaxid.logs.unusable import at_the_end, without_unusable
 from tests.closed_form_rover import clipped, dead, driven
 
@@ -85,3 +86,15 @@ def test_what_a_slower_sensor_repeats_is_missing_but_for_the_first_reading():
     for own in [*some, *others]:
         there = np.flatnonzero(np.isfinite(own.output("W")))
         assert np.all(there % 4 == 0) and len(there) > 0.2 * len(own) and np.isfinite(own.output("V")).all()
+
+
+@pytest.mark.parametrize("swings", [False, True], ids=["it stands", "its encoder froze"])
+def test_an_arm_that_stands_reads_the_same_while_its_gyro_is_noise(swings):
+    random, time = np.random.default_rng(6), 0.01 * np.arange(800)
+    angle = np.where(time < 4.0, np.sin(3.0 * time), np.sin(12.0))
+    rate = np.where(time < 4.0, 3.0 * np.cos(3.0 * time), 3.0 * np.cos(3.0 * time) if swings else 0.0)
+    outputs = {"angle": np.round(angle, 3), "rate": rate + 0.05 * random.normal(size=800)}
+    channels = Channels(("u",), ("angle", "rate"), units={"angle": "rad", "rate": "rad/s"})
+    logs = LogSet([Log.from_arrays("run", time, np.zeros((800, 1)), outputs, channels)])
+    (some,), said = without_unusable(logs)
+    assert bool(said) is swings and np.isfinite(some[0].output("angle")).all() is not np.bool_(swings)

@@ -35,6 +35,8 @@ _CHANCE = 0.05
 _HANGS = "The robot's own parameters hang on the form of"
 _CERTAIN = 2.0
 """Standard errors by which the parameter of a freer form differs from the formula's."""
+_NO_WORSE = 1.05
+"""Times what the formula leaves that a freer form may leave, whose fit has ended where the formula's has."""
 _LEAST = 0.1
 """Share of the finer model's variance that the difference has at least, where rounding leaves less."""
 
@@ -112,12 +114,19 @@ def widened_by_forms(
         if effect is None or isinstance(effect, Curve) or found.final is None or found.final.angles:
             continue
         fit = _of_another_form(effect, final, found.final, step, curve_of, in_full, say)
-        if fit is None or _same_law(effect, final, fit):
+        if fit is None or _worse(fit, final) or _same_law(effect, final, fit):
             continue
         if moved(final, fit, lost=effect.freer is not None) or _contradicted(effect, fit):
             say(f"the robot's own parameters hang on the form of {effect.title}")
             final = _widened(final, fit, effect)
     return final
+
+
+def _worse(fit: Fit, than: Fit) -> bool:
+    """Whether a freer form leaves more, since its fit ended elsewhere: it says nothing of the formula then."""
+    if fit.judgement is None or than.judgement is None:
+        return False
+    return fit.judgement.normalised_rms > _NO_WORSE * than.judgement.normalised_rms
 
 
 def _same_law(effect: Effect, final: Fit, fit: Fit) -> bool:
@@ -162,7 +171,9 @@ def _of_another_form(
     # Through more points than it needs, so that what it lacks itself does not tell against the formula; with the integration
     # steps that the formula was found to need, which would be found anew.
     dense = _dense(curve, replace(curve.robot, longest_step=final.robot.longest_step), effect.id)
-    return _fitted(dense, effect.id, in_full) if dense is not None else None
+    if dense is None:
+        return None
+    return _fitted(replace(dense, robot=_losing_nothing_of_the_small(dense.robot, effect.id, final.robot)), effect.id, in_full)
 
 
 def hangs_on_forms(final: Fit) -> tuple[str, ...]:
@@ -257,6 +268,26 @@ def _held_at_the_first(robot: Robot, identifier: str) -> Robot:
         if robot.parameters[before].free and not robot.parameters[first].free:
             robot = robot.with_values(**{before: 0.0}).change(before, free=False).change(first, free=True)
     return robot
+
+
+def _losing_nothing_of_the_small(robot: Robot, identifier: str, beside: Robot) -> Robot:
+    """The robot, the first height of whose curve of a limit is held at zero where it is estimated, the others less what they
+    have in proportion to it: that is another gain of all, with which the robot's own parameters mean another thing than
+    `beside` the formula, from whose values they begin then."""
+    curve = next(effect for effect in robot.effects if effect.id == identifier)
+    assert isinstance(curve, Curve)
+    table, changed = robot.parameters, dict[str, float]()
+    for name in curve.each(robot) if curve.begins_later else ():
+        heights = {curve.height(place, name): curve.places[place] for place in curve.varying}
+        first = curve.height(curve.varying[0], name)
+        if table[first].free:
+            gain = table[first].value / heights[first]
+            changed |= {height: table[height].value - gain * share for height, share in heights.items()}
+            robot = robot.change(first, free=False)
+    if not changed:
+        return robot
+    own = {n: p.value for n, p in beside.parameters.items() if "." not in n and n in table}
+    return robot.with_values(**own, **changed)
 
 
 def _own(coarse: Fit, fine: Fit) -> list[str]:

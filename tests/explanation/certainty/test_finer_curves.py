@@ -8,6 +8,8 @@ import pytest
 from jaxid import AXIS, Axis, Log, LogSet, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.certainty.finer_curves import (
+    _losing_nothing_of_the_small,
+    _worse,
     by_a_curve_instead,
     hangs_on_forms,
     moved,
@@ -42,6 +44,28 @@ def found():
     trial = refit(model, [start], logs, held_out, noise, base.initial_states)
     search = Search(before=trial.held_out, after=trial.held_out, final=trial, steps=(), first_look=())
     return search, trial, lambda own: in_full(own, logs, noise)
+
+
+def test_a_limit_s_curve_that_has_a_gain_of_all_is_asked_without_it():
+    """It loses 30 % of everything, and what is beyond 6 V of 10: the same robot has a mass larger by as much."""
+    robot = Axis() + effect_by_id(Axis(), "voltage_saturation", "shape")
+    reach = robot.parameters["voltage_saturation.reach"].value
+    places = reach * np.array([0.25, 0.5, 0.75, 1.0])
+    heights = {f"voltage_saturation.at_{k + 1}": 0.3 * x + max(x - 0.6 * reach, 0.0) for k, x in enumerate(places)}
+    model = robot.with_values(M=0.7, **heights)
+    asked = _losing_nothing_of_the_small(model, "voltage_saturation", robot.with_values(M=1.0)).parameters
+    assert asked["M"].value == 1.0 and not asked["voltage_saturation.at_1"].free
+    left = [asked[name].value for name in heights]
+    assert np.allclose(left, [0.0, 0.0, 0.15 * reach, 0.4 * reach])
+    held = model.change("voltage_saturation.at_1", free=False)
+    assert _losing_nothing_of_the_small(held, "voltage_saturation", robot) is held
+
+
+def test_a_freer_form_that_leaves_more_says_nothing(found):
+    fit = found[2](found[1])
+    left = fit.judgement.normalised_rms
+    assert _worse(replace(fit, judgement=replace(fit.judgement, normalised_rms=1.2 * left)), fit)
+    assert not _worse(replace(fit, judgement=replace(fit.judgement, normalised_rms=1.02 * left)), fit)
 
 
 def errors_off(fit):
