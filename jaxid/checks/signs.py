@@ -213,6 +213,16 @@ def _wiring(log: Log, answers: Sequence[Answer | Change]) -> Iterator[tuple[Find
     now = score(mixing)
     # Chance alone moves a share by a few over the number of independent samples.
     claim = max(_CLAIM, 6 / min(answer.independent for answer in answers))
+    # All at once come first, which one by one would be found in part, or as something else.
+    whole = score(-mixing)
+    if len(names) > 1 and whole - now >= claim and whole >= max(score(changed) for *_, changed in changes(mixing)):
+        text = (
+            "the response fits only if all inputs, or all outputs, have the opposite sign (the inputs then explain "
+            f"{whole / total:.0%} of the speeds, else {max(now, 0) / total:.0%}); check which way is forwards, then map either "
+            "columns with scale = -1"
+        )
+        yield finding(log, inputs[driven[0]], None, "warning", "sign_flipped", text), dict(zip(names, -mixing, strict=True))
+        now, mixing = whole, -mixing
     for _ in range(4):
         tried = [(score(changed), text, name, changed) for text, name, changed in changes(mixing)]
         best = max(entry[0] for entry in tried)

@@ -109,6 +109,13 @@ def test_swapped_and_flipped_outputs_are_named(pioneer, omni):
     assert any(f.check == "sign_flipped" and "output 'W' has the opposite sign" in f.message for f in turned)
 
 
+@pytest.mark.parametrize("name", ["pioneer", "omni"])
+def test_commands_that_are_all_reversed_are_one_remedy(name, request):
+    log = request.getfixturevalue(name)
+    findings = [f for f in preflight(_wrong(log, inputs=-log.inputs)) if f.check in ("sign_flipped", "swapped")]
+    assert len(findings) == 1 and "all inputs, or all outputs, have the opposite sign" in findings[0].message
+
+
 @pytest.mark.parametrize("flipped", range(4))
 def test_each_omni_input_flipped_alone_is_named_alone(omni, flipped):
     signs = np.where(np.arange(4) == flipped, -1, 1)
