@@ -19,7 +19,10 @@ def driven(seed):
     sets = np.repeat(rng.uniform(-1, 1, (15, 2)) * (0.7, 2.0) * rng.integers(0, 2, (15, 1)), 40, axis=0)
     kp_v, ki_v, kp_w, ki_w, d, c, q = TRUTH.values()
     b, most = HALF_TRACK, h * c
-    own, other = 1.0 + q * b**2, 1.0 - q * b**2  # what an impulse on one side changes of its own speed and of the other's
+    own, other = (
+        1.0 + q * b**2,
+        1.0 - q * b**2,
+    )  # what an impulse on one side changes of its own speed and of the other's
     v = w = sum_v = sum_w = 0.0
     rows = []
     for v_set, w_set in sets.tolist():

@@ -221,7 +221,10 @@ def _wiring(log: Log, answers: Sequence[Answer | Change]) -> Iterator[tuple[Find
             f"{whole / total:.0%} of the speeds, else {max(now, 0) / total:.0%}); check which way is forwards, then map either "
             "columns with scale = -1"
         )
-        yield finding(log, inputs[driven[0]], None, "warning", "sign_flipped", text), dict(zip(names, -mixing, strict=True))
+        yield (
+            finding(log, inputs[driven[0]], None, "warning", "sign_flipped", text),
+            dict(zip(names, -mixing, strict=True)),
+        )
         now, mixing = whole, -mixing
     for _ in range(4):
         tried = [(score(changed), text, name, changed) for text, name, changed in changes(mixing)]

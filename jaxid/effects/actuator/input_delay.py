@@ -185,4 +185,11 @@ class GrowingDelay(InputDelay):
         return on_drives(robot, inputs, late(inputs, time, dt, p[self.key("rate")] * (edges - time[0])))
 
 
-LAWS: tuple[Effect, ...] = (InputDelay(), DelayOfEach(), DelayOfAll(), JitteringDelay(), ScatteredDelay(), GrowingDelay())
+LAWS: tuple[Effect, ...] = (
+    InputDelay(),
+    DelayOfEach(),
+    DelayOfAll(),
+    JitteringDelay(),
+    ScatteredDelay(),
+    GrowingDelay(),
+)

@@ -16,6 +16,7 @@ from ...logs import LogSet
 from ...logs.windows import Windows as Cut
 from ...robots.closed_loop import Controller, Law, closed_loop
 from ...robots.given import check_choice, check_free, given_logs
+from ...robots.replayed import replayed
 from ...robots.robot import Robot
 from ...simulation.rollout import Integrator
 from ..result import Fit
@@ -89,7 +90,11 @@ def output_error(
     simulation diverges on every log at the start and at the integral least-squares estimate.
     """
     if controller is not None:
-        robot, logs = closed_loop(robot, logs, controller)
+        loop, looped = closed_loop(robot, logs, controller)
+        law = replayed(robot, logs, loop.controller)
+        robot, logs, another = loop, looped, law.sentence if law is not None else ""
+    else:
+        another = ""
     logs = given_logs(robot, logs)
     check_choice("initial_states", initial_states, InitialStates)
     check_choice("covariance", covariance, Covariance)
@@ -97,7 +102,8 @@ def output_error(
     check_free(robot)
     options = Options(initial_states, integrator, loss_named(loss), solver, covariance, clock_offset, max_steps, report)
     if windows != "auto":
-        return _noted(fitted(robot, logs, options, start, windows), robot, logs, options)
+        found = _noted(fitted(robot, logs, options, start, windows), robot, logs, options)
+        return replace(found, notes=(*found.notes, *filter(None, [another])))
 
     def once(window: float | None, start: Starts, unless: Unless | None = None) -> Fit:
         if window is not None:
@@ -105,6 +111,7 @@ def output_error(
         return fitted(robot, logs, options, start, window, unless)
 
     found = _noted(choose(robot, logs, once, start), robot, logs, options)
+    found = replace(found, notes=(*found.notes, *filter(None, [another])))
     return without_unusable_readings(found, logs, lambda usable: fitted(robot, usable, options, start, None))
 
 

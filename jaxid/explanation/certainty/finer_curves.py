@@ -173,7 +173,9 @@ def _of_another_form(
     dense = _dense(curve, replace(curve.robot, longest_step=final.robot.longest_step), effect.id)
     if dense is None:
         return None
-    return _fitted(replace(dense, robot=_losing_nothing_of_the_small(dense.robot, effect.id, final.robot)), effect.id, in_full)
+    return _fitted(
+        replace(dense, robot=_losing_nothing_of_the_small(dense.robot, effect.id, final.robot)), effect.id, in_full
+    )
 
 
 def hangs_on_forms(final: Fit) -> tuple[str, ...]:

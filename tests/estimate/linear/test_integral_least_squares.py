@@ -266,7 +266,9 @@ def test_straight_logs_say_nothing_about_turning(uncoupled_logs, sigma):
 def test_equations_that_did_not_settle_are_not_sound_however_little_they_leave(axis_logs, monkeypatch):
     settled = integral_least_squares(Axis(), axis_logs)
     identified = sys.modules[linear_estimate.__module__].identify
-    monkeypatch.setattr(sys.modules[linear_estimate.__module__], "identify", lambda *given: (*identified(*given)[:3], False))
+    monkeypatch.setattr(
+        sys.modules[linear_estimate.__module__], "identify", lambda *given: (*identified(*given)[:3], False)
+    )
     fit = integral_least_squares(Axis(), axis_logs)
     assert settled.judgement.trustworthy and settled.converged
     assert fit.judgement.verdict == "poor" and not fit.converged

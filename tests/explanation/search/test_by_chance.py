@@ -24,7 +24,9 @@ def _run(seed, commands=False, samples=False, push=0.0, least=0.0):
     applied = u.copy()
     if commands:
         changes = 10 * each * np.arange(1, count // 10)
-        arrived = np.maximum.accumulate(changes + random.uniform(1000.0 * least, 1000.0 * LONGEST, len(changes)).astype(int))
+        arrived = np.maximum.accumulate(
+            changes + random.uniform(1000.0 * least, 1000.0 * LONGEST, len(changes)).astype(int)
+        )
         for change, at in zip(changes, arrived, strict=True):
             applied[change:at] = applied[change - 1]
     v, fine = 0.0, []
