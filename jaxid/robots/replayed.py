@@ -32,8 +32,8 @@ class Replayed(NamedTuple):
             return ""
         return (
             f"The controller's law, run on the logged reference and measurements, commands another {self.command} than was "
-            f"logged, by {100 * self.share:.2g} % of what that varies by (RMS): it has other gains, limits or another rate than "
-            "the one that ran, or saw other measurements than these (`Controller(fitted=False)` is for those)."
+            f"logged, by {100 * self.share:.2g} % of what that varies by (RMS): it has other gains, limits or another "
+            "rate than the one that ran, or saw other measurements than these (`Controller(fitted=False)` is for those)."
         )
 
 
