@@ -183,7 +183,9 @@ class StampedEarly(SensorDelay):
     """Speeds and positions stamped early, or commands stamped late: rows that hold a command and what came of it."""
 
     law: ClassVar[str] = "early"
-    formula: ClassVar[str] = "y'(t) = y(t + lead)"
+    formula: ClassVar[str] = (
+        "y'(t) = y(t + lead), as where commands are logged late, or ramp from row to row (`--intersample linear`)"
+    )
     only_later: ClassVar[bool] = False
 
     def refusal(self, robot: Robot) -> str | None:

@@ -39,12 +39,8 @@ def contradiction(
     """A sentence on the identified parameters that output error, from the `fit`'s own values, makes others than both errors
     allow, or on what its residual follows where the innovations are not `white`; empty where there is none, or where no free
     simulation follows the logs."""
-    report("compared with output error")
-    try:
-        other = output_error(fit.robot, logs, initial_states=initial, integrator=integrator)
-    except (ParameterError, LogError):
-        return ""
-    if other.failed or not other.converged:
+    other = _freely(fit, logs, initial, integrator, report)
+    if other is None:
         return ""
     both = [n for n in fit.free_names if fit[n].status == other[n].status == "identified"]
     apart = {name: _apart(fit, other, name) for name in both}
@@ -60,6 +56,38 @@ def contradiction(
     )
 
 
+def noise_instead(
+    fit: Fit,
+    logs: LogSet,
+    initial: InitialStates,
+    integrator: Integrator | None,
+    report: Callable[[str], None] = lambda message: None,
+) -> str:
+    """A sentence where the innovations follow the motion and what a free simulation leaves of the same model does not, so that
+    nothing is missing from it; else empty."""
+    other = _freely(fit, logs, initial, integrator, report)
+    if other is None or other.judgement is None or not other.judgement.trustworthy:
+        return ""
+    both = [n for n in fit.free_names if fit[n].status == other[n].status == "identified"]
+    worst = sorted(both, key=lambda name: -_apart(fit, other, name))[:3]
+    return (
+        f"The innovations follow the motion, and what a free simulation of the same model leaves does not: output error has "
+        f"{_listed(fit, other, worst)}. So it is the noise that is another than supposed here, most likely slow noise of a sensor "
+        "that was taken for a disturbance of the motion, and output error's estimates are the better ones. A log of the robot at "
+        "rest tells."
+    )
+
+
+def _freely(fit: Fit, logs: LogSet, initial: InitialStates, integrator: Integrator | None, report) -> Fit | None:
+    """Output error from the fit's values; None where that follows the logs no better."""
+    report("compared with output error")
+    try:
+        other = output_error(fit.robot, logs, initial_states=initial, integrator=integrator)
+    except (ParameterError, LogError):
+        return None
+    return None if other.failed or not other.converged else other
+
+
 def _apart(fit: Fit, other: Fit, name: str) -> float:
     """How far the estimates of a parameter are apart, in standard errors of their difference."""
     variance = other[name].std_error ** 2
@@ -67,12 +95,15 @@ def _apart(fit: Fit, other: Fit, name: str) -> float:
     return abs(other[name].value - fit[name].value) / float(np.sqrt(left)) if left > 0 else 0.0
 
 
-def _said(fit: Fit, other: Fit, names: Sequence[str]) -> str:
-    listed = ", ".join(
+def _listed(fit: Fit, other: Fit, names: Sequence[str]) -> str:
+    return ", ".join(
         f"{name} {other[name].value:.4g} instead of {fit[name].value:.4g} {fit[name].unit}".rstrip() for name in names
     )
+
+
+def _said(fit: Fit, other: Fit, names: Sequence[str]) -> str:
     return (
-        f"Output error makes other numbers of the same logs than the errors of both allow: {listed}. So the noise is not what "
+        f"Output error makes other numbers of the same logs than the errors of both allow: {_listed(fit, other, names)}. So the noise is not what "
         "is supposed here: slow noise of a sensor, taken for a disturbance of the motion (then output error's are the better "
         "ones), or disturbances with which a free simulation is another on average. A log of the robot at rest tells."
     )

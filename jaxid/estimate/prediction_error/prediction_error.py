@@ -30,7 +30,7 @@ from ..output_error.setup import InitialStates, StartValues, start_values
 from ..result import Fit
 from ..uncertainty import combinations, estimates, spread
 from ..units_doubted import with_units_doubted
-from .beside_output_error import contradiction
+from .beside_output_error import contradiction, noise_instead
 from .disturbance import SIGNIFICANT, disturbance
 from .likelihood import Problem, noise_at, parameters_at, unflat
 from .scoring import QUIETEST, Optimum, costs_at, look_at, minimise_in_turns
@@ -293,4 +293,7 @@ def prediction_error(
     if disturbed and judgement.verdict in ("sound", "coloured"):
         said = contradiction(fit, logs, initial_states, integrator, report, white=judgement.verdict == "sound")
         judgement = replace(judgement, verdict="poor", sentences=(said, *judgement.sentences)) if said else judgement
+    elif disturbed and judgement.verdict == "poor" and judgement.follows:
+        said = noise_instead(fit, logs, initial_states, integrator, report)
+        judgement = replace(judgement, sentences=(said,), follows={}) if said else judgement
     return with_units_doubted(judged(fit, where_nothing_moved(fit, judgement, logs)), logs)

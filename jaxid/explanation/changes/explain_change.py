@@ -194,6 +194,7 @@ def _explained(
     otherwise = min(2.0 * by_name, 4.0 * apart)
     worse = follows_one_worse(pair, null.residuals, slow=otherwise >= level)
     p = min(otherwise, 4.0 * worse.p_value, 1.0)
+    trials: list[Trial] = []
     best, likeliest, equivalent, doubts, same = None, None, [], list[str](), list[str]()
     notes: tuple[str, ...] = (worse.noise,) if worse.noise and p >= level else ()
     if p < level:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jaxid import AXIS, Axis, Log, LogSet, prediction_error
-from jaxid.estimate.prediction_error.beside_output_error import contradiction
+from jaxid.estimate.prediction_error.beside_output_error import contradiction, noise_instead
 from jaxid.simulation.rollout import Integrator
 
 TRUTH = {"M": 1.0, "Fv": 2.0, "Fc": 0.5}
@@ -39,6 +39,16 @@ def test_slow_noise_of_a_sensor_that_is_taken_for_a_disturbance_is_no_sound_fit(
     assert max(abs(fit[name].value - value) / fit[name].std_error for name, value in TRUTH.items()) > 2.0
     assert fit.judgement.verdict == "poor" and not fit.trustworthy
     assert "Output error makes other numbers" in fit.judgement.sentence and "slow noise of a sensor" in fit.notes[0]
+
+
+def test_innovations_that_follow_the_motion_where_a_free_simulation_leaves_none_of_it_are_noise(
+    slow_sensor, disturbed_axis
+):
+    logs, fit = slow_sensor
+    said = noise_instead(fit, logs, "auto", FINE)
+    assert "slow noise of a sensor" in said and "output error has" in said and "Fv" in said
+    lacking = LogSet([disturbed_axis(31, q=0.0, drag=3.0)])
+    assert noise_instead(fit, lacking, "auto", FINE) == ""
 
 
 @pytest.mark.slow

@@ -1,0 +1,97 @@
+"""Two and three changes at once, on logs of a differential drive whose wheels stick, in steps of a quarter of a millisecond."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jaxid import Axis, DifferentialDrive, Log, LogSet, explain_change, output_error
+from jaxid.effects import effect_by_id
+from jaxid.explanation.changes.trials import with_a_number_more
+
+BEFORE = {"M": 9.4, "J": 0.21, "Fv": 7.0, "Fc": 1.9, "gain": 1.0}
+HALF_TRACK = 0.165  # m
+
+
+def driven(seed, gyro=1.0, **changed):
+    """Two runs of 20 s at 50 Hz."""
+    M, J, Fv, Fc, gain = ({**BEFORE, **changed}[name] for name in BEFORE)
+    robot, h, b = DifferentialDrive(), 2.5e-4, HALF_TRACK
+    own, other = 1.0 / M + b**2 / J, 1.0 / M - b**2 / J
+    found = []
+    for run in range(2):
+        rng = np.random.default_rng([seed, run])
+        u = np.repeat(rng.uniform(-12.0, 12.0, (40, 2)) * rng.integers(0, 5, (40, 1)).clip(0, 1), 25, axis=0)
+        v = w = 0.0
+        rows = []
+        for on_right, on_left in (gain * u).tolist():
+            rows.append((v, gyro * w))
+            for _ in range(80):
+                right, left = on_right - Fv * (v + b * w), on_left - Fv * (v - b * w)
+                v, w = v + h * (right + left) / M, w + h * b * (right - left) / J
+                at_right, at_left, most = v + b * w, v - b * w, h * Fc
+                dry_right = dry_left = 0.0
+                for _ in range(20):
+                    before = dry_right, dry_left
+                    dry_right = min(max(-(at_right + other * dry_left) / own, -most), most)
+                    dry_left = min(max(-(at_left + other * dry_right) / own, -most), most)
+                    if before == (dry_right, dry_left):
+                        break
+                v, w = v + (dry_right + dry_left) / M, w + b * (dry_right - dry_left) / J
+        outputs = np.array(rows) + rng.normal(size=(len(rows), 2)) * (0.005, 0.015)
+        found.append(Log.from_arrays(f"run {run}", 0.02 * np.arange(len(u)), u, outputs, robot.channels))
+    return LogSet(found)
+
+
+def compared(**changed):
+    robot = DifferentialDrive().with_values(b=HALF_TRACK)
+    before, after = driven(0), driven(1, **changed)
+    return explain_change(output_error(robot, before), output_error(robot, after), before, after)
+
+
+@pytest.mark.slow
+def test_a_load_and_a_tired_battery_are_named_and_no_effects_that_vanished():
+    found = compared(M=11.4, J=0.25, gain=0.9)
+    assert found.verdict == "named" and found.change is not None
+    assert {part.id for part in found.change.parts} == {"payload", "command_gain"}
+    for name, true in (("M", 2.0), ("J", 0.04), ("command_gain.gain", -0.1)):
+        size = found.change.differences[name].size
+        assert abs(size.value - true) < 4.0 * size.std_error, (name, size)
+
+
+@pytest.mark.slow
+def test_sensors_that_would_all_have_another_scale_are_no_answer_for_three_changes():
+    found = compared(M=11.4, J=0.25, gain=0.88, gyro=1.05)
+    named = [own for own in (found.change, *found.equivalent) if own is not None]
+    if any("sensor_scale" in own.id for own in named):
+        assert found.verdict == "unexplained" and "all have another scale at once" in found.sentence
+
+
+def test_one_sensor_s_scale_may_have_changed_and_hardly_that_of_all():
+    robot = DifferentialDrive()
+    scale = effect_by_id(robot, "sensor_scale")
+    one = (robot + scale).with_values(**{scale.key("error_w"): 0.05})
+    assert scale.doubt_of_change(one) == ""
+    assert "v and w would all" in scale.doubt_of_change(one.with_values(**{scale.key("error_v"): -0.2}))
+    axis = Axis()
+    alone = effect_by_id(axis, "sensor_scale")
+    errors = {name: 0.05 for name in alone.parameters(axis)}
+    assert bool(alone.doubt_of_change((axis + alone).with_values(**errors))) is (len(errors) > 1)
+
+
+def test_what_says_the_same_with_a_number_more_is_not_lost():
+    def trial(ids, numbers, residual):
+        parts = [SimpleNamespace(id=name) for name in ids]
+        candidate = SimpleNamespace(parts=parts, title=" and ".join(ids))
+        joint = SimpleNamespace(delta=np.zeros(numbers))
+        return SimpleNamespace(score=SimpleNamespace(candidate=candidate), joint=joint, compared=[residual])
+
+    r = np.random.default_rng(0).normal(size=(500, 1))
+    best = trial(("friction", "radius"), 3, r)
+    others = [
+        trial(("friction", "gains"), 4, r + 1e-3),
+        trial(("friction", "slope"), 4, r + 0.5),
+        trial(("friction", "curve"), 6, r),
+        trial(("friction", "radius"), 4, r),
+    ]
+    assert with_a_number_more(best, others) == ["friction and gains"]
