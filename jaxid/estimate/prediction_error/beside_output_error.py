@@ -72,9 +72,9 @@ def noise_instead(
     worst = sorted(both, key=lambda name: -_apart(fit, other, name))[:3]
     return (
         f"The innovations follow the motion, and what a free simulation of the same model leaves does not: output error has "
-        f"{_listed(fit, other, worst)}. So it is the noise that is another than supposed here, most likely slow noise of a sensor "
-        "that was taken for a disturbance of the motion, and output error's estimates are the better ones. A log of the robot at "
-        "rest tells."
+        f"{_listed(fit, other, worst)}. So it is the noise that is another than supposed here, most likely slow noise of a "
+        "sensor that was taken for a disturbance of the motion, and output error's estimates are the better ones. A log of the "
+        "robot at rest tells."
     )
 
 
@@ -103,7 +103,8 @@ def _listed(fit: Fit, other: Fit, names: Sequence[str]) -> str:
 
 def _said(fit: Fit, other: Fit, names: Sequence[str]) -> str:
     return (
-        f"Output error makes other numbers of the same logs than the errors of both allow: {_listed(fit, other, names)}. So the noise is not what "
-        "is supposed here: slow noise of a sensor, taken for a disturbance of the motion (then output error's are the better "
-        "ones), or disturbances with which a free simulation is another on average. A log of the robot at rest tells."
+        "Output error makes other numbers of the same logs than the errors of both allow: "
+        f"{_listed(fit, other, names)}. So the noise is not what is supposed here: slow noise of a sensor, taken for a "
+        "disturbance of the motion (then output error's are the better ones), or disturbances with which a free simulation is "
+        "another on average. A log of the robot at rest tells."
     )
