@@ -5,9 +5,10 @@ Identifiers of the checks, by severity:
 - error: `never_moved`.
 - warning: `short_log`, `time_gap`, `clock_jitter`, `time_unit`, `unit`, `contradiction`, `idle`, `saturated`,
   `missing_samples`, `slow_sensor`, `frozen_sensor`, `repeated_value`, `spike`, `dead_sensor`, `moving_start`, `exchanged`,
-  `sign_flipped`, `swapped`, `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`, `turns`, `ahead_of_input`; of a
-  set `copy`; and from the reader `repeated_row`, `truncated_row`, `held_input`, `infinite`, `empty_column`, `unused_column`,
-  `differentiated`, `out_of_order`, `falling_supply`; of recordings `truncated`, `clocks_apart`, `cut_end`, `pose_at_start`.
+  `sign_flipped`, `swapped`, `copied_input`, `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`, `turns`,
+  `ahead_of_input`; of a set `copy`; and from the reader `repeated_row`, `truncated_row`, `held_input`, `infinite`,
+  `empty_column`, `unused_column`, `differentiated`, `out_of_order`, `falling_supply`; of recordings `truncated`,
+  `clocks_apart`, `cut_end`, `pose_at_start`.
 - note: `constant_input`, `equal_inputs`, `quantisation`, `skipped_row`; of recordings `several_clocks`, `moved_samples`,
   `mean_commands`,
   `receive_stamps`, `cut_start`, `held_to_the_end`, `not_in_every_message`.

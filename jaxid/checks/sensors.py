@@ -23,6 +23,9 @@ _PUSHED = 0.1
 """Share of the largest that the inputs could drive an output by, from which they drove it."""
 _FEW, _MOVED = 24, 0.3
 """Readings from which, and share of their variance from which, they follow the commands, so that the robot moved."""
+_LOUD, _LEAKS = 10.0, 0.7
+"""Times its noise by which a motion is one that something drives, and share of it that follows both inputs where it is a leak
+of what these drive."""
 _RELATED = 0.1
 """Share of a sensor's variance from which it is taken to follow what predicts it."""
 _RADIANS = {"rad": 1.0, "deg": np.pi / 180.0}
@@ -234,6 +237,29 @@ def _moved(log: Log, names: list[str]) -> Iterator[Finding]:
     yield finding(log, names[0], None, "error", "never_moved", text)
 
 
+def _copied(log: Log, names: list[str]) -> Iterator[Finding]:
+    """Whether an input is another's copy: what only their difference drives moves, and not as wheels that differ make it move,
+    which is as both drive them."""
+    for one, other in combinations(log.channels.inputs, 2):
+        if not np.ptp(log.input(one)) or not np.array_equal(log.input(one), log.input(other)):
+            continue
+        width = max(1, response(log) // 3)
+        for name in names:
+            mixing, values = np.asarray(log.channels.mixing[name]), log.output(name)
+            there = np.isfinite(values)
+            if not mixing.any() or np.std(log.inputs @ mixing) > 1e-9 * np.std(log.inputs) or there.sum() < 24 * width:
+                continue
+            smooth = _smooth(values - np.nanmean(values), width)
+            loud = np.sqrt(np.mean(smooth**2)) > _LOUD * white_level(values) / np.sqrt(width)
+            if loud and _predicted(values[there], _lagged(log, log.inputs)[there]) < _LEAKS:
+                text = (
+                    f"is the same as {one!r} throughout, and {name!r} moves all the same, as only a difference of the two "
+                    "makes it: one column was recorded for both; map each input to its own"
+                )
+                yield finding(log, other, None, "warning", "copied_input", text)
+                return
+
+
 def _start(log: Log, names: list[str]) -> Iterator[Finding]:
     """Whether the log begins in motion, where a run is taken to begin at rest."""
     for name in names:
@@ -257,3 +283,4 @@ def check_sensors(log: Log, also: tuple[str, ...]) -> Iterator[Finding]:
     yield from _moved(log, names)
     yield from _dead(log, speed_windows(log), also)
     yield from _start(log, names)
+    yield from _copied(log, names)

@@ -116,6 +116,16 @@ def test_commands_that_are_all_reversed_are_one_remedy(name, request):
     assert len(findings) == 1 and "all inputs, or all outputs, have the opposite sign" in findings[0].message
 
 
+def test_one_command_that_was_recorded_for_both_is_a_warning_where_the_robot_turns(pioneer, pioneer_log):
+    copied = pioneer.inputs[:, [0, 0]]
+    found = [f for f in preflight(_wrong(pioneer, inputs=copied)) if f.check == "copied_input"]
+    assert len(found) == 1 and "'V2' throughout" in found[0].message and "'eta2' moves all the same" in found[0].message
+    straight = pioneer_log(copied, seed=3)
+    pulls = straight.outputs + np.outer(straight.outputs[:, 0], [0.0, 0.3])  # to one side, whose wheel is smaller
+    for log in (straight, _wrong(straight, outputs=pulls)):
+        assert not any(f.check == "copied_input" for f in preflight(log))
+
+
 @pytest.mark.parametrize("flipped", range(4))
 def test_each_omni_input_flipped_alone_is_named_alone(omni, flipped):
     signs = np.where(np.arange(4) == flipped, -1, 1)
