@@ -249,7 +249,7 @@ def _copied(log: Log, names: list[str]) -> Iterator[Finding]:
             there = np.isfinite(values)
             if not mixing.any() or np.std(log.inputs @ mixing) > 1e-9 * np.std(log.inputs) or there.sum() < 24 * width:
                 continue
-            smooth = _smooth(values - np.nanmean(values), width)
+            smooth = _smooth(values - float(np.nanmean(values)), width)
             loud = np.sqrt(np.mean(smooth**2)) > _LOUD * white_level(values) / np.sqrt(width)
             if loud and _predicted(values[there], _lagged(log, log.inputs)[there]) < _LEAKS:
                 text = (
