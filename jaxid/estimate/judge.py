@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..logs import LogSet
-from ..logs.noise import as_sampled, third_differences, usual_size, white_level
+from ..logs import Log, LogSet
+from ..logs.noise import as_sampled, third_differences, updates_of, usual_size, white_level
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .odd_log import odd_log
@@ -337,10 +337,10 @@ def no_larger_than_left(logs: LogSet, simulated: Sequence[Array], noise: Mapping
     """The noise, of sensors too slow for the motion no larger than what is left of white noise: between their samples the robot
     moves as no difference of four tells from noise, and a model that follows leaves less."""
     found = dict(noise)
-    each = [errors_of(log, y) for log, y in zip(logs, simulated, strict=True)]
+    each = [(log, errors_of(log, y)) for log, y in zip(logs, simulated, strict=True)]
     for c in noise:
         with np.errstate(over="ignore", invalid="ignore"):  # where the simulation runs away
-            parts = [third_differences(as_sampled(own[c])) for own in each if c in own]
+            parts = [third_differences(_at_readings(log, c, own[c])) for log, own in each if c in own]
             third = np.concatenate([np.zeros(0), *parts])
             third = third[np.isfinite(third)]
             left = usual_size(third) if len(third) >= _FEW_DIFFERENCES else 0.0
@@ -348,6 +348,12 @@ def no_larger_than_left(logs: LogSet, simulated: Sequence[Array], noise: Mapping
         if 0.0 < left < _SLOW_SENSOR * noise[c]:
             found[c] = left
     return found
+
+
+def _at_readings(log: Log, channel: str, error: Array) -> Array:
+    """Errors [T] of a channel where its sensor measured: without empty cells, and without what a slower one repeats."""
+    updates = updates_of(log.output(channel))
+    return as_sampled(error) if updates is None else error[updates]
 
 
 def with_integration(

@@ -444,6 +444,14 @@ def test_a_sensor_slower_than_the_motion_is_judged_by_what_is_left(axis_log, eve
     assert not poor.judgement.verdict == "sound" and poor.judgement.normalised_rms > 1.3
 
 
+def test_what_a_slow_sensor_repeats_does_not_make_its_noise_smaller(axis_log):
+    inputs = np.repeat(np.random.default_rng(9).uniform(-6.0, 6.0, 30), 50)
+    log = axis_log("run", inputs, 0.01, 3, position=False)
+    held = replace(log, outputs=log.outputs[np.arange(len(inputs)) // 10 * 10])
+    fit = output_error(Axis(), LogSet([held]))
+    assert compare(fit, held_out=held).noise["v"] == pytest.approx(0.01, rel=0.25)
+
+
 def test_readings_too_high_that_pull_a_fit_off_make_it_poor_and_name_the_loss_that_does_not_mind(axis_log):
     noise = 0.01 * coloured(0.0, 1)
     noise[np.random.default_rng(7).random(SAMPLES) < 0.03] += 0.4
