@@ -16,7 +16,8 @@ from .robot import Robot
 
 _ANOTHER = 0.005
 """Difference of the commands (RMS), as a share of what they vary by, from which it is another law."""
-_FEW = 20
+_FEW, _ENOUGH = 20, 3
+"""Rows below which a log says little, and logs that say enough."""
 
 
 class Replayed(NamedTuple):
@@ -39,12 +40,12 @@ class Replayed(NamedTuple):
 
 @in_float64
 def replayed(robot: Robot, logs: LogSet, controller: Controller) -> Replayed | None:
-    """How far the law's commands on the robot's `logs` are from theirs; None where its gains are estimated or none of the logs
-    holds all that it saw, in every row."""
-    if any(parameter.free for parameter in controller.parameters.values()):
+    """How far the law's commands on the robot's `logs` are from theirs, by the first of these that hold all that it saw, in
+    every row; None where none does, and where its gains are estimated or other commands are known to have been logged."""
+    if not controller.fitted or any(parameter.free for parameter in controller.parameters.values()):
         return None
     names, differences = robot.channels.inputs, list[np.ndarray]()
-    whole = [log for log in logs if len(log) >= _FEW and _complete(log, robot, controller)]
+    whole = [log for log in logs if len(log) >= _FEW and _complete(log, robot, controller)][:_ENOUGH]
     if not whole:
         return None
     for log in whole:

@@ -41,6 +41,7 @@ def test_slow_noise_of_a_sensor_that_is_taken_for_a_disturbance_is_no_sound_fit(
     assert "Output error makes other numbers" in fit.judgement.sentence and "slow noise of a sensor" in fit.notes[0]
 
 
+@pytest.mark.slow
 def test_innovations_that_follow_the_motion_where_a_free_simulation_leaves_none_of_it_are_noise(
     slow_sensor, disturbed_axis
 ):

@@ -45,6 +45,7 @@ def compared(colour=0.0, **changed):
     return explain_change(fit, output_error(ROBOT, after), logs, after)
 
 
+@pytest.mark.slow
 def test_a_bias_beside_a_slower_drive_is_no_slow_noise():
     """Two fits of the model cannot have a bias: what is left would pass for noise, and the drive's change for all there is."""
     found = compared(T=0.36, bias=0.01)

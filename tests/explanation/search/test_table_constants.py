@@ -61,7 +61,8 @@ def explained(radius, curve=0.0):
     return explain(output_error(robot, fitted), fitted, LogSet([log("held", 2, robot, curve)]))
 
 
-@pytest.mark.parametrize("radius", [pytest.param(0.104, marks=pytest.mark.slow), 0.07])
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [0.104, 0.07])
 def test_a_wrong_radius_is_named_beside_the_sensors_scale_with_its_error(radius):
     found = explained(radius)
     assert [effect.id for effect in found.effects] == ["sensor_scale"]
