@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import jaxid
+from tests.two_sides import stopping
 
 PAGE = Path(__file__).parents[1] / "docs/howto/speed_commands.md"
 TRUTH = {"kp_v": 9.0, "ki_v": 14.0, "kp_w": 12.0, "ki_w": 20.0, "d": 1.6, "c": 0.17, "q": 30.0}
@@ -13,8 +14,7 @@ HALF_TRACK = 0.15  # m
 
 
 def driven(seed):
-    """12 s at 50 Hz of a base whose two PI controllers run at 2 kHz; the wheels of each side stick where they may: impulses of
-    friction that stop them, each within its bounds, by projected Gauss-Seidel."""
+    """12 s at 50 Hz of a base whose two PI controllers run at 2 kHz; the wheels of each side stick where they may."""
     rng, h = np.random.default_rng([11, seed]), 5e-4
     sets = np.repeat(rng.uniform(-1, 1, (15, 2)) * (0.7, 2.0) * rng.integers(0, 2, (15, 1)), 40, axis=0)
     kp_v, ki_v, kp_w, ki_w, d, c, q = TRUTH.values()
@@ -32,13 +32,7 @@ def driven(seed):
             w_free = w + h * (kp_w * (w_set - w) + ki_w * sum_w - q * b**2 * d * w)
             sum_v, sum_w = sum_v + h * (v_set - v), sum_w + h * (w_set - w)
             right, left = v_free + b * w_free, v_free - b * w_free
-            on_right = on_left = 0.0
-            for _ in range(30):
-                before = on_right, on_left
-                on_right = min(max(-(right + other * on_left) / own, -most), most)
-                on_left = min(max(-(left + other * on_right) / own, -most), most)
-                if before == (on_right, on_left):
-                    break
+            on_right, on_left = stopping(right, left, own, other, most)
             v, w = v_free + on_right + on_left, w_free + q * b * (on_right - on_left)
     return sets, np.array(rows) + rng.normal(size=(len(rows), 2)) * (0.004, 0.012)
 

@@ -10,9 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parameters import Parameter
 from ..robots.effect import Effect, Numbers
-from ..robots.probe import Probe
+from ..robots.probe import Probe, Seen
 from ..robots.robot import Robot
+from .effect_parameters import positive
 
 Array = NDArray[np.float64]
 Between = tuple[float, float]
@@ -24,15 +26,25 @@ def within(delay, scatter):
     return delay - most, delay + most
 
 
-def scatters(effect: Effect, p: Numbers) -> Mapping[str, Sequence[float]]:
-    """From a little to all of the delay."""
-    return {effect.key("scatter"): tuple(np.linspace(0.1, 1.0, 7) * float(p[effect.key("delay")]))}
+class WithinScatter(Effect):
+    """What laws of delays within the `scatter` of a mean `delay` share, whatever is late; put before the law of that."""
 
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        typical = 0.1 * robot.scales.time
+        return positive(self, "delay", "s", typical) | positive(self, "scatter", "s", typical)
 
-def scattered(effect: Effect, robot: Robot) -> tuple[Probe, ...]:
-    """Delays to try, each with half as much scatter."""
-    delay, scatter = effect.key("delay"), effect.key("scatter")
-    return tuple(Probe({delay: time, scatter: 0.5 * time}) for time in robot.scales.times_to_try)
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        """Delays to try, each with half as much scatter."""
+        delay, scatter = self.key("delay"), self.key("scatter")
+        return tuple(Probe({delay: time, scatter: 0.5 * time}) for time in robot.scales.times_to_try)
+
+    def delays(self, p: Numbers):
+        """The shortest delay and the longest one."""
+        return within(p[self.key("delay")], p[self.key("scatter")])
+
+    def told_by_size(self, p: Numbers, robot: Robot) -> Mapping[str, Sequence[float]]:
+        """From a little to all of the delay."""
+        return {self.key("scatter"): tuple(np.linspace(0.1, 1.0, 7) * float(p[self.key("delay")]))}
 
 
 def _means(values: Array, begins: Array, edges: Array) -> Array:

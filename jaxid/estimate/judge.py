@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..logs import Log, LogSet
-from ..logs.noise import as_sampled, third_differences, updates_of, usual_size, white_level
+from ..logs import LogSet
+from ..logs.noise import as_sampled, usual_size, white_level
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .odd_log import odd_log
@@ -67,9 +67,6 @@ _FEW_ROWS = (
     "there which of the two they are."
 )
 _ENDLESS = 1e100  # a number whose square is still one
-_FEW_DIFFERENCES, _SLOW_SENSOR = 30, 0.7
-"""Differences from which the white part of a residual is known, and its share of the noise that the readings show below which
-some of that was motion."""
 _SLOW = 0.6
 """Correlation of neighbouring residuals above which they wander rather than jitter."""
 _WHITE = 1.12
@@ -331,29 +328,6 @@ def judge(
         doubtful = any(c not in follows and c not in slow and c not in bursty for c in wandering)
         better = _WANDERS_LIKE_A_SENSOR if doubtful else _WANDERS
     return Judgement(verdict, pooled, by_channel, not coloured, tuple(sentences), better, follows=follows)
-
-
-def no_larger_than_left(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float]) -> dict[str, float]:
-    """The noise, of sensors too slow for the motion no larger than what is left of white noise: between their samples the robot
-    moves as no difference of four tells from noise, and a model that follows leaves less."""
-    found = dict(noise)
-    each = [(log, errors_of(log, y)) for log, y in zip(logs, simulated, strict=True)]
-    for c in noise:
-        with np.errstate(over="ignore", invalid="ignore"):  # where the simulation runs away
-            parts = [third_differences(_at_readings(log, c, own[c])) for log, own in each if c in own]
-            third = np.concatenate([np.zeros(0), *parts])
-            third = third[np.isfinite(third)]
-            left = usual_size(third) if len(third) >= _FEW_DIFFERENCES else 0.0
-        left = max(left, step_of(logs, c) / np.sqrt(12.0))
-        if 0.0 < left < _SLOW_SENSOR * noise[c]:
-            found[c] = left
-    return found
-
-
-def _at_readings(log: Log, channel: str, error: Array) -> Array:
-    """Errors [T] of a channel where its sensor measured: without empty cells, and without what a slower one repeats."""
-    updates = updates_of(log.output(channel))
-    return as_sampled(error) if updates is None else error[updates]
 
 
 def with_integration(

@@ -9,11 +9,11 @@ from .._origin import with_origin
 from .._renamed import renamed
 from ..estimate.confidence.agreement import Agreement, agreement
 from ..estimate.confidence.prediction_spread import prediction_sentence
-from ..estimate.judge import no_larger_than_left
 from ..estimate.output_error.estimated_start import estimated_start
 from ..estimate.output_error.windows import followed
 from ..estimate.prediction_error.predict import predict
 from ..estimate.result import Fit, checked_fit
+from ..estimate.slow_sensors import no_larger_than_left
 from ..logs import Log, LogError, LogSet, noise_scale
 from ..logs.unusable import without_unusable
 from ..simulation.simulate import simulate

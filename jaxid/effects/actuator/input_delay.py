@@ -14,7 +14,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
-from ..scattered import changes_late, rows_late, scattered, scatters, within
+from ..scattered import WithinScatter, changes_late, rows_late
 from ..sensor.outputs import all_late
 from .drives import drive_names, each_drive, on_drives, other_inputs
 
@@ -142,7 +142,7 @@ class JitteringDelay(InputDelay):
 
 
 @dataclass(frozen=True)
-class ScatteredDelay(JitteringDelay):
+class ScatteredDelay(WithinScatter, JitteringDelay):
     """Every command late by a time of its own, anything within the `scatter` of the `delay`: a queue or a radio link behind a
     fixed time of transport."""
 
@@ -151,18 +151,6 @@ class ScatteredDelay(JitteringDelay):
 
     def same_on(self, robot: Robot) -> str:
         return "sensor_delay" if all_late(robot) else ""  # on average
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | positive(self, "scatter", "s", 0.1 * robot.scales.time)
-
-    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        return scattered(self, robot)
-
-    def delays(self, p: Numbers):
-        return within(p[self.key("delay")], p[self.key("scatter")])
-
-    def told_by_size(self, p: Numbers, robot: Robot):
-        return scatters(self, p)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..earlier import earlier
 from ..effect_parameters import positive
-from ..scattered import samples_late, scattered, scatters, within
+from ..scattered import WithinScatter, samples_late
 from .lag import averaged
 from .outputs import all_late, bends, each_channel, first_slope, sensed, sensed_only
 
@@ -132,7 +132,7 @@ class JitteringSensorDelay(SensorDelay):
 
 
 @dataclass(frozen=True)
-class ScatteredSensorDelay(JitteringSensorDelay):
+class ScatteredSensorDelay(WithinScatter, JitteringSensorDelay):
     """Every sample late by a time of its own, anything within the `scatter` of the `delay`."""
 
     law: ClassVar[str] = "scattered"
@@ -140,18 +140,6 @@ class ScatteredSensorDelay(JitteringSensorDelay):
 
     def same_on(self, robot: Robot) -> str:
         return "input_delay" if all_late(robot) else ""  # on average
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        return super().parameters(robot) | positive(self, "scatter", "s", 0.1 * robot.scales.time)
-
-    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        return scattered(self, robot)
-
-    def delays(self, p: Numbers):
-        return within(p[self.key("delay")], p[self.key("scatter")])
-
-    def told_by_size(self, p: Numbers, robot: Robot):
-        return scatters(self, p)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
         shortest, longest = self.delays(p)

@@ -11,11 +11,12 @@ from ...logs import LogSet
 from ...logs.noise import noise_scale
 from ...logs.windows import bridged, stitched
 from ...robots.robot import Robot
-from ..judge import judge, judged, no_larger_than_left
+from ..judge import judge, judged
 from ..judgement import LOOK_FURTHER
 from ..lacking import FALSE_ALARM
 from ..nothing_moved import where_nothing_moved
 from ..result import Fit
+from ..slow_sensors import no_larger_than_left
 from .by_prediction import related_by_prediction
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at, known_spread

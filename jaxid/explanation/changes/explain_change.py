@@ -16,7 +16,7 @@ from ..._float64 import in_float64
 from ..._memory import bounded_memory
 from ..._origin import with_origin
 from ...effects.catalogue import check_mechanisms
-from ...estimate.result import NORMAL_95, Estimate, Fit, Status, checked_fit
+from ...estimate.result import Estimate, Fit, Status, checked_fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.effect import in_words
@@ -28,11 +28,11 @@ from .candidates import EACH, Side
 from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
 from .in_both import fitted_with, lacking_in_both
-from .joint import SIDES, Colours, Joint, Pair, inside, refit, with_candidate
+from .joint import SIDES, Colours, Joint, Pair, refit, with_candidate
 from .judged import Worse, differ_at_all, follows_one_worse, noticed_from
 from .noise_left import MOST
 from .sides import SetOfLogs, side_of
-from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first, with_a_number_more
+from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first, unlikely, with_a_number_more
 from .what_else import as_well, promising_beside
 
 _IN_BOTH = 3
@@ -391,20 +391,9 @@ def _doubts(
         )
     if 4.0 * worse.p_value < level:
         doubts.append(f"even so the model follows one of the two sets {worse.ratio:.2f} times less well than the other")
-    doubts += _unlikely(best, pair)
+    doubts += unlikely(best, pair)
     if held_out is not None:
         gain = _held_out_gain(pair, held_out, null, best.joint, colours)
         if gain <= float(normal_beyond(level / 2.0)) ** 2:
             doubts.append(f"on held-out logs it gains nothing (chi-squared {gain:+.1f})")
     return doubts
-
-
-def _unlikely(best: Trial, pair: Pair) -> list[str]:
-    """Why effects of the best candidate are hardly what came or went, those of their numbers left out that may be none."""
-    candidate, delta = best.score.candidate, best.joint.delta
-    errors = np.sqrt(np.maximum(np.diag(best.joint.covariance), 0.0))
-    shown = np.where(np.abs(delta) > NORMAL_95 * errors, delta, 0.0)
-    numbers = candidate.move(pair.robot.parameters.numbers, shown)
-    robot = with_candidate(pair.robot, candidate)
-    robot = robot.with_values(**inside(robot, numbers))
-    return [why for effect in candidate.effects if (why := effect.doubt_of_change(robot))]

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...estimate.result import NORMAL_95
 from ...logs import LogSet
 from ..search.telling_apart import vuong
 from .candidates import Side, is_only_later
 from .first_look import FirstLook, Score
-from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, weighed, white, with_candidate
+from .joint import SIDES, Colours, Joint, Pair, inside, numbers_on, refit, weighed, white, with_candidate
 from .judged import predicted
 from .noise_left import NoiseLeft, likelihood_cost, noise_left
 from .whitened import Whitened
@@ -167,6 +168,17 @@ def with_a_number_more(best: Trial, others: Sequence[Trial]) -> list[str]:
         if new and more == 1 and _says_the_same(best, trial):
             said.append(trial.score.candidate.title)
     return said
+
+
+def unlikely(best: Trial, pair: Pair) -> list[str]:
+    """Why effects of the best candidate are hardly what came or went, those of their numbers left out that may be none."""
+    candidate, delta = best.score.candidate, best.joint.delta
+    errors = np.sqrt(np.maximum(np.diag(best.joint.covariance), 0.0))
+    shown = np.where(np.abs(delta) > NORMAL_95 * errors, delta, 0.0)
+    numbers = candidate.move(pair.robot.parameters.numbers, shown)
+    robot = with_candidate(pair.robot, candidate)
+    robot = robot.with_values(**inside(robot, numbers))
+    return [why for effect in candidate.effects if (why := effect.doubt_of_change(robot))]
 
 
 def only_later(best: Trial, others: list[Trial], null: Joint) -> list[Trial]:

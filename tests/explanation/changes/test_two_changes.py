@@ -8,6 +8,7 @@ import pytest
 from jaxid import Axis, DifferentialDrive, Log, LogSet, explain_change, output_error
 from jaxid.effects import effect_by_id
 from jaxid.explanation.changes.trials import with_a_number_more
+from tests.two_sides import stopping
 
 BEFORE = {"M": 9.4, "J": 0.21, "Fv": 7.0, "Fc": 1.9, "gain": 1.0}
 HALF_TRACK = 0.165  # m
@@ -30,13 +31,7 @@ def driven(seed, gyro=1.0, **changed):
                 right, left = on_right - Fv * (v + b * w), on_left - Fv * (v - b * w)
                 v, w = v + h * (right + left) / M, w + h * b * (right - left) / J
                 at_right, at_left, most = v + b * w, v - b * w, h * Fc
-                dry_right = dry_left = 0.0
-                for _ in range(20):
-                    before = dry_right, dry_left
-                    dry_right = min(max(-(at_right + other * dry_left) / own, -most), most)
-                    dry_left = min(max(-(at_left + other * dry_right) / own, -most), most)
-                    if before == (dry_right, dry_left):
-                        break
+                dry_right, dry_left = stopping(at_right, at_left, own, other, most)
                 v, w = v + (dry_right + dry_left) / M, w + b * (dry_right - dry_left) / J
         outputs = np.array(rows) + rng.normal(size=(len(rows), 2)) * (0.005, 0.015)
         found.append(Log.from_arrays(f"run {run}", 0.02 * np.arange(len(u)), u, outputs, robot.channels))

@@ -52,11 +52,11 @@ def test_what_is_no_published_law_is_answered_by_its_shape(explained):
     (effect,) = found.effects
     # On one axis the drive force is the command: what is lost of one may as well be lost of the other.
     assert (found.verdict, effect.law) == ("ambiguous", "shape")
-    assert {effect.id, *effect.equivalent_to} == {"actuator_dead_zone", "traction_limit"}
+    assert effect.id == "actuator_dead_zone" and "traction_limit" in effect.equivalent_to
     assert found.gap_closed > 0.9
     (shape,) = found.to_dict()["effects"][0]["shape"]
     assert len(shape["points"]) == len(shape["values"]) == len(shape["band"])
-    assert shape["unit"] in ("V or N", "N") and max(shape["values"]) > 0.1
+    assert shape["unit"] == "V or N" and max(shape["values"]) > 0.1
 
 
 SAMPLES = 100
