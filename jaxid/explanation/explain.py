@@ -42,6 +42,7 @@ from .left.lost_inputs import with_inputs_put_back
 from .left.other_way import other_way
 from .left.passing_jumps import ROBUST, jumps_are_much, without_passing_jumps
 from .left.row_before import row_before
+from .left.summed_speeds import on_summed_speeds
 from .left.usable_readings import on_usable_readings
 from .level import FALSE_ALARM, keeps_level
 from .looked import Asked, looked
@@ -176,7 +177,8 @@ def explain(
     of the held-out error, samples that jump away from their neighbours and come back are left out of the search, in the
     fitted and in the held-out logs (`passing_jumps`). Readings at the end of a sensor's range, and those of one that is
     dead in a log, are left out where they make much of the gap (`usable_readings`). Stamps that scatter about an even clock
-    are evened where that predicts better (`even_stamps`), rows in which an input changed unseen are put back
+    are evened where that predicts better (`even_stamps`), speeds that are differences of counts, which a controller answers,
+    are explained by the positions that they add up to (`summed_speeds`), rows in which an input changed unseen are put back
     (`lost_inputs`), and logs in which many are missing are explained in parts (`holes`). `windows`: "auto" keeps those of
     an unstable plant only; seconds keep the fit's. `report` is called with a sentence whenever something is done. Of
     compiled programs no more are kept than `_memory.MOST_PROGRAMS`.
@@ -211,6 +213,7 @@ def explain(
         report(placeless)
     fit, logs, held_out, unusable = on_usable_readings(fit, logs, held_out, report, loss=loss, covariance=covariance)
     fit, logs, held_out, parts = cut_at_holes(fit, logs, held_out, report, loss=loss, covariance=covariance)
+    fit, logs, held_out, summed = on_summed_speeds(fit, logs, held_out, report, loss=loss, covariance=covariance)
     fit, logs, held_out, evened = on_even_stamps(fit, logs, held_out, report, loss=loss, covariance=covariance)
     logs, held_out, was_sorted = sorted_logs(fit, logs, held_out, report)
     with_gaps = logs, held_out
@@ -366,6 +369,7 @@ def explain(
                 still,
                 unusable,
                 parts,
+                summed,
                 evened,
                 unlike,
                 put_back,

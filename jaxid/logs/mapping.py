@@ -2,7 +2,7 @@
 dict or a TOML file."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,9 +16,9 @@ class Source(NamedTuple):
     """Where a standard column comes from: value = scale * column + offset, or, for time, interval * row.
 
     `column` is a table's column or a recording's field, such as `/odom.twist.twist.linear.x`. `derivative`: the rate of change
-    of that is meant. `held`: a command that is written only when it changes. `stamp`, of time: whose clock counts in a
-    recording, the sender's ("header") or the recorder's ("receive"). `terms`: columns and their weights, where `column` is
-    their sum and its name.
+    of that is meant. `integral`: what it adds up to over time is. `held`: a command that is written only when it changes.
+    `stamp`, of time: whose clock counts in a recording, the sender's ("header") or the recorder's ("receive"). `terms`: columns
+    and their weights, where `column` is their sum and its name.
     """
 
     column: str
@@ -26,6 +26,7 @@ class Source(NamedTuple):
     offset: float = 0.0
     interval: float | None = None
     derivative: bool = False
+    integral: bool = False
     held: bool = False
     stamp: str | None = None
     terms: tuple[tuple[str, float], ...] = ()
@@ -57,7 +58,7 @@ def _wrong(key: str, value: Any) -> str:
     """What an entry's value should be instead; empty where it is right."""
     if key in _NUMBERS:
         return "" if _finite(value) else "give a number"
-    if key in ("derivative", "held"):
+    if key in ("derivative", "integral", "held"):
         return "" if isinstance(value, bool) else "give true or false"
     if key == "stamp":
         return "" if value in STAMPS else f"use {' or '.join(map(repr, STAMPS))}"
@@ -67,12 +68,12 @@ def _wrong(key: str, value: Any) -> str:
     return "" if isinstance(value, str) else "give a name"
 
 
-def _source(place: str, name: str, entry: Any) -> Source:
+def _source(place: str, name: str, entry: Any, positions: tuple[str, ...]) -> Source:
     if isinstance(entry, str):
         return Source(entry)
     if not isinstance(entry, Mapping):
         raise LogError(f"{place} of {name!r} is {shown(entry)}; give a column name or {{column=..., scale=...}}.")
-    own = ("interval", "stamp") if name == "t" else ("fields", "derivative", "held")
+    own = ("interval", "stamp") if name == "t" else ("fields", "derivative", "integral", "held")
     known = ("column", "field", "scale", "offset", *own)
     for key, value in entry.items():
         if key not in known:
@@ -85,6 +86,11 @@ def _source(place: str, name: str, entry: Any) -> Source:
         raise LogError(f"{place} of {name!r} has a scale or interval of zero or less where it cannot; correct it.")
     if "interval" in entry and len(entry) > 1:
         raise LogError(f"{place} of {name!r} has an interval and a column or scale; give one of the two.")
+    if entry.get("integral") and (entry.get("derivative") or name not in positions):
+        raise LogError(
+            f"{place} of {name!r} asks for an integral; only positions are one of a speed"
+            f"{' (' + ', '.join(positions) + ')' if positions else ', and this robot has none that stand for speeds'}."
+        )
     several = [key for key in ("column", "field", "fields") if key in entry]
     if len(several) > 1:
         raise LogError(f"{place} of {name!r} has a {' and a '.join(several)}; give one of them.")
@@ -119,7 +125,14 @@ def read_mapping(mapping: Mapping[str, Any] | str | Path | None, channels: Chann
                 f"{place} names {name!r:.60}, which is no column of this robot{did_you_mean(name, known)}; use "
                 f"{', '.join(known)}, each with the name that the file has for it."
             )
-    return {name: _source(place, name, entry) for name, entry in mapping.items()}
+    return {name: _source(place, name, entry, channels.positions) for name, entry in mapping.items()}
+
+
+def sources_of(names: Iterable[str], mapping: Mapping[str, Source]) -> dict[str, Source]:
+    """Where each of the standard columns `names` comes from: as mapped, else the column of its own name, unless that is a speed
+    whose integral is mapped in its place."""
+    summed = {column for source in mapping.values() if source.integral for column in source.columns}
+    return {name: mapping.get(name, Source(name)) for name in names if name in mapping or name not in summed}
 
 
 def mapped_names(mapping: Mapping[str, Any] | str | Path | None) -> tuple[str, ...]:

@@ -18,12 +18,13 @@ import numpy as np
 import pandas as pd
 
 from .channels import BY_COLUMNS, POSE, Channels, layout_of
+from .counts import way_of
 from .files import PathLike, files_of, named_files
 from .finding import Finding, LogError, LogWarning
 from .formats import format_of, read_recording
 from .held_commands import held, now_and_then
 from .log import ABSURD, Log, LogSet, channels_of, did_you_mean
-from .mapping import Source, mapped_names, read_mapping
+from .mapping import Source, mapped_names, read_mapping, sources_of
 from .rates import rate, whole_way
 from .recorded import read_recorded
 from .sums import with_summed_columns
@@ -62,7 +63,7 @@ def _numbers(table: Table, column: str, path: Path) -> np.ndarray:
 def _sources(table: Table, channels: Channels, mapping: dict[str, Source], path: Path) -> dict[str, Source]:
     """The file's column for each channel it has; raises `LogError` for one that it must have and lacks."""
     columns = list(table.frame.columns)
-    sources = {name: mapping.get(name, Source(name)) for name in ("t", *channels)}
+    sources = sources_of(("t", *channels), mapping)
     sources |= {name: mapping[name] for name in POSE if name in mapping}  # unmapped poses simply stay as they are
     there = {name for name, source in sources.items() if source.column in columns or source.interval is not None}
     for name, source in sources.items():
@@ -213,9 +214,8 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source],
             columns[standard] = source.interval * np.arange(len(table.frame), dtype=float)
             continue
         values = _numbers(table, source.column, path)
-        if (
-            standard in channels.positions or source.derivative
-        ):  # in the sensor's own unit, in which its turns are whole
+        turns = standard in channels.positions and not source.integral
+        if turns or source.derivative:  # in the sensor's own unit, in which its turns are whole
             values, text = whole_way(columns["t"], values, standard, source.column)
             if text:
                 findings.append(Finding(name, standard, None, "warning", "turns", f"{name}: {text}."))
@@ -230,6 +230,9 @@ def _read(path: Path, name: str, channels: Channels, mapping: dict[str, Source],
         if source.derivative:
             values, text = _rate(values, columns["t"], standard, source.column, path)
             findings.append(Finding(name, standard, None, "warning", "differentiated", f"{name}: {text}."))
+        if source.integral:
+            values, text = way_of(values, columns["t"], standard, source.column, path)
+            findings.append(Finding(name, standard, None, "note", "added_up", f"{name}: {text}."))
         absurd = (np.abs(values) > ABSURD) & (standard != "t")
         values = np.where(absurd, np.nan, values)
         if standard in channels.inputs:
@@ -294,7 +297,8 @@ def read_logs(
     - `mapping`: standard name to the file's column, as a dict or the path of a TOML file:
       `V2 = "right_volts"`, `eta1 = {column = "speed_mm_s", scale = 0.001}` (value = scale * column + offset), for
       recordings `eta2 = {field = "/imu.angular_velocity.z"}`, for a speed of which only the position was measured
-      `derivative = true`; and, for files without a time column, `t = {interval = 0.001}`. Of a bag the times are those in the
+      `derivative = true`, for angles of wheels of which only the speeds were recorded, as differences of counts,
+      `integral = true`; and, for files without a time column, `t = {interval = 0.001}`. Of a bag the times are those in the
       messages' headers; `t = {stamp = "receive"}` takes the recorder's.
 
     Recorded signals keep their own clocks: `jaxid.logs.combine` says how they come to the rows of one log.

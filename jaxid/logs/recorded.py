@@ -14,10 +14,11 @@ import pandas as pd
 
 from .channels import POSE, Channels
 from .combine import Note, Rows, Signal, combine
+from .counts import way_of
 from .finding import SILENT_COMMAND, Finding, LogError
 from .formats import format_of, read_recording
 from .log import ABSURD, Log, did_you_mean
-from .mapping import Source
+from .mapping import Source, sources_of
 from .rates import rate, whole_way
 from .series import Recording, Series
 from .sums import with_summed_fields
@@ -42,7 +43,7 @@ class Used(NamedTuple):
 
 def _wanted(path: Path, channels: Channels, mapping: dict[str, Source]) -> dict[str, Source]:
     """Sources of the channels and poses that are to be looked for. Raises `LogError` for a bag without a mapping."""
-    wanted = {name: mapping.get(name, Source(name)) for name in channels}
+    wanted = sources_of(channels, mapping)
     wanted |= {name: mapping[name] for name in POSE if name in mapping}
     if format_of(path) not in _BAGS:
         return wanted
@@ -85,9 +86,9 @@ def _there(
         if name not in mapping and source.column not in recording.series and may_lack:
             continue
         there[name] = found(recording, source.column, name, path)
-    users: dict[tuple[str, bool], str] = {}
+    users: dict[tuple[str, bool, bool], str] = {}
     for name, series in there.items():
-        twin = users.setdefault((series.name, wanted[name].derivative), name)
+        twin = users.setdefault((series.name, wanted[name].derivative, wanted[name].integral), name)
         if twin != name and not {name, twin} <= set(channels.inputs):
             raise LogError(
                 f"{path}: field {series.name!r} stands for both {twin!r} and {name!r}; map one of them elsewhere."
@@ -211,7 +212,8 @@ def _signals(
             text = f"{repeated} message(s) of {series.topic!r} repeat the one before, stamp included, and were left out"
             notes.append(("warning", "repeated_row", name, text))
         values, text = whole.values, ""
-        if name in channels.positions or source.derivative:  # in the sensor's own unit, in which its turns are whole
+        turns = name in channels.positions and not source.integral
+        if turns or source.derivative:  # in the sensor's own unit, in which its turns are whole
             values, text = whole_way(1e-9 * (whole.time - whole.time[0]), values, name, source.column)
         if text:
             notes.append(("warning", "turns", name, text))
@@ -222,6 +224,10 @@ def _signals(
         if source.derivative:
             signal, note = _speed(signal, source, name, path)
             notes.append(note)
+        if source.integral:
+            way, text = way_of(values, 1e-9 * (whole.time - whole.time[0]), name, source.column, path)
+            signal = Signal(whole.time, way)
+            notes.append(("note", "added_up", name, text))
         signals[name] = signal
     return signals, notes
 

@@ -18,6 +18,7 @@ from ..nothing_moved import where_nothing_moved
 from ..result import Fit
 from ..slow_sensors import no_larger_than_left
 from .by_prediction import related_by_prediction
+from .counted_speeds import counted_speeds
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at, known_spread
 from .impossible import without_impossible
@@ -172,7 +173,8 @@ def conclude(
             fit = replace(fit, notes=(*fit.notes, f"{lacking.sentence(fit)} {LOOK_FURTHER}"))
     unknown = lost_rows(fit, logs, structure, bounded.problem, optimum.unknowns)
     alone = one_way(fit, whole[0] if whole else logs)
-    fit = replace(fit, notes=(*fit.notes, *filter(None, (unknown, alone))))
+    counted = "" if judgement.trustworthy or whole is not None else counted_speeds(fit, logs)
+    fit = replace(fit, notes=(*fit.notes, *filter(None, (unknown, alone, counted))))
     if begun is not None:
         fit, judgement = with_search(fit, judgement, begun)
     white = dict(zip(structure.names, np.sqrt(np.maximum(np.diag(known), 0.0)).tolist(), strict=True))

@@ -12,6 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._distributions import f_tail
+from ...logs import LogSet
+from ...simulation.simulate import integrator_for, simulate
+from ..result import Fit
 
 Array = NDArray[np.float64]
 _OWN, _OTHER = 30, 6
@@ -77,3 +80,14 @@ def feedback(inputs: Sequence[Array], residuals: Sequence[Array], name: str = "u
     share = 1.0 - after / before
     statistic = (before - after) / extra / max(after / freedom, np.finfo(float).tiny)
     return Feedback(name, share, float(f_tail(statistic, extra, freedom)))
+
+
+def fed_back(fit: Fit | None, logs: LogSet) -> Feedback:
+    """The input that most plainly follows the outputs, by the residuals of `fit`, or the outputs themselves."""
+    outputs = [np.array(log.outputs) for log in logs]
+    if fit is not None and fit.window is None:
+        seen = simulate(fit.robot, logs, integrator=integrator_for(fit.robot, logs))
+        if all(np.isfinite(y).all() for y in seen):
+            outputs = [y - s for y, s in zip(outputs, seen, strict=True)]
+    found = [feedback([log.input(name) for log in logs], outputs, name) for name in logs.channels.inputs]
+    return max(found, key=lambda f: (f.closed, f.share))

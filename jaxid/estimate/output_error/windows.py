@@ -22,10 +22,9 @@ from ...logs.noise import noise_scale
 from ...logs.windows import bridged, in_windows, stitched
 from ...parameters import ParameterError
 from ...robots.robot import Robot
-from ...simulation.simulate import integrator_for, simulate
 from ..result import Fit
 from .direct import simulated_now
-from .feedback import Feedback, feedback
+from .feedback import Feedback, fed_back
 from .from_optimum import channel_noise
 from .optimum import Optimum
 from .predictability import Predictability, predictability
@@ -143,17 +142,6 @@ def _white(fit: Fit) -> bool:
     """Whether nothing but white noise is left. What is left at the noise and is not may be a lost simulation: motion that is as
     quick as a controller that answers every sample passes for noise."""
     return fit.judgement is None or bool(fit.judgement.white)
-
-
-def _loop(fit: Fit | None, logs: LogSet) -> Feedback:
-    """The input that most plainly follows the outputs, by the residuals of `fit`, or the outputs themselves."""
-    outputs = [np.array(log.outputs) for log in logs]
-    if fit is not None and fit.window is None:
-        seen = simulate(fit.robot, logs, integrator=integrator_for(fit.robot, logs))
-        if all(np.isfinite(y).all() for y in seen):
-            outputs = [y - s for y, s in zip(outputs, seen, strict=True)]
-    found = [feedback([log.input(name) for log in logs], outputs, name) for name in logs.channels.inputs]
-    return max(found, key=lambda f: (f.closed, f.share))
 
 
 def _worse(one: Predictability, other: Predictability) -> Predictability:
@@ -296,7 +284,7 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit:
         why = error
     except Lost as astray:
         assert found is not None
-        fit, loop = _in_windows(found, robot, logs, once, start), _loop(None, logs)
+        fit, loop = _in_windows(found, robot, logs, once, start), fed_back(None, logs)
         taken = None
         if fit is not None and _ratio(fit, logs) <= min(_GOOD, _BETTER * astray.ratio):
             taken = _taken(fit, found, loop, astray.ratio, logs, once, lost if loop.closed else None)
@@ -317,7 +305,7 @@ def choose(robot: Robot, logs: LogSet, once: Once, start: Starts) -> Fit:
     growth = _growing(robot, logs, free, start)
     if free is not None and within and growth.kind != "unstable":
         return free
-    loop = _loop(free, logs)
+    loop = fed_back(free, logs)
     # An error of what integrates grows by a power of time, which is no instability: a free simulation can follow. Windows
     # would hide what the model lacks, but where the record is a loop, whose inputs answer every disturbance so far.
     if growth.kind == "stable" or (growth.kind == "integrating" and free is not None and not loop.closed):
