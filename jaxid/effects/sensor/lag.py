@@ -269,6 +269,43 @@ class CentredAverage(MovingAverage):
         return one_by_one(self.key("window"), tuple(4.0 * time for time in robot.scales.times_to_try))
 
 
+@dataclass(frozen=True)
+class MovingAverageOfEach(SensorLagOfEach):
+    """The mean of what is measured over the last window of every channel's own: counters' beside a gyro that has none."""
+
+    law: ClassVar[str] = "moving_average_per_channel"
+    formula: ClassVar[str] = "y_i'(t) = mean of y_i over (t - window_i, t)"
+    ahead: ClassVar[float] = 0.0
+    """Share of each window that is still to come."""
+    times: ClassVar[float] = 2.0
+    """Window of a lag as long as a time to try."""
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        found: dict[str, Parameter] = {}
+        for name in sensed(robot):
+            found |= positive(self, f"window_{name}", "s", 0.3 * robot.scales.time)
+        return found
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        names = [self.key(f"window_{name}") for name in sensed(robot)]
+        return tuple(Probe(dict.fromkeys(names, self.times * time)) for time in robot.scales.times_to_try)
+
+    def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
+        windows = each_channel(self, p, "window", robot)
+        each = [averaged(outputs[:, i : i + 1], time, windows[i], self.ahead, moving) for i in range(outputs.shape[1])]
+        return sensed_only(robot, jnp.concatenate(each, axis=1), outputs)
+
+
+@dataclass(frozen=True)
+class CentredAverageOfEach(MovingAverageOfEach):
+    """The mean about the stamp over a window of every channel's own."""
+
+    law: ClassVar[str] = "centred_average_per_channel"
+    formula: ClassVar[str] = "y_i'(t) = mean of y_i over (t - window_i / 2, t + window_i / 2)"
+    ahead: ClassVar[float] = 0.5
+    times: ClassVar[float] = 4.0
+
+
 LAWS: tuple[Effect, ...] = (
     SensorLag(),
     SecondOrderSensorLag(),
@@ -279,4 +316,6 @@ LAWS: tuple[Effect, ...] = (
     DampedLagOfEach(),
     MovingAverage(),
     CentredAverage(),
+    MovingAverageOfEach(),
+    CentredAverageOfEach(),
 )
