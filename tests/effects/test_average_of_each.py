@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from jaxid import Axis, DifferentialDrive, EffectError
-from jaxid.effects.catalogue import effect_by_id
 from jaxid._float64 import in_float64
+from jaxid.effects.catalogue import effect_by_id
 
 
 @pytest.mark.parametrize(("law", "ahead"), [("moving_average_per_channel", 0.0), ("centred_average_per_channel", 0.5)])
