@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
-from ..effects.curve import Curve
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss
 from ..estimate.output_error.lost_inputs import with_lost_inputs
@@ -20,7 +19,7 @@ from .left.rounded_inputs import within_input_rounding
 from .left.rounding import within_rounding
 from .left.within_errors import hanging, within_errors
 from .named_effects import named_effects
-from .refits.held_parameters import with_parameters_held
+from .refits.held_parameters import settled, with_parameters_held
 from .refits.near_side import begun_on_the_near_side
 from .refits.prescribed_angles import predicted
 from .refits.refit import Trial, in_full
@@ -90,7 +89,7 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
     final = finished(ended)
     after = left_by(final)
     found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
-    if found.final and not (_all_sure(found, fit, final) and _settled(final)):
+    if found.final and not (_all_sure(found, fit, final) and settled(final)):
         held = with_parameters_held(found.final, logs, held_out, noise, report)
         if held is not found.final:
             found, final = replace(found, final=held), finished(held)
@@ -121,15 +120,3 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
 def _all_sure(found: Search, fit: Fit, final: Fit) -> bool:
     """Whether the data excludes of every effect that was added that there is none."""
     return all(effect.identified for effect in named_effects(found, fit, final))
-
-
-def _settled(final: Fit) -> bool:
-    """Whether the fit tells what its formulas might hold. Of most curves a height that is held says what their form is not to
-    be, which is done only where the data does not even tell that there is such an effect."""
-    every = final.robot.effects
-    own = (effect for effect in every if not isinstance(effect, Curve) or effect.settled_by_holding)
-    may = [name for effect in own for name in effect.may_hold(final.robot)]
-    # The places of a curve's points are in units of what it is a curve of: to another scale of all, it is another curve, and
-    # nearer to nature's by chance.
-    by_places = any(isinstance(effect, Curve) for effect in every) and any(name in final.free_names for name in may)
-    return not by_places and not any(final[name].status == "not_identifiable" for name in may)

@@ -10,6 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...effects.curve import Curve
+from ...estimate.result import Fit
 from ...logs import LogSet
 from ..policy import current_policy
 from .candidate_refits import Report
@@ -46,3 +48,16 @@ def _far(trial: Trial, name: str) -> bool:
 
 def _nothing_left(trial: Trial) -> bool:
     return trial.fitted.adequate or trial.fitted.normalised_rms < current_policy().small
+
+
+def settled(final: Fit) -> bool:
+    """Whether the fit tells what its formulas might hold. Of most curves a height that is held says what their form is not to
+    be, which is done only where the data does not even tell that there is such an effect; a limit's takes nothing of what is
+    small."""
+    every = final.robot.effects
+    own = (e for e in every if not isinstance(e, Curve) or e.settled_by_holding or e.begins_later)
+    may = [name for effect in own for name in effect.may_hold(final.robot)]
+    # The places of a curve's points are in units of what it is a curve of: to another scale of all, it is another curve, and
+    # nearer to nature's by chance.
+    by_places = any(isinstance(effect, Curve) for effect in every) and any(name in final.free_names for name in may)
+    return not by_places and not any(final[name].status == "not_identifiable" for name in may)

@@ -11,10 +11,14 @@ def rather_first(
 ) -> tuple[list[Trial], tuple[str, ...]]:
     """The trials and the names that are not told apart from the first: of these, the one whose curve it is `rather` comes
     before a curve that is not its mechanism's, and so does one whose curve is its own before several that are alike, such as
-    friction by direction that is the same both ways."""
+    friction by direction that is the same both ways. Where the first is its own mechanism's, a curve of the same formula that
+    bends as that one, and not as its own, is no other name."""
     best = trials[0]
-    if not isinstance(best.effect, Curve) or best.effect.agrees(best.robot):
+    if not isinstance(best.effect, Curve):
         return [*trials], (*equivalent,)
+    if best.effect.agrees(best.robot):
+        bending = {t.id for t in trials[1:] if _bends_as(t, best.effect)}
+        return [*trials], tuple(name for name in equivalent if name not in bending)
     same = [trial for trial in trials[1:] if trial.id in equivalent]
     others = [trial for trial in same if trial.id == rather]
     if not others and len(best.effect.kinds) > 1:
@@ -23,6 +27,13 @@ def rather_first(
         return [*trials], (*equivalent,)
     ranked = [others[0], *(trial for trial in trials if trial is not others[0])]
     return ranked, (best.id, *(name for name in equivalent if name != others[0].id))
+
+
+def _bends_as(trial: Trial, curve: Curve) -> bool:
+    """Whether a trial's curve has the formula of another mechanism's `curve` and does not bend as its own mechanism's does."""
+    effect = trial.effect
+    same = isinstance(effect, Curve) and effect.id != curve.id and effect.formula == curve.formula
+    return same and not effect.agrees(trial.robot)
 
 
 def with_more(ranked: Sequence[Trial], more: Sequence[Trial]) -> list[Trial]:

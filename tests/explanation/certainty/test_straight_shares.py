@@ -21,6 +21,7 @@ from jaxid import (
 from jaxid.effects import effect_by_id
 from jaxid.estimate.result import Estimate
 from jaxid.explanation.certainty.straight_shares import open_gain, shared_lines, without_shared_lines
+from jaxid.explanation.refits.held_parameters import settled
 from jaxid.robots.scales import Scales
 from jaxid.simulation.scaled import scaled_to
 
@@ -126,7 +127,9 @@ def test_why_a_limit_that_takes_from_the_smallest_commands_leaves_all_open_is_sa
     open_ = {
         n: replace(e, status="not_identifiable") if e.status == "identified" else e for n, e in known.parameters.items()
     }
-    said = open_gain(replace(known, parameters=open_))
+    opened = replace(known, parameters=open_)
+    assert settled(known) and not settled(opened)  # the first height is then held
+    said = open_gain(opened)
     assert "M, J, Fv, Fc and the heights of the curve are known but for a factor" in said and "weighed" in said
 
 

@@ -60,3 +60,22 @@ def test_the_name_whose_curve_it_is_comes_first():
     drag, stribeck = trial("quadratic_drag", 101.0), trial("stribeck_friction", 102.0)
     ranked, same = rather_first([ways, drag, stribeck], ["quadratic_drag", "stribeck_friction"], "stribeck_friction")
     assert ranked[0] is stribeck and same == ("asymmetric_friction", "quadratic_drag")
+
+
+def limited(mechanism, heights):
+    """A drive that loses so much of its commands, by the curve of a dead zone or of a saturation."""
+    robot = DifferentialDrive()
+    robot = robot + effect_by_id(robot, mechanism, "shape")
+    values = {f"{mechanism}.at_{k}": height for k, height in enumerate(heights, start=1)}
+    return robot.with_values(**values, **{f"{mechanism}.reach": robot.scales.input})
+
+
+@pytest.mark.parametrize("bends", [True, False])
+def test_a_curve_of_one_formula_that_bends_as_the_first_is_no_other_name(bends):
+    late, early = (0.0, 0.0, 0.02, 0.3), (0.3, 0.32, 0.34, 0.34)
+    first = trial("voltage_saturation", 100.0, robot=limited("voltage_saturation", late))
+    other = trial("actuator_dead_zone", 101.0, robot=limited("actuator_dead_zone", late if bends else early))
+    lag = trial("motor_lag", 102.0)
+    ranked, same = rather_first([first, other, lag], ["actuator_dead_zone", "motor_lag"], "")
+    assert ranked == [first, other, lag]
+    assert same == (("motor_lag",) if bends else ("actuator_dead_zone", "motor_lag"))
