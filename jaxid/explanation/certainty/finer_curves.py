@@ -52,13 +52,17 @@ def through_enough_points(
     found: Search, final: Fit, in_full: Callable[[Trial], Fit], sure: Callable[[Fit], bool], say: Callable[[str], None]
 ) -> Finer:
     """The fit `in_full` of what was found, with finer curves where these move the robot's own parameters by more than they
-    may, and still say what they said: that there are such effects is `sure`, and no parameter is lost."""
+    may, or leave nothing to be doubted where the coarser ones do, and still say what they said: that there are such effects is
+    `sure`, and no parameter is lost."""
     best = Finer(found, final)
     for identifier in [effect.id for effect in final.robot.effects if isinstance(effect, Curve)]:
         for change, most in ((with_denser_curve, _MOST), (with_farther_reach, 1)):
             for _ in range(most):
                 finer = _finer(best, identifier, change, in_full, say)
-                if finer is None or not sure(finer.final) or not moved(best.final, finer.final):
+                if finer is None or not sure(finer.final):
+                    break
+                mends = finer.final.trustworthy and not best.final.trustworthy
+                if not (mends or moved(best.final, finer.final)):
                     break
                 say(f"{identifier} needs a curve through more points")
                 best = finer

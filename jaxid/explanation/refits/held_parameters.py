@@ -13,10 +13,14 @@ import numpy as np
 from ...effects.curve import Curve
 from ...estimate.result import Fit
 from ...logs import LogSet
+from ...robots.effect import Effect
+from ...robots.robot import Robot
 from ..policy import current_policy
 from .candidate_refits import Report
 from .refit import Trial, continued, refit_from_itself
 
+_MORE = 0.02
+"""Share of what is asked for beyond which a limit that gives more is none."""
 _MANY = 10.0
 """Usual sizes beyond which a number is not what an effect of that name has."""
 
@@ -25,7 +29,8 @@ def with_parameters_held(
     trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float], say: Report = lambda message: None
 ) -> Trial:
     """The trial with what each of its effects `may_hold` held at zero, one number after another, where that is the likelier
-    model, or, of a number that is far from none, where that leaves nothing to be explained of the logs fitted."""
+    model, or, of a number that is far from none, where that leaves nothing to be explained of the logs fitted, or of the
+    held-out ones, where a limit gives more than is asked of it."""
     for effect in trial.robot.effects if not trial.angles else ():
         asked = set[str]()
         # Of what is left where one is held another may be.
@@ -34,10 +39,45 @@ def with_parameters_held(
             asked.add(name)
             say(f"refitting with a parameter of {effect.title} held")
             robot = trial.robot.with_values(**{name: 0.0}).change(name, free=False)
-            again = continued(refit_from_itself(robot, trial, logs, held_out, noise), logs, held_out, noise)
-            if again.score < trial.score or (_far(trial, name) and _nothing_left(again)):
+            again = refit_from_itself(robot, trial, logs, held_out, noise)
+            if other := _with_that_gain(robot, trial.robot, effect, name):
+                elsewhere = refit_from_itself(robot.with_values(**other), trial, logs, held_out, noise)
+                again = min(again, elsewhere, key=lambda one: one.score)
+            again = continued(again, logs, held_out, noise)
+            impossible = _gives(trial.robot, effect, name) and again.held_out.adequate
+            if again.score < trial.score or impossible or (_far(trial, name) and _nothing_left(again)):
                 trial = replace(again, id=trial.id)
     return trial
+
+
+def _place(robot: Robot, effect: Curve, name: str) -> float:
+    """Where the height `name` of a curve stands, in the unit of what it is a curve of."""
+    place = next(
+        effect.places[k] for one in effect.each(robot) for k in effect.varying if effect.height(k, one) == name
+    )
+    return place * robot.parameters[effect.key("reach")].value
+
+
+def _gives(robot: Robot, effect: Effect, name: str) -> bool:
+    """Whether a limit's curve gives more than is asked for where little is."""
+    if not isinstance(effect, Curve) or not effect.begins_later:
+        return False
+    return robot.parameters[name].value < -_MORE * _place(robot, effect, name)
+
+
+def _with_that_gain(robot: Robot, before: Robot, effect: Effect, name: str) -> dict[str, float]:
+    """Values for `robot`, the one `before` with the first height `name` of a limit's curve at zero, that move as that one does:
+    what the limit took of what is small, or gave, is a smaller or larger gain of all, of its other heights and of what moves.
+    Empty for what is no limit, and where it took all."""
+    if not isinstance(effect, Curve) or not effect.begins_later:
+        return {}
+    numbers, free = before.parameters.numbers, robot.parameters.free_names
+    gain = 1.0 - numbers[name] / _place(before, effect, name)
+    if not gain > 0.0:
+        return {}
+    every = [effect.height(k, one) for one in effect.each(before) for k in effect.varying]
+    heights = {n: x - (x - numbers[n]) / gain for n in every if n in free for x in (_place(before, effect, n),)}
+    return {n: numbers[n] / gain for n in free if "." not in n} | heights
 
 
 def _far(trial: Trial, name: str) -> bool:
