@@ -130,6 +130,7 @@ class ScaleCurves(Curve):
     free: ClassVar[tuple[int, ...]] = (0, 1, 2)
     variable: ClassVar[str] = "share of the channel's amplitude"
     settled_by_holding: ClassVar[bool] = True
+    reaches: ClassVar[tuple[float, ...]] = (1.0, 1.6)  # what a sensor compresses goes beyond what it shows
 
     def each(self, robot: Robot) -> tuple[str, ...]:
         return robot.channels.outputs
@@ -140,6 +141,22 @@ class ScaleCurves(Curve):
             found |= shape(
                 self, f"amplitude_{name}", robot.channels.units.get(name, ""), robot.scales.output(name), free=False
             )
+        return found
+
+    def may_be_right(self, robot: Robot) -> list[dict[str, float]]:
+        """Heights of all curves with one channel's at zero, and those of the others in proportion, for every channel of which
+        all heights are estimated beside others: what all channels show too much of is as well the robot's own parameters'."""
+        table, found = robot.parameters, list[dict[str, float]]()
+        each = {name: [self.height(k, name) for k in self.varying] for name in self.each(robot)}
+        free = [name for name, own in each.items() if all(table[height].free for height in own)]
+        for name in free if len(free) > 1 else ():
+            scale = 1.0 + float(np.median([table[height].value for height in each[name]]))
+            if scale > 0.0:
+                others = (
+                    height for other, own in each.items() if other != name for height in own if table[height].free
+                )
+                values = {height: (1.0 + table[height].value) / scale - 1.0 for height in others}
+                found.append(dict.fromkeys(each[name], 0.0) | values)
         return found
 
     def doubt(self, robot: Robot) -> str:

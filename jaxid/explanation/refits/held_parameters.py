@@ -11,16 +11,20 @@ from dataclasses import replace
 import numpy as np
 
 from ...effects.curve import Curve
+from ...effects.sensor.scale import ScaleCurves
 from ...estimate.result import Fit
 from ...logs import LogSet
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ..policy import current_policy
+from ..search.denser import with_denser_curve
 from .candidate_refits import Report
 from .refit import Trial, continued, refit_from_itself
 
 _MORE = 0.02
 """Share of what is asked for beyond which a limit that gives more is none."""
+_DENSER = 2
+"""Times that the points of a sensor's curve are doubled."""
 _MANY = 10.0
 """Usual sizes beyond which a number is not what an effect of that name has."""
 
@@ -32,6 +36,8 @@ def with_parameters_held(
     model, or, of a number that is far from none, where that leaves nothing to be explained of the logs fitted, or of the
     held-out ones, where a limit gives more than is asked of it."""
     for effect in trial.robot.effects if not trial.angles else ():
+        if isinstance(effect, ScaleCurves):
+            trial = _with_a_sensor_right(trial, effect, logs, held_out, noise, say)
         asked = set[str]()
         # Of what is left where one is held another may be.
         while names := [name for name in effect.may_hold(trial.robot) if name not in asked]:
@@ -47,6 +53,40 @@ def with_parameters_held(
             impossible = _gives(trial.robot, effect, name) and again.held_out.adequate
             if again.score < trial.score or impossible or (_far(trial, name) and _nothing_left(again)):
                 trial = replace(again, id=trial.id)
+    return trial
+
+
+def _with_a_sensor_right(
+    trial: Trial,
+    effect: ScaleCurves,
+    logs: LogSet,
+    held_out: LogSet,
+    noise: Mapping[str, float],
+    say: Report,
+) -> Trial:
+    """The trial without the curves of the sensors that need none, one after another, where that is the likelier model."""
+    while others := effect.may_be_right(trial.robot):
+        say(f"refitting with one of {effect.title}'s curves held")
+        found = []
+        for values in others:
+            robot = trial.robot.with_values(**values)
+            for name in (name for name, value in values.items() if value == 0.0):
+                robot = robot.change(name, free=False)
+            again = continued(refit_from_itself(robot, trial, logs, held_out, noise), logs, held_out, noise)
+            # Two curves of few points may follow what one of them, through more points, follows alone.
+            for _ in range(_DENSER):
+                if again.score < trial.score:
+                    break
+                dense = refit_from_itself(with_denser_curve(again.robot, effect.id), again, logs, held_out, noise)
+                if not dense.score < again.score:
+                    break
+                again = dense
+            found.append(again)
+        best = min(found, key=lambda one: one.score)
+        if not best.score < trial.score:
+            break
+        trial = replace(best, id=trial.id)
+        effect = next(own for own in trial.robot.effects if isinstance(own, ScaleCurves))
     return trial
 
 

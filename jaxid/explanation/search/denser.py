@@ -68,9 +68,10 @@ def with_denser_curve(robot: Robot, identifier: str) -> Robot:
         for k in dense.varying:
             between = float(curve(np.float64(dense.places[k]), coarse.places, heights, 1.0))
             values[dense.height(k, name)] = between if k % 2 else heights[k // 2]
-        for k in coarse.varying:
-            if not table[coarse.height(k, name)].free:
-                found = found.change(dense.height(2 * k, name), free=False)
+        held = [k for k in coarse.varying if not table[coarse.height(k, name)].free]
+        whole = len(held) == len(coarse.varying)  # one that is nothing stays nothing
+        for k in dense.varying if whole else [2 * k for k in held]:
+            found = found.change(dense.height(k, name), free=False)
     heights_of_both = {*values, *(coarse.height(k, name) for name in coarse.each(robot) for k in coarse.varying)}
     own = {n: p.value for n, p in table.items() if n.startswith(coarse.key("")) and n not in heights_of_both}
     return found.with_values(**values, **own)

@@ -1,12 +1,15 @@
 """Effects one parameter of which others can do as well, on an axis in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from jaxid import Axis, Channels, Custom, Log, LogSet, Parameter
+from jaxid import Axis, Channels, Custom, DifferentialDrive, Log, LogSet, Parameter
 from jaxid.effects import effect_by_id
 from jaxid.explanation.refits.held_parameters import with_parameters_held
 from jaxid.explanation.refits.refit import refit
+from jaxid.explanation.search.denser import with_denser_curve
 from jaxid.simulation.scaled import scaled_to
 from tests.explanation import closed_form_axis
 from tests.explanation.closed_form_axis import driven
@@ -84,3 +87,40 @@ def test_of_what_several_motors_have_alike_the_middle_one_is_held():
     assert [name for name in keys if not values[name].free][0] in keys[:2] and held.free == trial.free - 1
     assert [values[name].value for name in keys] == pytest.approx([0.0, 0.0, -0.2], abs=0.003)
     assert (values["M"].value, values["Fv"].value) == pytest.approx((1.0, 2.0), rel=0.003)
+
+
+def test_of_two_sensors_the_one_that_is_right_has_no_curve():
+    """A gyro that shows less of more beside a speed that is right: twice as much of both would be other masses and drags."""
+    robot = DifferentialDrive().with_values(b=0.2, M=2.0, J=0.05, Fv=1.5, Fc=0.0).change("Fc", free=False)
+    logs = []
+    for k in range(3):
+        random = np.random.default_rng([SEED, k])
+        u = np.repeat(random.uniform(-2.0, 2.0, (40, 2)), 10, axis=0)
+        v = w = 0.0
+        seen = []
+        for right, left in u:
+            seen.append((v, 5.0 * np.tanh(w / 5.0)))
+            for _ in range(20):  # Euler's rule, in steps of a millisecond
+                v += 1e-3 * (right + left - 2.0 * 1.5 * v) / 2.0
+                w += 1e-3 * (0.2 * (right - left) - 2.0 * 0.2**2 * 1.5 * w) / 0.05
+        shown = np.array(seen) + random.normal(size=(400, 2)) * (0.003, 0.005)
+        inputs = {"u_right": u[:, 0], "u_left": u[:, 1]}
+        logs.append(Log.from_arrays(f"run {k}", 0.02 * np.arange(400), inputs, shown, robot))
+    fitted, held_out = LogSet(logs[:2]), LogSet(logs[2:])
+    noise = {"v": 0.003, "w": 0.005}
+    robot = scaled_to(robot, fitted)
+    robot = robot + effect_by_id(robot, "sensor_scale", "shape")
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    beyond = robot.with_values(**{"sensor_scale.reach": 1.6})
+    trial = replace(refit(beyond, [start], fitted, held_out, noise, {}), id="sensor_scale")
+    held = with_parameters_held(trial, fitted, held_out, noise)
+    fixed = {name for name, p in held.robot.parameters.items() if ".at_" in name and not p.free}
+    assert fixed == {f"sensor_scale.at_{k}_v" for k in (1, 2, 3)} and held.score < trial.score
+    numbers = held.robot.parameters.numbers
+    assert numbers["M"] == pytest.approx(2.0, rel=0.02) and numbers["J"] == pytest.approx(0.05, rel=0.02)
+    assert -0.3 < numbers["sensor_scale.at_3_w"] < -0.1
+    # A curve that is nothing stays nothing where the other one gets more points.
+    dense = with_denser_curve(held.robot, "sensor_scale").parameters
+    assert {name for name, p in dense.items() if ".at_" in name and not p.free} == {
+        f"sensor_scale.at_{k}_v" for k in range(1, 6)
+    }
