@@ -95,9 +95,10 @@ class Colour:
         return autoregressive(self._taps, self.level * random.normal(size=before + samples))[before:]
 
     def whiten(self, values: Array, there: NDArray[np.bool_]) -> Array:
-        """Innovations of `values` [..., T] in units of their level, zero at a log's first samples and where not `there` [T].
+        """Innovations of `values` [..., T] in units of their level, zero at a log's first samples, where not `there` [T], and at
+        the first samples after a gap.
 
-        Neighbours are the measured samples, whatever lies between.
+        Neighbours are the measured samples, whatever lies between all of them alike.
         """
         found = np.zeros_like(values)
         if np.count_nonzero(there) > self.order:
@@ -106,6 +107,10 @@ class Colour:
             for back, tap in enumerate(self._taps[1:], 1):
                 own[..., back:] += tap / self.level * measured[..., :-back]
             own[..., : self.order] = 0.0
+            # After a gap that is longer than those between all others the noise is another one.
+            apart = np.diff(np.flatnonzero(there))
+            after = np.flatnonzero(apart > np.median(apart)) + 1
+            own[..., np.unique(np.minimum(after[:, None] + np.arange(self.order), own.shape[-1] - 1))] = 0.0
             found[..., there] = own
         return found
 

@@ -50,3 +50,17 @@ def test_stretches_that_have_lost_their_means_still_tell_the_noise(correlation):
     found = colour_in_stretches([residual], 25)
     assert found.correlation == pytest.approx(correlation, abs=0.06)
     assert found.level / np.sqrt(1 - found.correlation**2) == pytest.approx(0.2, rel=0.1)
+
+
+def test_after_a_gap_noise_is_another_one_and_a_slow_sensor_has_none():
+    """Neighbours across lost rows are less alike: what is left of them would be taken for several times the innovations."""
+    colour, random = Colour.first_order(1.0, 0.9), np.random.default_rng(3)
+    values, there = colour.drawn(random, 20_000), np.ones(20_000, dtype=bool)
+    lost = random.choice(np.arange(10, 19_990, 10), 600, replace=False)
+    there[(lost[:, None] + np.arange(4)).ravel()] = False
+    white = colour.whiten(np.where(there, values, np.nan), there)
+    assert np.all(white[lost + 4] == 0.0) and np.all(white[~there] == 0.0)
+    assert np.std(white[white != 0.0]) == pytest.approx(1.0, abs=0.02)
+    # Of a sensor that shows every third row those are its neighbours.
+    third = np.arange(20_000) % 3 == 0
+    assert np.count_nonzero(colour.whiten(values, third)) == np.count_nonzero(third) - 1
