@@ -95,8 +95,8 @@ class Colour:
         return autoregressive(self._taps, self.level * random.normal(size=before + samples))[before:]
 
     def whiten(self, values: Array, there: NDArray[np.bool_]) -> Array:
-        """Innovations of `values` [..., T] in units of their level, zero at a log's first samples, where not `there` [T], and at
-        the first samples after a gap.
+        """Innovations of `values` [..., T] in units of their level, zero at a log's first samples, where not `there` [T], and
+        at the first samples after a gap.
 
         Neighbours are the measured samples, whatever lies between all of them alike.
         """
