@@ -22,11 +22,20 @@ class Shape:
     band: tuple[tuple[float, float], ...]
 
     @property
+    def known(self) -> tuple[bool, ...]:
+        """Which heights the data tells: not those whose interval is wider than the largest of what is told of the curve."""
+        half = [(high - low) / 2.0 for low, high in self.band]
+        told = [abs(value) for value, width in zip(self.values, half, strict=True) if width < abs(value)]
+        return tuple(width <= max(told) for width in half) if told else (True,) * len(half)
+
+    @property
     def sentence(self) -> str:
         """The points in a sentence."""
         unit, of = (f" {u}" if u else "" for u in (self.unit, self.of))
-        pairs = zip(self.points, self.values, strict=True)
-        text = ", ".join(f"{value:.3g}{unit} at {point:.3g}{of}" for point, value in pairs)
+        heights = (
+            f"{value:.3g}{unit}" if known else "not told" for value, known in zip(self.values, self.known, strict=True)
+        )
+        text = ", ".join(f"{height} at {point:.3g}{of}" for height, point in zip(heights, self.points, strict=True))
         return f"{self.name}: {text}" if self.name else text
 
     def to_dict(self) -> dict:
