@@ -23,19 +23,19 @@ def axis_in_a_loop(name, robot, seed, count, seconds=20.0, looped=True, own=None
     M, Fv, Fc = 2.0, 3.0, 1.5
     target = wanted(seed, seconds, 0.4)
     q = v = 0.0
-    rounded = np.round(q / count)
+    rounded = round(q / count)
     integral, rows = 0.0, []
-    for r in target:
-        now = np.round(q / count)
+    for r in target.tolist():
+        now = round(q / count)
         seen, rounded = count * (now - rounded) / ROW, now
         off = r - (seen if looped else v)
         integral += 40.0 * ROW * off
-        u = float(np.clip(12.0 * off + integral, -12.0, 12.0))
+        u = float(min(max(12.0 * off + integral, -12.0), 12.0))
         rows.append((u, seen))
         for _ in range(round(ROW / STEP)):
             before = v
             v += STEP / M * (u - Fv * (v + STEP / (2 * M) * (u - Fv * v)) - (own(v) if own else 0.0))
-            v -= np.clip(v, -STEP / M * Fc, STEP / M * Fc)
+            v -= min(max(v, -STEP / M * Fc), STEP / M * Fc)
             q += STEP * (before + v) / 2
     u, seen = np.array(rows).T
     return Log.from_arrays(name, ROW * np.arange(len(u)), {"u": u}, {"v": seen}, robot)
@@ -47,22 +47,24 @@ def drive_in_a_loop(name, robot, seed, count, seconds=20.0):
     M, J, b, gain, Fv, Fc = 8.0, 0.15, 0.14, 4.0, 6.0, 2.0
     ahead, turn = wanted(seed, seconds, 0.5), wanted(seed + 1000, seconds, 2.0)
     targets = np.stack([ahead + b * turn, ahead - b * turn], axis=1)
-    way, v, w = np.zeros(2), 0.0, 0.0
+    way, v, w = [0.0, 0.0], 0.0, 0.0
     counted, integral, rows = np.zeros(2), np.zeros(2), []
     own, other = 1 / M + b**2 / J, 1 / M - b**2 / J
     for target in targets:
-        now = np.round(way / count)
+        now = np.round(np.array(way) / count)
         seen, counted = count * (now - counted) / ROW, now
         integral += 12.0 * ROW * (target - seen)
-        u = np.clip(5.0 * (target - seen) + integral, -12.0, 12.0)
+        u = np.clip(5.0 * (target - seen) + integral, -12.0, 12.0).tolist()
         rows.append((*u, seen.mean(), (seen[0] - seen[1]) / (2 * b)))
         for _ in range(round(ROW / STEP)):
-            before = np.array([v + b * w, v - b * w])
-            right, left = (gain * u[k] - Fv * before[k] for k in range(2))
+            one, two = v + b * w, v - b * w
+            right, left = gain * u[0] - Fv * one, gain * u[1] - Fv * two
+            before = one, two
             v, w = v + STEP * (right + left) / M, w + STEP * b * (right - left) / J
             one, two = stopping(v + b * w, v - b * w, own, other, STEP * Fc)
             v, w = v + (one + two) / M, w + b * (one - two) / J
-            way = way + STEP * (before + np.array([v + b * w, v - b * w])) / 2
+            way[0] += STEP * (before[0] + v + b * w) / 2
+            way[1] += STEP * (before[1] + v - b * w) / 2
     right, left, speed, rate = np.array(rows).T
     time = ROW * np.arange(len(right))
     return Log.from_arrays(name, time, {"u_right": right, "u_left": left}, {"v": speed, "w": rate}, robot)
