@@ -32,8 +32,9 @@ def rather_first(
 def _bends_as(trial: Trial, curve: Curve) -> bool:
     """Whether a trial's curve has the formula of another mechanism's `curve` and does not bend as its own mechanism's does."""
     effect = trial.effect
-    same = isinstance(effect, Curve) and effect.id != curve.id and effect.formula == curve.formula
-    return same and not effect.agrees(trial.robot)
+    if not isinstance(effect, Curve) or effect.id == curve.id or effect.formula != curve.formula:
+        return False
+    return not effect.agrees(trial.robot)
 
 
 def with_more(ranked: Sequence[Trial], more: Sequence[Trial]) -> list[Trial]:
