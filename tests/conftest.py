@@ -58,8 +58,18 @@ SHARED = (
     "test_verdict.py",
 )
 """Files that share the explanation `explained`."""
-LONGEST = ("test_notebooks", "tests/explanation", "tests/estimate", "test_cli", "tests/papers", "tests/fuzz")
-"""What is begun first, so that no process is left with one of them at the end."""
+LONGEST = (
+    "tests/reference/test_laws",
+    "tests/kernel",
+    "test_notebooks",
+    "tests/explanation",
+    "tests/estimate",
+    "test_cli",
+    "tests/papers",
+    "tests/fuzz",
+)
+"""What is begun first: while one process compiles the reference simulator, which takes half a minute, the other does what needs
+none of it, and finds it compiled; then what is long, so that no process is left with one of them at the end."""
 
 
 def pytest_collection_modifyitems(items):

@@ -107,10 +107,11 @@ class Colour:
             for back, tap in enumerate(self._taps[1:], 1):
                 own[..., back:] += tap / self.level * measured[..., :-back]
             own[..., : self.order] = 0.0
-            # After a gap that is longer than those between all others the noise is another one.
-            apart = np.diff(np.flatnonzero(there))
-            after = np.flatnonzero(apart > np.median(apart)) + 1
-            own[..., np.unique(np.minimum(after[:, None] + np.arange(self.order), own.shape[-1] - 1))] = 0.0
+            if self.order:
+                # After a gap that is longer than those between all others the noise is another one.
+                apart = np.diff(np.flatnonzero(there))
+                after = np.flatnonzero(apart > np.median(apart)) + 1
+                own[..., np.minimum(after[:, None] + np.arange(self.order), own.shape[-1] - 1)] = 0.0
             found[..., there] = own
         return found
 

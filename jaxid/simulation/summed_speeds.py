@@ -37,7 +37,10 @@ def _per_second(unit: str) -> str:
 
 @in_float64
 def _positions(robot: Robot) -> _Positions | None:
-    """The positions of what a robot's speeds are measured of, or the angles of its wheels; None where it measures neither."""
+    """The positions of what a robot's speeds are measured of, or the angles of its wheels; None where it measures neither, and
+    in a loop, whose controller may answer the speeds themselves."""
+    if robot.controlled:
+        return None
     measuring, outputs = measuring_angles(robot), robot.channels.outputs
     units = measuring.channels.units
     own = {name: measuring.channels.stand_ins(name) for name in outputs}

@@ -143,20 +143,17 @@ class ScaleCurves(Curve):
             )
         return found
 
-    def may_be_right(self, robot: Robot) -> list[dict[str, float]]:
-        """Heights of all curves with one channel's at zero, and those of the others in proportion, for every channel of which
-        all heights are estimated beside others: what all channels show too much of is as well the robot's own parameters'."""
-        table, found = robot.parameters, list[dict[str, float]]()
+    def may_be_right(self, robot: Robot) -> list[tuple[list[str], dict[str, float]]]:
+        """For every channel of which all heights are estimated beside others: its heights, which may all be zero, and the free
+        ones of the others in proportion. What all channels show too much of is as well the robot's own parameters'."""
+        table, found = robot.parameters, list[tuple[list[str], dict[str, float]]]()
         each = {name: [self.height(k, name) for k in self.varying] for name in self.each(robot)}
         free = [name for name, own in each.items() if all(table[height].free for height in own)]
         for name in free if len(free) > 1 else ():
             scale = 1.0 + float(np.median([table[height].value for height in each[name]]))
+            others = [height for other in each if other != name for height in each[other] if table[height].free]
             if scale > 0.0:
-                others = (
-                    height for other, own in each.items() if other != name for height in own if table[height].free
-                )
-                values = {height: (1.0 + table[height].value) / scale - 1.0 for height in others}
-                found.append(dict.fromkeys(each[name], 0.0) | values)
+                found.append((each[name], {height: (1.0 + table[height].value) / scale - 1.0 for height in others}))
         return found
 
     def doubt(self, robot: Robot) -> str:

@@ -33,8 +33,8 @@ def with_parameters_held(
     trial: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float], say: Report = lambda message: None
 ) -> Trial:
     """The trial with what each of its effects `may_hold` held at zero, one number after another, where that is the likelier
-    model, or, of a number that is far from none, where that leaves nothing to be explained of the logs fitted, or of the
-    held-out ones, where a limit gives more than is asked of it."""
+    model, or, of a number that is far from none, where that leaves nothing to be explained of the logs fitted, or, of a limit
+    that gives more than is asked of it, no more than a curve of few points may."""
     for effect in trial.robot.effects if not trial.angles else ():
         if isinstance(effect, ScaleCurves):
             trial = _with_a_sensor_right(trial, effect, logs, held_out, noise, say)
@@ -50,7 +50,8 @@ def with_parameters_held(
                 elsewhere = refit_from_itself(robot.with_values(**other), trial, logs, held_out, noise)
                 again = min(again, elsewhere, key=lambda one: one.score)
             again = continued(again, logs, held_out, noise)
-            impossible = _gives(trial.robot, effect, name) and again.held_out.adequate
+            coarse = again.fitted.normalised_rms < current_policy().coarse_curve
+            impossible = coarse and _gives(trial.robot, effect, name)
             if again.score < trial.score or impossible or (_far(trial, name) and _nothing_left(again)):
                 trial = replace(again, id=trial.id)
     return trial
@@ -68,9 +69,9 @@ def _with_a_sensor_right(
     while others := effect.may_be_right(trial.robot):
         say(f"refitting with one of {effect.title}'s curves held")
         found = []
-        for values in others:
-            robot = trial.robot.with_values(**values)
-            for name in (name for name, value in values.items() if value == 0.0):
+        for held, values in others:
+            robot = trial.robot.with_values(**dict.fromkeys(held, 0.0), **values)
+            for name in held:
                 robot = robot.change(name, free=False)
             again = continued(refit_from_itself(robot, trial, logs, held_out, noise), logs, held_out, noise)
             # Two curves of few points may follow what one of them, through more points, follows alone.
