@@ -161,6 +161,11 @@ class Curve(Effect):
         whole = (name for name in self.each(robot) if all(table[self.height(k, name)].free for k in self.varying))
         return [self.height(place, name) for name in whole]
 
+    def may_be_none(self, robot: Robot) -> list[tuple[list[str], dict[str, float]]]:
+        """Heights of one of its curves that may all be zero, with values of the others' that go with that, for each such curve;
+        none where a curve that is nothing says no more than one that is small."""
+        return []
+
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         table, reach = robot.parameters, self.key("reach")
         heights = {name: table[name].typical or 1.0 for name in self.parameters(robot) if table[name].free}

@@ -5,6 +5,7 @@ to row, and a controller that answers it writes that noise into the next command
 themselves, whose rounding is white and late by nothing.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -91,7 +92,7 @@ def _with(log: Log, asked: _Positions, ways: list[Array]) -> Log:
     outputs = {**kept, **dict(zip(asked.names, ways, strict=True))}
     channels, absent = asked.robot.channels, np.full(len(log), np.nan)
     every = np.stack([outputs.get(name, absent) for name in channels.measured], axis=1)
-    return Log(log.name, log.time, log.inputs, every, channels, log.extra, log.source, log.findings, log.cut)
+    return replace(log, outputs=every, channels=channels)
 
 
 def in_a_mapping(robot: Robot) -> str:
@@ -102,4 +103,4 @@ def in_a_mapping(robot: Robot) -> str:
         weighted = zip(robot.channels.outputs, own, strict=True)
         fields = ", ".join(f"{speed} = {weight:.7g}" for speed, weight in weighted if weight)
         lines.append(f"{name} = {{ fields = {{ {fields} }}, integral = true }}")
-    return ", ".join(lines)
+    return " and ".join(lines)

@@ -138,6 +138,12 @@ class SensorLagOfEach(SensorLag):
 
     law: ClassVar[str] = "per_channel"
     formula: ClassVar[str] = "time_constant_i * dy_i'/dt = y_i - y_i'"
+    stem: ClassVar[str] = "time_constant"
+    """What a channel's own parameter is called."""
+    typical: ClassVar[float] = 0.15
+    """Its usual size in time constants of the robot."""
+    times: ClassVar[float] = 1.0
+    """Its size for a lag as long as a time to try."""
 
     def refusal(self, robot: Robot) -> str | None:
         return (
@@ -149,12 +155,12 @@ class SensorLagOfEach(SensorLag):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         found: dict[str, Parameter] = {}
         for name in sensed(robot):
-            found |= positive(self, f"time_constant_{name}", "s", 0.15 * robot.scales.time)
+            found |= positive(self, f"{self.stem}_{name}", "s", self.typical * robot.scales.time)
         return found
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = [self.key(f"time_constant_{name}") for name in sensed(robot)]
-        return tuple(Probe(dict.fromkeys(names, time)) for time in robot.scales.times_to_try)
+        names = [self.key(f"{self.stem}_{name}") for name in sensed(robot)]
+        return tuple(Probe(dict.fromkeys(names, self.times * time)) for time in robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
         each = each_channel(self, p, "time_constant", robot)
@@ -275,23 +281,14 @@ class MovingAverageOfEach(SensorLagOfEach):
 
     law: ClassVar[str] = "moving_average_per_channel"
     formula: ClassVar[str] = "y_i'(t) = mean of y_i over (t - window_i, t)"
+    stem: ClassVar[str] = "window"
+    typical: ClassVar[float] = 0.3
+    times: ClassVar[float] = 2.0
     ahead: ClassVar[float] = 0.0
     """Share of each window that is still to come."""
-    times: ClassVar[float] = 2.0
-    """Window of a lag as long as a time to try."""
-
-    def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        found: dict[str, Parameter] = {}
-        for name in sensed(robot):
-            found |= positive(self, f"window_{name}", "s", 0.3 * robot.scales.time)
-        return found
-
-    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        names = [self.key(f"window_{name}") for name in sensed(robot)]
-        return tuple(Probe(dict.fromkeys(names, self.times * time)) for time in robot.scales.times_to_try)
 
     def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
-        windows = each_channel(self, p, "window", robot)
+        windows = each_channel(self, p, self.stem, robot)
         each = [averaged(outputs[:, i : i + 1], time, windows[i], self.ahead, moving) for i in range(outputs.shape[1])]
         return sensed_only(robot, jnp.concatenate(each, axis=1), outputs)
 

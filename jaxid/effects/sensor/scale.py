@@ -143,7 +143,7 @@ class ScaleCurves(Curve):
             )
         return found
 
-    def may_be_right(self, robot: Robot) -> list[tuple[list[str], dict[str, float]]]:
+    def may_be_none(self, robot: Robot) -> list[tuple[list[str], dict[str, float]]]:
         """For every channel of which all heights are estimated beside others: its heights, which may all be zero, and the free
         ones of the others in proportion. What all channels show too much of is as well the robot's own parameters'."""
         table, found = robot.parameters, list[tuple[list[str], dict[str, float]]]()

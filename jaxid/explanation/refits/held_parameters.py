@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from ...effects.curve import Curve
-from ...effects.sensor.scale import ScaleCurves
 from ...estimate.result import Fit
 from ...logs import LogSet
 from ...robots.effect import Effect
@@ -24,7 +23,7 @@ from .refit import Trial, continued, refit_from_itself
 _MORE = 0.02
 """Share of what is asked for beyond which a limit that gives more is none."""
 _DENSER = 2
-"""Times that the points of a sensor's curve are doubled."""
+"""Times that the points of a curve are doubled that is to follow alone what several do."""
 _MANY = 10.0
 """Usual sizes beyond which a number is not what an effect of that name has."""
 
@@ -36,8 +35,8 @@ def with_parameters_held(
     model, or, of a number that is far from none, where that leaves nothing to be explained of the logs fitted, or, of a limit
     that gives more than is asked of it, no more than a curve of few points may."""
     for effect in trial.robot.effects if not trial.angles else ():
-        if isinstance(effect, ScaleCurves):
-            trial = _with_a_sensor_right(trial, effect, logs, held_out, noise, say)
+        if isinstance(effect, Curve):
+            trial = _with_fewer_curves(trial, effect, logs, held_out, noise, say)
         asked = set[str]()
         # Of what is left where one is held another may be.
         while names := [name for name in effect.may_hold(trial.robot) if name not in asked]:
@@ -57,16 +56,16 @@ def with_parameters_held(
     return trial
 
 
-def _with_a_sensor_right(
+def _with_fewer_curves(
     trial: Trial,
-    effect: ScaleCurves,
+    effect: Curve,
     logs: LogSet,
     held_out: LogSet,
     noise: Mapping[str, float],
     say: Report,
 ) -> Trial:
-    """The trial without the curves of the sensors that need none, one after another, where that is the likelier model."""
-    while others := effect.may_be_right(trial.robot):
+    """The trial without those of an effect's curves that `may_be_none`, one after another, where that is the likelier model."""
+    while others := effect.may_be_none(trial.robot):
         say(f"refitting with one of {effect.title}'s curves held")
         found = []
         for held, values in others:
@@ -87,7 +86,7 @@ def _with_a_sensor_right(
         if not best.score < trial.score:
             break
         trial = replace(best, id=trial.id)
-        effect = next(own for own in trial.robot.effects if isinstance(own, ScaleCurves))
+        effect = next(own for own in trial.robot.effects if isinstance(own, Curve) and own.id == effect.id)
     return trial
 
 

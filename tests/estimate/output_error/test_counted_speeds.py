@@ -47,7 +47,7 @@ def test_the_lines_of_a_mapping_are_those_that_add_up():
     logs = LogSet([drive_in_a_loop("run", robot, 3, 1e-3, 6.0)])
     summed = as_positions(robot, logs)
     assert summed is not None and summed.steps == pytest.approx({"way_right": 1e-3, "way_left": 1e-3})
-    lines = tomllib.loads(in_a_mapping(robot).replace("true }, ", "true }\n"))
+    lines = tomllib.loads(in_a_mapping(robot).replace(" and ", "\n"))
     for name, entry in lines.items():
         speeds = sum(weight * logs[0].output(field) for field, weight in entry["fields"].items())
         way = np.append(0.0, np.cumsum(speeds[1:]) * 0.02)
