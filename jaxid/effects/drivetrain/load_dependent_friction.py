@@ -66,25 +66,51 @@ class LoadDependentFriction(Effect):
 
 @dataclass(frozen=True)
 class LoadOfAnyPower(LoadDependentFriction):
-    """A loss that grows with any power of the torque: for the question whether the dry friction beside it hangs on that."""
+    """A loss that grows with any power of the torque: rolling contacts and seals lose less than in proportion to it, a gear
+    that bends more (the quadratic models of BAM)."""
 
-    law: ClassVar[str] = "any_power"
+    law: ClassVar[str] = "power_of_torque"
     restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"exponent": 1.0})
     formula: ClassVar[str] = "torque' = torque - share |torque| (|torque| / largest)^(exponent - 1) sgn(speed)"
 
     @property
     def freer(self) -> Effect | None:
-        return None
+        return LoadThatBeginsSoftly(stands_as=self.stands_as)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         exponent = Parameter(1.0, "", free=True, lower=0.5, upper=3.0, typical=1.0, source="form")
         largest = shape(self, "largest", robot.torque_unit, robot.scales.torque, free=False)
         return super().parameters(robot) | {self.key("exponent"): exponent} | largest
 
+    def _load(self, torque: Scalar, p: Numbers) -> Scalar:
+        return jnp.abs(torque)
+
     def _kept(self, torque: Scalar, way: Scalar, p: Numbers) -> Scalar:
-        logarithm = 0.5 * jnp.log((torque / p[self.key("largest")]) ** 2 + 1e-8)
+        load = self._load(torque, p)
+        logarithm = 0.5 * jnp.log((load / p[self.key("largest")]) ** 2 + 1e-8)
         grown = jnp.exp((p[self.key("exponent")] - 1.0) * logarithm)
-        return torque - p[self.key("share")] * jnp.abs(torque) * grown * way
+        return torque - p[self.key("share")] * load * grown * way
+
+
+@dataclass(frozen=True)
+class LoadThatBeginsSoftly(LoadOfAnyPower):
+    """The same, beginning with the square of small torques: for the question whether the dry friction beside it hangs on what
+    is lost where nothing turns yet."""
+
+    law: ClassVar[str] = "begins_softly"
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"soft": 0.0})
+    formula: ClassVar[str] = "as a power of torque, of sqrt(torque^2 + soft^2) - soft in the place of |torque|"
+
+    @property
+    def freer(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return super().parameters(robot) | positive(self, "soft", robot.torque_unit, 0.05 * robot.scales.torque)
+
+    def _load(self, torque: Scalar, p: Numbers) -> Scalar:
+        soft = p[self.key("soft")]
+        return jnp.sqrt(torque**2 + soft**2 + (1e-9 * p[self.key("largest")]) ** 2) - soft
 
 
 @dataclass(frozen=True)
@@ -180,6 +206,7 @@ class LoadCurve(Curve):
 
 LAWS: tuple[Effect, ...] = (
     LoadDependentFriction(),
+    LoadOfAnyPower(),
     TwoEfficiencies(),
     LoadOfAxes(),
     EfficienciesOfAxes(),
