@@ -24,8 +24,9 @@ class Scales:
     all of them; the robot's `time` constant; `acceleration`, speed over time constant; `interval` between samples and
     `duration` of a log; `length` of the driven path; `angle` through which one period of a ripple may go; `outputs`:
     amplitude by channel. `farthest`: the magnitude by channel that hardly a sample exceeds, as far as a curve has to reach
-    (none: `outputs`), and `fastest` the same of the rims' speeds (zero: `speed`), forward and
-    backward in `fastest_by_way`. `way`: where the one angle of a robot on a line begins and ends."""
+    (none: `outputs`), `whole` the same of the whole translation (zero: of its first part), and `fastest` of the rims'
+    speeds (zero: `speed`), forward and backward in `fastest_by_way`. `way`: where the one angle of a robot on a line begins
+    and ends."""
 
     input: float = 10.0
     speed: float = 1.0
@@ -41,6 +42,7 @@ class Scales:
     outputs: Mapping[str, float] = field(default_factory=dict)
     inputs: Mapping[str, float] = field(default_factory=dict)
     farthest: Mapping[str, float] = field(default_factory=dict)
+    whole: float = 0.0
     fastest: float = 0.0
     fastest_by_way: Mapping[str, float] = field(default_factory=dict)
     way: tuple[float, float] | None = None

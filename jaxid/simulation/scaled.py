@@ -1,6 +1,6 @@
 """A robot with the orders of magnitude of its logs, so that first guesses of effects do not depend on anybody's units."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -151,6 +151,11 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
             for k, name in enumerate(robot.channels.inputs)
         },
         farthest=farthest,
+        whole=_level(
+            [_whole(robot, velocity | own) for velocity, own in zip(velocities, seen, strict=True)],
+            0.0,
+            _HARDLY_EXCEEDED,
+        ),
         fastest=_level(rims, speed, _HARDLY_EXCEEDED),
         fastest_by_way={
             way: _level([np.maximum(sign * rim, 0.0) for rim in rims], 0.0, _HARDLY_EXCEEDED)
@@ -158,6 +163,12 @@ def scales_of(robot: Robot, logs: LogSet) -> Scales:
         },
         way=_way(robot, logs, velocities),
     )
+
+
+def _whole(robot: Robot, known: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The size of the body's velocity in one log, of the translations that are known."""
+    own = [known[name] for name in robot.translations if name in known]
+    return np.sqrt(np.sum(np.square(own), axis=0)) if own else np.empty(0)
 
 
 def _length(robot: Robot, logs: Sequence[Log], velocities) -> float:

@@ -1,26 +1,57 @@
-"""jaxid/effects/actuator/dead_zone.py: a dead zone without an edge."""
+"""jaxid/effects/actuator/dead_zone.py: dead zones without an edge."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jaxid import Axis
 from jaxid.effects import laws_of
 
+LEFT = {"gradual": lambda x: np.exp(-x), "hyperbolic": lambda x: np.sqrt(1.0 + x**2) - x}
+"""What of the threshold is not lost yet at commands that are so many times as large."""
+U = np.array([-4.0, -0.3, -1e-9, 0.0, 1e-9, 0.3, 4.0])
 
-def test_a_gradual_dead_zone_loses_its_threshold_in_the_end_and_has_slopes_everywhere():
-    (effect,) = [law for law in laws_of(Axis(), "actuator_dead_zone") if law.law == "gradual"]
-    key = effect.key("threshold")
+
+def passed(effect, **values):
+    time, steps = 0.02 * jnp.arange(7.0), jnp.full(7, 0.02)
+    return effect.command(jnp.asarray(U)[:, None], time, steps, {effect.key(n): v for n, v in values.items()}, Axis())[
+        :, 0
+    ]
+
+
+def law(name):
+    (effect,) = [law for law in laws_of(Axis(), "actuator_dead_zone") if law.law == name]
+    return effect
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_it_loses_its_threshold_in_the_end_and_has_slopes_everywhere(name):
+    effect = law(name)
     with jax.enable_x64(True):
-        u = jnp.array([-4.0, -0.3, -1e-9, 0.0, 1e-9, 0.3, 4.0])[:, None]
-        time, steps = 0.02 * jnp.arange(7.0), jnp.full(7, 0.02)
-
-        def passed(threshold):
-            return effect.command(u, time, steps, {key: threshold}, Axis())[:, 0]
-
-        expected = u[:, 0] - 0.4 * jnp.sign(u[:, 0]) * (1.0 - jnp.exp(-jnp.abs(u[:, 0]) / 0.4))
-        np.testing.assert_allclose(passed(0.4), expected, rtol=1e-6, atol=1e-15)
-        np.testing.assert_allclose(passed(0.0), u[:, 0], rtol=1e-12)
+        expected = U - 0.4 * np.sign(U) * (1.0 - LEFT[name](np.abs(U) / 0.4))
+        np.testing.assert_allclose(passed(effect, threshold=0.4), expected, rtol=1e-6, atol=1e-15)
+        np.testing.assert_allclose(passed(effect, threshold=0.0), U, rtol=1e-12)
         for threshold in (0.0, 0.4):
-            slope = jax.jvp(passed, (threshold,), (1.0,))[1]
-            assert np.all(np.isfinite(slope)) and slope[0] > 0.99 and slope[-1] < -0.99 and slope[3] == 0.0
+            slope = jax.jvp(lambda t: passed(effect, threshold=t), (threshold,), (1.0,))[1]
+            low, high = max(threshold - 1e-6, 1e-12), threshold + 1e-6
+            lost = [d * (1.0 - LEFT[name](np.abs(U) / d)) for d in (low, high)]
+            large = np.abs(U) > 0.1  # beyond what such a difference resolves
+            np.testing.assert_allclose(
+                slope[large], (-np.sign(U) * np.subtract(*lost[::-1]) / (high - low))[large], atol=1e-4
+            )
+            np.testing.assert_allclose(slope[~large], 0.0, atol=1e-6 if threshold else 1.0)
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_the_freer_form_is_either_and_what_lies_between(name):
+    effect = law(name).freer
+    begun = effect.parameters(Axis())[effect.key("lingers")].value
+    assert effect.restricts == {"lingers": begun} and effect.freer is None
+    with jax.enable_x64(True):
+        same = passed(law(name), threshold=0.4)
+        np.testing.assert_allclose(passed(effect, threshold=0.4, lingers=begun), same, rtol=1e-6, atol=1e-15)
+        both = [passed(law(own), threshold=0.4) for own in LEFT]
+        np.testing.assert_allclose(
+            passed(effect, threshold=0.4, lingers=0.5), np.mean(both, axis=0), rtol=1e-6, atol=1e-15
+        )

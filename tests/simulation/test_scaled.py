@@ -1,5 +1,7 @@
 """Orders of magnitude of what a robot does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,16 @@ def test_parts_that_move_against_each_other_have_no_whole_speed():
     assert [law.law for law in laws_of(two_parts(), "quadratic_drag")] == ["per_axis", "shape"]
     (pull,) = laws_of(two_parts(), "ground_slope")
     assert list(pull.parameters(two_parts())) == ["ground_slope.force_v", "ground_slope.force_W"]
+
+
+def test_the_whole_translation_is_faster_than_its_parts():
+    """A curve over it that ended where its parts do would leave the fastest rows without what grows there most."""
+    robot, turn = Omni(), np.linspace(0.0, 2 * np.pi, 300)
+    outputs = np.stack([0.3 * np.cos(turn), 0.3 * np.sin(turn), 0.2 * np.ones(300)], axis=1)
+    outputs[:75] *= 1.5 * np.sqrt(0.5) / np.maximum(np.abs(np.cos(turn)), np.abs(np.sin(turn)))[:75, None]
+    circles = LogSet([Log.from_arrays("run", 0.02 * np.arange(300), np.ones((300, 4)), outputs, robot.channels)])
+    found = scales_of(robot, circles)
+    assert found.whole == pytest.approx(np.quantile(np.hypot(outputs[:, 0], outputs[:, 1]), 0.998))
+    assert found.whole > 1.3 * found.reach("V")
+    law = next(law for law in laws_of(robot, "quadratic_drag") if law.law == "shape")
+    assert law.parameters(replace(robot, scales=found))[law.key("reach")].value == found.whole

@@ -1,6 +1,8 @@
 """Commands too small to move anything: what an H-bridge and its dead time do near zero (data sheets; FRC's kS)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -20,6 +22,10 @@ _TINY, _NOTHING = 1e-6, 1e-30
 """Threshold, in shares of a command, below which there is none, and what keeps a ratio of zeros a number."""
 _SHARP = 0.01
 """Width of the step at a threshold, in shares of it."""
+
+
+def _hyperbola(shares: Any) -> Any:
+    return 1.0 / (jnp.sqrt(1.0 + shares**2) + shares)
 
 
 @dataclass(frozen=True)
@@ -81,10 +87,64 @@ class GradualDeadZone(DeadZone):
     law: ClassVar[str] = "gradual"
     formula: ClassVar[str] = "u' = u - threshold (1 - exp(-|u| / threshold)) sgn u"
 
+    @property
+    def freer(self) -> Effect | None:
+        return LingeringDeadZone(stands_as=self.stands_as)
+
+    def _left(self, shares: Any, p: Numbers) -> Any:
+        """What of the threshold is not lost yet at commands that are so many `shares` of it."""
+        return jnp.exp(-shares)
+
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         threshold, size = p[self.key("threshold")], jnp.abs(inputs)
-        lost = threshold * -jnp.expm1(-size / jnp.maximum(threshold, _TINY * size + _NOTHING))
-        return on_drives(robot, inputs, inputs - lost * jnp.sign(inputs))
+        left = self._left(size / jnp.maximum(threshold, _TINY * size + _NOTHING), p)
+        return on_drives(robot, inputs, inputs - threshold * (1.0 - left) * jnp.sign(inputs))
+
+
+@dataclass(frozen=True)
+class HyperbolicDeadZone(GradualDeadZone):
+    """The smooth dead zone of a square root: what is left of the threshold falls with the inverse of large commands."""
+
+    law: ClassVar[str] = "hyperbolic"
+    formula: ClassVar[str] = "u' = (sqrt(u^2 + threshold^2) - threshold) sgn u"
+
+    @property
+    def freer(self) -> Effect | None:
+        return LingeringHyperbola(stands_as=self.stands_as)
+
+    def _left(self, shares: Any, p: Numbers) -> Any:
+        return _hyperbola(shares)
+
+
+@dataclass(frozen=True)
+class LingeringDeadZone(GradualDeadZone):
+    """A share `lingers` of it as by the hyperbola, the rest as by the exponential: for the question whether the robot's own
+    parameters, which large commands tell, hang on how soon all of the threshold is lost."""
+
+    law: ClassVar[str] = "lingering"
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"lingers": 0.0})
+    formula: ClassVar[str] = (
+        "u' = u - threshold (1 - (1 - lingers) exp(-x) - lingers (sqrt(1 + x^2) - x)) sgn u, x = |u| / threshold"
+    )
+
+    @property
+    def freer(self) -> Effect | None:
+        return None
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        lingers = Parameter(self.restricts["lingers"], "", free=True, lower=-1.0, upper=3.0, typical=0.5, source="form")
+        return super().parameters(robot) | {self.key("lingers"): lingers}
+
+    def _left(self, shares: Any, p: Numbers) -> Any:
+        lingers = p[self.key("lingers")]
+        return (1.0 - lingers) * jnp.exp(-shares) + lingers * _hyperbola(shares)
+
+
+@dataclass(frozen=True)
+class LingeringHyperbola(LingeringDeadZone):
+    """The same, as the freer form of the hyperbola."""
+
+    restricts: ClassVar[Mapping[str, float]] = MappingProxyType({"lingers": 1.0})
 
 
 @dataclass(frozen=True)
@@ -179,6 +239,7 @@ LAWS: tuple[Effect, ...] = (
     DeadZone(),
     Threshold(),
     GradualDeadZone(),
+    HyperbolicDeadZone(),
     UnequalDeadZone(),
     DeadZoneOfEach(),
     DeadZoneCurve(),

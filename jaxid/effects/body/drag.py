@@ -193,7 +193,7 @@ class DragCurve(Curve):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         name = _ahead(robot)
-        unit, fastest = robot.force_unit(name), robot.scales.reach(name)
+        unit, fastest = robot.force_unit(name), max(robot.scales.whole, robot.scales.reach(name))
         found = self.heights_and_reach(robot, unit, 0.01 * robot.scales.force, robot.velocity_unit(name), fastest)
         for part in (name for name in self.parts(robot) if self.apart and name not in robot.translations):
             typical, of = 0.01 * largest_force(robot, part), robot.velocity_unit(part)

@@ -62,7 +62,7 @@ def through_enough_points(
                 if finer is None or not sure(finer.final):
                     break
                 mends = finer.final.trustworthy and not best.final.trustworthy
-                if not (mends or moved(best.final, finer.final)):
+                if not (mends or (_all_identified(best.final, finer.final) and moved(best.final, finer.final))):
                     break
                 say(f"{identifier} needs a curve through more points")
                 best = finer
@@ -302,11 +302,16 @@ def _own(coarse: Fit, fine: Fit) -> list[str]:
     return [name for name in names if "." not in name and name in fine.parameters]
 
 
+def _all_identified(coarse: Fit, fine: Fit) -> bool:
+    """Whether the finer fit identifies all that the coarser one does."""
+    return all(fine[name].status == "identified" for name in _own(coarse, fine))
+
+
 def moved(coarse: Fit, fine: Fit, lost: bool = False) -> bool:
-    """Whether a parameter of the robot itself is more apart in the two fits than the finer one's further parameters explain.
-    Where the finer one no longer identifies all that the other does, `lost` is the answer."""
+    """Whether a parameter of the robot itself is more apart in the two fits than the finer one's further parameters explain;
+    one may be at a bound in the finer one. Where that does not tell all that the other does, `lost` is the answer."""
     own = _own(coarse, fine)
-    if any(fine[name].status != "identified" for name in own):
+    if any(fine[name].status == "not_identifiable" or not np.isfinite(fine[name].std_error) for name in own):
         return lost
     pairs = [(coarse[name], fine[name]) for name in own]
     apart = NormalDist().inv_cdf(1.0 - 0.5 * _CHANCE / max(len(pairs), 1))

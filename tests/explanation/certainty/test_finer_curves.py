@@ -110,6 +110,12 @@ def test_what_moves_by_what_further_parameters_cost_has_not_moved(found):
     lost = like("M", 5.0, 2.0)
     lost = replace(lost, parameters={**lost.parameters, "M": replace(lost["M"], status="not_identifiable")})
     assert not moved(coarse, lost)
+    # One that ends at its bound by more than its error has moved; of one without an error nothing is known.
+    bound = like("M", 5.0, 2.0)
+    bound = replace(bound, parameters={**bound.parameters, "M": replace(bound["M"], status="at_bound")})
+    assert moved(coarse, bound)
+    bare = replace(bound, parameters={**bound.parameters, "M": replace(bound["M"], std_error=float("nan"))})
+    assert not moved(coarse, bare) and moved(coarse, bare, lost=True)
 
 
 def searched(logs, held_out, identifier, law, **own):
@@ -158,6 +164,14 @@ def test_beside_a_formula_of_another_form_the_parameters_errors_allow_for_it():
     assert all(wider[name].value == plain[name].value for name in plain.parameters)
     place = wider.free_names.index("M")
     assert np.sqrt(wider.covariance[place, place]) == pytest.approx(wider["M"].std_error)
+
+
+def test_beside_a_gradual_dead_zone_that_lingers_they_allow_for_it():
+    """The law is the square root's, whose rest falls slower than an exponential."""
+    logs, held_out = driven(lambda u: np.sign(u) * (np.sqrt(u**2 + 0.16) - 0.4), 8, count=7)
+    plain, wider = named_by(logs, held_out, "actuator_dead_zone", "gradual", threshold=0.3)
+    assert errors_off(plain) > 5.0 and errors_off(wider) < 2.0
+    assert "hang on the form of actuator dead zone (gradual)" in wider.notes[-1]
 
 
 def test_beside_a_formula_that_is_the_law_they_stay_right():
