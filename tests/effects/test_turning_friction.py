@@ -9,7 +9,7 @@ from jaxid import DifferentialDrive, Log, LogSet, Omni, simulate
 from jaxid.effects import effect_by_id
 
 
-@pytest.mark.parametrize("law", ["coulomb_and_viscous", "by_turn_radius"])
+@pytest.mark.parametrize("law", ["coulomb_and_viscous", "by_turn_radius", "fading_with_speed"])
 def test_a_turn_ends_where_dry_friction_ends_it(law):
     """1 kg m² against 1 N m: 2 N m for 2 s give 2 rad/s, which last for another 2 s; 0.8 N m then turn nothing at all."""
     time = 0.02 * np.arange(301)
@@ -22,6 +22,25 @@ def test_a_turn_ends_where_dry_friction_ends_it(law):
     log = Log.from_arrays("turn", time, np.column_stack([moment, -moment]), np.zeros((301, 2)), model)
     (found,) = simulate(model, LogSet([log]))
     np.testing.assert_allclose(found[:, 1], exact, atol=0.015)
+
+
+@pytest.mark.parametrize("robot", [DifferentialDrive(), Omni()], ids=["differential", "omni"])
+def test_a_scrub_that_fades_is_less_by_an_exponential_of_the_speed_whichever_way_it_goes(robot):
+    model = robot + effect_by_id(robot, "turning_friction", "fading_with_speed")
+    model = model.with_values(**{"turning_friction.coulomb": 0.3, "turning_friction.rolling": 0.5})
+    turning = robot.turning
+    for name in (own for own in robot.velocities if own != turning):
+        for speed in (0.0, 0.5, -1.0):
+            state = {own: np.float64(0.0) for own in robot.own_states} | {
+                turning: np.float64(-2.0),
+                name: np.float64(speed),
+            }
+            without, found = (
+                m.rates(state, (0.0,) * len(m.channels.inputs), (0.0,) * len(m.rubbing(state, m.parameters.numbers)), p)
+                for m, p in ((robot, robot.parameters.numbers), (model, model.parameters.numbers))
+            )
+            moment = robot.parameters.numbers["J"] * float(found[turning] - without[turning])
+            assert moment == pytest.approx(0.3 * np.exp(-abs(speed) / 0.5), rel=1e-3)
 
 
 @pytest.mark.parametrize(("heights", "resists"), [((0.4, 0.8, 1.0, 1.1), True), ((-2.0, -2.9, -3.0, -3.1), False)])

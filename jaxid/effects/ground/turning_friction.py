@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...parameters import Parameter
-from ...robots.effect import Effect, Numbers, Scalars, State
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve, falls_at_once
@@ -35,6 +35,14 @@ def _moment(robot: Robot) -> float:
     """About the largest moment on the yaw rate."""
     fastest = robot.largest_yaw_rate
     return robot.scales.force * robot.scales.speed / fastest if fastest > 0 else robot.scales.force
+
+
+def _squared_speed(state: State, p: Numbers, robot: Robot) -> Scalar:
+    """The square of the speed at which the robot does not turn."""
+    if robot.turning in robot.velocities:
+        return jnp.asarray(sum(state[name] ** 2 for name in robot.velocities if name != robot.turning))
+    along, left, _ = robot.planar(state, p)
+    return along**2 + left**2
 
 
 @dataclass(frozen=True)
@@ -83,14 +91,38 @@ class Scrubbing(TurningFriction):
         return tuple(Probe({coulomb: typical}, {radius: times * usual}) for times in (0.3, 1.0, 3.0))
 
     def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        rate = robot.yaw_rate(state, p)
-        if robot.turning in robot.velocities:
-            squares = sum(state[name] ** 2 for name in robot.velocities if name != robot.turning)
-        else:
-            along, left, _ = robot.planar(state, p)
-            squares = along**2 + left**2
+        rate, squares = robot.yaw_rate(state, p), _squared_speed(state, p, robot)
         sliding = jnp.sqrt(rate**2 + squares / p[self.key("radius")] ** 2 + p[self.key("still")] ** 2)
         return robot.turned(forces, -p[self.key("coulomb")] * rate / sliding, p)
+
+
+@dataclass(frozen=True)
+class FadingScrub(TurningFriction):
+    """Wheels that scrub less the faster they roll: what slides sideways is the less displaced before it rolls on (Wong's shear
+    displacement, Theory of Ground Vehicles)."""
+
+    law: ClassVar[str] = "fading_with_speed"
+    formula: ClassVar[str] = "moment = -coulomb exp(-speed / rolling) sgn(yaw rate)"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return Scrubbing().refusal(robot)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        rate, (unit, of) = robot.largest_yaw_rate, _units(robot)
+        coulomb = signed(self, "coulomb", unit, 0.02 * _moment(robot))
+        rolling = shape(self, "rolling", f"{robot.length_unit}/s", 0.3 * robot.scales.speed)
+        return coulomb | rolling | still(self, of, _STILL * rate)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        coulomb, rolling = self.key("coulomb"), self.key("rolling")
+        typical, usual = robot.parameters[coulomb].typical or 1.0, robot.parameters[rolling].value
+        return tuple(Probe({coulomb: typical}, {rolling: times * usual}) for times in (0.3, 1.0, 3.0))
+
+    def force(self, forces: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        rate = robot.yaw_rate(state, p)
+        # The small number keeps the derivative of the root finite at standstill.
+        share = jnp.exp(-jnp.sqrt(_squared_speed(state, p, robot) + 1e-300) / p[self.key("rolling")])
+        return robot.turned(forces, -p[self.key("coulomb")] * share * jnp.tanh(rate / p[self.key("still")]), p)
 
 
 @dataclass(frozen=True)
@@ -125,4 +157,4 @@ class TurningCurve(Curve, _OnTurning):
         return robot.turned(forces, -self.at(jnp.abs(rate), p) * jnp.sign(rate), p)
 
 
-LAWS: tuple[Effect, ...] = (TurningFriction(), Scrubbing(), TurningCurve())
+LAWS: tuple[Effect, ...] = (TurningFriction(), Scrubbing(), FadingScrub(), TurningCurve())
