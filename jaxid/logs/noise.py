@@ -33,6 +33,9 @@ _FEWEST = 8
 _FEWEST_CALM, _ENOUGH = 60, 1000
 """Differences without a change of the input from which others are left out, and from which no others are added."""
 _NOTHING = 1e-12  # noise of a channel that is zero throughout, of which nothing is known
+_THE_SAME = 1e-9, 1e-6
+"""Differences, in shares of the largest value, below which two are one: as written, and as computed in single precision from
+counts in more than one way."""
 _LEAST = 1e-6
 """Noise in units of the signal's root mean square below which a channel counts as free of noise (a simulation)."""
 
@@ -47,14 +50,20 @@ def sensor_step(y: NDArray[np.float64]) -> float:
     """
     y = y[np.isfinite(y)]
     values = np.unique(y)
+    return next((step for share in _THE_SAME if (step := _step_of(values, len(y), share)) > 0.0), 0.0)
+
+
+def _step_of(values: NDArray[np.float64], samples: int, share: float) -> float:
+    """The same of the sorted `values` of so many samples, of which those are the same that differ by this share of the
+    largest."""
     steps = np.diff(values)
-    told = steps > 1e-9 * np.max(np.abs(values), initial=0.0)
+    told = steps > share * np.max(np.abs(values), initial=0.0)
     if np.count_nonzero(told) < 2:
         return 0.0
-    least = steps[told]
+    least, count = steps[told], 1 + np.count_nonzero(told)
     each = np.round(steps / np.median(least[least < 1.5 * np.min(least)]))
-    hardly = len(y) < 2 * len(values)
-    if hardly and (len(values) < _VALUES or (len(values) == len(y) and np.all(each == each[0]))):
+    hardly = samples < 2 * count
+    if hardly and (count < _VALUES or (count == samples and np.all(each == each[0]))):
         return 0.0
     numbers, off = np.cumsum(each), values[1:] - values[0]
     step = float(numbers @ off / (numbers @ numbers))

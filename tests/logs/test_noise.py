@@ -189,6 +189,16 @@ def test_the_step_of_an_encoder_is_found_whatever_digits_its_file_has(form):
     assert sensor_step(angle) == 0.0
 
 
+def test_a_speed_that_single_precision_makes_of_counts_in_more_than_one_way_has_their_step():
+    """Half the sum of two wheels' counts a second: the same number by other counts is not the same to the last digit."""
+    rng, radius, count = np.random.default_rng(5), np.float32(0.1651), np.float32(0.0582)
+    left, right = (np.round(5.0 * np.sin(np.arange(400) / 40.0) + rng.normal(size=400)) for _ in range(2))
+    speed = (left.astype(np.float32) * count * radius + right.astype(np.float32) * count * radius) * np.float32(0.5)
+    assert len(np.unique(speed)) > 1.2 * len(np.unique(left + right))
+    assert sensor_step(speed.astype(float)) == pytest.approx(0.5 * 0.1651 * 0.0582, rel=1e-4)
+    assert sensor_step(speed + 1e-4 * rng.normal(size=400)) == 0.0
+
+
 def test_a_signal_that_changes_evenly_has_no_step():
     ramp = 0.3 * np.arange(40) + 1e-4 * np.random.default_rng(2).standard_normal(40)
     assert sensor_step(ramp) == 0.0 and sensor_step(ramp[:5]) == 0.0

@@ -28,6 +28,7 @@ from .by_chance import rather_by_chance
 from .colour_left import colour_left, explained_somewhere, generalised_trial, inputs_left, noise_fed_back
 from .formulas import by_formulas
 from .from_the_back import named_from_the_back, not_present
+from .given_up import not_given_up
 from .little_more import with_the_little_more
 from .next_name import name_next, or_constants
 from .plainer_laws import by_plainer_laws, with_a_plainer_law
@@ -70,6 +71,7 @@ def search(
     begun = begun_at(fit)
     looked_at: tuple[Candidate, ...] = ()
     steps: list[Step] = []
+    first: tuple[list[Step], Trial] | None = None
     stuck: tuple[list[Step], Trial] | None = None
     colour, confirmed = None, set[str]()
     for last in (False, True):
@@ -121,6 +123,7 @@ def search(
             current = current.leaving(within_rounding(held_out, left))
             if not current.held_out.adequate:
                 steps, current = rather_by_chance(steps, current, baseline, logs, held_out, noise, report)
+            first = first or (list(steps), current)
             report(f"added {found.chosen.id}: held-out {current.held_out.normalised_rms:.3f} x noise")
         if stuck is not None and not current.score < stuck[1].score:
             steps, current = stuck  # nothing came of it
@@ -138,6 +141,8 @@ def search(
         steps, current = by_laws_again(steps, current, baseline, logs, held_out, noise, report, last=True)
         if last or current.held_out.adequate or colour is not None:
             break
+    if colour is None:
+        steps, current = not_given_up(first, steps, current, baseline)
     if colour is None and _added(current, baseline) < most:
         steps, current = with_the_little_more(steps, current, baseline, effects, logs, held_out, noise, report)
     if current.held_out.adequate:
