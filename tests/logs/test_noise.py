@@ -190,12 +190,16 @@ def test_the_step_of_an_encoder_is_found_whatever_digits_its_file_has(form):
 
 
 def test_a_speed_that_single_precision_makes_of_counts_in_more_than_one_way_has_their_step():
-    """Half the sum of two wheels' counts a second: the same number by other counts is not the same to the last digit."""
-    rng, radius, count = np.random.default_rng(5), np.float32(0.1651), np.float32(0.0582)
-    left, right = (np.round(5.0 * np.sin(np.arange(400) / 40.0) + rng.normal(size=400)) for _ in range(2))
-    speed = (left.astype(np.float32) * count * radius + right.astype(np.float32) * count * radius) * np.float32(0.5)
+    """Of the sum of two wheels' counts, or of their two speeds: the same number is not the same to the last digit."""
+    rng, rim = np.random.default_rng(5), np.float32(0.1651 * 0.0582)
+    left, right = (np.round(20.0 * np.sin(np.arange(400) / 40.0) + 4.0 * rng.normal(size=400)) for _ in range(2))
+    of_sum = (left + right).astype(np.float32) * rim * np.float32(0.5)
+    of_each = (
+        left.astype(np.float32) * (rim / np.float32(3.0)) + right.astype(np.float32) * (rim / np.float32(3.0))
+    ) * np.float32(1.5)
+    speed = np.where(rng.random(400) < 0.5, of_sum, of_each).astype(float)
     assert len(np.unique(speed)) > 1.2 * len(np.unique(left + right))
-    assert sensor_step(speed.astype(float)) == pytest.approx(0.5 * 0.1651 * 0.0582, rel=1e-4)
+    assert sensor_step(speed) == pytest.approx(0.5 * 0.1651 * 0.0582, rel=1e-4)
     assert sensor_step(speed + 1e-4 * rng.normal(size=400)) == 0.0
 
 
