@@ -34,8 +34,8 @@ _FEWEST_CALM, _ENOUGH = 60, 1000
 """Differences without a change of the input from which others are left out, and from which no others are added."""
 _NOTHING = 1e-12  # noise of a channel that is zero throughout, of which nothing is known
 _THE_SAME = 1e-6, 1e-9
-"""Differences, in shares of the largest value, below which two are one: as computed in single precision from counts in more than
-one way, and as written."""
+"""Differences, in shares of the largest value, below which two are one: as single precision computes them from counts in more
+than one way, and as written."""
 _LEAST = 1e-6
 """Noise in units of the signal's root mean square below which a channel counts as free of noise (a simulation)."""
 
