@@ -185,13 +185,13 @@ def recursive_least_squares(
 
     Blocks of unequal length are padded with rows of zeros, which say nothing. Returns the last state and the history
     of estimates and standard errors [B, n], NaN until there are enough equations. Those of a robot's logs are from
-    `jaxid.estimate.linear.window_equations.window_equations(robot, logs)`. Raises `ValueError` for shapes that do not fit
-    and for a forgetting factor outside (0, 1], `TypeError` for a robot in the place of equations.
+    `jaxid.estimate.linear.window_equations.window_equations(robot, logs).as_they_came()`. Raises `ValueError` for shapes that
+    do not fit and for a forgetting factor outside (0, 1], `TypeError` for a robot in the place of equations.
     """
     if isinstance(regressors, Robot):
         raise TypeError(
             "a robot is no equations; give the regressors and targets of "
-            "jaxid.estimate.linear.window_equations.window_equations(robot, logs)"
+            "jaxid.estimate.linear.window_equations.window_equations(robot, logs).as_they_came()"
         )
     traced = _traced(regressors, targets, *jax.tree.leaves(start))
     F, y = (jnp.asarray(x) if traced else np.asarray(x, float) for x in (regressors, targets))

@@ -45,6 +45,37 @@ class WindowEquations:
     def __len__(self) -> int:
         return len(self.targets)
 
+    def as_they_came(self) -> tuple[Array, Array]:
+        """Regressors [m, n] and targets [m] of equations with independent noise of one size, log by log and by time, as
+        `recursive_least_squares` takes them.
+
+        Of a stretch of K rows, whose unknown speed has been taken off, there are K - 1: every row less the mean of those before
+        it (Helmert's contrasts). Every speed's equations are in units of what least squares leaves of them.
+        """
+        F, y = self._contrasts(np.column_stack([self.regressors, self.targets]))
+        later = np.flatnonzero(np.append(False, self.stretch[1:] == self.stretch[:-1]))
+        equation, size = self.equation[later], np.ones(len(self.speeds))
+        for _ in range(2):  # by what is left, and by what is left when weighed by that
+            weight = 1.0 / size[equation]
+            theta = np.linalg.lstsq(F * weight[:, None], y * weight, rcond=None)[0]
+            squares = np.bincount(equation, weights=(y - F @ theta) ** 2, minlength=len(size))
+            left = np.sqrt(squares / np.maximum(np.bincount(equation, minlength=len(size)), 1))
+            size = np.where(left > 0.0, left, size)
+        order = np.lexsort((equation, self.time[later], self.log[later]))
+        return (F / size[equation][:, None])[order], (y / size[equation])[order]
+
+    def _contrasts(self, rows: Array) -> tuple[Array, Array]:
+        """Every row [K, n + 1] of a stretch less the mean of those before it, scaled to the noise of one row."""
+        first = np.append(True, self.stretch[1:] != self.stretch[:-1])
+        begins = np.flatnonzero(first)[np.cumsum(first) - 1] if len(first) else np.zeros(0, np.int64)
+        place = np.arange(len(rows)) - begins
+        sums = np.cumsum(rows, axis=0)
+        before = sums - rows - (sums - rows)[begins]
+        later = place > 0
+        mean = before[later] / place[later][:, None]
+        scaled = np.sqrt(place[later] / (place[later] + 1.0))[:, None] * (rows[later] - mean)
+        return scaled[:, :-1], scaled[:, -1]
+
 
 def _stretches(
     whole: NDArray[np.bool_], log: NDArray[np.int64], window: int

@@ -31,6 +31,8 @@ from .window_colour import Neighbours, residual_at
 from .window_minimum import SEEN, Minimum, minimum
 
 Array = NDArray[np.float64]
+_BETTER = 0.5
+"""Share of what a window leaves below which another beginning has led to another minimum."""
 _APART = 9.0
 """Chi-squared by which one set of changed parameters must be likelier than another: three standard deviations."""
 _MOST_TRIED = 100
@@ -104,6 +106,7 @@ class MovingWindow:
         self.robot, self.seconds, self.noise, self.memory, self.alarm = robot, seconds, dict(noise), memory, alarm
         self.names = robot.parameters.free_names
         self._theta = np.array([robot.parameters[name].value for name in self.names])
+        self._first = self._trusted = self._theta
         channels = robot.channels
         self._rows = np.zeros((0, 1 + len(channels.inputs) + len(channels.measured)))
         self._past: list[Knowledge] = []
@@ -153,7 +156,7 @@ class MovingWindow:
             raise ValueError(f"the window of {self.seconds} s is not full yet; add more samples")
         known = self._known(float(self._rows[0, 0]))
         d, states = self._problem()
-        found = minimum(d, self._theta, states, *self._prior(known))
+        found = self._first_minimum(d, states, known)
         if self._last is None and self._noticed(d, found):
             d, states = self._problem()
             found = minimum(d, found.theta, states, *self._prior(known))
@@ -164,15 +167,12 @@ class MovingWindow:
             # What was seen before holds no longer: the window alone.
             found = minimum(d, found.theta, found.states, *self._prior(None))
             contrast = self._contrast(known, found)
+        d, found = self._from_elsewhere(d, found, beside)
         # What has changed did so after the last window without an alarm, or before what that showed.
         self._quiet = self._quiet if alarm else float(self._rows[-1, 0])
         self._last = (d, found.theta, found.states, float(self._rows[0, 0]))
-        measured = np.count_nonzero(d.logs.weight[0, :, :, 0], axis=0)
-        samples = max(int(measured.sum()), 1)
-        # The noise itself, of which what it does in the long run was the weight.
-        squares = found.by_channel * self._neighbours.long_run
-        sound = found.converged and self._no_more_than_noise(measured, squares)
-        sound = sound and not (alarm and self._rows[0, 0] < self._quiet)
+        samples, squares = self._left(d, found)
+        sound = self._fits(d, found) and not (alarm and self._rows[0, 0] < self._quiet)
         if found.converged:
             self._theta = found.theta
         if sound and self._rows[0, 0] >= self._since and not alarm:
@@ -182,7 +182,8 @@ class MovingWindow:
         own = _information(found.triangle, len(self.names))
         errors, before = _errors(own + root.T @ root, found.theta), _errors(root.T @ root, found.theta)
         told = np.flatnonzero(self._told(found.theta, errors, before))
-        left = float(np.sqrt(squares.sum() / samples))
+        left = float(np.sqrt(squares.sum() / max(int(samples.sum()), 1)))
+        self._trusted = found.theta if sound else self._trusted
         if found.converged and not alarm:
             self._noticed(d, found)
         return WindowFit(
@@ -196,6 +197,37 @@ class MovingWindow:
             alarm=alarm,
             changed=self._changed(d, known, found, contrast) if alarm and sound and known is not None else (),
         )
+
+    def _left(self, d: Direct, found: Minimum) -> tuple[NDArray[np.int64], Array]:
+        """How many samples every channel has, and the sum of squares that is left of it, in units of the noise itself, of which
+        what it does in the long run was the weight."""
+        return np.count_nonzero(d.logs.weight[0, :, :, 0], axis=0), found.by_channel * self._neighbours.long_run
+
+    def _fits(self, d: Direct, found: Minimum) -> bool:
+        """Whether the fit stood still and leaves no more than noise."""
+        return bool(found.converged and self._no_more_than_noise(*self._left(d, found)))
+
+    def _first_minimum(self, d: Direct, states: Array, known: Knowledge | None) -> Minimum:
+        """The minimum near the last values or, where a simulation from there diverges, near the last sound or the first ones."""
+        for begun in (self._theta, self._trusted):
+            with suppress(ParameterError):
+                return minimum(d, begun, states, *self._prior(known))
+        return minimum(d, self._first, states, *self._prior(known))
+
+    def _from_elsewhere(self, d: Direct, found: Minimum, beside: Knowledge | None) -> tuple[Direct, Minimum]:
+        """The window and what was `found` of it, or what the last sound values, or the first, lead to where that leaves far
+        less: a sensor that failed for a while leads the values to where no step goes back from."""
+        if self._fits(d, found):
+            return d, found
+        last, self._last = self._last, None
+        fresh, states = self._problem()
+        self._last = last
+        for begun in (self._trusted, self._first):
+            with suppress(ParameterError):  # it diverges from there
+                other = minimum(fresh, begun, states, *self._prior(beside))
+                if other.converged and other.squares < _BETTER * found.squares:
+                    d, found = fresh, other
+        return d, found
 
     def _noticed(self, d: Direct, found: Minimum) -> bool:
         """Take what is left of the samples that came since the last time for noise; whether it is related from one to the

@@ -6,6 +6,7 @@ is tried beside the one that came nearest, and what came nearest is tried anew b
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -89,6 +90,7 @@ def changed_beside(
             s for s in (*others, *alike_beside(look, view, first, leader.joint.delta[:k], second)) if apart(s, around)
         ]
     found += ended(_in_their_place(pair, look, view, found, by_candidate, colours))
+    found += ended(_usual_ones(pair, own, found, colours))
     found.sort(key=lambda trial: trial.total)
     for trial in found:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
@@ -114,6 +116,22 @@ def _in_their_place(
         for score in alike_beside(look, view, instead, made, keep):
             if apart(score, keep) and frozenset((keep.candidate, score.candidate)) not in tried:
                 joints.append((score, _beside(pair, keep, score, leader.joint, kept, colours)))
+    return joints
+
+
+def _usual_ones(
+    pair: Pair, own: Sequence[Score], found: Sequence[Trial], colours: Colours
+) -> list[tuple[Score, Joint]]:
+    """A few steps with every two of a load, a battery and a floor that have not been tried: what came first may be the same
+    model by other numbers, so that neither of the two would be asked beside it."""
+    leader = min(found, key=lambda trial: trial.total)
+    tried = {frozenset(trial.score.candidate.parts) for trial in found}
+    joints = []
+    for first, second in combinations([score for score in own if score.candidate.usual], 2):
+        if frozenset((first.candidate, second.candidate)) not in tried:
+            candidate = both(first.candidate, second.candidate)
+            joint = leader.joint
+            joints.append((second, refit(pair, candidate, colours, joint.theta, None, joint.states, steps=_FEW)))
     return joints
 
 

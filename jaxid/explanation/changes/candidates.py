@@ -44,7 +44,7 @@ class Candidate:
 
     `effects` are what the robot has to carry for it (absent while their parameters are zero); `move` gives the numbers of the
     `side` that differs when the `coordinates` have certain values, from those that both sides share. `start` are values to
-    begin a refit from, `parts` the two that it joins.
+    begin a refit from, `parts` the two that it joins. `usual`: what changes on any robot from one day to the next.
     """
 
     id: str
@@ -55,6 +55,12 @@ class Candidate:
     side: Side = "after"
     start: tuple[float, ...] = ()
     parts: tuple["Candidate", ...] = ()
+    usual: bool = False
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether it, or all that it joins, is usual."""
+        return all(part.usual for part in self.parts) if self.parts else self.usual
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -131,14 +137,15 @@ def _causes(robot: Robot) -> list[Candidate]:
     table, found = robot.parameters, []
     load = [name for name in robot.mechanisms.get("payload_change", ()) if name in table]
     if load:
-        found.append(_of_parameters(robot, load[0], _worded(robot, load[0]), load[:1]))
+        mass = _of_parameters(robot, load[0], _worded(robot, load[0]), load[:1])
+        found.append(replace(mass, usual=len(load) == 1))
     if len(load) > 1:
-        found.append(_of_parameters(robot, "payload", "payload", load[:2]))
+        found.append(replace(_of_parameters(robot, "payload", "payload", load[:2]), usual=True))
     if len(load) > 2:
         found.append(_of_parameters(robot, "payload_off_centre", "payload, and where it lies", load))
     gain = CommandGain()
     if refusal(gain, robot) is None and robot.drive_inputs:
-        found.append(_of_effects(robot, "command_gain", "supply or command gain", [gain]))
+        found.append(replace(_of_effects(robot, "command_gain", "supply or command gain", [gain]), usual=True))
     mismatch = robot.mechanisms.get("wheel_radius_mismatch", ())
     if len(mismatch) == 1 and robot.with_larger_wheels(table.numbers, 0.1):
         for sign, side in zip((1.0, -1.0), robot.wheel_sides, strict=True):
@@ -147,7 +154,7 @@ def _causes(robot: Robot) -> list[Candidate]:
             found.append(Candidate(name, f"radius of the {side}", (Coordinate(name, "", 1.0),), move))
     axes = robot.drive_axes
     every = _friction(robot, "friction", "friction of all drive axes", [axes]) if axes else None
-    found += [every] if every else []
+    found += [replace(every, usual=True)] if every else []
     if len(axes) > 1:
         each = [
             _friction(robot, f"friction_of_{word.removeprefix('the ').replace(' ', '_')}", f"friction of {word}", [[i]])

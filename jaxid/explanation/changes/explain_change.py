@@ -195,12 +195,12 @@ def _explained(
     worse = follows_one_worse(pair, null.residuals, slow=otherwise >= level)
     p = min(otherwise, 4.0 * worse.p_value, 1.0)
     trials: list[Trial] = []
-    best, likeliest, equivalent, doubts, same = None, None, [], list[str](), list[str]()
+    best, likeliest, equivalent, doubts, same = None, None, [], list[str](), list[Trial]()
     notes: tuple[str, ...] = (worse.noise,) if worse.noise and p >= level else ()
     if p < level:
         trials, likeliest, null, colours = refitted(pair, look, null, held_out, report)
         best, *equivalent = simplest_first(trials, null, poor)
-        equivalent += only_later(best, [t for t in trials if t is not best and t not in equivalent], null)
+        equivalent += only_later(best, [t for t in trials if all(t is not own for own in (best, *equivalent))], null)
         tried = [trial.joint for trial in trials if not trial.score.own]
         lacking = lacking_in_both(pair, look, tried, best.joint, colours) if len(lacked) <= _IN_BOTH else None
         if lacking is not None:
@@ -243,7 +243,10 @@ def _explained(
             )
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
         if same and not doubts:
-            notes += (f"{' or '.join(same)} would be the same in these logs, with a number more.",)
+            said = " or ".join(
+                f"{own.words} ({own.sizes})" for own in (_named(pair, more, rows, look) for more in same)
+            )
+            notes += (f"{said} would be the same in these logs, with a number more.",)
         others = as_well(look, best, colours) if not doubts else []
         if others:
             notes += (f"With {' or '.join(others)} changed as well these sizes would be others: the logs cannot tell.",)
@@ -316,10 +319,10 @@ def _columns(before: Fit, after: Fit, logs: tuple[LogSet, LogSet]) -> list[str]:
 def _together(
     pair: Pair, look: FirstLook, grounds: list[tuple[Trial, list[Score]]], null: Joint, separate: float, colours: Colours,
     held_out: HeldOutLogs | None, level: float, poor: bool, report: Callable[[str], None],
-) -> tuple[list[Trial], list[str]]:  # fmt: skip
+) -> tuple[list[Trial], list[Trial]]:  # fmt: skip
     """What changed beside the best candidate (the first of the `grounds`, each with what is promising beside it), and what
     these logs cannot tell from the two; empty where no two do as well as separate models, or better than one on logs that
-    chose nothing. With it the titles of two that say the same by a number more."""
+    chose nothing. With it those of two that say the same by a number more."""
     best = grounds[0][0]
     found = [
         trial
@@ -329,8 +332,11 @@ def _together(
     if not found:
         return [], []
     found.sort(key=lambda trial: trial.total)
+    # What was tried on several grounds once.
+    by_parts = {frozenset(trial.score.candidate.parts): trial for trial in reversed(found)}
+    found = [trial for trial in found if by_parts[frozenset(trial.score.candidate.parts)] is trial]
     first, *others = simplest_first(found, null, poor)
-    others += only_later(first, [t for t in found if t is not first and t not in others], null)
+    others += only_later(first, [t for t in found if all(t is not own for own in (first, *others))], null)
     gained = null.squares - first.joint.squares
     left = first.joint.squares - separate
     if _significant(left, level, len(pair.free)) and left > LEFT * gained:

@@ -138,8 +138,9 @@ def refitted(
 
 
 def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
-    """The best and those that the data cannot tell from it, the simplest first; none that says the same with more numbers. Of
-    `poor` models, which lack what both sets have, those that explain nearly as much of what `null` leaves are as good."""
+    """The best and those that the data cannot tell from it, the simplest first, of equally simple ones the usual; none that
+    says the same with more numbers. Of `poor` models, which lack what both sets have, those that explain nearly as much of what
+    `null` leaves are as good."""
     best = trials[0]
     nearly = _NEARLY * (null.squares - best.joint.squares) if poor else 0.0
     near = [best]
@@ -149,7 +150,7 @@ def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
         alike = behind < _NEAR and (vuong(best.compared, trial.compared) < _APART or behind < _APART**2)
         if alike or behind < nearly:
             near.append(trial)
-    near.sort(key=lambda trial: (len(trial.joint.delta), trial.total))
+    near.sort(key=lambda trial: (len(trial.joint.delta), not trial.score.candidate.is_usual, trial.total))
     kept: list[Trial] = []
     for trial in near:
         simpler = (own for own in kept if len(own.joint.delta) < len(trial.joint.delta))
@@ -158,15 +159,15 @@ def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
     return kept
 
 
-def with_a_number_more(best: Trial, others: Sequence[Trial]) -> list[str]:
-    """Titles of those of the `others` that say the same as the best two changes by another one in the place of either, which
-    has a number more."""
-    mine, said = {part.id for part in best.score.candidate.parts}, list[str]()
+def with_a_number_more(best: Trial, others: Sequence[Trial]) -> list[Trial]:
+    """Those of the `others` that say the same as the best two changes by another one in the place of either, which has a number
+    more."""
+    mine, said = {part.id for part in best.score.candidate.parts}, list[Trial]()
     for trial in others:
         more = len(trial.joint.delta) - len(best.joint.delta)
         new = {part.id for part in trial.score.candidate.parts} - mine
         if new and more == 1 and _says_the_same(best, trial):
-            said.append(trial.score.candidate.title)
+            said.append(trial)
     return said
 
 

@@ -6,10 +6,11 @@ import jax
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, float64
+from jaxid import Axis, DifferentialDrive, Log, float64
 from jaxid.estimate.linear.recursive_least_squares import RecursiveLeastSquares, recursive_least_squares
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
 from jaxid.estimate.linear.window_equations import window_equations
+from tests.explanation.changes.test_two_changes import BEFORE, HALF_TRACK, driven
 
 
 def random_equations(rows=60, n=4, seed=1):
@@ -83,6 +84,36 @@ def test_reproduces_integral_least_squares_on_line():
     np.testing.assert_allclose(np.asarray(state.theta), np.asarray(batch), rtol=1e-9)
     np.testing.assert_allclose(np.asarray(batch), [1.5, 2.0, 0.5, 0.0], atol=0.1)
     assert np.nanstd(np.asarray(history)[-100:, 0]) < np.nanstd(np.asarray(history)[:200, 0])
+
+
+def test_equations_as_they_came_are_in_time_independent_and_of_one_noise():
+    """Of a cart, whose speed leaves an error of another size than its yaw rate; with the last seconds alone."""
+    robot = DifferentialDrive().with_values(b=HALF_TRACK)
+    equations = window_equations(robot, driven(3))
+    F, y = equations.as_they_came()
+    assert len(y) == len(equations) - len(np.unique(equations.stretch))
+    _, history, errors = recursive_least_squares(F, y, forgetting=0.995)
+    for name, value, error in zip(equations.names, history[-1], errors[-1], strict=True):
+        true = BEFORE.get(name, 0.0)
+        assert abs(value - true) < 3.0 * error < 0.15 * max(abs(true), 1.0), name
+    left = y - F @ np.linalg.lstsq(F, y, rcond=None)[0]
+    assert np.std(left) == pytest.approx(1.0, abs=0.05)
+    plain = equations.targets - equations.regressors @ history[-1]
+    sizes = [np.std(plain[equations.equation == k]) for k in (0, 1)]
+    assert max(sizes) > 3.0 * min(sizes)
+
+
+def test_what_they_say_is_what_the_stretches_say():
+    """Helmert's contrasts are rows of an orthogonal matrix without the one of the mean."""
+    rng = np.random.default_rng(2)
+    u, v = np.repeat(rng.uniform(-4, 4, 20), 15), np.cumsum(0.05 * rng.normal(size=300))
+    equations = window_equations(
+        Axis(), [Log.from_arrays("run", 0.02 * np.arange(300), u[:, None], v[:, None], Axis())]
+    )
+    F, y = equations.as_they_came()
+    scale = (F.T @ F)[0, 0] / (equations.regressors.T @ equations.regressors)[0, 0]
+    np.testing.assert_allclose(F.T @ F, scale * equations.regressors.T @ equations.regressors, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(F.T @ y, scale * equations.regressors.T @ equations.targets, rtol=1e-9, atol=1e-9)
 
 
 def test_traced_and_plain_numbers_agree():

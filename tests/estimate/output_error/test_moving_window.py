@@ -119,6 +119,19 @@ def test_a_silent_sensor_does_not_make_up_for_what_another_has_too_much():
         assert all(fit.normalised_rms < 1.0 for fit in fits)
 
 
+@pytest.mark.parametrize("mass", [1e-3, 0.02, 200.0])
+def test_a_window_comes_back_from_where_a_sensor_that_failed_led_it(mass):
+    """A frozen speed asks for hardly any mass, or for very much; from there simulations diverge, or no step leads back."""
+    run = recorded(16.0, seed=2)
+    window = MovingWindow(Axis(), 3.0, noise={"v": NOISE}, memory=20.0)
+    before = followed([values[:400] for values in run], window)[-1]
+    assert before.sound
+    window._theta = np.where(np.array(window.names) == "M", mass, 50.0 * window._theta)
+    window._last = None
+    (after,) = followed([values[400:425] for values in run], window)
+    assert after.sound and abs(after.values["M"] - TRUE["M"]) < 3.0 * after.std_errors["M"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("related", [0.8, 0.95])
 def test_coloured_noise_is_no_change_and_no_certainty(related):

@@ -38,8 +38,9 @@ def driven(seed, gyro=1.0, **changed):
     return LogSet(found)
 
 
-def compared(**changed):
-    robot = DifferentialDrive().with_values(b=HALF_TRACK)
+def compared(back_emf=0.0, **changed):
+    """What changed, by a model in which so much of the viscous friction (in N s/m) is the motors' back-EMF."""
+    robot = DifferentialDrive().with_values(b=HALF_TRACK, back_emf=back_emf)
     before, after = driven(0), driven(1, **changed)
     return explain_change(output_error(robot, before), output_error(robot, after), before, after)
 
@@ -52,6 +53,18 @@ def test_a_load_and_a_tired_battery_are_named_and_no_effects_that_vanished():
     for name, true in (("M", 2.0), ("J", 0.04), ("command_gain.gain", -0.1)):
         size = found.change.differences[name].size
         assert abs(size.value - true) < 4.0 * size.std_error, (name, size)
+
+
+@pytest.mark.slow
+def test_a_load_in_proportion_and_a_tired_battery_come_before_a_weaker_motor_on_another_floor():
+    """All forces over 1.2 are all masses times 1.2: the same motion, to the last digit."""
+    found = compared(back_emf=5.0, M=1.2 * 9.4, J=1.2 * 0.21, gain=0.92)
+    assert found.verdict == "ambiguous" and found.change is not None
+    assert {part.id for part in found.change.parts} == {"payload", "command_gain"}
+    for name, true in (("M", 1.88), ("J", 0.042), ("command_gain.gain", -0.08)):
+        size = found.change.differences[name].size
+        assert abs(size.value - true) < 3.0 * size.std_error, (name, size)
+    assert any({part.id for part in own.parts} == {"gain", "friction"} for own in found.equivalent)
 
 
 @pytest.mark.slow
