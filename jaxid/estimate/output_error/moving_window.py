@@ -208,7 +208,8 @@ class MovingWindow:
         return bool(found.converged and self._no_more_than_noise(*self._left(d, found)))
 
     def _first_minimum(self, d: Direct, states: Array, known: Knowledge | None) -> Minimum:
-        """The minimum near the last values or, where a simulation from there diverges, near the last sound or the first ones."""
+        """The minimum near the last values or, where a simulation from there diverges, near the last sound ones or the first
+        ones."""
         for begun in (self._theta, self._trusted):
             with suppress(ParameterError):
                 return minimum(d, begun, states, *self._prior(known))

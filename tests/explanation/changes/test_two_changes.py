@@ -102,4 +102,4 @@ def test_what_says_the_same_with_a_number_more_is_not_lost():
         trial(("friction", "curve"), 6, r),
         trial(("friction", "radius"), 4, r),
     ]
-    assert with_a_number_more(best, others) == ["friction and gains"]
+    assert [own.score.candidate.title for own in with_a_number_more(best, others)] == ["friction and gains"]
