@@ -92,8 +92,14 @@ class Even:
 
 
 def even(log: Log, most: int = 20_000) -> Even:
-    """At the usual sampling interval, or coarser so that there are at most `most` rows."""
-    interval = max(log.sampling_interval, log.duration / most)
+    """At the usual sampling interval; of a log of more than `most` rows, the part of so many in which the inputs vary most.
+    Rows farther apart would show what an output does after an input beside it."""
+    interval = log.sampling_interval
     grid = log.time[0] + interval * np.arange(int(log.duration / interval * (1 + 1e-9)) + 1)
     rows = np.clip(np.searchsorted(log.time, grid + 1e-6 * interval, side="right") - 1, 0, len(log) - 1)
+    if len(rows) > most:
+        size = np.ptp(log.inputs, axis=0)
+        shares = log.inputs / np.where(size > 0, size, 1.0)
+        parts = [rows[k : k + most] for k in range(0, len(rows) - most + 1, most)]
+        rows = max(parts, key=lambda part: float(np.sum(np.var(shares[part], axis=0))))
     return Even(interval, log.inputs[rows], rows)

@@ -15,10 +15,10 @@ DATA = Path(__file__).parents[2] / "jaxid/demo_logs"
 HALF_TRACK = 0.2
 
 
-def _log(kind, interval, lag, *, ahead, seed=0, sign=1.0):
-    random, n = np.random.default_rng(seed), 1000
+def _log(kind, interval, lag, *, ahead, seed=0, sign=1.0, n=1000):
+    random = np.random.default_rng(seed)
     if kind == "steps":
-        body = np.repeat(random.uniform([-0.5, -1.0], [0.8, 1.0], (50, 2)), 20, axis=0)
+        body = np.repeat(random.uniform([-0.5, -1.0], [0.8, 1.0], (n // 20, 2)), 20, axis=0)
     elif kind == "ramps":
         at, corners = np.arange(0, n + 50, 50), random.uniform([-0.5, -1.0], [0.8, 1.0], (21, 2))
         body = np.stack([np.interp(np.arange(n), at, column) for column in corners.T], axis=1)
@@ -66,3 +66,14 @@ def test_rows_in_order_raise_no_alarm_and_a_wrong_sign_is_found(interval, lag):
 def test_the_shipped_logs_are_in_order(robot):
     for log in read_logs(sorted((DATA / robot).glob("*.csv")), robot):
         assert not _found(log, "ahead_of_input")
+
+
+def test_a_long_log_is_looked_at_row_by_row():
+    """An hour at 100 Hz: of every eighteenth row alone the motion is beside the command that it came from."""
+    assert not _found(_log("steps", 0.01, 0.05, ahead=False, n=360_000), "ahead_of_input", "sign_flipped", "exchanged")
+    idle_first = _log("steps", 0.01, 0.05, ahead=True, n=60_000)
+    still = np.zeros((30_000, 2))
+    inputs = np.concatenate([still, idle_first.inputs])
+    outputs = np.concatenate([still, np.stack([idle_first.output(name) for name in ("v", "w")], axis=1)])
+    log = Log.from_arrays("base", 0.01 * np.arange(len(inputs)), inputs, outputs, DIFFERENTIAL)
+    assert _found(log, "ahead_of_input") == {("ahead_of_input", "v"), ("ahead_of_input", "w")}
