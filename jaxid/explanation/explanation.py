@@ -124,10 +124,11 @@ class Explanation:
                     f"{base}: the held-out error is {before:.4g} times the noise, and {after:.2f} with {names}. Yet no name is "
                     f"given, since {'; '.join(self.doubts)}."
                 )
-            part = f"{names} {explain} part of it (to {after:.2f}), the rest" if names else "it"
+            with_others = " and ".join(map(_or_another, self.effects))
+            part = f"{with_others} {explain} part of it (to {after:.2f}), the rest" if names else "it"
             if names and not after < before:
                 part = (
-                    f"{names} {explain} part of it on the fitted logs, but none here (then {after:.4g}), and the rest"
+                    f"{with_others} {explain} part of it on the fitted logs, but none here (then {after:.4g}), and the rest"
                 )
             if names and self.colour is not None and not self.doubts:
                 return (
@@ -152,10 +153,7 @@ class Explanation:
                 "which notch a wheel comes to rest in hangs on less than the noise)"
             )
         if self.verdict == "ambiguous":
-            sets = "; ".join(
-                f"{e.title} (or {', '.join(map(in_words, e.equivalent_to))})" if e.equivalent_to else e.title
-                for e in self.effects
-            )
+            sets = "; ".join(map(_or_another, self.effects))
             return f"Missing was {sets}: {closed}, but this data does not tell these names apart.{self._chance}{self._more}"
         left = (
             f" What is left is {self._by_inputs or f'coloured noise of {self.colour.phrase}'}." if self.colour else ""
@@ -362,6 +360,12 @@ class Explanation:
 
     def _repr_html_(self) -> str:
         return displays()[0].body(self)
+
+
+def _or_another(effect: NamedEffect) -> str:
+    """An effect's name, with those that the data cannot tell from it."""
+    others = f" (or {', '.join(map(in_words, effect.equivalent_to))})" if effect.equivalent_to else ""
+    return f"{effect.title}{others}"
 
 
 def _number(state: HeldOut) -> float | None:

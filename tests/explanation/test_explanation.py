@@ -49,6 +49,8 @@ def test_where_a_name_is_doubted_and_nothing_is_left_no_rest_is_spoken_of(explai
     )
     gone_on = replace(explained, verdict="unexplained", doubts=doubted.doubts, after=explained.before)
     assert "fits no known effect" in gone_on.sentence
+    two = replace(gone_on, effects=(replace(explained.effects[0], equivalent_to=("sensor_lag", "input_delay")),))
+    assert "noise; quadratic drag (or sensor lag, input delay) explains part of it" in two.sentence
 
 
 def test_slow_noise_beside_a_name_is_told_as_what_it_may_be(explained):
