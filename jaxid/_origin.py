@@ -62,14 +62,23 @@ class Origin:
         used = ", ".join(f"{name} {number}" for name, number in self.versions.items())
         return "\n".join([f"Computed by jaxid.{self.function}({options}) of", *named, f"  with {used}"])
 
-    def differences(self, **logs: Iterable[Any]) -> tuple[str, ...]:
-        """What is not the same in `logs` (by argument, such as `logs=` or `held_out=`) as when the result was computed.
+    def differences(self, **logs: Iterable[Any] | Mapping[str, Iterable[Any]]) -> tuple[str, ...]:
+        """What is not the same in `logs` (by argument, such as `logs=` or `held_out=`; of a fleet by member) as when the result
+        was computed.
 
         A sentence for every log that is missing, that is new, or whose content differs; none where the result was computed
         from just these.
         """
-        found = []
+        found, given = list[str](), dict[str, Iterable[Any]]()
         for argument, own in logs.items():
+            if isinstance(own, Mapping):
+                members = {f"{argument}: {member}": several for member, several in own.items()}
+                then = [of for of in self.logs if of.startswith(f"{argument}: ")]
+                found += [f"{of} is missing." for of in then if of not in members]
+                given |= members
+            else:
+                given[argument] = own
+        for argument, own in given.items():
             now = {log.name: log.sha256 for log in own}
             then = {log.name: log for log in self.logs.get(argument, ())}
             found += [f"{argument}: {name} is missing." for name in then if name not in now]

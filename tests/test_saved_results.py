@@ -118,6 +118,15 @@ def test_other_logs_are_told(fit, logs, axis_log):
     assert changed.startswith("logs: 1.csv has another content")
 
 
+def test_other_logs_of_a_fleet_are_told(results, logs):
+    origin = results["Fleet"].origin
+    used = {name.removeprefix("fleet: "): [own.sha256 for own in logs_of] for name, logs_of in origin.logs.items()}
+    given = {name: LogSet([log for log in logs if log.sha256 in own]) for name, own in used.items()}
+    assert origin.differences(fleet=given) == ()
+    missing, new = origin.differences(fleet={"one": given["one"], "third": logs[:1]})
+    assert missing == "fleet: other is missing." and new == f"fleet: third: {logs[0].name} was not used."
+
+
 def test_the_hash_is_of_the_content_alone(logs, tmp_path):
     log = logs[0]
     log.to_csv(tmp_path / "other name.csv")

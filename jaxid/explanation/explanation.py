@@ -127,9 +127,7 @@ class Explanation:
             with_others = " and ".join(map(_or_another, self.effects))
             part = f"{with_others} {explain} part of it (to {after:.2f}), the rest" if names else "it"
             if names and not after < before:
-                part = (
-                    f"{with_others} {explain} part of it on the fitted logs, but none here (then {after:.4g}), and the rest"
-                )
+                part = f"{with_others} {explain} part of it on the fitted logs, but none here (then {after:.4g}), and the rest"
             if names and self.colour is not None and not self.doubts:
                 return (
                     f"{base}: the held-out error is {before:.4g} times the noise; {part} follows nothing that drove the robot "
