@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import product
 from typing import ClassVar, Self
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -19,29 +21,44 @@ SHAPE = "shape"
 """The law of a mechanism whose answer is a curve."""
 
 
+@lru_cache
+def _coefficients(knots: tuple[float, ...]) -> Float[np.ndarray, "K c"]:
+    """What every height of a curve adds to its coefficients: the slope at the first knot and, for every piece, by how much its
+    square and its cube of the way from the knot where it begins exceed those of the piece before."""
+    widths, heights = np.diff(knots), np.eye(len(knots))
+    rises = np.diff(heights, axis=1) / widths
+    inner = (widths[1:] * rises[:, :-1] + widths[:-1] * rises[:, 1:]) / (widths[:-1] + widths[1:])
+    if len(widths) > 1:
+        ends = 2.0 * rises[:, 0] - inner[:, 0], 2.0 * rises[:, -1] - inner[:, -1]
+        slopes = np.column_stack([ends[0], inner, ends[1]])
+    else:
+        slopes = np.column_stack([rises, rises])
+    left, right = slopes[:, :-1], slopes[:, 1:]
+    squares = (3.0 * rises - 2.0 * left - right) / widths
+    cubes = (left + right - 2.0 * rises) / widths**2
+    more = squares[:, 1:] - squares[:, :-1] - 3.0 * cubes[:, :-1] * widths[:-1]
+    return np.column_stack([slopes[:, 0], squares[:, 0], more, cubes[:, 0], np.diff(cubes, axis=1)])
+
+
 def curve(x: Scalar, knots: Sequence[float], heights: Sequence[Scalar], reach: Scalar) -> Scalar:
     """The curve at `x` >= 0 through `heights` at `knots`, increasing shares of `reach`: cubic between them, with the slopes of
     parabolas through neighbours (exact for a parabola), and level beyond either end.
 
     Linear in the heights, so that a first look and a refit see the same.
     """
-    widths = [right - left for left, right in zip(knots, knots[1:], strict=False)]
-    rises = [(high - low) / w for low, high, w in zip(heights, heights[1:], widths, strict=False)]
-    inner = [
-        (w1 * r0 + w0 * r1) / (w0 + w1) for w0, w1, r0, r1 in zip(widths, widths[1:], rises, rises[1:], strict=False)
-    ]
-    slopes = [2.0 * rises[0] - inner[0], *inner, 2.0 * rises[-1] - inner[-1]] if inner else [rises[0], rises[0]]
-    pieces = list(zip(widths, rises, slopes, slopes[1:], strict=False))
-    squares = [(3.0 * rise - 2.0 * left - right) / w for w, rise, left, right in pieces]
-    cubes = [(left + right - 2.0 * rise) / w**2 for w, rise, left, right in pieces]
-    # From each knot on, what the square and the cube of the way from there gain by: half the work of piece after piece.
-    way = jnp.clip(x / reach, knots[0], knots[-1]) - knots[0]
-    found = heights[0] + way * (slopes[0] + way * (squares[0] + way * cubes[0]))
-    for k in range(1, len(widths)):
-        beyond = jnp.maximum(way - (knots[k] - knots[0]), 0.0)
-        more = squares[k] - squares[k - 1] - 3.0 * cubes[k - 1] * widths[k - 1]
-        found = found + beyond * beyond * (more + beyond * (cubes[k] - cubes[k - 1]))
-    return found
+    # One product for all pieces: tracing them piece by piece took a quarter of the time of an explanation with such a curve.
+    known = not any(isinstance(own, jax.Array) for own in (x, reach, *heights))
+    xp = np if known else jnp
+    there = [k for k, own in enumerate(heights) if not (isinstance(own, float) and own == 0.0)]
+    if not there:
+        return xp.zeros(np.shape(x))
+    pieces = len(knots) - 1
+    h = xp.stack(xp.broadcast_arrays(*(heights[k] for k in there)), axis=-1)
+    c = h @ _coefficients(tuple(knots))[there]
+    way = xp.clip(x / reach, knots[0], knots[-1]) - knots[0]
+    beyond = xp.maximum(way[..., None] - (np.asarray(knots[:-1]) - knots[0]), 0.0)
+    bent = (beyond * beyond * (c[..., 1 : 1 + pieces] + beyond * c[..., 1 + pieces :])).sum(axis=-1)
+    return heights[0] + c[..., 0] * way + bent
 
 
 def _farthest(x: Float[np.ndarray, " N"], heights: Float[np.ndarray, " N"]) -> tuple[float, float]:
