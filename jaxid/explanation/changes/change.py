@@ -257,8 +257,8 @@ class ExplainedChange:
             ((side, how),) = said.items()
             fits = f"The fit of the set {side} is {how}"
         return (
-            f"{fits}: what the model lacks may pass for a change, and sizes may be off by more than their intervals. Find what "
-            "it lacks first."
+            f"{fits}: what the model lacks may pass for a change, and sizes may be off by more than their intervals. "
+            "`explain` says of each set what it lacks, or that it is slow noise."
         )
 
     @property
