@@ -98,8 +98,7 @@ class Scrubbing(TurningFriction):
 
 @dataclass(frozen=True)
 class FadingScrub(TurningFriction):
-    """Wheels that scrub less the faster they roll: what slides sideways is the less displaced before it rolls on (Wong's shear
-    displacement, Theory of Ground Vehicles)."""
+    """Wheels that scrub less the faster they roll, by an exponential of the speed: what slides sideways soon rolls on."""
 
     law: ClassVar[str] = "fading_with_speed"
     formula: ClassVar[str] = "moment = -coulomb exp(-speed / rolling) sgn(yaw rate)"
