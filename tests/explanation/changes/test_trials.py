@@ -7,11 +7,12 @@ import numpy as np
 from jaxid.explanation.changes.trials import simplest_first
 
 
-def trial(name, squares, count, seed):
+def trial(name, squares, count, seed, usual=False):
     residual = np.random.default_rng(seed).normal(size=(2000, 1))
     residual *= np.sqrt(squares / np.sum(residual**2))
     joint = SimpleNamespace(squares=squares, delta=np.zeros(count))
-    return SimpleNamespace(name=name, joint=joint, total=squares, compared=[residual])
+    score = SimpleNamespace(candidate=SimpleNamespace(is_usual=usual))
+    return SimpleNamespace(name=name, joint=joint, total=squares, compared=[residual], score=score)
 
 
 def test_beside_poor_models_what_explains_nearly_as_much_is_as_good():
@@ -20,3 +21,12 @@ def test_beside_poor_models_what_explains_nearly_as_much_is_as_good():
     trials = [trial("curve", 900.0, 4, 1), trial("gain", 940.0, 1, 2), trial("mass", 1200.0, 1, 3)]
     assert [t.name for t in simplest_first(trials, null, False)] == ["curve"]
     assert [t.name for t in simplest_first(trials, null, True)] == ["gain", "curve"]
+
+
+def test_of_equally_simple_ones_the_usual_comes_first():
+    """A motor and a floor, or a load and a battery, that make the same motion but for what each takes up of the noise."""
+    trials = [trial("gain and friction", 900.0, 3, 1), trial("load and battery", 902.0, 3, 1, usual=True)]
+    trials.append(trial("another", 903.0, 2, 1))
+    null = SimpleNamespace(squares=2000.0)
+    assert [t.name for t in simplest_first(trials, null, False)] == ["another"]
+    assert [t.name for t in simplest_first(trials[:2], null, False)] == ["load and battery", "gain and friction"]
