@@ -69,6 +69,9 @@ def _halfway(values: Array) -> float:
     return float(lags[-1])
 
 
+_STRETCHED = 5
+"""Rows at even intervals for a sample, at most: a clock that was set anew leaves a gap of years."""
+
 _responses: WeakKeyDictionary[Log, int] = WeakKeyDictionary()
 """A log never changes, and most checks ask for this."""
 
@@ -92,14 +95,19 @@ class Even:
 
 
 def even(log: Log, most: int = 20_000) -> Even:
-    """At the usual sampling interval; of a log of more than `most` rows, the part of so many in which the inputs vary most.
-    Rows farther apart would show what an output does after an input beside it."""
-    interval = log.sampling_interval
-    grid = log.time[0] + interval * np.arange(int(log.duration / interval * (1 + 1e-9)) + 1)
-    rows = np.clip(np.searchsorted(log.time, grid + 1e-6 * interval, side="right") - 1, 0, len(log) - 1)
-    if len(rows) > most:
+    """At the usual sampling interval; of a log of more than `most` samples, the part of so many in which the inputs vary most.
+    Rows farther apart would show what an output does after an input beside it; they are so only where gaps would make them
+    more than `_STRETCHED` times the samples."""
+    first, last = 0, len(log)
+    if last > most:
         size = np.ptp(log.inputs, axis=0)
         shares = log.inputs / np.where(size > 0, size, 1.0)
-        parts = [rows[k : k + most] for k in range(0, len(rows) - most + 1, most)]
-        rows = max(parts, key=lambda part: float(np.sum(np.var(shares[part], axis=0))))
+        begins = range(0, len(log) - most + 1, most)
+        first = max(begins, key=lambda k: float(np.sum(np.var(shares[k : k + most], axis=0))))
+        last = first + most
+    time = log.time[first:last]
+    duration = float(time[-1] - time[0])
+    interval = max(log.sampling_interval, duration / (_STRETCHED * most))
+    grid = time[0] + interval * np.arange(int(duration / interval * (1 + 1e-9)) + 1)
+    rows = first + np.clip(np.searchsorted(time, grid + 1e-6 * interval, side="right") - 1, 0, len(time) - 1)
     return Even(interval, log.inputs[rows], rows)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jaxid.checks.motion import even
 from jaxid.checks.preflight import preflight
 from jaxid.logs import DIFFERENTIAL, Log, read_logs
 
@@ -77,3 +78,12 @@ def test_a_long_log_is_looked_at_row_by_row():
     outputs = np.concatenate([still, np.stack([idle_first.output(name) for name in ("v", "w")], axis=1)])
     log = Log.from_arrays("base", 0.01 * np.arange(len(inputs)), inputs, outputs, DIFFERENTIAL)
     assert _found(log, "ahead_of_input") == {("ahead_of_input", "v"), ("ahead_of_input", "w")}
+
+
+def test_a_clock_that_was_set_anew_fills_no_memory():
+    """Fifty years between two samples would be 10^11 rows at even intervals."""
+    log = _log("steps", 0.02, 0.1, ahead=False)
+    outputs = np.stack([log.output(name) for name in ("v", "w")], axis=1)
+    time = log.time + np.where(np.arange(len(log)) < 500, 0.0, 1.6e9)
+    rows = even(Log.from_arrays("base", time, log.inputs, outputs, DIFFERENTIAL))
+    assert len(rows.rows) <= 100_001 and rows.rows[0] == 0 and rows.rows[-1] == len(log) - 1

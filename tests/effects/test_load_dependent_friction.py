@@ -138,13 +138,18 @@ def lossy(loss, seed, samples=800, dt=0.02, fine=40):
     return Log.from_arrays(f"{seed}", dt * np.arange(samples), forces[:, None], seen[:, None], Axis())
 
 
+def explained(loss):
+    """What an axis with such a loss is said to miss."""
+    fit, held_out = (LogSet([lossy(loss, k) for k in seeds]) for seeds in (range(4), (10, 11)))
+    robot = Axis().with_values(offset=0.0).change("offset", free=False)
+    return explain(output_error(robot, fit), fit, held_out)
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jaxid.LogWarning")
 def test_dry_friction_beside_a_law_that_is_only_near_the_right_one_holds_the_truth():
     """A power of the torque takes for its own what the rounded loss has not at small ones, and leaves less to dry friction."""
-    fit, held_out = LogSet([lossy(rounded, k) for k in range(4)]), LogSet([lossy(rounded, k) for k in (10, 11)])
-    robot = Axis().with_values(offset=0.0).change("offset", free=False)
-    story = explain(output_error(robot, fit), fit, held_out)
+    story = explained(rounded)
     assert [(effect.id, effect.law) for effect in story.effects] == [("load_dependent_friction", "power_of_torque")]
     assert any("with a freer form" in note for note in story.notes)
     for name, true in {"M": MASS, "Fv": 3.0, "Fc": COULOMB}.items():
@@ -156,9 +161,7 @@ def test_dry_friction_beside_a_law_that_is_only_near_the_right_one_holds_the_tru
 @pytest.mark.filterwarnings("ignore::jaxid.LogWarning")
 def test_a_loss_that_is_no_share_of_the_force_is_named_by_its_power():
     """By a curve from the origin dry friction is another one: where the axis stands the curve is not seen."""
-    fit, held_out = LogSet([lossy(root, k) for k in range(4)]), LogSet([lossy(root, k) for k in (10, 11)])
-    robot = Axis().with_values(offset=0.0).change("offset", free=False)
-    story = explain(output_error(robot, fit), fit, held_out)
+    story = explained(root)
     assert [(effect.id, effect.law) for effect in story.effects] == [("load_dependent_friction", "power_of_torque")]
     known = {"M": MASS, "Fv": 3.0, "Fc": COULOMB, "load_dependent_friction.exponent": 0.7}
     for name, true in known.items():

@@ -14,7 +14,7 @@ from ..._distributions import chi_squared_beyond
 from .candidates import Candidate, both
 from .first_look import FirstLook, Score
 from .joint import Colours, Joint, Pair, refit
-from .trials import HeldOutLogs, Trial, price, trial_of
+from .trials import HeldOutLogs, Trial, each_once, price, trial_of
 from .what_else import alike_beside, apart
 from .whitened import Whitened
 
@@ -34,6 +34,21 @@ def _beside(pair: Pair, first: Score, second: Score, joint: Joint, kept: np.ndar
 
 
 def changed_beside(
+    pair: Pair,
+    look: FirstLook,
+    grounds: Sequence[tuple[Trial, Sequence[Score]]],
+    colours: Colours,
+    held_out: HeldOutLogs | None,
+    level: float,
+    report: Callable[[str], None],
+) -> list[Trial]:
+    """The refits in which something has changed beside one of several changes, the `grounds`, each with what is promising
+    beside it: the best first, the same two once."""
+    own = (_beside_this(pair, look, best, others, colours, held_out, level, report) for best, others in grounds)
+    return each_once(trial for found in own for trial in found)
+
+
+def _beside_this(
     pair: Pair,
     look: FirstLook,
     best: Trial,

@@ -243,9 +243,8 @@ def _explained(
             )
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
         if same and not doubts:
-            said = " or ".join(
-                f"{own.words} ({own.sizes})" for own in (_named(pair, more, rows, look) for more in same)
-            )
+            named = [_named(pair, trial, rows, look) for trial in same]
+            said = " or ".join(f"{own.words} ({own.sizes})" for own in named)
             notes += (f"{said} would be the same in these logs, with a number more.",)
         others = as_well(look, best, colours) if not doubts else []
         if others:
@@ -324,17 +323,9 @@ def _together(
     these logs cannot tell from the two; empty where no two do as well as separate models, or better than one on logs that
     chose nothing. With it those of two that say the same by a number more."""
     best = grounds[0][0]
-    found = [
-        trial
-        for ground, promising in grounds
-        for trial in changed_beside(pair, look, ground, promising, colours, held_out, level, report)
-    ]
+    found = changed_beside(pair, look, grounds, colours, held_out, level, report)
     if not found:
         return [], []
-    found.sort(key=lambda trial: trial.total)
-    # What was tried on several grounds once.
-    by_parts = {frozenset(trial.score.candidate.parts): trial for trial in reversed(found)}
-    found = [trial for trial in found if by_parts[frozenset(trial.score.candidate.parts)] is trial]
     first, *others = simplest_first(found, null, poor)
     others += only_later(first, [t for t in found if all(t is not own for own in (first, *others))], null)
     gained = null.squares - first.joint.squares

@@ -1,6 +1,6 @@
 """The candidates refitted to both sets of logs and ranked: the best one, and those that the logs cannot tell from it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from ...estimate.result import NORMAL_95
 from ...logs import LogSet
 from ..search.telling_apart import vuong
-from .candidates import Side, is_only_later
+from .candidates import Candidate, Side, is_only_later
 from .first_look import FirstLook, Score
 from .joint import SIDES, Colours, Joint, Pair, inside, numbers_on, refit, weighed, white, with_candidate
 from .judged import predicted
@@ -135,6 +135,14 @@ def refitted(
     for trial in trials:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
     return trials, likeliest, refit(pair, None, colours, null.theta, None, null.states), colours
+
+
+def each_once(trials: Iterable[Trial]) -> list[Trial]:
+    """Trials of two changes, the best first; of the same two, tried on several grounds, the best."""
+    best: dict[frozenset[Candidate], Trial] = {}
+    for trial in sorted(trials, key=lambda trial: trial.total):
+        best.setdefault(frozenset(trial.score.candidate.parts), trial)
+    return [*best.values()]
 
 
 def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:

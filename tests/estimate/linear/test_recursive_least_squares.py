@@ -10,7 +10,7 @@ from jaxid import Axis, DifferentialDrive, Log, float64
 from jaxid.estimate.linear.recursive_least_squares import RecursiveLeastSquares, recursive_least_squares
 from jaxid.estimate.linear.weighted_least_squares import solve_by_qr
 from jaxid.estimate.linear.window_equations import window_equations
-from tests.explanation.changes.test_two_changes import BEFORE, HALF_TRACK, driven
+from tests.two_sides import BEFORE, HALF_TRACK, driven
 
 
 def random_equations(rows=60, n=4, seed=1):

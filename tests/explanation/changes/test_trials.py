@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from jaxid.explanation.changes.trials import simplest_first
+from jaxid.explanation.changes.trials import each_once, simplest_first
 
 
 def trial(name, squares, count, seed, usual=False):
@@ -30,3 +30,12 @@ def test_of_equally_simple_ones_the_usual_comes_first():
     null = SimpleNamespace(squares=2000.0)
     assert [t.name for t in simplest_first(trials, null, False)] == ["another"]
     assert [t.name for t in simplest_first(trials[:2], null, False)] == ["load and battery", "gain and friction"]
+
+
+def test_what_was_tried_on_several_grounds_counts_once_at_its_best():
+    def of(total, *parts):
+        return SimpleNamespace(total=total, score=SimpleNamespace(candidate=SimpleNamespace(parts=parts)))
+
+    first, again, other = of(930.0, "gain", "load"), of(910.0, "load", "gain"), of(920.0, "gain", "floor")
+    assert each_once([first, other, again]) == [again, other]
+    assert each_once([again, other, first]) == [again, other]
