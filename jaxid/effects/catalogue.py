@@ -11,7 +11,7 @@ from ..logs.finding import did_you_mean
 from ..parameters import ParameterError
 from ..robots.effect import Effect
 from ..robots.robot import Robot
-from ..robots.traits import asked, refusal
+from ..robots.traits import asked, refusal, traits_of
 from .actuator import (
     battery_sag,
     dead_zone,
@@ -91,10 +91,11 @@ ALL: tuple[Effect, ...] = tuple(laws[0] for laws in MECHANISMS)
 """Every mechanism there is, by its usual law."""
 
 
-def _applicable(robot: Robot) -> list[list[Effect]]:
-    """The laws that the robot can have of every mechanism that is not in it yet."""
-    out = {effect.id for effect in robot.effects} | robot.expressed
-    possible = [[law for law in laws if refusal(law, robot) is None] for laws in MECHANISMS if laws[0].id not in out]
+def _applicable(robot: Robot, *only: str) -> list[list[Effect]]:
+    """The laws that the robot can have of every mechanism (of the `only` ones asked for) that is not in it yet."""
+    out, there = {effect.id for effect in robot.effects} | robot.expressed, traits_of(robot)
+    asked_for = (laws for laws in MECHANISMS if laws[0].id not in out and (not only or laws[0].id in only))
+    possible = [[law for law in laws if refusal(law, robot, there) is None] for laws in asked_for]
     return [laws for laws in possible if laws]
 
 
@@ -124,7 +125,7 @@ def catalogue(robot: Robot) -> list[Effect]:
 
 def laws_of(robot: Robot, identifier: str) -> list[Effect]:
     """All laws of a mechanism that `robot` can have, the usual one first; none where it cannot have the mechanism."""
-    return next((laws for laws in _applicable(robot) if laws[0].id == identifier), [])
+    return next(iter(_applicable(robot, identifier)), [])
 
 
 def effect_by_id(robot: Robot, identifier: str, law: str = "") -> Effect:
@@ -132,15 +133,17 @@ def effect_by_id(robot: Robot, identifier: str, law: str = "") -> Effect:
 
     Raises `KeyError`, which says why the robot cannot have it, or names those that apply and are not there yet.
     """
-    found = {laws[0].id: laws for laws in _applicable(robot)}
-    named = {effect.law: effect for effect in found.get(identifier, ())}
-    if identifier in found and (not law or law in named):
-        return named[law] if law else found[identifier][0]
+    there = laws_of(robot, identifier)
+    named = {effect.law: effect for effect in there}
+    if there and (not law or law in named):
+        return named[law] if law else there[0]
     known = {effect.law: effect for laws in MECHANISMS for effect in laws if effect.id == identifier}
     meant = known.get(law) if law else next(iter(known.values()), None)
     why = refusal(meant, robot) if meant is not None else None
     if why is not None:
         raise KeyError(why)
-    if identifier in found:
+    if there:
         raise KeyError(f"{identifier!r} has no law {law!r}; there are {', '.join(named)}")
-    raise KeyError(f"no effect {identifier!r} applies to {robot.name}; there are {', '.join(found)}")
+    raise KeyError(
+        f"no effect {identifier!r} applies to {robot.name}; there are {', '.join(laws[0].id for laws in _applicable(robot))}"
+    )

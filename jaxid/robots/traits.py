@@ -65,11 +65,12 @@ def asked(effect: Effect) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*acts, *effect.needs)))
 
 
-def refusal(effect: Effect, robot: "Robot") -> str | None:
-    """Why `robot` cannot have `effect`, in a sentence; None if it can."""
+def refusal(effect: Effect, robot: "Robot", there: frozenset[str] | None = None) -> str | None:
+    """Why `robot` cannot have `effect`, in a sentence; None if it can. `there` are the robot's traits, where they are known:
+    who asks for a hundred laws finds them once."""
     if robot.controlled and on_whole_signals(effect):
         return f"the effect {effect.id!r} {IN_NO_LOOP}"
-    there = traits_of(robot)
+    there = traits_of(robot) if there is None else there
     if effect.id in robot.mechanisms:
         there |= {"mechanism"}
     lacking = [trait for trait in asked(effect) if trait not in there]

@@ -82,11 +82,15 @@ def test_effects_without_memory_answer_every_command_alone(robot, law):
     other, dt = rng.permutation(n), np.full((1, n), 0.05 * model.scales.time)
     names = tuple(sorted(model.parameters))
     own = records.records_of(model.structure, names)
+
+    def sent(p, substeps):
+        return commanded(model, dict(zip(names, p, strict=True)), inputs[0], dt[0], substeps)
+
     with float64():
         numbers = np.array([float(model.parameters[name].value) for name in names])
         once = records.commanded(own, numbers, inputs, dt, 4, np.zeros(1))
         again = records.commanded(own, numbers, inputs[:, other], 2.0 * dt, 4, np.zeros(1))
-        fine = np.asarray(commanded(model, dict(zip(names, numbers, strict=True)), inputs[0], dt[0], 4))
+        fine = np.asarray(jax.jit(sent, static_argnums=1)(numbers, 4))
     same = np.allclose(again, once[:, other], rtol=1e-12, atol=1e-12 * size)
     assert same == law.memoryless
     assert once.shape[2] == (1 if law.memoryless else 4)
@@ -98,10 +102,7 @@ def test_effects_without_memory_answer_every_command_alone(robot, law):
     steps = np.eye(len(names))[list(own.commands)] * numbers[list(own.commands), None]
     with float64():
         slopes = records.command_slopes(own, numbers, inputs, dt, 4, np.zeros(1), steps)
-
-        def sent(p):
-            return commanded(model, dict(zip(names, p, strict=True)), inputs[0], dt[0], 1)
-
+        along = jax.jit(lambda step: jax.jvp(lambda p: sent(p, 1), (jnp.asarray(numbers),), (step,))[1])
         for found, step in zip(slopes, steps, strict=True):
-            exact = jax.jvp(sent, (jnp.asarray(numbers),), (jnp.asarray(step),))[1]
+            exact = along(jnp.asarray(step))
             np.testing.assert_allclose(found[0], exact, rtol=1e-10, atol=1e-10 * size)
