@@ -8,6 +8,7 @@ full, and on held-out logs there is no fit to give them little weight. They are 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,16 @@ ROBUST = (
 )
 
 
-def passing_jumps(residual: NDArray[np.float64]) -> NDArray[np.bool_]:
+_LEVELS = 2.0 ** np.arange(1, 10)
+"""By how much more a sample may have to jump, in units of the noise, than where the robot's answers to commands jump too."""
+_TOLD = 5
+"""Samples that jump from which it shows whether they follow changes of the inputs: where a sixth of all samples does, five that
+come whenever they like all do in one set of eight thousand."""
+
+
+def passing_jumps(residual: NDArray[np.float64], least: float = 1.0) -> NDArray[np.bool_]:
     """Which samples of a channel's residual [T] in units of the noise, NaN where nothing was measured, jump and come back."""
-    return jumping(residual, least=1.0)
+    return jumping(residual, least=least)
 
 
 def _changes(log: Log) -> NDArray[np.float64]:
@@ -44,24 +52,55 @@ def _changes(log: Log) -> NDArray[np.float64]:
     return np.max(np.lib.stride_tricks.sliding_window_view(lately, _LATELY), axis=1)
 
 
-def _after_commands(logs: LogSet, jumps: Sequence[NDArray[np.bool_]]) -> bool:
-    """Whether samples that jump follow changes of the inputs: a robot that answers fast, and later or otherwise than the
-    model, makes such errors, and a sensor that slips does not know of them."""
+class _Timing(NamedTuple):
+    """By how much the inputs change on average before the `count` samples that jump, before the `others`, and by how much that
+    differs by chance."""
+
+    count: int
+    jumps: float
+    others: float
+    chance: float
+
+    @property
+    def after_commands(self) -> bool:
+        """Whether they follow changes of the inputs: a robot that answers fast, and later or otherwise than the model, makes
+        such errors, and a sensor that slips does not know of them."""
+        return self.jumps - self.others > _RELATED * max(self.chance, 1e-300)
+
+
+def _timing(logs: LogSet, jumps: Sequence[NDArray[np.bool_]]) -> _Timing | None:
+    """When samples that jump do so; None where too few do, or too few do not."""
     every = [_changes(log) for log in logs]
-    there = np.concatenate([values[own] for values, own in zip(every, jumps, strict=True)])
-    others = np.concatenate([values[~own] for values, own in zip(every, jumps, strict=True)])
+    any_channel = [own.any(axis=1) for own in jumps]
+    there = np.concatenate([values[own] for values, own in zip(every, any_channel, strict=True)])
+    others = np.concatenate([values[~own] for values, own in zip(every, any_channel, strict=True)])
     if len(there) < 2 or len(others) < 2:
-        return False
+        return None
     spread = np.std(others) * np.hypot(1.0 / np.sqrt(len(there)), 1.0 / np.sqrt(len(others)))
-    return bool(np.mean(there) - np.mean(others) > _RELATED * max(float(spread), 1e-300))
+    return _Timing(len(there), float(np.mean(there)), float(np.mean(others)), float(spread))
 
 
 def _jumps(state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
-    """Which samples [T, channels] of every log jump and come back; none where they follow changes of the inputs."""
-    found = [np.stack([passing_jumps(column) for column in residual.T], axis=1) for residual in state.residuals]
-    if _after_commands(logs, [np.asarray(own.any(axis=1)) for own in found]):
-        return [np.zeros_like(own) for own in found]
-    return found
+    """Which samples [T, channels] of every log jump and come back. Where they follow changes of the inputs, those of them that
+    jump by so much more that they come whenever they like: spikes of a sensor in a log on which the robot answers otherwise
+    than the model."""
+
+    def beyond(least: float) -> list[NDArray[np.bool_]]:
+        return [np.stack([passing_jumps(column, least) for column in own.T], axis=1) for own in state.residuals]
+
+    found = beyond(1.0)
+    all_of_them = _timing(logs, found)
+    if all_of_them is None or not all_of_them.after_commands:
+        return found
+    for level in _LEVELS:
+        larger = beyond(level)
+        timing = _timing(logs, larger)
+        if timing is None or timing.count < _TOLD:
+            break
+        # As far from when the robot's own answers jump as they can be.
+        if not timing.after_commands and timing.jumps < 0.5 * (timing.others + all_of_them.jumps):
+            return larger
+    return [np.zeros_like(own) for own in found]
 
 
 def _without(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> tuple[LogSet, int]:

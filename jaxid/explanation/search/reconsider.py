@@ -335,6 +335,11 @@ def reconsidered(
                 )
                 trials.append(right)
         leading = min(trials, key=lambda t: t.score)
+        if leading.id != step.chosen.id and step.chosen.effect is not None and not final.angles:
+            # Its law was chosen while others were missing, as the one that leads now had not been.
+            laws = _by_laws(step.chosen.effect, bare, logs, held_out, noise, say)
+            own = best_first([trials[0], *(trial for trial in laws if trial.law != trials[0].law)])
+            trials = [own[0], *trials[1:]]
         trials = [t if t is leading else with_one_alone(t, leading, logs, held_out, noise) for t in trials]
         leading = min(trials, key=lambda t: t.score)
         if leading.id != step.chosen.id and not final.angles:

@@ -56,6 +56,18 @@ def test_what_a_fast_robot_does_later_than_its_model_is_no_slip_of_a_sensor():
     for own, count in ((LogSet(logs), 0), (slipping, 15)):
         found = _jumps(held_out_state(fast, own, {"v": NOISE}), own)
         assert count <= sum(int(each.sum()) for each in found) <= 2 * count
+    # And where it does not, if they are larger than all that it does late.
+    spiked, there = [], []
+    for k, log in enumerate(logs):
+        random = np.random.default_rng([7, k])
+        there.append((random.random(log.outputs.shape) < 0.02) & np.isfinite(log.outputs))
+        off = 6.0 * random.choice([-1.0, 1.0], log.outputs.shape)
+        spiked.append(replace(log, outputs=log.outputs + np.where(there[-1], off, 0.0)))
+    own = LogSet(spiked)
+    found = _jumps(held_out_state(fast, own, {"v": NOISE}), own)
+    assert 15 <= sum(int(each.sum()) for each in there) <= 40
+    for found_in, put_in in zip(found, there, strict=True):
+        np.testing.assert_array_equal(found_in[:, 0], put_in[:, 0])
 
 
 @pytest.mark.slow
