@@ -31,7 +31,10 @@ ROBUST = (
 )
 
 
-_LEVELS = 2.0 ** np.arange(1, 10)
+_MOST = 0.1
+"""Share of the readings up to which such samples are a sensor's: where more jump, readings are so far between that the
+motion itself does, and what the model lacks of it."""
+_LEVELS = 2.0 ** np.arange(0.5, 10.0, 0.5)
 """By how much more a sample may have to jump, in units of the noise, than where the robot's answers to commands jump too."""
 _TOLD = 5
 """Samples that jump from which it shows whether they follow changes of the inputs: where a sixth of all samples does, five that
@@ -88,19 +91,25 @@ def _jumps(state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
     def beyond(least: float) -> list[NDArray[np.bool_]]:
         return [np.stack([passing_jumps(column, least) for column in own.T], axis=1) for own in state.residuals]
 
+    def few(found: list[NDArray[np.bool_]]) -> bool:
+        readings = sum(np.count_nonzero(np.isfinite(own)) for own in state.residuals)
+        return sum(np.count_nonzero(own) for own in found) <= _MOST * readings
+
     found = beyond(1.0)
+    none = [np.zeros_like(own) for own in found]
     all_of_them = _timing(logs, found)
     if all_of_them is None or not all_of_them.after_commands:
-        return found
+        return found if few(found) else none
     for level in _LEVELS:
         larger = beyond(level)
         timing = _timing(logs, larger)
         if timing is None or timing.count < _TOLD:
             break
         # As far from when the robot's own answers jump as they can be.
-        if not timing.after_commands and timing.jumps < 0.5 * (timing.others + all_of_them.jumps):
+        elsewhere = timing.jumps < 0.5 * (timing.others + all_of_them.jumps)
+        if few(larger) and elsewhere and not timing.after_commands:
             return larger
-    return [np.zeros_like(own) for own in found]
+    return none
 
 
 def _without(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> tuple[LogSet, int]:

@@ -150,6 +150,50 @@ def with_its_other_laws(
     return found
 
 
+def with_all_its_formulas(
+    mechanisms: Sequence[Sequence[Trial]], screened: Sequence[Candidate], refits: Refits
+) -> list[list[Trial]]:
+    """The mechanisms, with the first one, whose formula leaves only noise, by those besides that promised as much as makes a
+    formula worth a refit, however many: it is said by which laws an effect may act, and one that was not tried is not said."""
+    found = [list(own) for own in mechanisms]
+    leading = found[0]
+    if leading[0].law == SHAPE or not leading[0].fitted.adequate:
+        return found
+    tried = {trial.law for trial in leading}
+    own = [law for c in screened for law in (c, *c.laws) if law.effect.id == leading[0].id and law.effect.law != SHAPE]
+    least = current_policy().formula * max((law.gain for law in own), default=0.0)
+    others = [law for law in own if law.effect.law not in tried and law.gain > max(least, 0.0)]
+    if others:
+        found[0] = best_first([*leading, *refits(others)])
+    return found
+
+
+def with_formulas_of_others(
+    mechanisms: Sequence[Sequence[Trial]], likely: Sequence[Candidate], refits: Refits
+) -> list[list[Trial]]:
+    """The mechanisms, with those besides that promised a good part of what the most promising one did and were not refitted,
+    by a formula, where the best is a curve that leaves more than noise: a curve of many heights stands for what it is not, and
+    what a formula does from far off, friction giving way to it, the first order does not foretell."""
+    found = [list(own) for own in mechanisms]
+    best, policy = found[0][0], current_policy()
+    if best.law != SHAPE or best.fitted.adequate:
+        return found
+    there, least = {own[0].id for own in found}, policy.promising * likely[0].gain
+    further: list[Candidate] = []
+    for candidate in likely:
+        formulas = [law for law in (candidate, *candidate.laws) if law.effect.law != SHAPE and law.gain >= least]
+        if candidate.effect.id not in there and not candidate.effect.repeats and formulas:
+            further.append(formulas[0])
+    tried = refits(further[: policy.most_refits]) if further else []
+    leading = min(tried, key=lambda trial: trial.score, default=best)
+    others = []
+    if leading.score < best.score:
+        others = other_laws(next(law for law in further if law.effect.id == leading.id), curve=False)
+    mine = refits(others) if others else []
+    found += [best_first([trial, *mine]) if trial is leading else [trial] for trial in tried]
+    return sorted(found, key=lambda own: own[0].score)
+
+
 def rather_of(trial: Trial) -> str | None:
     """The mechanism that a trial's curve is rather of, where it does not bend as its own does, or that a law without a formula
     takes on as well."""
