@@ -5,9 +5,10 @@ samples and leave white noise, amplified by a known factor. Samples around a cha
 are left out where enough remain, since a motion has a kink there. The estimate needs no model, so a model's residual can
 be judged by it. What a slower sensor repeats is counted once; where it leaves cells empty, its own samples are the
 neighbours; a signal that does not move says nothing, and no noise is finer than the sensor's step (its
-standard deviation over sqrt(12), Widrow and Kollar 2008). Noise that is correlated over several samples is underestimated
-(of first-order noise with a correlation of 0.8 a third is seen): from one log it cannot be told from motion, from the
-residual of a fit it can.
+standard deviation over sqrt(12), Widrow and Kollar 2008). Where a robot moves far from one reading to the next, differences
+show its motion, and what an autoregression with the inputs leaves of it is the bound (`innovations.py`). Noise that is
+correlated over several samples is underestimated (of first-order noise with a correlation of 0.8 a third is seen): from one
+log it cannot be told from motion, from the residual of a fit it can.
 """
 
 from typing import NamedTuple
@@ -16,6 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from .innovations import not_foretold
 from .log import Log, LogSet
 
 _SPIKE = 3.5
@@ -38,6 +40,11 @@ _THE_SAME = 1e-6, 1e-9
 than one way, and as written."""
 _LEAST = 1e-6
 """Noise in units of the signal's root mean square below which a channel counts as free of noise (a simulation)."""
+_MOVING = 0.02
+"""Level of third differences, in units of the signal's root mean square, above which they may show motion."""
+_FAR_LESS = 0.5
+"""Share of their level below which what is not foretold is the noise. What the differences of a counter's values are off by is
+foretold to 0.6 of it, the next one being off by as much the other way."""
 
 
 def sensor_step(y: NDArray[np.float64]) -> float:
@@ -172,6 +179,16 @@ class _Shown(NamedTuple):
     level: float
 
 
+def _of_noise(third: NDArray[np.float64], y: NDArray[np.float64], log: Log) -> float:
+    """The level that third differences show, or what is not foretold of the signal where that is far less: then the robot moves
+    so far from one reading to the next that differences show its motion."""
+    level = usual_size(third)
+    if not level > _MOVING * float(np.sqrt(np.nanmean(y**2))):
+        return level
+    foretold = not_foretold(y, log.inputs, updates_of(y))
+    return foretold if foretold < _FAR_LESS * level else level
+
+
 _known: WeakKeyDictionary[Log, tuple[_Shown, ...]] = WeakKeyDictionary()
 
 
@@ -182,7 +199,7 @@ def _shown(log: Log) -> tuple[_Shown, ...]:
         for y in log.outputs.T:
             third = _differences(y, log.inputs, log.time)
             # The neighbouring rounding errors of a counter are alike while it creeps.
-            level = max(usual_size(third), sensor_step(y) / np.sqrt(12.0)) if third.size >= _FEWEST else 0.0
+            level = max(_of_noise(third, y, log), sensor_step(y) / np.sqrt(12.0)) if third.size >= _FEWEST else 0.0
             found.append(_Shown(int(np.isfinite(y).sum()), third.size, level))
         _known[log] = tuple(found)
     return _known[log]
