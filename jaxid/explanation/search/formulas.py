@@ -48,11 +48,16 @@ def by_formulas(
         # What was tried beside just this, and told from the curve, is told from it still.
         changed = laws_in(step.before.robot, effect.id) != laws_in(current.robot, effect.id)
         known = set() if changed else {trial.law for trial in step.laws}
-        for identifier in [effect.id, *(name for name in same if name not in present)]:
-            but = known if identifier == effect.id else ()
-            trials = _formulas(identifier, but, bare, current, logs, held_out, noise, say)
-            tried[identifier] = [trial for trial in trials if holds_as_well(trial, current)]
-        own = best_first([replace(current, id=effect.id), *tried.pop(effect.id)])
+        own_or_alike = [effect.id, *(name for name in same if name not in present)]
+        # A curve of many heights stands for what it is not, too: a formula of whatever came near it while others were missing.
+        rivals = [t.id for t in step.trials[1:] if t.id not in {*own_or_alike, *present}] if changed else []
+        for identifiers in [*([name] for name in own_or_alike), *([rivals] if rivals else [])]:
+            but = known if identifiers == [effect.id] else ()
+            trials = _formulas(identifiers, but, bare, current, logs, held_out, noise, say)
+            for trial in trials:
+                if holds_as_well(trial, current):
+                    tried.setdefault(trial.id, []).append(trial)
+        own = best_first([replace(current, id=effect.id), *tried.pop(effect.id, [])])
         leading = simplest_first(
             sorted([own[0], *(best_first(o)[0] for o in tried.values() if o)], key=lambda t: t.score)
         )
@@ -88,7 +93,7 @@ def _without(identifier: str, current: Trial, base: Trial) -> Trial:
 
 
 def _formulas(
-    identifier: str,
+    identifiers: Sequence[str],
     but: Collection[str],
     bare: Trial,
     like: Trial,
@@ -97,9 +102,10 @@ def _formulas(
     noise: dict[str, float],
     say: Report,
 ) -> list[Trial]:
-    """The model `bare` with the formulas of a mechanism `but` some, refitted from what suits its residual; those that come near
-    what is left with the curve (`like`), to the end."""
-    formulas = (law for law in laws_of(bare.robot, identifier) if not isinstance(law, Curve))
+    """The model `bare` with the most promising formulas of mechanisms `but` some, refitted from what suits its residual; those
+    that come near what is left with the curve (`like`), to the end."""
+    every = (law for name in identifiers for law in laws_of(bare.robot, name) if not law.repeats)
+    formulas = (law for law in every if not isinstance(law, Curve))
     laws = [law.blurred for law in formulas if law.law not in but]
     screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles) if laws else []
     found = sorted((law for own in screened for law in (own, *own.laws)), key=lambda law: -law.gain)[:_MOST]
