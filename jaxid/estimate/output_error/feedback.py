@@ -21,6 +21,9 @@ _OWN, _OTHER = 30, 6
 """Past samples of the input, and of the residuals, that are looked at."""
 _SHARE, _CHANCE = 0.02, 1e-6
 """Least share explained, and largest p-value, for a closed loop."""
+_FEW = 8
+"""Values that an input takes in all logs up to which nobody made them of a measured signal: a sequence of levels, whose next
+change an output that is logged early foretells as well."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ def feedback(inputs: Sequence[Array], residuals: Sequence[Array], name: str = "u
 
     The residual at a sample counts as known to the input of that sample, which is applied from then on.
     """
+    if len(np.unique(np.concatenate([np.unique(u) for u in inputs]))) <= _FEW:
+        return Feedback(name, 0.0, 1.0)
     rows, targets = [], []
     for u, e in zip(inputs, residuals, strict=True):
         if len(u) <= _OWN + 1:
