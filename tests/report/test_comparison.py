@@ -306,3 +306,20 @@ def test_what_a_slower_sensor_repeats_in_a_held_out_log_is_no_reading():
     (note,) = [note for note in found.notes if "tell nothing of the motion" in note]
     assert "what V, whose sensor is slower than the logs, repeats" in note
     assert not any("misses the held-out logs" in note for note in found.notes)
+
+
+def test_other_logs_are_predicted_with_the_clocks_that_were_found(axis_log):
+    """Of two clocks 60 ms apart: as well as the noise is, and not as far off as the clocks make them."""
+    robot = jaxid.Axis().with_values(M=1.0, Fv=2.0, Fc=0.5).change("offset", free=False)
+    inputs, rng, logs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5], 50), np.random.default_rng(1), []
+    for k in range(3):
+        own = axis_log(f"run {k}", np.roll(inputs, 100 * k), position=False, M=1.0, Fv=2.0, Fc=0.5)
+        v = own.output("v")[3:] + 0.005 * rng.normal(size=len(own) - 3)
+        logs.append(jaxid.Log.from_arrays(own.name, own.time[:-3], own.inputs[:-3], {"v": v}, own.channels))
+    fit = jaxid.output_error(robot, jaxid.LogSet(logs[:2]), clock_offset=True)
+    found = compare(fit, held_out=logs[2], fit=jaxid.LogSet(logs[:2]))
+    assert all(abs(offset.value - 0.06) < 0.004 for offset in fit.clock_offsets.values())
+    assert max(own["output_error"].normalised_rms for own in (found.predicted, found.fitted)) < 1.3
+    assert any("inputs' clock" in note for note in found.notes), found.notes
+    blind = compare(jaxid.output_error(robot, jaxid.LogSet(logs[:2])), held_out=logs[2])
+    assert blind.predicted["output_error"].normalised_rms > 3.0
