@@ -115,6 +115,7 @@ def loop_log(path, seed, mass=1.3, viscous=2.0, drag=1.5):
     pd.DataFrame(rows, columns=["t", "u", "v", "wanted"]).to_csv(path, index=False)
 
 
+@pytest.mark.slow
 def test_what_is_missing_in_a_closed_loop(jaxid, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "laws_of_a_test.py").write_text(LOOP)

@@ -1,12 +1,12 @@
 """Averages over windows of every channel's own, against the means of sines."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxid import Axis, DifferentialDrive, EffectError
 from jaxid._float64 import in_float64
 from jaxid.effects.catalogue import effect_by_id
+from tests.effects.at_once import measured
 
 
 @pytest.mark.parametrize(("law", "ahead"), [("moving_average_per_channel", 0.0), ("centred_average_per_channel", 0.5)])
@@ -17,7 +17,7 @@ def test_every_channel_has_its_window(law, ahead):
     time, turns = 0.02 * np.arange(300), 3.0
     motion = np.stack([np.sin(turns * time), np.cos(5.0 * time)], axis=1)
     (effect,) = robot.effects
-    shown = np.asarray(effect.measure(jnp.asarray(motion), jnp.asarray(time), robot.parameters.numbers, robot))
+    shown = measured(effect, motion, time, robot.parameters.numbers, robot)
     begin, end = time - 0.13 * (1.0 - ahead), time + 0.13 * ahead
     mean = (np.cos(turns * begin) - np.cos(turns * end)) / (turns * 0.13)
     inside = slice(8, -8)

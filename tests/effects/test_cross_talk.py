@@ -6,6 +6,7 @@ import pytest
 from jaxid import Axis, Omni, float64
 from jaxid.effects import effect_by_id
 from jaxid.robots.traits import refusal
+from tests.effects.at_once import measured
 
 
 def test_what_is_seen_of_the_size_is_the_same_whichever_way_the_other_moves():
@@ -15,7 +16,7 @@ def test_what_is_seen_of_the_size_is_the_same_whichever_way_the_other_moves():
     model = (robot + effect).with_values(**line, **{"sensor_cross_talk.amplitude_W": 2.0})
     true = np.array([[0.3, 0.1, 1.0], [0.3, 0.1, -1.0], [0.3, 0.1, 3.0]])
     with float64():
-        seen = np.asarray(effect.measure(true, np.arange(3.0), model.parameters.numbers, robot))
+        seen = measured(effect, true, np.arange(3.0), model.parameters.numbers, robot)
     assert seen[:, 0] - 0.3 == pytest.approx([0.025, 0.025, 0.05])  # through a straight line, level beyond it
     assert np.array_equal(seen[:, 1:], true[:, 1:])
 

@@ -7,6 +7,7 @@ import pytest
 from jaxid import Axis, DifferentialDrive
 from jaxid._float64 import float64
 from jaxid.effects import effect_by_id
+from tests.effects.at_once import measured
 
 DT, DELAY, MANY = 0.02, 0.06, 4000
 TIME = DT * np.arange(200)
@@ -22,7 +23,7 @@ def test_samples_late_by_a_random_time_are_on_average_a_mean():
     outputs = np.stack([np.sin(3.0 * TIME), np.cos(5.0 * TIME) - 1.0], axis=1)
     with float64():
         effect, p = law(robot, "sensor_delay")
-        seen = np.asarray(effect.measure(jnp.asarray(outputs), jnp.asarray(TIME), p, robot))
+        seen = measured(effect, outputs, TIME, p, robot)
     late = np.maximum(TIME[:, None] - np.random.default_rng(0).uniform(0.0, 2.0 * DELAY, (200, MANY)), 0.0)
     truth = np.stack([np.sin(3.0 * late).mean(axis=1), np.cos(5.0 * late).mean(axis=1) - 1.0], axis=1)
     assert np.max(np.abs(seen - truth)) < 5.0 * np.max(late.std(axis=1)) * 5.0 / np.sqrt(MANY)

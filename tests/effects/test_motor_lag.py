@@ -1,6 +1,5 @@
 """jaxid/effects/actuator/motor_lag.py: ramps of several inputs against one that takes a thousand small steps."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -22,6 +21,7 @@ from jaxid import (
 )
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.effects.actuator.motor_lag import InductanceOfTorques
+from tests.effects.at_once import commanded
 
 STEP, PARTS = 0.02, 1000
 
@@ -61,7 +61,7 @@ def _ramped_by(law, robot, numbers, inputs):
     (effect,) = [one for one in laws_of(robot, "motor_lag") if one.law == law]
     p = {effect.key(name): value for name, value in numbers.items()}
     steps = np.full(len(inputs), STEP)
-    return np.asarray(effect.command(jnp.asarray(inputs), STEP * np.arange(len(inputs)), steps, p, robot))
+    return commanded(effect, inputs, STEP * np.arange(len(inputs)), steps, p, robot)
 
 
 def test_a_ramp_of_each_motor():

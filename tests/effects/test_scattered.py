@@ -6,6 +6,7 @@ import pytest
 from jaxid import Axis, Channels, Custom, Parameter
 from jaxid.effects import effect_by_id
 from jaxid.effects.scattered import changes_late, rows_late, samples_late, within
+from tests.effects.at_once import commanded, measured
 
 EDGES = 0.02 * np.arange(401)
 STEPS = np.repeat(np.random.default_rng(3).normal(size=(20, 2)), 20, axis=0)
@@ -35,9 +36,9 @@ def test_the_mean_of_delays_within_a_scatter_of_one_is_the_law():
             [draw(signal, EDGES if draw is rows_late else time, between, random) for _ in range(300)], axis=0
         )
         if mechanism == "input_delay":
-            law = np.asarray(effect.command(signal, time, np.diff(EDGES), numbers, robot))
+            law = commanded(effect, signal, time, np.diff(EDGES), numbers, robot)
         else:
-            law = np.asarray(effect.measure(signal, time, numbers, robot))
+            law = measured(effect, signal, time, numbers, robot)
         assert np.abs(mean - law)[12:].max() < 0.04 * np.ptp(signal)
 
 
@@ -55,7 +56,7 @@ def test_the_mean_of_draws_of_commands_is_the_law(draw):
     effect = effect_by_id(robot, "input_delay", "jittering")
     numbers = {effect.key("delay"): LONGEST / 2}
     law = np.stack(
-        [np.asarray(effect.command(STEPS[:, [i]], EDGES[:-1], np.diff(EDGES), numbers, robot))[:, 0] for i in range(2)],
+        [commanded(effect, STEPS[:, [i]], EDGES[:-1], np.diff(EDGES), numbers, robot)[:, 0] for i in range(2)],
         axis=1,
     )
     # The first command has no past in the law; that of a log begins with it. Its mean is over eight delays.

@@ -6,6 +6,7 @@ import pytest
 
 from jaxid import Axis
 from jaxid.effects import effect_by_id, laws_of
+from tests.effects.at_once import measured
 
 
 def test_what_is_stamped_early_is_what_will_be():
@@ -18,7 +19,7 @@ def test_what_is_stamped_early_is_what_will_be():
 
     outputs = jnp.stack([jnp.asarray(speed(time)), jnp.zeros(300)], axis=1)
     for lead in (0.0, 0.004, 0.0275):
-        found = np.asarray(effect.measure(outputs, jnp.asarray(time), {effect.key("lead"): lead}, Axis()))[:, 0]
+        found = measured(effect, outputs, time, {effect.key("lead"): lead}, Axis())[:, 0]
         inner = (time + lead > time[1]) & (time + lead < time[-2])
         np.testing.assert_allclose(found[inner], speed(time + lead)[inner], atol=1e-5)
         np.testing.assert_allclose(
@@ -37,9 +38,7 @@ def test_no_reading_hangs_on_what_comes_after_it(mechanism):
     for law in laws:
         (name,) = (n for n in law.parameters(Axis()) if n.split(".")[1] in ("delay", "rate", "window", "time_constant"))
         numbers = {n: p.value for n, p in law.parameters(Axis()).items()} | {name: 0.011}
-        read = [
-            np.asarray(law.measure(jnp.asarray(y), jnp.asarray(time), numbers, Axis()))[:51] for y in (outputs, other)
-        ]
+        read = [measured(law, y, time, numbers, Axis())[:51] for y in (outputs, other)]
         np.testing.assert_array_equal(*read, err_msg=law.law)
 
 

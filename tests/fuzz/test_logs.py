@@ -59,7 +59,10 @@ def test_every_way_to_break_a_log_ends_well_on_every_robot(tmp_path):
     assert len(seen) > 400 and not wrong
 
 
-@pytest.mark.parametrize("robot", SHORT)
+ON_ONE = [pytest.param(robot, marks=[pytest.mark.slow] * (robot != "axis")) for robot in SHORT]
+
+
+@pytest.mark.parametrize("robot", ON_ONE)
 @SETTINGS
 @hypothesis.given(data=st.data())
 def test_random_bytes_end_well(tmp_path, robot, data):
@@ -71,7 +74,7 @@ def test_random_bytes_end_well(tmp_path, robot, data):
     assert verdict.right or verdict.outcome is Outcome.UNSEEN, f"{verdict.outcome}: {verdict.said}"
 
 
-@pytest.mark.parametrize("robot", SHORT)
+@pytest.mark.parametrize("robot", ON_ONE)
 @SETTINGS
 @hypothesis.given(data=st.data())
 def test_random_cells_end_well(tmp_path, robot, data):

@@ -69,6 +69,7 @@ def test_angles_give_the_parameters_with_intervals_that_hold_them(name, noise, d
     assert all(0.85 < found / level < 1.15 for found in fit.noise.values()), (fit.noise, level)
 
 
+@pytest.mark.slow
 def test_angles_tell_more_than_the_speeds_that_follow_from_them(demo_truth):
     """Differences of positions are noise related from sample to sample, which is what a fit of them does not know."""
     robot = Pioneer(wheel_angles=True)

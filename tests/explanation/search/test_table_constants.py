@@ -145,6 +145,7 @@ def test_an_effect_that_is_nothing_but_a_constant_of_the_table_is_that_one():
     assert shares == {"L": pytest.approx(0.05)}
 
 
+@pytest.mark.slow
 def test_a_wrong_constant_that_no_effect_stands_for_is_itself_what_is_found(tmp_path):
     fitted = LogSet([slowed("a", 0, 1.5), slowed("b", 1, 1.5)])
     found = explain(output_error(SLOWED, fitted), fitted, LogSet([slowed("held", 2, 1.5)]))
