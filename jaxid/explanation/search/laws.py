@@ -179,16 +179,18 @@ def with_formulas_of_others(
     if best.law != SHAPE or best.fitted.adequate:
         return found
     there, least = {own[0].id for own in found}, policy.promising * likely[0].gain
-    further: list[Candidate] = []
+    formulas: dict[str, list[Candidate]] = {}
     for candidate in likely:
-        formulas = [law for law in (candidate, *candidate.laws) if law.effect.law != SHAPE and law.gain >= least]
-        if candidate.effect.id not in there and not candidate.effect.repeats and formulas:
-            further.append(formulas[0])
-    tried = refits(further[: policy.most_refits]) if further else []
+        own = [law for law in (candidate, *candidate.laws) if law.effect.law != SHAPE and law.gain >= least]
+        if own and candidate.effect.id not in there and not candidate.effect.repeats:
+            formulas[candidate.effect.id] = own
+    further = [own[0] for own in formulas.values()][: policy.most_refits]
+    tried = refits(further) if further else []
     leading = min(tried, key=lambda trial: trial.score, default=best)
     others = []
     if leading.score < best.score:
-        others = other_laws(next(law for law in further if law.effect.id == leading.id), curve=False)
+        first, *rest = formulas[leading.id]
+        others = [law for law in rest if law.gain > policy.formula * first.gain]
     mine = refits(others) if others else []
     found += [best_first([trial, *mine]) if trial is leading else [trial] for trial in tried]
     return sorted(found, key=lambda own: own[0].score)

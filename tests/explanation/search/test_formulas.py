@@ -34,6 +34,30 @@ def test_a_formula_that_does_as_well_as_the_curve_is_the_law():
     assert "shape" in [trial.law for trial in found.laws]
 
 
+def test_a_curve_beside_what_was_found_later_gives_way_to_the_formula_of_a_name_that_came_near_it():
+    """A limit's curve stood for a dead zone, which had been tried by another law, and a drag came after it."""
+    logs, held_out = driven(lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0), SEED)
+    noise, zone, _ = found_of(logs, held_out)
+    base = zone.before
+
+    def with_law(before, identifier, law):
+        robot = before.robot + effect_by_id(before.robot, identifier, law)
+        return continued(refit_from_itself(robot, before, logs, held_out, noise), logs, held_out, noise)
+
+    limit = with_law(base, "voltage_saturation", "shape")
+    other_law = with_law(base, "actuator_dead_zone", "threshold")
+    both = with_law(limit, "quadratic_drag", "whole_speed")
+    first = Step((limit, other_law), (), (), base, limit, (limit,))
+    second = Step((both,), (), (), limit, both, (both,))
+    (found, _), current = by_formulas([first, second], both, base, logs, held_out, noise, lambda message: None)
+    assert (found.chosen.id, found.chosen.law) == ("actuator_dead_zone", "subtractive")
+    assert {effect.id for effect in current.robot.effects} == {"actuator_dead_zone", "quadratic_drag"}
+    assert abs(current.robot.parameters["actuator_dead_zone.threshold"].value - 0.6) < 0.03
+    # Where nothing has been found since, those that came near it were asked by all their laws beside it.
+    (alone,), current = by_formulas([first], limit, base, logs, held_out, noise, lambda message: None)
+    assert alone.chosen.id == "voltage_saturation"
+
+
 def test_a_curve_that_no_formula_follows_stays():
     logs, held_out = driven(lambda u: smooth_zone(u) - 0.3 * np.clip(u - 2.0, 0.0, None), SEED)
     noise, step = _by_its_curve(logs, held_out)

@@ -13,7 +13,15 @@ from jaxid.effects import effect_by_id
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.refits.refit import Trial
 from jaxid.explanation.screening.screen import Candidate
-from jaxid.explanation.search.laws import by_law, by_where_they_bend, other_laws, with_its_other_laws, with_the_same_law
+from jaxid.explanation.search.laws import (
+    by_law,
+    by_where_they_bend,
+    other_laws,
+    with_all_its_formulas,
+    with_formulas_of_others,
+    with_its_other_laws,
+    with_the_same_law,
+)
 from jaxid.explanation.search.telling_apart import supersets
 from jaxid.logs import LogWarning
 from jaxid.model_file import read_model, write_model
@@ -116,6 +124,49 @@ def test_the_best_mechanism_s_laws_are_all_tried_before_a_further_effect_is_look
     )
     asked.clear()
     with_its_other_laws([[trial(robot, usual, 100.0, NOISE_ONLY)], tried[1]], screened, refits)
+    assert not asked
+
+
+def test_where_a_curve_leads_and_leaves_more_than_noise_formulas_of_names_not_refitted_are_tried():
+    """A dead zone promised less than half, since friction stands in for it from far off, and leaves only noise."""
+    robot = Pioneer()
+    curve = effect_by_id(robot, "traction_limit", "shape")
+    per_motor, one, shape = (effect_by_id(robot, "actuator_dead_zone", n) for n in ("per_motor", "subtractive", "shape"))
+    bias, late = effect_by_id(robot, "sensor_bias"), effect_by_id(robot, "input_delay")
+    zone = candidate(shape, 45.0, (candidate(per_motor, 44.0), candidate(one, 43.0)))
+    likely = [candidate(curve, 100.0), zone, candidate(bias, 30.0), candidate(late, 19.0)]
+    asked = []
+
+    def refits(further):
+        asked.extend(c.effect for c in further)
+        return [trial(robot, c.effect, 900.0 if c.effect is bias else 100.0, NOISE_ONLY) for c in further]
+
+    ranked = with_formulas_of_others([[trial(robot, curve, 500.0)]], likely, refits)
+    assert asked == [per_motor, bias, one]
+    assert [own[0].id for own in ranked] == ["actuator_dead_zone", "traction_limit", "sensor_bias"]
+    assert {t.law for t in ranked[0]} == {"per_motor", "subtractive"}
+    asked.clear()
+    for leading in (trial(robot, curve, 100.0, NOISE_ONLY), trial(robot, late, 500.0)):
+        assert [own[0] for own in with_formulas_of_others([[leading]], likely, refits)] == [leading] and not asked
+
+
+def test_every_formula_that_is_worth_a_refit_is_tried_before_one_is_said_to_be_the_law():
+    robot = Pioneer()
+    names = ("lorentzian", "share_of_coulomb", "gaussian", "exponential", "exponent_one_half", "shape")
+    tried, share, gaussian, exponential, root, shape = (effect_by_id(robot, "stribeck_friction", n) for n in names)
+    laws = (candidate(shape, 99.0), candidate(gaussian, 90.0), candidate(tried, 75.0))
+    laws += (candidate(exponential, 70.0), candidate(root, 50.0))
+    screened, asked = [candidate(share, 100.0, laws)], []
+
+    def refits(further):
+        asked.extend(c.effect for c in further)
+        return [trial(robot, c.effect, 100.0 if c.effect is exponential else 300.0, NOISE_ONLY) for c in further]
+
+    best = [trial(robot, own, 200.0 + 100.0 * k, NOISE_ONLY) for k, own in enumerate((tried, share, gaussian))]
+    (found,) = with_all_its_formulas([best], screened, refits)
+    assert asked == [exponential] and found[0].law == "exponential"
+    asked.clear()
+    with_all_its_formulas([[trial(robot, tried, 200.0)]], screened, refits)  # more is missing: the next name is looked for
     assert not asked
 
 

@@ -142,6 +142,32 @@ def test_a_rival_has_the_law_that_suits_beside_the_later_effects_too():
 
 
 @pytest.mark.slow
+def test_the_name_that_a_rival_takes_the_place_of_is_looked_at_by_its_other_laws_too():
+    """It had the law that suited while a dead zone was missing, a growing delay, and the rival the one that suits beside it."""
+    logs, held_out = driven(lambda u: np.where(np.abs(late(u)) > 0.5, late(u) - 0.5 * np.sign(late(u)), 0.0), SEED)
+    noise, step, _ = found_of(logs, held_out)
+    base, zone = step.before, step.chosen
+
+    def delayed(identifier, law, before, size):
+        robot = before.robot + effect_by_id(before.robot, identifier, law)
+        known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        own = dict.fromkeys((n for n in known if n.startswith(identifier)), size)
+        return refit(robot, [known | own], logs, held_out, noise, before.initial_states)
+
+    grown, rival = delayed("sensor_delay", "growing", base, 0.001), delayed("input_delay", "constant", base, 0.04)
+    final = replace(delayed("sensor_delay", "growing", zone, 0.001), id="actuator_dead_zone")
+    first = Step((grown, rival, replace(base, id="backlash")), (), (), base, grown, (grown,))
+    second = replace(step, trials=(zone,), before=grown)
+    steps, found = reconsidered([first, second], final, base, logs, held_out, noise, lambda message: None)
+    assert found.held_out.normalised_rms < 1.1
+    assert {trial.id: trial.law for trial in steps[0].trials[:2]} == {
+        "sensor_delay": "constant",
+        "input_delay": "constant",
+    }
+    assert {steps[0].chosen.id, *steps[0].equivalent} == {"sensor_delay", "input_delay"}
+
+
+@pytest.mark.slow
 def test_laws_that_what_is_in_the_model_refuses_are_not_tried_again():
     """A delay, and later a lag of the sensor: stamps that are early stand beside no lag."""
     logs, held_out = driven(late, SEED)
