@@ -56,10 +56,10 @@ def _changes(log: Log) -> NDArray[np.float64]:
 
 
 class _Timing(NamedTuple):
-    """By how much the inputs change on average before the `count` samples that jump, before the `others`, and by how much that
+    """By how much the inputs change on average before the `samples` that jump, before the `others`, and by how much that
     differs by chance."""
 
-    count: int
+    samples: int
     jumps: float
     others: float
     chance: float
@@ -93,7 +93,7 @@ def _jumps(state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
 
     def few(found: list[NDArray[np.bool_]]) -> bool:
         readings = sum(np.count_nonzero(np.isfinite(own)) for own in state.residuals)
-        return sum(np.count_nonzero(own) for own in found) <= _MOST * readings
+        return bool(sum(np.count_nonzero(own) for own in found) <= _MOST * readings)
 
     found = beyond(1.0)
     none = [np.zeros_like(own) for own in found]
@@ -103,7 +103,7 @@ def _jumps(state: HeldOut, logs: LogSet) -> list[NDArray[np.bool_]]:
     for level in _LEVELS:
         larger = beyond(level)
         timing = _timing(logs, larger)
-        if timing is None or timing.count < _TOLD:
+        if timing is None or timing.samples < _TOLD:
             break
         # As far from when the robot's own answers jump as they can be.
         elsewhere = timing.jumps < 0.5 * (timing.others + all_of_them.jumps)
