@@ -83,9 +83,10 @@ def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit, by_chance: 
     other, refitted = effect.same_on(final.robot), {trial.id for trial in step.trials}
     scatters = bool(effect.draws(final.robot.parameters.numbers, final.robot))
     alike = not by_chance if scatters else effect.law == SHAPE or other not in refitted
-    there = any(own.id == other for own in final.robot.effects)
-    same = (*same, other) if other and alike and not there else same
-    return (*(name for name in step.equivalent if name not in same), *same)
+    there = {own.id for own in final.robot.effects}
+    same = (*same, other) if other and alike and other not in there else same
+    # What has been added since stands for itself.
+    return (*(name for name in step.equivalent if name not in same and name not in there), *same)
 
 
 def or_the_same_curve(named: NamedEffect, step: Step, logs: LogSet) -> NamedEffect:

@@ -351,7 +351,11 @@ def reconsidered(
             say(f"{whose} by its laws instead of {leading.title}")
             laws = _by_laws(laws_of(bare.robot, whose)[0], bare, logs, held_out, noise, say)
             trials = [*(t for t in trials if t.id != whose), *best_first(laws)[:1]]
+        refitted = {t.id for t in trials}
         trials = [t for t in trials if t.id == step.chosen.id or holds_as_well(t, final) and _accounts(t, final)]
+        # What was not told from it while others were missing, and does not hold beside them, is told from it now.
+        refuted = refitted - {t.id for t in trials}
+        step = replace(step, equivalent=tuple(name for name in step.equivalent if name not in refuted))
         mechanisms = by_where_they_bend([[trial] for trial in sorted(trials, key=lambda t: t.score)], bare)
         trials = simplest_first([own[0] for own in mechanisms])
         final = trials[0]
