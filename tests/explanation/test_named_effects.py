@@ -1,10 +1,13 @@
-"""jaxid/explanation/named_effects.py: which wheel a number in a parameter's name is."""
+"""jaxid/explanation/named_effects.py: which wheel a number in a parameter's name is, and what is named beside an effect."""
+
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from jaxid import DifferentialDrive, Omni, Wheel, Wheeled
+from jaxid import DifferentialDrive, Omni, Pioneer, Wheel, Wheeled
 from jaxid.effects import effect_by_id
-from jaxid.explanation.named_effects import _which_axes
+from jaxid.explanation.named_effects import _equivalent, _which_axes
 
 
 def test_the_wheels_that_parameters_count_are_called_as_the_robot_calls_them():
@@ -20,3 +23,27 @@ def test_the_wheels_that_parameters_count_are_called_as_the_robot_calls_them():
     assert _which_axes(effect_by_id(kiwi, "sensor_scale"), kiwi) == ""
     drag = effect_by_id(Omni(), "quadratic_drag", "per_axis")
     assert _which_axes(drag, Omni()) == ""
+
+
+def tried(law, left):
+    """A trial of the Pioneer with that law of an effect, which leaves so much of the held-out logs."""
+    robot = Pioneer() + law
+    return SimpleNamespace(id=law.id, effect=law, robot=robot, held_out=SimpleNamespace(normalised_rms=left))
+
+
+@pytest.mark.parametrize(("left", "jittering", "alike"), [(1.46, 1.461, True), (1.46, 1.6, False), (1.0, 1.001, False)])
+def test_a_mean_may_be_that_of_delays_which_differ_where_more_than_noise_is_left(left, jittering, alike):
+    lag = effect_by_id(Pioneer(), "sensor_lag", "moving_average_per_channel")
+    trials = tried(lag, left), tried(effect_by_id(Pioneer(), "sensor_delay", "jittering"), jittering)
+    step = SimpleNamespace(chosen=trials[0], trials=trials, equivalent=())
+    found = _equivalent(lag, step, Pioneer(), SimpleNamespace(robot=trials[0].robot), False)
+    assert found == (("sensor_delay",) if alike else ())
+
+
+def test_what_has_been_added_since_is_no_other_name_of_what_was_added_before():
+    bias, drag = effect_by_id(Pioneer(), "sensor_bias"), effect_by_id(Pioneer(), "quadratic_drag")
+    trials = tried(bias, 1.0), tried(drag, 1.0)
+    step = SimpleNamespace(chosen=trials[0], trials=trials, equivalent=("quadratic_drag", "ground_slope"))
+    both = SimpleNamespace(robot=Pioneer() + bias + drag)
+    assert _equivalent(bias, step, Pioneer(), both, False) == ("ground_slope",)
+    assert _equivalent(bias, step, Pioneer(), SimpleNamespace(robot=Pioneer() + bias), False) == step.equivalent

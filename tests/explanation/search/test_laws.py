@@ -131,7 +131,9 @@ def test_where_a_curve_leads_and_leaves_more_than_noise_formulas_of_names_not_re
     """A dead zone promised less than half, since friction stands in for it from far off, and leaves only noise."""
     robot = Pioneer()
     curve = effect_by_id(robot, "traction_limit", "shape")
-    per_motor, one, shape = (effect_by_id(robot, "actuator_dead_zone", n) for n in ("per_motor", "subtractive", "shape"))
+    per_motor, one, shape = (
+        effect_by_id(robot, "actuator_dead_zone", n) for n in ("per_motor", "subtractive", "shape")
+    )
     bias, late = effect_by_id(robot, "sensor_bias"), effect_by_id(robot, "input_delay")
     zone = candidate(shape, 45.0, (candidate(per_motor, 44.0), candidate(one, 43.0)))
     likely = [candidate(curve, 100.0), zone, candidate(bias, 30.0), candidate(late, 19.0)]
@@ -166,7 +168,9 @@ def test_every_formula_that_is_worth_a_refit_is_tried_before_one_is_said_to_be_t
     (found,) = with_all_its_formulas([best], screened, refits)
     assert asked == [exponential] and found[0].law == "exponential"
     asked.clear()
-    with_all_its_formulas([[trial(robot, tried, 200.0)]], screened, refits)  # more is missing: the next name is looked for
+    with_all_its_formulas(
+        [[trial(robot, tried, 200.0)]], screened, refits
+    )  # more is missing: the next name is looked for
     assert not asked
 
 

@@ -167,6 +167,26 @@ def test_the_name_that_a_rival_takes_the_place_of_is_looked_at_by_its_other_laws
     assert {steps[0].chosen.id, *steps[0].equivalent} == {"sensor_delay", "input_delay"}
 
 
+def test_what_was_not_told_from_a_name_while_others_were_missing_is_asked_again():
+    """A drag was as good as the delay while the dead zone was missing; beside it, it is not."""
+    logs, held_out = driven(lambda u: np.where(np.abs(late(u)) > 0.5, late(u) - 0.5 * np.sign(late(u)), 0.0), SEED)
+    noise, step, _ = found_of(logs, held_out)
+    base, zone = step.before, step.chosen
+
+    def with_one_more(before, identifier):
+        robot = before.robot + effect_by_id(before.robot, identifier)
+        known = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+        known |= {n: 0.04 if "delay" in n else 0.1 for n in known if n.startswith(identifier)}
+        return refit(robot, [known], logs, held_out, noise, before.initial_states)
+
+    delay, drag = with_one_more(base, "sensor_delay"), with_one_more(base, "quadratic_drag")
+    final = replace(with_one_more(zone, "sensor_delay"), id="actuator_dead_zone")
+    first = Step((delay, replace(drag, squares=delay.squares)), ("quadratic_drag",), (), base, delay, (delay,))
+    second = replace(step, trials=(zone,), before=delay)
+    steps, _ = reconsidered([first, second], final, base, logs, held_out, noise, lambda message: None)
+    assert steps[0].chosen.id == "sensor_delay" and "quadratic_drag" not in steps[0].equivalent
+
+
 @pytest.mark.slow
 def test_laws_that_what_is_in_the_model_refuses_are_not_tried_again():
     """A delay, and later a lag of the sensor: stamps that are early stand beside no lag."""
