@@ -94,8 +94,8 @@ def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit, by_chance: 
 
 
 def _on_average(effect: Effect, step: Step, robot: Robot) -> tuple[str, ...]:
-    """The refitted delays that differ from sample to sample of which the effect is the mean, where more than noise is left: what
-    tells the two apart on the fitted logs is how these delays happened to come out."""
+    """The refitted delays that differ from sample to sample of which the effect is the mean, where more than noise is left:
+    what tells the two apart on the fitted logs is how these delays happened to come out."""
     left = step.chosen.held_out.normalised_rms
     if step.chosen.id != effect.id or left < current_policy().small:
         return ()

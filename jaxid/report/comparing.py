@@ -50,8 +50,8 @@ def _fitted_start(fit: Fit, logs: LogSet) -> dict[str, np.ndarray] | None:
 
 
 def _on_the_outputs_clock(fit: Fit, logs: LogSet, outputs: list[np.ndarray], fitted: bool) -> list[np.ndarray]:
-    """Simulated outputs [T, channels] as the outputs' clock shows them, where the fit found that of the inputs ahead of it: each
-    `fitted` log by its own offset, others by the mean."""
+    """Simulated outputs [T, channels] as the outputs' clock shows them, where the fit found that of the inputs ahead of it:
+    each `fitted` log by its own offset, others by the mean."""
     if not fit.clock_offsets:
         return outputs
     found = []
@@ -114,8 +114,8 @@ def _notes(fits: Mapping[str, Fit], held_out: LogSet, fit: LogSet | None) -> tup
         notes += [f"{tab.title_of(label)}: {note}" for note in found.notes]
         if found.clock_offsets:
             notes.append(
-                f"{tab.title_of(label)} simulates held-out logs with the inputs' clock {1e3 * _mean_offset(found):.3g} ms ahead "
-                "of the outputs', as in the fitted ones on average."
+                f"{tab.title_of(label)} simulates held-out logs with the inputs' clock {1e3 * _mean_offset(found):.3g} ms "
+                "ahead of the outputs', as in the fitted ones on average."
             )
     robot = next(iter(fits.values())).robot
     windows = [found.window for found in fits.values() if found.window is not None]
