@@ -153,16 +153,21 @@ def with_its_other_laws(
 def with_all_its_formulas(
     mechanisms: Sequence[Sequence[Trial]], screened: Sequence[Candidate], refits: Refits
 ) -> list[list[Trial]]:
-    """The mechanisms, with the first one, whose formula leaves only noise, by those besides that promised as much as makes a
-    formula worth a refit, however many: it is said by which laws an effect may act, and one that was not tried is not said."""
+    """The mechanisms, with the first one, whose formula leaves only noise, by those besides of no more parameters that promised
+    as much as makes a formula worth a refit, however many: it is said by which laws an effect may act, and one that was not
+    tried is not said."""
     found = [list(own) for own in mechanisms]
     leading = found[0]
-    if leading[0].law == SHAPE or not leading[0].fitted.adequate:
+    best = leading[0].effect
+    if best is None or leading[0].law == SHAPE or not leading[0].fitted.adequate:
         return found
-    tried = {trial.law for trial in leading}
+    tried, robot = {trial.law for trial in leading}, leading[0].robot
     own = [law for c in screened for law in (c, *c.laws) if law.effect.id == leading[0].id and law.effect.law != SHAPE]
-    least = current_policy().formula * max((law.gain for law in own), default=0.0)
-    others = [law for law in own if law.effect.law not in tried and law.gain > max(least, 0.0)]
+    least = max(current_policy().formula * max((law.gain for law in own), default=0.0), 0.0)
+    count = len(best.parameters(robot))
+    others = [
+        c for c in own if c.effect.law not in tried and c.gain > least and len(c.effect.parameters(robot)) <= count
+    ]
     if others:
         found[0] = best_first([*leading, *refits(others)])
     return found
