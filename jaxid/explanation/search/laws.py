@@ -137,37 +137,20 @@ def with_its_other_laws(
 ) -> list[list[Trial]]:
     """The mechanisms, with all that the first one has of other laws where none of those tried leaves only noise: what one
     promised beside another, to first order from a model far off, says little, and the next question would be what else is
-    missing."""
+    missing. Where a formula does, with those of no more parameters that promised as much as makes one worth a refit: it is said
+    by which laws an effect may act, and one that was not tried is not said."""
     found = [list(own) for own in mechanisms]
     leading = found[0]
-    if leading[0].fitted.adequate:
-        return found
-    tried = {trial.law for trial in leading}
-    laws = [law for candidate in screened for law in (candidate, *candidate.laws)]
-    others = [law for law in laws if law.effect.id == leading[0].id and law.effect.law not in tried and law.gain > 0]
-    if others:
-        found[0] = best_first([*leading, *refits(others)])
-    return found
-
-
-def with_all_its_formulas(
-    mechanisms: Sequence[Sequence[Trial]], screened: Sequence[Candidate], refits: Refits
-) -> list[list[Trial]]:
-    """The mechanisms, with the first one, whose formula leaves only noise, by those besides of no more parameters that promised
-    as much as makes a formula worth a refit, however many: it is said by which laws an effect may act, and one that was not
-    tried is not said."""
-    found = [list(own) for own in mechanisms]
-    leading = found[0]
-    best = leading[0].effect
-    if best is None or leading[0].law == SHAPE or not leading[0].fitted.adequate:
-        return found
-    tried, robot = {trial.law for trial in leading}, leading[0].robot
-    own = [law for c in screened for law in (c, *c.laws) if law.effect.id == leading[0].id and law.effect.law != SHAPE]
-    least = max(current_policy().formula * max((law.gain for law in own), default=0.0), 0.0)
-    count = len(best.parameters(robot))
-    others = [
-        c for c in own if c.effect.law not in tried and c.gain > least and len(c.effect.parameters(robot)) <= count
-    ]
+    best, tried = leading[0], {trial.law for trial in leading}
+    every = [law for c in screened for law in (c, *c.laws) if law.effect.id == best.id]
+    others = [law for law in every if law.effect.law not in tried and law.gain > 0]
+    if best.fitted.adequate:
+        if best.effect is None or best.law == SHAPE:
+            return found
+        formulas = [law.gain for law in every if law.effect.law != SHAPE]
+        least, count = current_policy().formula * max(formulas, default=0.0), len(best.effect.parameters(best.robot))
+        others = [law for law in others if law.effect.law != SHAPE and law.gain > least]
+        others = [law for law in others if len(law.effect.parameters(best.robot)) <= count]
     if others:
         found[0] = best_first([*leading, *refits(others)])
     return found
@@ -184,21 +167,13 @@ def with_formulas_of_others(
     if best.law != SHAPE or best.fitted.adequate:
         return found
     there, least = {own[0].id for own in found}, policy.promising * likely[0].gain
-    formulas: dict[str, list[Candidate]] = {}
+    further: list[Candidate] = []
     for candidate in likely:
         own = [law for law in (candidate, *candidate.laws) if law.effect.law != SHAPE and law.gain >= least]
         if own and candidate.effect.id not in there and not candidate.effect.repeats:
-            formulas[candidate.effect.id] = own
-    further = [own[0] for own in formulas.values()][: policy.most_refits]
-    tried = refits(further) if further else []
-    leading = min(tried, key=lambda trial: trial.score, default=best)
-    others = []
-    if leading.score < best.score:
-        first, *rest = formulas[leading.id]
-        others = [law for law in rest if law.gain > policy.formula * first.gain]
-    mine = refits(others) if others else []
-    found += [best_first([trial, *mine]) if trial is leading else [trial] for trial in tried]
-    return sorted(found, key=lambda own: own[0].score)
+            further.append(own[0])
+    tried = refits(further[: policy.most_refits]) if further else []
+    return sorted([*found, *([trial] for trial in tried)], key=lambda own: own[0].score)
 
 
 def rather_of(trial: Trial) -> str | None:

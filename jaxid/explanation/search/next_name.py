@@ -21,7 +21,6 @@ from .laws import (
     best_first,
     by_law,
     by_where_they_bend,
-    with_all_its_formulas,
     with_formulas_of_others,
     with_its_other_laws,
     with_the_same_curves,
@@ -142,7 +141,7 @@ def name_next(
     mechanisms = with_what_it_rather_is(mechanisms, screened, added, lambda trial: densest(trial, again))
     mechanisms = with_formulas_of_others(by_where_they_bend(mechanisms, base), likely, added)
     mechanisms = with_its_other_laws(mechanisms, screened, added)
-    mechanisms = with_the_same_law(with_all_its_formulas(mechanisms, screened, added), screened, added)
+    mechanisms = with_the_same_law(mechanisms, screened, added)
     mechanisms = from_the_best(mechanisms, screened, logs, held_out, noise, say)
     mechanisms = by_what_holds(mechanisms, base)
     trials = [own[0] for own in mechanisms]
