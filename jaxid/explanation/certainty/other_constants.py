@@ -11,7 +11,8 @@ import numpy as np
 from ...estimate.result import Fit
 from ...logs import LogSet
 from ..refits.refit import Trial
-from ..search.table_constants import BELIEVABLE, Shares, known_constants, measure, secants_of, small_steps
+from ..search.constants_to_first_order import known_constants, measure, secants_of, small_steps
+from ..search.table_constants import BELIEVABLE, Shares
 
 _LIKELIER = 25.0
 """Drop of chi-squared from which a constant is likelier wrong than right, whichever of a dozen it is: 5 standard errors."""

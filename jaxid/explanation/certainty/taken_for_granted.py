@@ -11,7 +11,7 @@ import numpy as np
 
 from ...estimate.result import Fit
 from ...logs import LogSet
-from ..search.table_constants import known_constants, measure, secants_of, small_steps
+from ..search.constants_to_first_order import known_constants, measure, secants_of, small_steps
 
 _STEP = 1e-8
 """Share of a number by which it is moved: beside hardly any noise, what larger steps bend, or shift of when a robot comes to

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from ...robots.effect import Effect, in_words
 from ...robots.robot import Robot
-from .table_constants import Shares, known_constants
+from .constants_to_first_order import known_constants
+from .table_constants import Shares
 
 
 def by_how_much(name: str, share: float, robot: Robot) -> str:
