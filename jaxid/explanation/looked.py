@@ -23,8 +23,9 @@ from .refits.held_parameters import settled, with_parameters_held
 from .refits.near_side import begun_on_the_near_side
 from .refits.prescribed_angles import predicted
 from .refits.refit import Trial, in_full
+from .search.at_the_same_place import by_others_at_the_same_place
 from .search.by_chance import by_chance
-from .search.needed import only_needed
+from .search.needed import only_needed, unsure_of
 from .search.reconsider import by_its_curve
 from .search.search import search
 from .search.steps import Search
@@ -89,6 +90,11 @@ def looked(asked: Asked, logs: LogSet, held_out: LogSet, whole: LogSet) -> Looke
     final = finished(ended)
     after = left_by(final)
     found, final, after = only_needed(found, final, after, fit, held_out, finished, report)
+    if after.adequate and found.final and len(found.steps) > 1 and (unsure := unsure_of(found, fit, final)):
+        anew = by_others_at_the_same_place(found, unsure, asked.effects, logs, held_out, report)
+        if anew.final is not None and anew.final is not found.final:
+            found, final = anew, finished(anew.final)
+            after = left_by(final)
     if found.final and not (_all_sure(found, fit, final) and settled(final)):
         held = with_parameters_held(found.final, logs, held_out, noise, report)
         if held is not found.final:

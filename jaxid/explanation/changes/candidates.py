@@ -14,11 +14,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ...effects import catalogue
+from ...effects.actuator.drives import drive_names, one_torque_each
 from ...effects.own_parameter import OwnParameter
 from ...robots.effect import Effect, in_words
 from ...robots.robot import Robot
 from ...robots.traits import axes_in_words, refusal
-from .differences import CommandGain, DryShare, ViscousShare
+from .differences import CommandGain, DryShare, TorqueShare, ViscousShare
 
 Side = Literal["before", "after"]
 Numbers = Mapping[str, float]
@@ -107,6 +108,31 @@ def _one_side(robot: Robot, mismatch: str, sign: float) -> Move:
     return move
 
 
+def _all_radii(load: Sequence[str]) -> Candidate:
+    """All wheels are larger by a share, and speeds that their turns tell are still made of the old radius: the robot then has
+    the square of it more of what drive forces move (mass and inertia, the `load`)."""
+    name = "radius_of_all_wheels"
+
+    def move(numbers: Numbers, d: Float[np.ndarray, " k"]) -> dict[str, float]:
+        return {own: numbers[own] * (1.0 + float(d[0])) ** 2 for own in load}
+
+    return Candidate(name, "radius of all wheels (speeds by encoders)", (Coordinate(name, "", 1.0),), move)
+
+
+def _drives(robot: Robot) -> list[Candidate]:
+    """The torque of each of several drives: one gear that is worn, one motor that is hot."""
+    drives, axes = drive_names(robot), robot.drive_axes
+    if len(drives) < 2 or refusal(TorqueShare(), robot) is not None or not one_torque_each(robot):
+        return []
+    words = axes_in_words(robot) if len(axes) == len(drives) else [in_words(name) for name in drives]
+    found = []
+    for i, word in enumerate(words):
+        name = f"drive_of_{word.removeprefix('the ').replace(' ', '_')}"
+        effect = TorqueShare(of=i).standing_as(f"{name}.{TorqueShare.id}")
+        found.append(_of_effects(robot, name, f"drive torque of {word}", [effect]))
+    return found
+
+
 def _friction(robot: Robot, identifier: str, title: str, groups: Sequence[Sequence[int]]) -> Candidate | None:
     """Coulomb and viscous friction of each of the `groups` of axes, by shares of its own."""
     parts: list[Effect] = []
@@ -141,6 +167,8 @@ def _causes(robot: Robot) -> list[Candidate]:
         found.append(replace(mass, usual=len(load) == 1))
     if len(load) > 1:
         found.append(replace(_of_parameters(robot, "payload", "payload", load[:2]), usual=True))
+        if robot.drive_axes and set(robot.velocities) <= set(robot.channels.outputs):
+            found.append(_all_radii(load[:2]))
     if len(load) > 2:
         found.append(_of_parameters(robot, "payload_off_centre", "payload, and where it lies", load))
     gain = CommandGain()
@@ -152,6 +180,7 @@ def _causes(robot: Robot) -> list[Candidate]:
             name = f"radius_of_{side.replace(' ', '_')}"
             move = _one_side(robot, mismatch[0], sign)
             found.append(Candidate(name, f"radius of the {side}", (Coordinate(name, "", 1.0),), move))
+    found += _drives(robot)
     axes = robot.drive_axes
     every = _friction(robot, "friction", "friction of all drive axes", [axes]) if axes else None
     found += [replace(every, usual=True)] if every else []

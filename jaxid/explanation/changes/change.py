@@ -28,7 +28,7 @@ def number_in_words(name: str, identifier: str, title: str) -> str:
         # Of each axis by itself: the name says which, from 1 on.
         axis = effect.split(".")[0].removeprefix(identifier).removeprefix("_")
         return f"{kind} {title.replace('each drive axis', f'drive axis {axis}') if axis else title}"
-    if effect == identifier and own == "gain":
+    if (effect == identifier and own == "gain") or name == f"{identifier}.drive_torque.torque":
         return title
     return own.replace("_", " ") if effect == identifier else f"{own.replace('_', ' ')} of {in_words(effect)}"
 

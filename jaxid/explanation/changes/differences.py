@@ -64,3 +64,22 @@ class ViscousShare(Effect):
     def viscous(self, resistance: Scalars, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         factor = 1.0 + p[self.key("viscous")]
         return tuple(r * factor if i in self.axes else r for i, r in enumerate(resistance))
+
+
+@dataclass(frozen=True)
+class TorqueShare(Effect):
+    """The drive torque `of` one drive is larger by a share, and what its back-EMF takes of it as well: a gear that loses less,
+    a winding of less resistance."""
+
+    of: int = 0
+
+    id: ClassVar[str] = "drive_torque"
+    where: ClassVar[str] = "drivetrain"
+    formula: ClassVar[str] = "torque' = (1 + torque) torque"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return share(self, "torque")
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        factor = 1.0 + p[self.key("torque")]
+        return tuple(t * factor if i == self.of else t for i, t in enumerate(torques))

@@ -35,7 +35,7 @@ def _between_samples(effect: Effect, own: Mapping[str, Estimate], step: Step) ->
     return flat and edge and apart and likelier(step.before, step.after, 1)
 
 
-def _spare(found: Search, baseline: Fit, final: Fit) -> list[str]:
+def unsure_of(found: Search, baseline: Fit, final: Fit) -> list[str]:
     """The ids of the added effects that the final fit is not sure of, none where it is not sure of any."""
     steps = {step.chosen.id: step for step in found.steps}
     added = [effect for effect in final.robot.effects if effect.id in steps]
@@ -61,7 +61,7 @@ def only_needed(
         ((identifier, step),) = steps.items()
         needed = clearly_better(after, step.before.held_out) and clearly_better(step.after.fitted, step.before.fitted)
         found = replace(found, needed=(identifier,)) if needed else found
-    for identifier in _spare(found, baseline, final):
+    for identifier in unsure_of(found, baseline, final):
         if found.final is None:
             break
         say(f"fitting again without {identifier}, which may as well be none")
