@@ -45,7 +45,8 @@ def all_added(
         if not (trial.squares < base.squares or candidate.effect.repeats):
             # Worse than without the effect: where the logs do not tell its parameters one by one, a first guess may be far off.
             own = f"{candidate.effect.id}."
-            near = {name: _NEAR * value for name, value in candidate.starts[0].items() if name.startswith(own)}
+            table = robot.parameters
+            near = {n: table[n].inside(_NEAR * x) for n, x in candidate.starts[0].items() if n.startswith(own)}
             again = refit(robot, [near], logs, held_out, noise, states, FEW_STEPS, rival, base.angles)
             trial = again if again.score < trial.score else trial
         trials.append(trial)

@@ -188,7 +188,7 @@ def refit(
     for start in starts:
         for weaker in _WEAKER if len(starts) > 1 else (1.0,):
             values = {**known, **start}
-            values |= {name: weaker * values[name] for name in own}
+            values |= {name: robot.parameters[name].inside(weaker * values[name]) for name in own}
             z = problem.bounds.coordinates(array([values[name] for name in structure.names]))
             tried.append(minimise_compiled(structure, problem, Unknowns(z, states), max_steps=first_steps))
             if np.isfinite(tried[-1].cost) and not bool(tried[-1].diverged):

@@ -34,3 +34,26 @@ def test_a_first_guess_that_leads_astray_does_not_lose_the_effect(monkeypatch, a
     assert trial.squares == kept
     assert [[sorted(start) for start in own] for own in starts[1:]] == [[["sensor_scale.error_v"]]] * len(then)
     assert all(abs(start["sensor_scale.error_v"]) < 0.02 for own in starts[1:] for start in own)
+
+
+def test_a_small_share_of_a_first_guess_stays_within_bounds(monkeypatch, axis_log):
+    """An exponent of one hundredth is none that friction has: it was handed to the refit, which stopped all of it."""
+    starts = []
+
+    def refit(robot, given, *rest):
+        starts.append(given)
+        return SimpleNamespace(squares=2e3, score=2e3)
+
+    monkeypatch.setattr(under_test, "refit", refit)
+    monkeypatch.setattr(under_test, "compile_refits", lambda *given: None)
+    robot = Axis()
+    effect = effect_by_id(robot, "sublinear_viscous_friction", "power")
+    guess = {"sublinear_viscous_friction.size": 3.0, "sublinear_viscous_friction.exponent": 0.5}
+    candidate = Candidate(effect, 1.0, 1.0, (guess,), np.zeros(0, np.float32))
+    near = SimpleNamespace(normalised_rms=1.0)
+    base = SimpleNamespace(robot=robot, squares=1e3, initial_states={}, angles=None, fitted=near)
+    logs = LogSet([axis_log("run", np.ones(20))])
+    under_test.all_added(base, [candidate], logs, logs, {}, lambda text: None)
+    (again,) = starts[-1]
+    lowest = (robot + effect).parameters["sublinear_viscous_friction.exponent"].lower
+    assert again == {"sublinear_viscous_friction.size": 0.03, "sublinear_viscous_friction.exponent": lowest}
