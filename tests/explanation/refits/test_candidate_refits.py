@@ -47,13 +47,12 @@ def test_a_small_share_of_a_first_guess_stays_within_bounds(monkeypatch, axis_lo
     monkeypatch.setattr(under_test, "refit", refit)
     monkeypatch.setattr(under_test, "compile_refits", lambda *given: None)
     robot = Axis()
-    effect = effect_by_id(robot, "sublinear_viscous_friction", "power")
-    guess = {"sublinear_viscous_friction.size": 3.0, "sublinear_viscous_friction.exponent": 0.5}
+    effect = effect_by_id(robot, "load_dependent_friction", "power_of_torque")
+    guess = {"load_dependent_friction.share": 0.3, "load_dependent_friction.exponent": 1.0}
     candidate = Candidate(effect, 1.0, 1.0, (guess,), np.zeros(0, np.float32))
     near = SimpleNamespace(normalised_rms=1.0)
     base = SimpleNamespace(robot=robot, squares=1e3, initial_states={}, angles=None, fitted=near)
     logs = LogSet([axis_log("run", np.ones(20))])
     under_test.all_added(base, [candidate], logs, logs, {}, lambda text: None)
     (again,) = starts[-1]
-    lowest = (robot + effect).parameters["sublinear_viscous_friction.exponent"].lower
-    assert again == {"sublinear_viscous_friction.size": 0.03, "sublinear_viscous_friction.exponent": lowest}
+    assert again == {"load_dependent_friction.share": 0.003, "load_dependent_friction.exponent": 0.5}
