@@ -35,6 +35,11 @@ from .worth import coarseness, in_the_running, least_gain, undone, worth_it
 
 _MOST_ALIKE = 4
 _FIRST_TRIALS = 2
+_FAR = 10.0
+"""Times the noise from which a residual is no first order of what is missing: a curve then bends on its way to the optimum, and
+what a formula comes to is another matter."""
+_FORMULAS = 2
+"""Formulas of a mechanism that are then refitted beside its curve."""
 _FROM_COLOUR = 2
 """Most candidates that are refitted only because they explain the whitened residual."""
 
@@ -55,6 +60,14 @@ def _different(likely: Sequence[Candidate]) -> list[Candidate]:
         if not any(candidate.like(other) for other in chosen):
             chosen.append(candidate)
     return chosen + [candidate for candidate in prescribed if candidate.gain >= policy.promising * likely[0].gain]
+
+
+def _formulas_of(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Of every mechanism that promised most by its curve the formulas that promise most."""
+    formulas = [
+        [law for law in c.laws if law.effect.law != SHAPE and law.gain > 0] for c in candidates if c.effect.law == SHAPE
+    ]
+    return [law for own in formulas for law in sorted(own, key=lambda law: -law.gain)[:_FORMULAS]]
 
 
 def _best(candidates: Sequence[Candidate], trials: Sequence[Trial]) -> tuple[Candidate, Trial]:
@@ -110,6 +123,9 @@ def name_next(
     alike_to_it = [c for c in likely if c not in shortlist and (c.gain >= as_much or any(c.like(own) for own in led))]
     alike_to_it = alike_to_it[:_MOST_ALIKE]
     trials += all_added(base, alike_to_it, logs, held_out, noise, say)
+    if base.fitted.normalised_rms > _FAR:
+        plain = all_added(base, _formulas_of([*shortlist, *alike_to_it]), logs, held_out, noise, say)
+        trials = [min((t, *(p for p in plain if p.id == t.id)), key=lambda one: one.score) for t in trials]
     best, near = min(trials, key=lambda t: t.score), in_the_running(trials, base)
     promising = base.fitted.normalised_rms - best.fitted.normalised_rms > 0.5 * least_gain(base, first)
 
