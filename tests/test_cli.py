@@ -216,6 +216,34 @@ def test_own_robot(jaxid, axis_logs, tmp_path, monkeypatch, attribute, name):
     assert np.std(error) == pytest.approx(NOISE, rel=0.2)
 
 
+TOPPLES = """from jaxid import Channels, Custom, Parameter, ParameterTable
+leaning = Custom(
+    dynamics=lambda s, u, p: {"angle": p["a"] * s["angle"] + u["push"]},
+    state_names=("angle",),
+    own_channels=Channels(("push",), ("angle",), units={"push": "rad/s", "angle": "rad"}),
+    table=ParameterTable({"a": Parameter(3.0, "1/s", free=True)}),
+)
+"""
+
+
+def test_a_free_simulation_of_what_topples_says_so(jaxid, tmp_path, monkeypatch):
+    """A controller holds what would fall: its record is no promise that the model by itself follows it."""
+    monkeypatch.chdir(tmp_path)
+    Path("topples.py").write_text(TOPPLES)
+    rng, angle, rows = np.random.default_rng(3), 0.02, []
+    for k in range(400):
+        push = -6.0 * (angle - 0.1 * np.sin(0.05 * k)) + 0.2 * rng.normal()
+        rows.append((0.02 * k, push, angle + 0.001 * rng.normal()))
+        angle = angle * np.exp(0.06) + push / 3.0 * np.expm1(0.06)
+    pd.DataFrame(rows, columns=["t", "push", "angle"]).to_csv("held.csv", index=False)
+    Path("model.toml").write_text("[parameters.a]\nvalue = 3.0\n")
+    code, _, remarks = jaxid(
+        "simulate", "topples:leaning", "--log", "held.csv", "--model", "model.toml", "--out", "p.csv"
+    )
+    assert code == 0 and "errors double every 0.23 s" in remarks and "says nothing" in remarks
+    assert len(pd.read_csv("p.csv")) == 400
+
+
 def test_the_version_is_that_of_the_package(jaxid):
     stated = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]["version"]
     assert jaxid("--version") == (0, f"jaxid {stated}\n", "")

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from .._atomic import replacing
+from ..estimate.output_error.predictability import predictability
 from ..logs import LogSet, read_logs
 from ..logs.files import named_files
 from ..logs.read import read_planned
@@ -47,6 +48,9 @@ def run_simulate(
             f"The simulation of {only.name} diverges ({only.channels.measured[j]!r} at sample {k}); check the numbers "
             f"in {model}."
         )
+    foretold = predictability(robot, logs) if planned is None else None
+    if foretold is not None and foretold.kind == "unstable" and foretold.horizon < only.duration:
+        say(f"warning: {foretold.sentence}. What is written is that free simulation.", "yellow")
     columns = {"t": only.time} | {name: only.input(name) for name in only.channels.inputs}
     columns |= {name: outputs[:, j] for j, name in enumerate(only.channels.measured)}
     with replacing(out) as temporary:
