@@ -51,11 +51,11 @@ from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .policy import Policy, current_policy, keeps_policy
 from .search.in_some_logs import in_some_of, sorted_logs, unsorted
-from .search.reconsider import as_in_the_end
+from .search.reconsider import as_in_the_end, as_it_stands_without
 from .search.said_of_constants import built_in, found_wrong, in_a_sentence
 from .search.search import MOST_EFFECTS
 from .search.steps import Search
-from .search.table_constants import Shares, constants_as_well, constants_like
+from .search.table_constants import Shares, constants_as_well, constants_in_the_end, constants_like
 from .search.telling_apart import same_but_later, supersets
 from .smooth_friction import smoothed_friction
 from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
@@ -274,13 +274,17 @@ def explain(
             bare, with_it = as_in_the_end(step, found, logs, held_out)
             table = effect.id == TableConstants.id
             wrong = (constants_as_well if table else constants_like)(bare, with_it, logs, held_out)
+            late = not (table or wrong)
+            if late and found.final is not None:
+                own = (effect.id, found.final, found.steps[0].before, logs, held_out, found.before.noise)
+                wrong = constants_in_the_end(as_it_stands_without(*own), replace(own[1], id=own[0]), logs, held_out)
             if table:
                 as_well = [one.shares for one in wrong]
             else:
                 constants[effect.id] = [one.shares for one in wrong]
-            if last:
+            if last or late:
                 others = {f"it is a wrong {' and '.join(one.shares)}": one.robot for one in wrong}
-                if not table:
+                if last and not table:
                     # Where another name was found better later on, the step's laws are not this effect's.
                     others |= by_law(effect, step) if step.after.id == effect.id else {}
             if found.final is not None:

@@ -17,7 +17,9 @@ from ...logs.windows import Windows
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ...robots.traits import refusal
-from ..refits.refit import Trial, refit_from_itself
+from ..policy import current_policy
+from ..refits.refit import Trial, continued, refit_from_itself
+from .constants_from_the_end import models_from_the_end
 from .constants_to_first_order import MOST_SETS, TOGETHER, best_of, beyond, known_constants, likely, secants_of
 from .telling_apart import told_apart_from
 
@@ -90,6 +92,28 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
             break
         # What those would have to be wrong by too much for, others may do by less.
         columns = {name: column for name, column in columns.items() if name not in too_far}
+    return found
+
+
+def constants_in_the_end(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Wrong]:
+    """The same, asked of the finished model: constants that promise where all else is right to do what the effect of `after`
+    does. `before` is that model without it, its numbers as they are."""
+    freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
+    constants = [name for name in known_constants(before.robot) if name not in freed]
+    if not constants or after.angles or after.fitted.diverged or isinstance(logs, Windows):
+        return []
+    noise, found = before.held_out.noise, list[Wrong]()
+    for chosen, robot in models_from_the_end(before, after, constants, noise, logs):
+        if found and len(chosen) > len(found[0].shares):
+            break
+        trial = continued(refit_from_itself(robot, after, logs, held_out, noise), logs, held_out, noise)
+        shares = changed_by(chosen, before.robot, trial.robot.parameters)
+        needed = min(map(abs, shares.values())) > _NONE and not _too_far(shares, before.robot)
+        # With fewer numbers hardly anything is left either: what more of them gain may be a robot that is no model.
+        left = max(trial.fitted.normalised_rms, trial.held_out.normalised_rms)
+        enough = trial.free < after.free and left < current_policy().coarse_law
+        if needed and (enough or not told_apart_from(after, trial)):
+            found.append(Wrong(shares, trial.robot))
     return found
 
 
