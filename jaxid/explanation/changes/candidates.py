@@ -45,7 +45,8 @@ class Candidate:
 
     `effects` are what the robot has to carry for it (absent while their parameters are zero); `move` gives the numbers of the
     `side` that differs when the `coordinates` have certain values, from those that both sides share. `start` are values to
-    begin a refit from, `parts` the two that it joins. `usual`: what changes on any robot from one day to the next.
+    begin a refit from, `parts` the two that it joins. `usual`: what changes on any robot from one day to the next. `as_well_as`
+    is the id of another with more numbers, for some of whose sizes it may stand.
     """
 
     id: str
@@ -57,6 +58,7 @@ class Candidate:
     start: tuple[float, ...] = ()
     parts: tuple["Candidate", ...] = ()
     usual: bool = False
+    as_well_as: str = ""
 
     @property
     def is_usual(self) -> bool:
@@ -168,7 +170,7 @@ def _causes(robot: Robot) -> list[Candidate]:
     if len(load) > 1:
         found.append(replace(_of_parameters(robot, "payload", "payload", load[:2]), usual=True))
         if robot.drive_axes and set(robot.velocities) <= set(robot.channels.outputs):
-            found.append(_all_radii(load[:2]))
+            found.append(replace(_all_radii(load[:2]), as_well_as="payload"))
     if len(load) > 2:
         found.append(_of_parameters(robot, "payload_off_centre", "payload, and where it lies", load))
     gain = CommandGain()

@@ -147,7 +147,7 @@ def each_once(trials: Iterable[Trial]) -> list[Trial]:
 
 def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
     """The best and those that the data cannot tell from it, the simplest first, of equally simple ones the usual; none that
-    says the same with more numbers, but for a usual one beside what is none. Of `poor` models, which lack what both sets have,
+    says the same with more numbers, but for what one does `as_well_as`. Of `poor` models, which lack what both sets have,
     those that explain nearly as much of what `null` leaves are as good."""
     best = trials[0]
     nearly = _NEARLY * (null.squares - best.joint.squares) if poor else 0.0
@@ -162,8 +162,8 @@ def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
     kept: list[Trial] = []
     for trial in near:
         simpler = (own for own in kept if len(own.joint.delta) < len(trial.joint.delta))
-        usual = trial.score.candidate.is_usual
-        if not any(_says_the_same(own, trial) for own in simpler if own.score.candidate.is_usual or not usual):
+        simpler = (own for own in simpler if own.score.candidate.as_well_as != trial.score.candidate.id)
+        if not any(_says_the_same(own, trial) for own in simpler):
             kept.append(trial)
     return kept
 

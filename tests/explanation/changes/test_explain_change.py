@@ -330,6 +330,12 @@ def test_candidates_call_wheels_and_axes_as_everything_else_does():
             "Coulomb friction of the right wheel",
         ),
         (
+            "drive_of_left_wheel.drive_torque.torque",
+            "drive_of_left_wheel",
+            "drive torque of the left wheel",
+            "drive torque of the left wheel",
+        ),
+        (
             "friction_of_each_2.viscous_friction.viscous",
             "friction_of_each",
             "friction of each drive axis",

@@ -7,11 +7,11 @@ import numpy as np
 from jaxid.explanation.changes.trials import each_once, simplest_first
 
 
-def trial(name, squares, count, seed, usual=False):
+def trial(name, squares, count, seed, usual=False, as_well_as=""):
     residual = np.random.default_rng(seed).normal(size=(2000, 1))
     residual *= np.sqrt(squares / np.sum(residual**2))
     joint = SimpleNamespace(squares=squares, delta=np.zeros(count))
-    score = SimpleNamespace(candidate=SimpleNamespace(is_usual=usual))
+    score = SimpleNamespace(candidate=SimpleNamespace(id=name, is_usual=usual, as_well_as=as_well_as))
     return SimpleNamespace(name=name, joint=joint, total=squares, compared=[residual], score=score)
 
 
@@ -30,6 +30,14 @@ def test_of_equally_simple_ones_the_usual_comes_first():
     null = SimpleNamespace(squares=2000.0)
     assert [t.name for t in simplest_first(trials, null, False)] == ["another"]
     assert [t.name for t in simplest_first(trials[:2], null, False)] == ["load and battery", "gain and friction"]
+
+
+def test_a_load_stands_beside_what_may_be_taken_for_some_loads():
+    """Smaller wheels by whose turns the speeds are measured are a mass and an inertia smaller in one proportion."""
+    null = SimpleNamespace(squares=2000.0)
+    wheels, load = trial("wheels", 900.0, 1, 1, as_well_as="load"), trial("load", 899.0, 2, 1, usual=True)
+    more = trial("load off centre", 898.5, 4, 1)
+    assert [t.name for t in simplest_first([wheels, load, more], null, False)] == ["wheels", "load"]
 
 
 def test_what_was_tried_on_several_grounds_counts_once_at_its_best():
