@@ -58,7 +58,7 @@ from .search.steps import Search
 from .search.table_constants import Shares, constants_as_well, constants_in_the_end, constants_like
 from .search.telling_apart import same_but_later, supersets
 from .smooth_friction import smoothed_friction
-from .verdict import all_noise, doubted_on, doubts_of, still_doubted, verdict_of
+from .verdict import all_noise, doubted_on, doubts_of, of_another_form, still_doubted, verdict_of
 from .where.localise import localise, without_place
 
 _FREELY = "Fitted by free simulation to be explained: the windows of the first fit would have hidden what is missing."
@@ -261,6 +261,7 @@ def explain(
     # Held-out logs without a gap do not say why a fit failed; the fitted ones may.
     doubted = doubtful_logs(*recorded) if fit.failed or not nothing else doubtful_units(*recorded)
     unclear = verdict in ("named", "ambiguous") and named and not after.by_chance and not all_noise(found)
+    final = of_another_form(final, named, after) if unclear else final
     still = still_doubted(final) if unclear else ""
     constants: dict[str, list[Shares]] = {}
     as_well: list[Shares] = []

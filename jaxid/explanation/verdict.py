@@ -114,6 +114,17 @@ def verdict_of(found: Search, named: Sequence[NamedEffect], most: int, doubts: S
     return "ambiguous" if any(effect.equivalent_to for effect in named) else "named"
 
 
+def of_another_form(final: Fit, named: Sequence[NamedEffect], after: HeldOut) -> Fit:
+    """`final`, of a poor model where what was named leaves more of held-out logs than laws near the right ones would."""
+    if final.judgement is None or not final.judgement.trustworthy or not _more_than_imprecise(named, final, after):
+        return final
+    sentence = (
+        f"It leaves {after.normalised_rms:.3g} times the noise on held-out logs: what was named has another form, or more is "
+        "missing, and parameters may be off by several of their standard errors."
+    )
+    return replace(final, judgement=replace(final.judgement.doubted(sentence), better=""))
+
+
 def still_doubted(final: Fit) -> str:
     """What the residual says of the fit with all that was added, where it is poor or failed, or that it ended at no minimum;
     else empty."""

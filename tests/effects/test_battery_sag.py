@@ -157,3 +157,34 @@ def test_a_steep_drop_is_that_of_the_currents_which_it_leaves(by_duty, most):
 
             found = np.array(effect.supply((*volts,), (*((volts - emf) / p["Ra"]),), {}, p, robot)) / volts
             assert np.allclose(found, brentq(short, -1.0, 1.0 + 1e-9, xtol=1e-13), atol=2e-3)
+
+
+def test_a_supply_that_recovers_falls_with_the_sum_of_the_currents():
+    """One resistor before an RC element, of motors whose currents add up whatever their choppers' duty: by a root finder."""
+    at_once, behind, slow = 0.3, 0.2, 1.5
+    robot = Pioneer() + effect_by_id(Pioneer(), "battery_sag", "sum_with_recovery")
+    numbers = {"resistance_at_once": at_once, "resistance": behind, "time_constant": slow}
+    robot = robot.with_values(**{f"battery_sag.{name}": value for name, value in numbers.items()})
+    (effect,), p = robot.effects, robot.parameters.numbers
+    random, tried = np.random.default_rng(2), 0
+    with float64():
+        for _ in range(40):
+            volts, rates = random.uniform(-12, 12, 2), random.uniform(-15, 15, 2)
+            emf, slowly = p["KE"] * p["tr"] * rates, random.uniform(0.0, 8.0)
+            state = {"battery_sag.supply_drop": np.float64(slowly)}
+
+            def currents(share, volts=volts, emf=emf):
+                return (volts * share - emf) / p["Ra"]
+
+            def short(share, currents=currents, slowly=slowly):
+                return 12.0 - at_once * np.abs(currents(share)).sum() - behind * slowly - 12.0 * share
+
+            share = brentq(short, -1.0, 1.0 + 1e-9, xtol=1e-13)
+            if np.any(np.sign(currents(share)) != np.sign(currents(1.0))):
+                continue  # exact while no current changes its sign by it
+            tried += 1
+            found = np.array(effect.supply((*volts,), (*currents(1.0),), state, p, robot)) / volts
+            assert np.allclose(found, share, atol=1e-9)
+            (rate,) = effect.rates(state, (*currents(share),), p, robot).values()
+            assert float(rate) == pytest.approx((np.abs(currents(share)).sum() - slowly) / slow)
+    assert tried > 20

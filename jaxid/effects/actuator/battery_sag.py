@@ -54,6 +54,13 @@ def behind(r: Scalar, drop: Scalar, volts: Scalars, currents: Scalars, p: Number
     return lowered(volts, (nominal - drop + r * back) / (1.0 + r * stiff) / nominal, robot)
 
 
+def behind_sum(r: Scalar, drop: Scalar, volts: Scalars, currents: Scalars, p: Numbers, robot: Robot) -> Scalars:
+    """The same of a supply that falls with the sum of the motors' currents, while none changes its sign by it."""
+    total = over_motors(lambda k: jnp.abs(currents[k]), robot)
+    back = over_motors(lambda k: jnp.sign(currents[k]) * volts[k], robot) / p[robot.winding]
+    return lowered(volts, 1.0 - (drop + r * total) / (nominal_voltage(p, robot) + r * back), robot)
+
+
 _ROUNDS = 3
 """Times that the drop is worked out anew from the currents that it leaves."""
 _TINY = 1e-14
@@ -91,10 +98,7 @@ class SagBySum(BatterySag):
     formula: ClassVar[str] = "supply = nominal - resistance * sum(|current|)"
 
     def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
-        r, nominal, winding = p[self.key("resistance")], nominal_voltage(p, robot), p[robot.winding]
-        total = over_motors(lambda k: jnp.abs(currents[k]), robot)
-        back = over_motors(lambda k: jnp.sign(currents[k]) * volts[k], robot) / winding
-        return lowered(volts, 1.0 - r * total / (nominal + r * back), robot)
+        return behind_sum(p[self.key("resistance")], 0.0, volts, currents, p, robot)
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,24 @@ class SagWithRecovery(BatterySag):
         winding = p[robot.winding]
         watts = over_motors(lambda k: winding * currents[k] * (currents[k] - idle[k]), robot)
         return watts / nominal_voltage(p, robot)
+
+
+@dataclass(frozen=True)
+class SumWithRecovery(SagWithRecovery):
+    """The same of the motors' currents themselves, whatever the choppers' duty."""
+
+    law: ClassVar[str] = "sum_with_recovery"
+    formula: ClassVar[str] = (
+        "supply = nominal - resistance_at_once * total - drop, time_constant * d(drop)/dt = resistance * total - drop, "
+        "total = sum(|current|)"
+    )
+
+    def supply(self, volts: Scalars, currents: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        drop = p[self.key("resistance")] * state[self.own("supply_drop")]
+        return behind_sum(p[self.key("resistance_at_once")], drop, volts, currents, p, robot)
+
+    def _drawn(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> Scalar:
+        return over_motors(lambda k: jnp.abs(currents[k]), robot)
 
 
 @dataclass(frozen=True)
@@ -357,6 +379,7 @@ LAWS: tuple[Effect, ...] = (
     BatterySag(),
     SagBySum(),
     SagWithRecovery(),
+    SumWithRecovery(),
     Discharge(),
     SagOverTime(),
     SagLevellingOff(),
