@@ -171,7 +171,7 @@ def test_a_supply_that_recovers_falls_with_the_sum_of_the_currents():
         for _ in range(40):
             volts, rates = random.uniform(-12, 12, 2), random.uniform(-15, 15, 2)
             emf, slowly = p["KE"] * p["tr"] * rates, random.uniform(0.0, 8.0)
-            state = {"battery_sag.supply_drop": np.float64(slowly)}
+            state = {effect.own("supply_drop"): np.float64(slowly)}
 
             def currents(share, volts=volts, emf=emf):
                 return (volts * share - emf) / p["Ra"]
