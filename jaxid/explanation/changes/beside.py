@@ -79,7 +79,8 @@ def _beside_this(
         trials = []
         for score, joint in running:
             end = refit(pair, joint.candidate, colours, joint.theta, joint.delta, joint.states)
-            trials.append(trial_of(pair, _together(score, end), end, held_out, colours))
+            if joint.candidate is not None and joint.candidate.believable(end.delta):
+                trials.append(trial_of(pair, _together(score, end), end, held_out, colours))
         return trials
 
     view = Whitened(look.seen, colours, best.joint.residuals)

@@ -25,6 +25,8 @@ Side = Literal["before", "after"]
 Numbers = Mapping[str, float]
 EACH = "friction_of_each"
 """The candidate by which every drive axis has another friction of its own."""
+_TREAD = 0.06
+"""Share by which wear and pressure change a tyre's radius."""
 Move = Callable[[Numbers, Float[np.ndarray, " k"]], dict[str, float]]
 
 
@@ -46,7 +48,8 @@ class Candidate:
     `effects` are what the robot has to carry for it (absent while their parameters are zero); `move` gives the numbers of the
     `side` that differs when the `coordinates` have certain values, from those that both sides share. `start` are values to
     begin a refit from, `parts` the two that it joins. `usual`: what changes on any robot from one day to the next. `as_well_as`
-    is the id of another with more numbers, for some of whose sizes it may stand.
+    is the id of another with more numbers, for some of whose sizes it may stand; none of its own is beyond `most`. `beside`: it
+    is asked only beside another, since alone it is one of the catalogue's by another name.
     """
 
     id: str
@@ -59,6 +62,29 @@ class Candidate:
     parts: tuple["Candidate", ...] = ()
     usual: bool = False
     as_well_as: str = ""
+    most: float = np.inf
+    beside: bool = False
+
+    @property
+    def stands_for(self) -> frozenset[str]:
+        """The ids of what it may stand for some sizes of, or of what it joins then; none where it stands for nothing."""
+        parts = self.parts or (self,)
+        if not any(part.as_well_as for part in parts):
+            return frozenset()
+        return frozenset(part.as_well_as or part.id for part in parts)
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Its id, or those of what it joins."""
+        return frozenset(part.id for part in self.parts or (self,))
+
+    def believable(self, delta: Float[np.ndarray, " k"]) -> bool:
+        """Whether it, and what it joins, may change by as much as that."""
+        if not self.parts:
+            return bool(np.all(np.abs(delta) <= self.most))
+        first, second = self.parts
+        k = len(first.coordinates)
+        return first.believable(delta[:k]) and second.believable(delta[k:])
 
     @property
     def is_usual(self) -> bool:
@@ -118,7 +144,8 @@ def _all_radii(load: Sequence[str]) -> Candidate:
     def move(numbers: Numbers, d: Float[np.ndarray, " k"]) -> dict[str, float]:
         return {own: numbers[own] * (1.0 + float(d[0])) ** 2 for own in load}
 
-    return Candidate(name, "radius of all wheels (speeds by encoders)", (Coordinate(name, "", 1.0),), move)
+    title, coordinates = "radius of all wheels (speeds by encoders)", (Coordinate(name, "", 1.0),)
+    return Candidate(name, title, coordinates, move, as_well_as="payload", most=_TREAD)
 
 
 def _drives(robot: Robot) -> list[Candidate]:
@@ -131,7 +158,7 @@ def _drives(robot: Robot) -> list[Candidate]:
     for i, word in enumerate(words):
         name = f"drive_of_{word.removeprefix('the ').replace(' ', '_')}"
         effect = TorqueShare(of=i).standing_as(f"{name}.{TorqueShare.id}")
-        found.append(_of_effects(robot, name, f"drive torque of {word}", [effect]))
+        found.append(replace(_of_effects(robot, name, f"drive torque of {word}", [effect]), beside=True))
     return found
 
 
@@ -170,7 +197,7 @@ def _causes(robot: Robot) -> list[Candidate]:
     if len(load) > 1:
         found.append(replace(_of_parameters(robot, "payload", "payload", load[:2]), usual=True))
         if robot.drive_axes and set(robot.velocities) <= set(robot.channels.outputs):
-            found.append(replace(_all_radii(load[:2]), as_well_as="payload"))
+            found.append(_all_radii(load[:2]))
     if len(load) > 2:
         found.append(_of_parameters(robot, "payload_off_centre", "payload, and where it lies", load))
     gain = CommandGain()

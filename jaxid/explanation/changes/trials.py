@@ -72,7 +72,7 @@ def _shortlist(look: FirstLook) -> list[Score]:
     least = _PROMISING * max((score.gain for score in look.scores), default=0.0)
     kept = [s for i, s in enumerate(others[:_MOST]) if i < _ALWAYS or s.gain > least]
     kept += [s for s in sorted(others, key=lambda s: -s.in_white)[:_ALWAYS] if s not in kept]
-    return [*(score for score in look.scores if score.own), *kept]
+    return [*(score for score in look.scores if score.own and not score.candidate.beside), *kept]
 
 
 def price(pair: Pair) -> float:
@@ -127,6 +127,7 @@ def refitted(
         return replace(joint, squares=squares)
 
     trials = [trial_of(pair, score, again(old), held_out, colours) for score, old in joints]
+    trials = [trial for trial in trials if trial.score.candidate.believable(trial.joint.delta)]
     trials.sort(key=lambda trial: trial.total)
     # Of a mechanism's laws the best.
     first_of = {(t.score.candidate.id, t.score.candidate.side): t for t in reversed(trials)}
@@ -162,7 +163,7 @@ def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
     kept: list[Trial] = []
     for trial in near:
         simpler = (own for own in kept if len(own.joint.delta) < len(trial.joint.delta))
-        simpler = (own for own in simpler if own.score.candidate.as_well_as != trial.score.candidate.id)
+        simpler = (own for own in simpler if own.score.candidate.stands_for != trial.score.candidate.ids)
         if not any(_says_the_same(own, trial) for own in simpler):
             kept.append(trial)
     return kept

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from jaxid.explanation.changes.candidates import Candidate, Coordinate, both
 from jaxid.explanation.changes.trials import each_once, simplest_first
 
 
@@ -11,7 +12,7 @@ def trial(name, squares, count, seed, usual=False, as_well_as=""):
     residual = np.random.default_rng(seed).normal(size=(2000, 1))
     residual *= np.sqrt(squares / np.sum(residual**2))
     joint = SimpleNamespace(squares=squares, delta=np.zeros(count))
-    score = SimpleNamespace(candidate=SimpleNamespace(id=name, is_usual=usual, as_well_as=as_well_as))
+    score = SimpleNamespace(candidate=Candidate(name, name, (), None, usual=usual, as_well_as=as_well_as))
     return SimpleNamespace(name=name, joint=joint, total=squares, compared=[residual], score=score)
 
 
@@ -38,6 +39,17 @@ def test_a_load_stands_beside_what_may_be_taken_for_some_loads():
     wheels, load = trial("wheels", 900.0, 1, 1, as_well_as="load"), trial("load", 899.0, 2, 1, usual=True)
     more = trial("load off centre", 898.5, 4, 1)
     assert [t.name for t in simplest_first([wheels, load, more], null, False)] == ["wheels", "load"]
+
+
+def test_what_stands_for_another_does_so_beside_a_third_and_within_bounds():
+    def one(name, **options):
+        return Candidate(name, name, (Coordinate(name, "", 1.0),), lambda numbers, d: {}, **options)
+
+    wheels, load, battery = one("wheels", as_well_as="load", most=0.06), one("load"), one("battery")
+    assert wheels.stands_for == load.ids and not load.stands_for
+    assert both(battery, wheels).stands_for == both(load, battery).ids and not both(load, battery).stands_for
+    assert both(battery, wheels).believable(np.array([0.3, -0.05]))
+    assert not both(battery, wheels).believable(np.array([0.3, -0.07])) and load.believable(np.array([5.0]))
 
 
 def test_what_was_tried_on_several_grounds_counts_once_at_its_best():
