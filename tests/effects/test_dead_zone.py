@@ -55,3 +55,22 @@ def test_the_freer_form_is_either_and_what_lies_between(name):
         np.testing.assert_allclose(
             passed(effect, threshold=0.4, lingers=0.5), np.mean(both, axis=0), rtol=1e-6, atol=1e-15
         )
+
+
+def test_thresholds_that_differ_pass_what_exceeds_them_whole(double_precision):
+    """Each way its own; nothing of a command is lost once it moves, and at a threshold of zero nothing at all."""
+    robot, u = Axis(), np.array([-2.0, -0.35, -0.25, 0.0, 0.35, 0.65, 0.75, 2.0])
+    time, steps = 0.02 * np.arange(8.0), np.full(8, 0.02)
+
+    def left(effect, **values):
+        numbers = {effect.key(name): value for name, value in values.items()}
+        return effect.command(jnp.asarray(u)[:, None], time, steps, numbers, robot)[:, 0]
+
+    effect = law("unequal_thresholds")
+    np.testing.assert_allclose(
+        left(effect, threshold_forward=0.7, threshold_backward=0.3), [-2.0, -0.35, 0.0, 0.0, 0.0, 0.0, 0.75, 2.0]
+    )
+    np.testing.assert_allclose(left(effect, threshold_forward=0.0, threshold_backward=0.0), u)
+    same = left(effect, threshold_forward=0.3, threshold_backward=0.3)
+    np.testing.assert_allclose(same, left(law("threshold"), threshold=0.3))
+    assert effect.blurred.edge > effect.edge and effect.blurred.sharp == effect

@@ -74,10 +74,14 @@ class Threshold(DeadZone):
         return replace(self, edge=max(0.25 * self.edge, _SHARP))
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        threshold = p[self.key("threshold")]
+        threshold = self._threshold(inputs, p)
         wide = self.edge * threshold + 1e-9 * robot.scales.input
         passed = jnp.clip((jnp.abs(inputs) - threshold) / wide + 0.5, 0.0, 1.0)
         return on_drives(robot, inputs, inputs * passed)
+
+    def _threshold(self, inputs: Any, p: Numbers) -> Any:
+        """What a command has to exceed to pass."""
+        return p[self.key("threshold")]
 
 
 @dataclass(frozen=True)
@@ -168,6 +172,20 @@ class UnequalDeadZone(DeadZone):
 
 
 @dataclass(frozen=True)
+class UnequalThresholds(UnequalDeadZone, Threshold):
+    """Nothing is lost above a threshold, which is one for positive and another for negative commands."""
+
+    law: ClassVar[str] = "unequal_thresholds"
+    formula: ClassVar[str] = "u' = u where u > threshold_forward or u < -threshold_backward, else 0"
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        return Threshold.command(self, inputs, time, dt, p, robot)
+
+    def _threshold(self, inputs: Any, p: Numbers) -> Any:
+        return jnp.where(inputs > 0.0, p[self.key("threshold_forward")], p[self.key("threshold_backward")])
+
+
+@dataclass(frozen=True)
 class DeadZoneOfEach(DeadZone):
     """Subtractive, every motor's driver with a threshold of its own."""
 
@@ -241,6 +259,7 @@ LAWS: tuple[Effect, ...] = (
     GradualDeadZone(),
     HyperbolicDeadZone(),
     UnequalDeadZone(),
+    UnequalThresholds(),
     DeadZoneOfEach(),
     DeadZoneCurve(),
 )
