@@ -178,6 +178,12 @@ class UnequalThresholds(UnequalDeadZone, Threshold):
     law: ClassVar[str] = "unequal_thresholds"
     formula: ClassVar[str] = "u' = u where u > threshold_forward or u < -threshold_backward, else 0"
 
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        # From an edge that is far off, nothing leads to where it is.
+        names, largest = [self.key(f"threshold_{way}") for way in WAYS], seen.largest_input
+        pairs = [(s * a, s * b) for s in _SHARES for a, b in ((1.0, 1.0), (1.0, 0.5), (0.5, 1.0))]
+        return tuple(Probe({n: share * largest for n, share in zip(names, pair, strict=True)}) for pair in pairs)
+
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         return Threshold.command(self, inputs, time, dt, p, robot)
 

@@ -4,10 +4,11 @@ Standard errors say how well the logs determine a parameter where the table is r
 known to better than a per cent, and beside a curve of what the motors lose, say, nothing else tells how strong they are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...estimate.result import Fit
 from ...logs import LogSet
@@ -19,13 +20,14 @@ rest, would pass for something that shows."""
 _OFF = 0.01
 """Share of its value by which a constant is off that is asked about."""
 _SHOWN = 9.0
-"""Rise of chi-squared from which the logs show that: 3 standard errors."""
+"""Rise of chi-squared from which logs with white noise show that: 3 standard errors."""
 _APART = 3.0
 """Standard errors of a parameter from which it hangs on a constant."""
 _SAME_WAY = 0.99
 """Cosine between what two constants do to the parameters from which they do the same."""
 _LISTED, _GROUPS = 3, 2
 """Parameters that are listed of each, and constants of which it is said, those first on which a parameter hangs most."""
+Array = NDArray[np.float64]
 
 
 class _Hung(NamedTuple):
@@ -36,6 +38,21 @@ class _Hung(NamedTuple):
     what: str
     way: np.ndarray
     """By how many standard errors each of the parameters [n] moves, of length one."""
+
+
+def _larger_than_white(
+    final: Fit, own: Sequence[str], free: Sequence[str], fitted: Array, steps: Mapping[str, float]
+) -> float:
+    """By how much more the noise hides than white noise of its size would: the variances of the parameters `own` over what
+    their slopes `fitted` [free, samples], per step, would make them; one or more. Coloured noise is large where motion is
+    slow."""
+    sizes = np.linalg.norm(fitted, axis=1)
+    scaled = fitted / sizes[:, None]
+    variances = np.diag(np.linalg.pinv(scaled @ scaled.T, rcond=1e-12, hermitian=True))
+    white = {n: abs(steps[n]) * np.sqrt(v) / size for n, v, size in zip(free, variances, sizes, strict=True)}
+    ratios = [(final[n].std_error / white[n]) ** 2 for n in own if white.get(n, 0.0) > 0]
+    ratios = [ratio for ratio in ratios if np.isfinite(ratio)]
+    return max(1.0, float(np.median(ratios))) if ratios else 1.0
 
 
 def taken_for_granted(final: Fit, logs: LogSet, noise: Mapping[str, float]) -> str:
@@ -53,12 +70,13 @@ def taken_for_granted(final: Fit, logs: LogSet, noise: Mapping[str, float]) -> s
         return ""
     sizes = np.linalg.norm(fitted, axis=1)
     kept = [k for k in range(len(free)) if sizes[k] > 0]
+    shown = _SHOWN * _larger_than_white(final, own, [free[k] for k in kept], fitted[kept], steps)
     hung: list[_Hung] = []
     for name, change in zip(names, constants, strict=True):
         change = change * (_OFF * measure(name, robot) / steps[name])
         along, *_ = np.linalg.lstsq((fitted[kept] / sizes[kept][:, None]).T, change, rcond=1e-9)
         beyond = change - along @ (fitted[kept] / sizes[kept][:, None])
-        if beyond @ beyond > _SHOWN:
+        if beyond @ beyond > shown:
             continue
         moved = {free[k]: -a / sizes[k] * steps[free[k]] for k, a in zip(kept, along, strict=True)}
         errors = {n: moved[n] / final[n].std_error for n in own if n in moved and final[n].std_error > 0}

@@ -23,6 +23,8 @@ from ..refits.smoothed_angles import Angles
 from .probed import Group, probed
 from .probes import seen_in, standing_together
 
+_NO_EDGE = 0.1
+"""Share of the farthest of several edges within which another is next to zero."""
 _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
 _SAME = 1e-3
@@ -150,7 +152,7 @@ def screen(
     for tried in scored.values():
         tried.sort(key=lambda entry: -entry.score)
         score, group, direction = tried[0].score, tried[0].group, tried[0].direction
-        best = tried[: _STARTS if len(tried[0].start) > 1 else 1]
+        best = _with_all_edges(tried)[: _STARTS if len(tried[0].start) > 1 else 1]
         starts = tuple(start for own in best for start in (own.start, {**own.given_way, **own.start}))
         share = float(score / excess)
         coloured = in_colour.get(group.effect, float(score))
@@ -160,6 +162,18 @@ def screen(
         out_of = group.probe.out_of
         candidates.append(Candidate(group.effect, float(score), share, starts, direction, out_of, held, coloured))
     return _by_mechanism(candidates)
+
+
+def _with_all_edges(tried: list[_Scored]) -> list[_Scored]:
+    """Those that begin with none of several edges next to zero, from where nothing leads to another place; all, where there are
+    none."""
+    group = tried[0].group
+    if group.effect.sharp == group.effect.blurred:
+        return tried
+    lowest = group.plain({name: group.robot.parameters[name].lower for name in group.probe.strengths})
+    edges = [[x for name, x in own.start.items() if lowest.get(name, -np.inf) >= 0.0] for own in tried]
+    begun = [own for own, of in zip(tried, edges, strict=True) if all(edge > _NO_EDGE * max(of) for edge in of)]
+    return begun or tried
 
 
 def _shown_nowhere(group: Group, unseen: NDArray[np.bool_]) -> tuple[str, ...]:
