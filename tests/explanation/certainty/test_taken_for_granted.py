@@ -1,7 +1,13 @@
 """jaxid/explanation/certainty/taken_for_granted.py: an axis in closed form, all of whose parameters are in proportion to its
 gain."""
 
-from jaxid import AXIS, Axis, Custom, Parameter, output_error
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jaxid import AXIS, Axis, Custom, LogSet, Parameter, output_error
+from jaxid.explanation.certainty import taken_for_granted as under_test
 from jaxid.explanation.certainty.taken_for_granted import taken_for_granted
 from jaxid.logs import noise_scale
 from jaxid.simulation.scaled import scaled_to
@@ -48,3 +54,29 @@ def test_constants_beyond_those_that_are_listed_are_named():
     listed = [name for name in known if f"with {name} " in said]
     (rest,) = set(known) - set(listed)
     assert len(listed) == 2 and said.endswith(f"; and so would, by more than standard errors say, errors of {rest}.")
+
+
+def test_what_coloured_noise_hides_is_said(monkeypatch):
+    """With the mass known a gain that is off is seen beside white noise, and not beside noise that is as slow as the motion."""
+    fit, logs = fitted(M=1.0)
+    rng, slow = np.random.default_rng(2), []
+    for log in logs:
+        noise = np.zeros(len(log))
+        for k in range(1, len(log)):
+            noise[k] = 0.97 * noise[k - 1] + 0.003 * rng.normal()
+        slow.append(replace(log, outputs=np.asarray(log.outputs) + noise[:, None]))
+    factors = []
+    larger = under_test._larger_than_white
+
+    def seen(*given):
+        factors.append(larger(*given))
+        return factors[-1]
+
+    monkeypatch.setattr(under_test, "_larger_than_white", seen)
+    assert taken_for_granted(fit, logs, noise_scale(logs)) == ""
+    coloured = output_error(fit.robot, LogSet(slow))
+    taken_for_granted(coloured, LogSet(slow), noise_scale(logs))
+    white, slower = factors
+    assert white == pytest.approx(1.0, abs=0.3) and slower > 20.0
+    monkeypatch.setattr(under_test, "_larger_than_white", lambda *given: 1e6)
+    assert "with gain larger by 1 %" in taken_for_granted(fit, logs, noise_scale(logs))
