@@ -51,7 +51,7 @@ from .next_experiment import NextExperiment, propose
 from .not_looked_for import not_looked_for
 from .policy import Policy, current_policy, keeps_policy
 from .search.in_some_logs import in_some_of, sorted_logs, unsorted
-from .search.reconsider import as_in_the_end, as_it_stands_without
+from .search.reconsider import as_in_the_end, bare_of_the_end
 from .search.said_of_constants import built_in, found_wrong, in_a_sentence
 from .search.search import MOST_EFFECTS
 from .search.steps import Search
@@ -277,8 +277,9 @@ def explain(
             wrong = (constants_as_well if table else constants_like)(bare, with_it, logs, held_out)
             late = not (table or wrong)
             if late and found.final is not None:
-                own = (effect.id, found.final, found.steps[0].before, logs, held_out, found.before.noise)
-                wrong = constants_in_the_end(as_it_stands_without(*own), replace(own[1], id=own[0]), logs, held_out)
+                without = bare_of_the_end(effect.id, found.final, found.steps[0].before)
+                own_end = replace(found.final, id=effect.id)
+                wrong = constants_in_the_end(without, own_end, logs, held_out, found.before.noise)
             if table:
                 as_well = [one.shares for one in wrong]
             else:

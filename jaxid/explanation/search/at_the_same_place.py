@@ -4,18 +4,21 @@ A name that came first while others were missing may stand, with numbers that no
 friction that falls off at no speed any more, of one axis, is an axis that has more of it.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from ...effects.curve import SHAPE
 from ...logs import LogSet
+from ...parameters import ParameterError
 from ...robots.effect import Effect
+from ...robots.robot import Robot
 from ...robots.signal_path import STAGES, overrides
+from ..left.heldout import held_out_state
 from ..refits.candidate_refits import Report, all_added
-from ..refits.refit import Trial, continued
+from ..refits.refit import Prediction, Trial, continued
 from ..screening.screen import screen
 from .from_the_back import not_present
-from .reconsider import as_it_stands_without, with_trials, without
+from .reconsider import bare_of_the_end, with_trials, without
 from .steps import Search, Step
 from .worth import holds_as_well
 
@@ -40,6 +43,20 @@ def by_others_at_the_same_place(
     return replace(found, steps=tuple(steps))
 
 
+def _as_it_stands(robot: Robot, like: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]) -> Trial:
+    """A model that is not refitted, with the initial states of another."""
+    left = held_out_state(robot, logs, noise)
+    return Trial(
+        id=robot.effects[-1].id if robot.effects else "",
+        robot=robot,
+        squares=left.squares,
+        free=len(robot.parameters.free_names),
+        fitted=left,
+        predicts=Prediction(robot, held_out, noise),
+        initial_states=like.initial_states,
+    )
+
+
 def _by_others(
     step: Step, final: Trial, base: Trial, effects: Sequence[Effect], logs: LogSet, held_out: LogSet, say: Report
 ) -> tuple[Step, Trial]:
@@ -49,7 +66,10 @@ def _by_others(
         return step, final
     say(f"refitting what acts where {own.title} does, instead of it")
     # The others keep their numbers: refitted without it, they would bend to follow what it does.
-    bare = as_it_stands_without(own.id, final, base, logs, held_out, noise)
+    try:
+        bare = _as_it_stands(bare_of_the_end(own.id, final, base), final, logs, held_out, noise)
+    except ParameterError:  # without it, these numbers lead nowhere
+        return step, final
     laws = [law for law in not_present(bare.robot, effects, logs) if law.id != own.id and law.law != SHAPE]
     laws = [law for law in laws if law.where == own.where and _places(law) & _places(own)]
     screened = screen(bare.robot, logs, laws, noise, bare.initial_states)

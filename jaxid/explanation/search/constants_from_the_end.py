@@ -15,16 +15,19 @@ from ...robots.robot import Robot
 from ..refits.refit import Trial
 from .constants_to_first_order import likely, secants_of, small_steps
 
+_RANK = 1e-9
+"""Share of the largest below which a direction of changes is rounding."""
+
 
 def models_from_the_end(
-    before: Trial, after: Trial, constants: Sequence[str], noise: Mapping[str, float], logs: LogSet
+    bare: Robot, after: Trial, constants: Sequence[str], noise: Mapping[str, float], logs: LogSet
 ) -> list[tuple[tuple[str, ...], Robot]]:
-    """Sets of `constants` that may do what the last effect of `after` does, and for each the model `before` with these free, at
-    the numbers that give back, to first order, what taking that effect out of `after` changes."""
+    """Sets of `constants` that may do what the effect of `after` does, and for each the `bare` model without that effect with
+    these free, at the numbers that give back, to first order, what taking it out of `after` changes."""
     effect, table = after.effect, after.robot.parameters
     if effect is None:
         return []
-    nothing = (before.robot + effect).parameters
+    nothing = (bare + effect).parameters
     _, secants, _ = secants_of(after.robot, noise, [], constants, logs)
     steps = small_steps(after.robot, constants)
     slopes = {name: row / steps[name] for name, row in zip(steps, secants, strict=True)}
@@ -40,8 +43,8 @@ def models_from_the_end(
         moved = [*rest, *chosen]
         columns = np.array([slopes[name] for name in moved])
         sizes = np.maximum(np.linalg.norm(columns, axis=1), np.finfo(float).tiny)
-        by = np.linalg.lstsq((columns / sizes[:, None]).T, -np.asarray(taken_out), rcond=None)[0] / sizes
-        robot = before.robot + TableConstants(chosen)
+        by = np.linalg.lstsq((columns / sizes[:, None]).T, -np.asarray(taken_out), rcond=_RANK)[0] / sizes
+        robot = bare + TableConstants(chosen)
         values = {n: robot.parameters[n].inside(table[n].value + d) for n, d in zip(moved, by.tolist(), strict=True)}
         found.append((chosen, robot.with_values(**values)))
     return found

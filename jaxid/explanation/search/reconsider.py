@@ -13,9 +13,8 @@ from ...logs import LogSet
 from ...robots.effect import Effect, EffectError
 from ...robots.robot import Robot
 from ...robots.signal_path import overrides
-from ..left.heldout import held_out_state
 from ..refits.candidate_refits import Report, all_added
-from ..refits.refit import Prediction, Trial, continued, refit, refit_from_itself
+from ..refits.refit import Trial, continued, refit, refit_from_itself
 from ..screening.screen import Candidate, alike_to, screen
 from .denser import densest
 from .laws import best_first, by_where_they_bend, rather_of
@@ -97,21 +96,11 @@ def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise)
     return refitted_like(with_effects(base.robot, owners), current, logs, held_out, noise)
 
 
-def as_it_stands_without(identifier: str, current: Trial, base: Trial, logs, held_out, noise) -> Trial:
+def bare_of_the_end(identifier: str, current: Trial, base: Trial) -> Robot:
     """The model without one of its effects, all else as it is."""
     owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
     robot, known = with_effects(base.robot, owners), current.robot.parameters
-    robot = robot.with_values(**{name: known[name].value for name in robot.parameters if name in known})
-    left = held_out_state(robot, logs, noise)
-    return Trial(
-        id=robot.effects[-1].id if robot.effects else "",
-        robot=robot,
-        squares=left.squares,
-        free=len(robot.parameters.free_names),
-        fitted=left,
-        predicts=Prediction(robot, held_out, noise),
-        initial_states=current.initial_states,
-    )
+    return robot.with_values(**{name: known[name].value for name in robot.parameters if name in known})
 
 
 def as_in_the_end(step: Step, found: Search, logs: LogSet, held_out: LogSet) -> tuple[Trial, Trial]:

@@ -14,6 +14,7 @@ from ...effects.curve import SHAPE
 from ...effects.table_constants import TableConstants
 from ...logs import LogSet
 from ...logs.windows import Windows
+from ...parameters import ParameterError
 from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ...robots.traits import refusal
@@ -95,20 +96,28 @@ def constants_like(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) 
     return found
 
 
-def constants_in_the_end(before: Trial, after: Trial, logs: LogSet, held_out: LogSet) -> list[Wrong]:
-    """The same, asked of the finished model: constants that promise where all else is right to do what the effect of `after`
-    does. `before` is that model without it, its numbers as they are."""
+def constants_in_the_end(
+    bare: Robot, after: Trial, logs: LogSet, held_out: LogSet, noise: Mapping[str, float]
+) -> list[Wrong]:
+    """The same, asked of the finished model `after`: constants that promise where all else is right to do what its effect does.
+    `bare` is that model without it."""
     freed = {name for effect in after.robot.effects for name in effect.frees(after.robot)}
-    constants = [name for name in known_constants(before.robot) if name not in freed]
+    constants = [name for name in known_constants(bare) if name not in freed]
     if not constants or after.angles or after.fitted.diverged or isinstance(logs, Windows):
         return []
-    noise, found = before.held_out.noise, list[Wrong]()
-    for chosen, robot in models_from_the_end(before, after, constants, noise, logs):
+    found: list[Wrong] = []
+    for chosen, robot in models_from_the_end(bare, after, constants, noise, logs):
         if found and len(chosen) > len(found[0].shares):
             break
-        trial = continued(refit_from_itself(robot, after, logs, held_out, noise), logs, held_out, noise)
-        shares = changed_by(chosen, before.robot, trial.robot.parameters)
-        needed = min(map(abs, shares.values())) > _NONE and not _too_far(shares, before.robot)
+        if _too_far(changed_by(chosen, bare, robot.parameters), bare):
+            continue
+        try:
+            trial = refit_from_itself(robot, after, logs, held_out, noise)
+        except ParameterError:  # nothing follows the motion that these numbers make
+            continue
+        trial = continued(trial, logs, held_out, noise)
+        shares = changed_by(chosen, bare, trial.robot.parameters)
+        needed = min(map(abs, shares.values())) > _NONE and not _too_far(shares, bare)
         # With fewer numbers hardly anything is left either: what more of them gain may be a robot that is no model.
         left = max(trial.fitted.normalised_rms, trial.held_out.normalised_rms)
         enough = trial.free < after.free and left < current_policy().coarse_law

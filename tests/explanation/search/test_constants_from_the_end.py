@@ -7,7 +7,9 @@ from scipy.integrate import solve_ivp
 
 from jaxid import Channels, Custom, Log, LogSet, Parameter
 from jaxid.effects import effect_by_id
+from jaxid.effects.table_constants import TableConstants
 from jaxid.explanation.refits.refit import refit
+from jaxid.explanation.search import table_constants
 from jaxid.explanation.search.table_constants import constants_in_the_end
 from jaxid.simulation.scaled import scaled_to
 
@@ -62,8 +64,7 @@ def test_a_place_that_is_wrong_is_found_from_the_model_with_the_scale_that_stand
     after = fitted(scaled, **{"sensor_scale.error_v": 0.05, "sensor_scale.error_q": 0.05})
     assert after.held_out.normalised_rms < 1.05 and base.held_out.normalised_rms > 3.0
     bare = base.robot.with_values(**{n: after.robot.parameters[n].value for n in base.robot.parameters.free_names})
-    before = type(base)(**{**vars(base), "robot": bare})
-    (wrong,) = constants_in_the_end(before, after, logs, held_out)
+    (wrong,) = constants_in_the_end(bare, after, logs, held_out, NOISE)
     assert wrong.shares == {"wall": pytest.approx(0.08, abs=0.002)}
     numbers = wrong.robot.parameters.numbers
     assert (numbers["M"], numbers["Fv"], numbers["k"]) == pytest.approx((M, FV, K), rel=0.01)
@@ -85,5 +86,16 @@ def test_what_no_constant_gives_back_has_none():
     noise = NOISE | {"v": 1.1 * NOISE["v"]}
     after = refit(scaled, [own | {"sensor_scale.error_v": 0.1}], logs, held_out, noise, {})
     assert after.held_out.normalised_rms < 1.05
-    before = type(after)(**{**vars(after), "robot": robot})
-    assert constants_in_the_end(before, after, logs, held_out) == []
+    assert constants_in_the_end(robot, after, logs, held_out, noise) == []
+
+
+def test_numbers_that_lead_to_motion_too_fast_to_follow_are_no_answer(monkeypatch):
+    """To first order a stiffness may have to be a million times what it is: that stops no explanation."""
+    logs = LogSet([driven("a", 1)])
+    robot = scaled_to(CART, logs)
+    scaled = robot + effect_by_id(robot, "sensor_scale", "each_channel")
+    own = {name: scaled.parameters[name].value for name in scaled.parameters.free_names}
+    after = refit(scaled, [own], logs, logs, NOISE, {})
+    stiff = (robot + TableConstants(("wall",))).with_values(k=1e15, wall=0.52)
+    monkeypatch.setattr(table_constants, "models_from_the_end", lambda *given: [(("wall",), stiff)])
+    assert constants_in_the_end(robot, after, logs, logs, NOISE) == []
