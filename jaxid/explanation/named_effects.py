@@ -88,12 +88,12 @@ def _equivalent(effect: Effect, step: Step, bare: Robot, final: Fit, by_chance: 
     alike = not by_chance if scatters else effect.law == SHAPE or other not in refitted
     there = {own.id for own in final.robot.effects}
     same = (*same, other) if other and alike and other not in there else same
-    same = (*same, *(name for name in _on_average(effect, step, final.robot) if name not in same and name not in there))
+    same = (*same, *(name for name in _on_average(effect, step) if name not in same and name not in there))
     # What has been added since stands for itself.
     return (*(name for name in step.equivalent if name not in same and name not in there), *same)
 
 
-def _on_average(effect: Effect, step: Step, robot: Robot) -> tuple[str, ...]:
+def _on_average(effect: Effect, step: Step) -> tuple[str, ...]:
     """The refitted delays that differ from sample to sample of which the effect is the mean, where more than noise is left:
     what tells the two apart on the fitted logs is how these delays happened to come out."""
     left = step.chosen.held_out.normalised_rms
@@ -103,7 +103,7 @@ def _on_average(effect: Effect, step: Step, robot: Robot) -> tuple[str, ...]:
         trial.id
         for trial in step.trials[1:]
         if trial.effect is not None
-        and trial.effect.same_on(robot) == effect.id
+        and trial.effect.same_on(trial.robot) == effect.id
         and trial.effect.draws(trial.robot.parameters.numbers, trial.robot)
         and trial.held_out.normalised_rms < _AS_MUCH * left
     )

@@ -47,3 +47,11 @@ def test_what_has_been_added_since_is_no_other_name_of_what_was_added_before():
     both = SimpleNamespace(robot=Pioneer() + bias + drag)
     assert _equivalent(bias, step, Pioneer(), both, False) == ("ground_slope",)
     assert _equivalent(bias, step, Pioneer(), SimpleNamespace(robot=Pioneer() + bias), False) == step.equivalent
+
+
+def test_a_delay_whose_curve_was_tried_as_another_lag_is_named():
+    """What a trial's curve is, its own model says: the final one has none of its shares, which stopped an explanation."""
+    delay = effect_by_id(Pioneer(), "input_delay")
+    trials = tried(delay, 1.46), tried(effect_by_id(Pioneer(), "motor_lag", "shape"), 1.47)
+    step = SimpleNamespace(chosen=trials[0], trials=trials, equivalent=())
+    assert _equivalent(delay, step, Pioneer(), SimpleNamespace(robot=trials[0].robot), False) == ()
