@@ -90,6 +90,8 @@ def _beside_this(
     while others and len(explored) < _ROUNDS:
         explored.append(around.candidate)
         found += ended([(s, _beside(pair, around, s, joint, kept, colours)) for s in others])
+        if not found:  # none of them can have changed by so much
+            return []
         leader = min(found, key=lambda trial: trial.total)
         first, second = (by_candidate[part] for part in leader.score.candidate.parts)
         k = len(first.candidate.coordinates)

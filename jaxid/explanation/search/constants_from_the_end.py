@@ -29,21 +29,25 @@ def models_from_the_end(
         return []
     nothing = (bare + effect).parameters
     _, secants, _ = secants_of(after.robot, noise, [], constants, logs)
+    if not np.isfinite(secants).all():
+        return []
     steps = small_steps(after.robot, constants)
     slopes = {name: row / steps[name] for name, row in zip(steps, secants, strict=True)}
     mine = [name for name in table.free_names if name.startswith(effect.key(""))]
     rest = [name for name in table.free_names if name not in mine]
-    taken_out = sum((nothing[n].value - table[n].value) * slopes[n] for n in mine)
-    if not mine or not np.any(taken_out):
+    taken_out = np.zeros(secants.shape[1])
+    for name in mine:
+        taken_out = taken_out + (nothing[name].value - table[name].value) * slopes[name]
+    if not taken_out.any():
         return []
-    own = np.array([slopes[name] for name in rest]).reshape(len(rest), -1)
-    sets, _ = likely(own, {name: slopes[name] for name in constants}, np.asarray(taken_out))
+    own = np.array([slopes[name] for name in rest]).reshape(len(rest), len(taken_out))
+    sets, _ = likely(own, {name: slopes[name] for name in constants}, taken_out)
     found = []
     for chosen in sets:
         moved = [*rest, *chosen]
         columns = np.array([slopes[name] for name in moved])
         sizes = np.maximum(np.linalg.norm(columns, axis=1), np.finfo(float).tiny)
-        by = np.linalg.lstsq((columns / sizes[:, None]).T, -np.asarray(taken_out), rcond=_RANK)[0] / sizes
+        by = np.linalg.lstsq((columns / sizes[:, None]).T, -taken_out, rcond=_RANK)[0] / sizes
         robot = bare + TableConstants(chosen)
         values = {n: robot.parameters[n].inside(table[n].value + d) for n, d in zip(moved, by.tolist(), strict=True)}
         found.append((chosen, robot.with_values(**values)))

@@ -65,7 +65,8 @@ def by_law(
     running = _foremost(running, first)
     failed = [trial for trial in ranked if trial.score >= max(near, nothing) and trial not in running]
     open_ = ranked[:1] if settled else running + failed
-    further = [law for trial in open_ for law in other_laws(first[trial.id], curve=not settled)]
+    others = [(trial, law) for trial in open_ for law in other_laws(first[trial.id], curve=not settled)]
+    further = [law for trial, law in others if law.effect.law != trial.law]
     found = {trial.id: [trial] for trial in ranked}
     for trial in refits(further) if further else []:
         found[trial.id].append(trial)

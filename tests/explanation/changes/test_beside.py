@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jaxid import Channels, Custom, Log, LogSet, Parameter, explain_change, output_error
+from jaxid.explanation.changes.candidates import Candidate
 
 CHANNELS = Channels(("u",), ("v",), (), {"u": "V", "v": "m/s"})
 ROBOT = Custom(
@@ -66,3 +67,11 @@ def test_slow_noise_is_no_bias():
     assert found.change.id == "T"
     size = found.change.differences["T"].size
     assert abs(size.value - 0.06) < 4.0 * size.std_error
+
+
+@pytest.mark.slow
+def test_where_no_second_change_can_be_so_large_none_is_named(monkeypatch):
+    """What two would have to change by is more than either can: that is no end of the comparison."""
+    monkeypatch.setattr(Candidate, "believable", lambda self, delta: not self.parts)
+    found = compared(T=0.36, bias=0.01)
+    assert found.change is None or not found.change.parts

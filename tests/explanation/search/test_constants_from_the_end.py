@@ -1,5 +1,7 @@
 """A cart that runs into a spring, by SciPy; the table has the place of the spring wrong by 8 %."""
 
+from types import SimpleNamespace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from jaxid import Channels, Custom, Log, LogSet, Parameter
 from jaxid.effects import effect_by_id
 from jaxid.effects.table_constants import TableConstants
 from jaxid.explanation.refits.refit import refit
-from jaxid.explanation.search import table_constants
+from jaxid.explanation.search import constants_from_the_end, table_constants
 from jaxid.explanation.search.table_constants import constants_in_the_end
 from jaxid.simulation.scaled import scaled_to
 
@@ -99,3 +101,13 @@ def test_numbers_that_lead_to_motion_too_fast_to_follow_are_no_answer(monkeypatc
     stiff = (robot + TableConstants(("wall",))).with_values(k=1e15, wall=0.52)
     monkeypatch.setattr(table_constants, "models_from_the_end", lambda *given: [(("wall",), stiff)])
     assert constants_in_the_end(robot, after, logs, logs, NOISE) == []
+
+
+def test_changes_that_are_no_numbers_lead_nowhere(monkeypatch):
+    logs = LogSet([driven("a", 1)])
+    robot = scaled_to(CART, logs)
+    scaled = robot + effect_by_id(robot, "sensor_scale", "each_channel")
+    after = SimpleNamespace(effect=scaled.effects[0], robot=scaled)
+    count = len(scaled.parameters.free_names) + 1
+    monkeypatch.setattr(constants_from_the_end, "secants_of", lambda *given: (None, np.full((count, 9), np.nan), None))
+    assert constants_from_the_end.models_from_the_end(robot, after, ["wall"], NOISE, logs) == []
