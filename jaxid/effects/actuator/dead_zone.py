@@ -172,7 +172,7 @@ class UnequalDeadZone(DeadZone):
 
 
 @dataclass(frozen=True)
-class UnequalThresholds(UnequalDeadZone, Threshold):
+class UnequalThresholds(Threshold, UnequalDeadZone):
     """Nothing is lost above a threshold, which is one for positive and another for negative commands."""
 
     law: ClassVar[str] = "unequal_thresholds"
@@ -183,9 +183,6 @@ class UnequalThresholds(UnequalDeadZone, Threshold):
         names, largest = [self.key(f"threshold_{way}") for way in WAYS], seen.largest_input
         pairs = [(s * a, s * b) for s in _SHARES for a, b in ((1.0, 1.0), (1.0, 0.5), (0.5, 1.0))]
         return tuple(Probe({n: share * largest for n, share in zip(names, pair, strict=True)}) for pair in pairs)
-
-    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        return Threshold.command(self, inputs, time, dt, p, robot)
 
     def _threshold(self, inputs: Any, p: Numbers) -> Any:
         return jnp.where(inputs > 0.0, p[self.key("threshold_forward")], p[self.key("threshold_backward")])

@@ -97,10 +97,14 @@ def without(identifier: str, current: Trial, base: Trial, logs, held_out, noise)
 
 
 def bare_of_the_end(identifier: str, current: Trial, base: Trial) -> Robot:
-    """The model without one of its effects, all else as it is."""
+    """The model without one of its effects, all else as it is; what of the robot's own that effect alone freed as in `base`."""
     owners = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
     robot, known = with_effects(base.robot, owners), current.robot.parameters
-    return robot.with_values(**{name: known[name].value for name in robot.parameters if name in known})
+    freed = {name for effect in current.robot.effects for name in effect.frees(current.robot)}
+    back = {name for name in freed if not robot.parameters[name].free}
+    return robot.with_values(
+        **{name: known[name].value for name in robot.parameters if name in known and name not in back}
+    )
 
 
 def as_in_the_end(step: Step, found: Search, logs: LogSet, held_out: LogSet) -> tuple[Trial, Trial]:

@@ -117,11 +117,10 @@ def constants_in_the_end(
             continue
         trial = continued(trial, logs, held_out, noise)
         shares = changed_by(chosen, bare, trial.robot.parameters)
-        needed = min(map(abs, shares.values())) > _NONE and not _too_far(shares, bare)
         # With fewer numbers hardly anything is left either: what more of them gain may be a robot that is no model.
         left = max(trial.fitted.normalised_rms, trial.held_out.normalised_rms)
         enough = trial.free < after.free and left < current_policy().coarse_law
-        if needed and (enough or not told_apart_from(after, trial)):
+        if _may_be(shares, bare) and (enough or not told_apart_from(after, trial)):
             found.append(Wrong(shares, trial.robot))
     return found
 
@@ -151,8 +150,7 @@ def _as_good(
     for chosen in sets:
         trial = _with_freed(before, chosen, logs, held_out)
         shares = changed_by(chosen, before.robot, trial.robot.parameters)
-        needed = min(map(abs, shares.values())) > _NONE and not _too_far(shares, before.robot)
-        if needed and not told_apart_from(after, trial):
+        if _may_be(shares, before.robot) and not told_apart_from(after, trial):
             found.append(Wrong(shares, trial.robot))
     return found
 
@@ -177,6 +175,11 @@ def _as_well(before: Trial, after: Trial, constant: str, logs: LogSet, held_out:
     shares = changed_by((constant,), before.robot, trial.robot.parameters)
     alike = not _too_far(shares, before.robot) and not told_apart_from(after, trial)
     return [Wrong(shares, trial.robot)] if alike else []
+
+
+def _may_be(shares: Shares, robot: Robot) -> bool:
+    """Whether each of the constants differs, and none by more than a table of the robot may be wrong by."""
+    return min(map(abs, shares.values())) > _NONE and not _too_far(shares, robot)
 
 
 def _too_far(shares: Shares, robot: Robot) -> set[str]:

@@ -1,16 +1,24 @@
 """One mechanism's curve instead of a further name beside its formula, on an axis in closed form."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from jaxid import Axis, output_error
+from jaxid import Axis, Pioneer, output_error
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.explanation.refits.refit import refit, refit_from_itself
 from jaxid.explanation.search import reconsider
 from jaxid.explanation.search.plainer_laws import by_plainer_laws
-from jaxid.explanation.search.reconsider import by_laws_again, exchanged, rather_by_curves, reconsidered, rivals_of
+from jaxid.explanation.search.reconsider import (
+    bare_of_the_end,
+    by_laws_again,
+    exchanged,
+    rather_by_curves,
+    reconsidered,
+    rivals_of,
+)
 from jaxid.explanation.search.steps import Step
 from jaxid.logs import noise_scale
 from jaxid.simulation.scaled import scaled_to
@@ -329,3 +337,19 @@ def test_rivals_are_near_to_the_law_that_an_effect_has_now():
     found = replace(step, trials=(chosen, *behind), before=behind[-1])
     assert [trial.id for trial in rivals_of(found, set())] == []
     assert [trial.id for trial in rivals_of(replace(found, as_it_was=plain), set())] == ["a"]
+
+
+def test_a_model_without_an_effect_that_frees_a_parameter_has_it_as_before():
+    """A centre of mass that an effect found off the middle is in the middle without it; the others keep their numbers."""
+    base = Pioneer().with_values(M=14.0)
+    offset, drag = effect_by_id(base, "lateral_com_offset"), effect_by_id(base, "quadratic_drag")
+    (name,) = offset.frees(base)
+    final = (base + offset + drag).with_values(**{name: 0.02, "M": 15.0, "quadratic_drag.coefficient": 3.0})
+    trials = [SimpleNamespace(robot=robot) for robot in (final, base)]
+    bare = bare_of_the_end("lateral_com_offset", *trials)
+    assert [effect.id for effect in bare.effects] == ["quadratic_drag"]
+    table = bare.parameters
+    assert table[name].value == base.parameters[name].value and not table[name].free
+    assert (table["M"].value, table["quadratic_drag.coefficient"].value) == (15.0, 3.0)
+    kept = bare_of_the_end("quadratic_drag", *trials).parameters
+    assert (kept[name].value, kept[name].free, kept["M"].value) == (0.02, True, 15.0)
