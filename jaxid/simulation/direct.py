@@ -18,7 +18,7 @@ from ..robots.robot import Robot
 from .friction import DryFriction
 from .machine_rollout import system_of
 from .records import Records, commanded_each, in_motion, measured_each, records_of, without_records
-from .rollout import Integrator, step
+from .rollout import Integrator, by_outputs, step
 
 Array = Any
 """NumPy's, or what can be read as such."""
@@ -94,17 +94,19 @@ def simulated_directly(
     p = every[first]
     x = np.stack([np.broadcast_to(start[name], (len(every), E))[first] for name in robot.states], axis=2)
     fixed = np.stack([np.asarray(v) for v in prescribed.values()], axis=-1) if prescribed else np.zeros((E, T, 0))
-    shares = np.full((n, lanes()), 1.0 / n)
+    parts = 1 if prescribed else records.parts(n)
+    shares = np.full((n // parts, lanes()), parts / n)
     rows, held = records.rows(n), in_motion(robot, x)
-    most = max(1, _TOGETHER // max(1, T * (U * rows + system.outputs)))
+    between = max(rows // parts, 1)  # rows of inputs between two outputs
+    most = max(1, _TOGETHER // max(1, T * (U * rows + parts * system.outputs)))
     if E > most:  # experiments know nothing of one another
-        parts = []
+        divided = []
         for begin in range(0, E, most):
             some = slice(begin, begin + most)
             own = {name: np.asarray(v)[..., some] for name, v in start.items()}
             there = inputs[some], dt[some], {name: v[some] for name, v in prescribed.items()}
-            parts.append(simulated_directly(robot, integrator, numbers, own, *there))
-        return np.concatenate(parts, axis=1)
+            divided.append(simulated_directly(robot, integrator, numbers, own, *there))
+        return np.concatenate(divided, axis=1)
     several = max(1, min(len(p), most // max(1, E)))
     found = []
     for begin in range(0, len(p), several):
@@ -113,10 +115,12 @@ def simulated_directly(
             grouped(np.repeat(own_p[:, places], E, axis=0)),
             grouped(x[begin : begin + several].reshape(-1, x.shape[-1])),
         )
-        u = grouped(commanded_each(records, own_p, inputs, dt, n, held).reshape(-1, T, rows, U))
-        d, known = (_times(len(own_p), a) for a in (dt, fixed))
+        u = grouped(
+            by_outputs(commanded_each(records, own_p, inputs, dt, n, held), parts).reshape(-1, T * parts, between, U)
+        )
+        d, known = (_times(len(own_p), np.repeat(a, parts, axis=1)) for a in (np.asarray(dt) / parts, fixed))
         y = ungrouped(outputs(system, (shares, *own, u, d, known)), len(own_p) * E)
-        found.append(y.reshape(-1, E, T, system.outputs))
+        found.append(y.reshape(-1, E, T * parts, system.outputs))
     moved = np.concatenate(found)
     return measured_each(records, every, moved if len(moved) == len(every) else moved[same], dt, held)
 

@@ -24,6 +24,7 @@ from ..robots.robot import Robot
 from ..robots.signal_path import STAGES, overrides, passed
 from .command_map import command_map
 from .rollout import commanded as _commanded_one
+from .rollout import parts_of_a_sample
 
 Array = Any
 """NumPy's, or what can be read as such."""
@@ -51,6 +52,10 @@ class Records(NamedTuple):
     def rows(self, substeps: int) -> int:
         """How often a sample's inputs are computed: once, or in every sub-step where effects remember earlier commands."""
         return 1 if self.commands is None or self.memoryless else substeps
+
+    def parts(self, substeps: int) -> int:
+        """How often outputs are needed in the time of a sample."""
+        return parts_of_a_sample(self.robot, substeps)
 
 
 class _Seen(Mapping[str, Any]):
@@ -116,9 +121,12 @@ def records_of(robot: Robot, names: tuple[str, ...]) -> Records:
     return Records(bare, names, commands, measures, memoryless)
 
 
-def _measured_one(robot: Robot, p: Mapping[str, Any], y: Float[Array, "T Y"], dt: Float[Array, " T"], held: Any = 0.0):
+def _measured_one(
+    robot: Robot, p: Mapping[str, Any], y: Float[Array, "n Y"], dt: Float[Array, " T"], held: Any = 0.0, parts: int = 1
+):
+    dt = jnp.repeat(dt / parts, parts) if parts > 1 else dt
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
-    return passed(robot, "measure", y, time, p, moving=held)
+    return passed(robot, "measure", y, time, p, moving=held)[::parts]
 
 
 def _commanded_all(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, held):
@@ -137,25 +145,25 @@ def _command_slopes(robot: Robot, names: tuple[str, ...], substeps: int, q, inpu
     return jax.vmap(moved)(dq)
 
 
-def _measured_all(robot: Robot, names: tuple[str, ...], q, y, dt, held):
+def _measured_all(robot: Robot, names: tuple[str, ...], parts: int, q, y, dt, held):
     numbers = dict(zip(names, q, strict=True))
-    return jax.vmap(lambda own, d, h: _measured_one(robot, numbers, own, d, h))(y, dt, held)
+    return jax.vmap(lambda own, d, h: _measured_one(robot, numbers, own, d, h, parts))(y, dt, held)
 
 
-def _measure(robot: Robot, names: tuple[str, ...], q, y, dt, held):
-    return _measured_all(robot, names, q, y, dt, held)
+def _measure(robot: Robot, names: tuple[str, ...], parts: int, q, y, dt, held):
+    return _measured_all(robot, names, parts, q, y, dt, held)
 
 
-def _measure_slopes(robot: Robot, names: tuple[str, ...], q, y, dt, held, dq, dy):
+def _measure_slopes(robot: Robot, names: tuple[str, ...], parts: int, q, y, dt, held, dq, dy):
     def moved(step, change):
-        return jax.jvp(lambda q, y: _measured_all(robot, names, q, y, dt, held), (q, y), (step, change))[1]
+        return jax.jvp(lambda q, y: _measured_all(robot, names, parts, q, y, dt, held), (q, y), (step, change))[1]
 
     return jax.vmap(moved, in_axes=(0, -1), out_axes=-1)(dq, dy)
 
 
 _in_xla = {
     function: compiled(function, static_argnums=tuple(range(fixed)))
-    for function, fixed in ((_command, 3), (_command_slopes, 3), (_measure, 2), (_measure_slopes, 2))
+    for function, fixed in ((_command, 3), (_command_slopes, 3), (_measure, 3), (_measure_slopes, 3))
 }
 
 
@@ -255,21 +263,27 @@ def command_slopes(
 def measured(
     records: Records,
     p: Float[Array, " P"],
-    y: Float[Array, "E T Y"],
+    y: Float[Array, "E n Y"],
     dt: Float[Array, "E T"],
     held: Float[Array, " E"],
 ) -> Float[np.ndarray, "E T Y"]:
-    """What the sensors report of the outputs `y`; `held` (0 or 1): whether each log begins in motion."""
+    """What the sensors report of the outputs `y`, one or several a sample (`parts`); `held` (0 or 1): whether each log begins
+    in motion."""
     if records.measures is None:
         return np.asarray(y)
     own = np.asarray(p, float)[list(records.measures)]
-    return _run(_measure, (records.robot, _names(records, records.measures)), own, y, dt, held)
+    return _run(_measure, _measure_of(records, y, dt), own, y, dt, held)
+
+
+def _measure_of(records: Records, y: Float[Array, "E n Y"], dt: Float[Array, "E T"]):
+    assert records.measures is not None
+    return records.robot, _names(records, records.measures), np.shape(y)[1] // np.shape(dt)[1]
 
 
 def measured_each(
     records: Records,
     p: Float[Array, "c P"],
-    y: Float[Array, "c E T Y"],
+    y: Float[Array, "c E n Y"],
     dt: Float[Array, "E T"],
     held: Float[Array, " E"],
 ) -> Float[np.ndarray, "c E T Y"]:
@@ -282,15 +296,15 @@ def measured_each(
 def measured_slopes(
     records: Records,
     p: Float[Array, " P"],
-    y: Float[Array, "E T Y"],
+    y: Float[Array, "E n Y"],
     dt: Float[Array, "E T"],
     held: Float[Array, " E"],
     dp: Float[Array, "K P"],
-    dy: Float[Array, "E T Y K"],
+    dy: Float[Array, "E n Y K"],
 ) -> Float[np.ndarray, "E T Y K"]:
     """Tangents of what the sensors report, from those of the parameters and of the outputs."""
     if records.measures is None:
         return np.asarray(dy)
     places = list(records.measures)
     own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
-    return _run(_measure_slopes, (records.robot, _names(records, records.measures)), own, y, dt, held, step, dy)
+    return _run(_measure_slopes, _measure_of(records, y, dt), own, y, dt, held, step, dy)

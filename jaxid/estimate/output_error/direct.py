@@ -16,6 +16,7 @@ from ...kernel.groups import grouped, ungrouped
 from ...kernel.look_kernel import MOST_OUTPUTS
 from ...kernel.machine import lanes
 from ...simulation.records import command_slopes, measured_slopes
+from ...simulation.rollout import by_outputs
 from ...simulation.segments import Rollouts, in_segments, with_states
 from .bounds import Plain
 from .laid_out import Array, Direct, direct, numbers_at, seen_by, shown, starts_at, weighted_residual
@@ -62,7 +63,8 @@ def _tangents(
     moved[np.arange(n), list(d.moving)] = columns
     before = [j for j, place in enumerate(d.moving) if place in (records.commands or ())]
     if before:
-        du = command_slopes(records, numbers, problem.inputs, problem.dt, len(d.shares), d.held, moved[before])
+        du = command_slopes(records, numbers, problem.inputs, problem.dt, d.substeps, d.held, moved[before])
+        du = by_outputs(du, d.parts)
         dy[:, :, :, [s + j for j in before]] += input_tangents(system, seen, grouped(np.moveaxis(du, 0, 3)))
     if records.measures is None:
         return dy
@@ -163,7 +165,7 @@ def _simulated_in_lanes(d: Direct, unknowns: Unknowns) -> Float[Array, "E T Y"]:
 def states_after(d: Direct, theta: Float[Array, " n"], states: Float[Array, "1 s"], samples: int) -> Float[Array, " S"]:
     """States of the first log so many `samples` after its begin, or at its last one."""
     y = outputs(with_states(d.model.system), seen_by(d, theta, states))
-    return ungrouped(y, 1)[0, min(samples, y.shape[1] - 1), : d.begin.shape[1]]
+    return ungrouped(y, 1)[0, min(samples * d.parts, y.shape[1] - 1), : d.begin.shape[1]]
 
 
 def sensitivities_directly(

@@ -10,6 +10,7 @@ from ...kernel.direct import squares as squares_of
 from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.records import commanded_each, measured_each
+from ...simulation.rollout import by_outputs
 from .bounds import Plain
 from .laid_out import Array, Direct, Logs, numbers_at, starts_at, weighted_residual
 from .problem import Apart, Problem, Unknowns, parameters_at
@@ -30,7 +31,7 @@ def side_by_side(d: Direct, times: int) -> SideBySide:
     E, of = len(d.begin), d.logs
     if E % lanes() == 0:
         return SideBySide(1, of)
-    rows = d.model.records.rows(len(d.shares))
+    rows = d.model.records.rows(d.substeps)
     # Few logs leave lanes empty, which the others' simulations fill.
     more = -(-E * times // lanes()) / len(of.dt)
     if times == 1 or (more > 1 and max(of.measured.size, of.u.size * rows) * more > _TOGETHER):
@@ -52,15 +53,15 @@ def log_squares(
         x = grouped(starts_at(d, states[some]).reshape(-1, d.begin.shape[1]))
         u = of.u
         if records.commands is not None:
-            after = commanded_each(records, numbers, d.problem.inputs, d.problem.dt, len(d.shares), d.held)
-            u = grouped(after.reshape(-1, *after.shape[2:]))
+            after = commanded_each(records, numbers, d.problem.inputs, d.problem.dt, d.substeps, d.held)
+            u = grouped(by_outputs(after.reshape(-1, *after.shape[2:]), d.parts))
         seen = d.shares, p, x, u, of.dt, of.fixed
         if records.measures is None:
             summed = squares_of(system, seen, of.measured, of.weight).sum(axis=1)
         else:
             plain = ungrouped(outputs(system, seen), many.together * E)
             shown = measured_each(records, numbers, plain.reshape(-1, E, *plain.shape[1:]), d.problem.dt, d.held)
-            residual = weighted_residual(grouped(shown.reshape(plain.shape)), of.measured, of.weight)
+            residual = weighted_residual(grouped(shown.reshape(-1, *shown.shape[2:])), of.measured, of.weight)
             summed = np.einsum("gtyl,gtyl->gl", residual, residual)
         squares.append(ungrouped(summed, many.together * E).reshape(many.together, E))
     return np.concatenate(squares)

@@ -13,6 +13,7 @@ from ...kernel.groups import grouped, ungrouped
 from ...kernel.machine import lanes
 from ...simulation.direct import MachineModel, machine_model
 from ...simulation.records import commanded, in_motion, measured
+from ...simulation.rollout import by_outputs
 from .bounds import Plain
 from .problem import CLOCK_OFFSET, Problem, Structure, plain, residual_weights
 
@@ -22,11 +23,11 @@ Array = Any
 
 class Logs(NamedTuple):
     """E logs as G groups of L lanes. `u`: the inputs before any effect on commands. `weight`: of residuals, zero where
-    nothing was measured."""
+    nothing was measured. `u`, `dt` and what is `fixed` for every output that is asked for (`Direct.parts` a sample)."""
 
-    u: Float[Array, "G T 1 U L"]
-    dt: Float[Array, "G T L"]
-    fixed: Float[Array, "G T D L"]
+    u: Float[Array, "G n 1 U L"]
+    dt: Float[Array, "G n L"]
+    fixed: Float[Array, "G n D L"]
     measured: Float[Array, "G T Y L"]
     weight: Float[Array, "G T Y L"]
 
@@ -37,6 +38,7 @@ class Direct(NamedTuple):
     `moving`: places of the problem's parameters among all `numbers`; `starts`: those of the free initial states among the
     robot's, of which a unit of the optimiser is `state_scale`; one moves by `state_slope`, which is zero for what is held,
     and its prior has the stiffness `state_stiffness` a unit. `held`: whether each log begins in motion, with its first command.
+    `parts`: outputs that are asked for in the time of a sample, with `shares` of that time for each step between two.
     """
 
     model: MachineModel
@@ -50,7 +52,13 @@ class Direct(NamedTuple):
     state_slope: Float[Array, "E s"]
     state_stiffness: Float[Array, "E s"]
     shares: Float[Array, "n L"]
+    parts: int
     logs: Logs
+
+    @property
+    def substeps(self) -> int:
+        """Integration steps a sample."""
+        return self.parts * len(self.shares)
 
 
 def _model(structure: Structure, problem: Problem) -> tuple[MachineModel | None, tuple[str, ...]]:
@@ -78,6 +86,7 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
     E, T = numbers.dt.shape
     known = np.stack([*fixed.values()], axis=-1) if fixed else np.zeros((E, T, 0))
     n = structure.integrator.substeps
+    parts = 1 if fixed else model.records.parts(n)
     scale = np.broadcast_to(numbers.state_scale, numbers.state_free.shape)
     slope = np.where(numbers.state_free, scale, 0.0)
     begin = np.stack([np.broadcast_to(numbers.start[name], E) for name in robot.states], axis=1)
@@ -92,11 +101,12 @@ def direct(structure: Structure, problem: Problem, residuals: bool = True) -> Di
         state_scale=scale,
         state_slope=slope,
         state_stiffness=np.sqrt(numbers.state_precision) * slope,
-        shares=np.full((n, lanes()), 1.0 / n),
+        shares=np.full((n // parts, lanes()), parts / n),
+        parts=parts,
         logs=Logs(
-            u=grouped(np.asarray(numbers.inputs)[:, :, None, :]),
-            dt=grouped(np.asarray(numbers.dt)),
-            fixed=grouped(known),
+            u=grouped(by_outputs(np.asarray(numbers.inputs)[:, :, None, :], parts)),
+            dt=grouped(np.repeat(np.asarray(numbers.dt) / parts, parts, axis=1)),
+            fixed=grouped(np.repeat(known, parts, axis=1)),
             measured=grouped(np.where(numbers.mask, numbers.outputs, 0.0))
             if residuals
             else np.zeros((0, 0, 0, lanes())),
@@ -122,11 +132,12 @@ def numbers_at(d: Direct, theta: Float[Array, "*c n"]) -> Float[Array, "*c P"]:
 
 def seen_by(d: Direct, theta: Float[Array, "*E n"], states: Float[Array, "E s"]):
     """What the machine code reads. The parameters are those of all logs or, without effects on records, of each."""
-    numbers, records, n = numbers_at(d, theta), d.model.records, len(d.shares)
+    numbers, records = numbers_at(d, theta), d.model.records
     own = numbers[..., list(d.model.places)]
     u = d.logs.u
     if records.commands is not None:
-        u = grouped(commanded(records, numbers, d.problem.inputs, d.problem.dt, n, d.held))
+        after = commanded(records, numbers, d.problem.inputs, d.problem.dt, d.substeps, d.held)
+        u = grouped(by_outputs(after, d.parts))
     if own.ndim == 1:  # of all logs
         p = np.empty((len(u), len(own), lanes()))
         p[:] = own[:, None]
@@ -135,7 +146,7 @@ def seen_by(d: Direct, theta: Float[Array, "*E n"], states: Float[Array, "E s"])
     return d.shares, p, grouped(starts_at(d, states)), u, d.logs.dt, d.logs.fixed
 
 
-def shown(d: Direct, theta: Float[Array, "*E n"], y: Float[Array, "G T Y L"]) -> Float[Array, "G T Y L"]:
+def shown(d: Direct, theta: Float[Array, "*E n"], y: Float[Array, "G n Y L"]) -> Float[Array, "G T Y L"]:
     """What the sensors report of the outputs."""
     if d.model.records.measures is None:
         return y

@@ -18,6 +18,7 @@ from ...robots.robot import Robot
 from ..policy import current_policy
 from ..search.denser import with_denser_curve
 from .candidate_refits import Report
+from .moving_alike import values_moving_alike
 from .refit import Trial, continued, refit_from_itself
 
 _MORE = 0.02
@@ -45,7 +46,7 @@ def with_parameters_held(
             say(f"refitting with a parameter of {effect.title} held")
             robot = trial.robot.with_values(**{name: 0.0}).change(name, free=False)
             again = refit_from_itself(robot, trial, logs, held_out, noise)
-            if other := _with_that_gain(robot, trial.robot, effect, name):
+            if other := values_moving_alike(trial.robot, name, 0.0, logs):
                 elsewhere = refit_from_itself(robot.with_values(**other), trial, logs, held_out, noise)
                 again = min(again, elsewhere, key=lambda one: one.score)
             again = continued(again, logs, held_out, noise)
@@ -103,21 +104,6 @@ def _gives(robot: Robot, effect: Effect, name: str) -> bool:
     if not isinstance(effect, Curve) or not effect.begins_later:
         return False
     return robot.parameters[name].value < -_MORE * _place(robot, effect, name)
-
-
-def _with_that_gain(robot: Robot, before: Robot, effect: Effect, name: str) -> dict[str, float]:
-    """Values for `robot`, the one `before` with the first height `name` of a limit's curve at zero, that move as that one does:
-    what the limit took of what is small, or gave, is a smaller or larger gain of all, of its other heights and of what moves.
-    Empty for what is no limit, and where it took all."""
-    if not isinstance(effect, Curve) or not effect.begins_later:
-        return {}
-    numbers, free = before.parameters.numbers, robot.parameters.free_names
-    gain = 1.0 - numbers[name] / _place(before, effect, name)
-    if not gain > 0.0:
-        return {}
-    every = [effect.height(k, one) for one in effect.each(before) for k in effect.varying]
-    heights = {n: x - (x - numbers[n]) / gain for n in every if n in free for x in (_place(before, effect, n),)}
-    return {n: numbers[n] / gain for n in free if "." not in n} | heights
 
 
 def _far(trial: Trial, name: str) -> bool:

@@ -8,63 +8,27 @@ parameters with it.
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import partial
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._compile import compiled
 from ..._float64 import in_float64
 from ...effects import catalogue, laws_of
 from ...effects.curve import Curve
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ...robots.traits import on_whole_signals
+from ..refits.moving_alike import Seen, accelerations, seen_in
 from ..refits.refit import Trial
 
 Array = NDArray[np.float64]
-_STATES = 300
-"""About how many states of the logs are looked at."""
 _SAME = 0.01
 """Share of what a curve adds (its square) that another may lack and be the same: what points in other places leave of it."""
 
 
-def _seen(robot: Robot, logs: LogSet) -> tuple[dict[str, Array], tuple[Array, ...]] | None:
-    """States [N] and inputs [N] at samples of the logs; None where these do not measure every velocity."""
-    names = logs.channels.measured
-    if not set(robot.velocities) <= set(names):
-        return None
-    step = max(sum(len(log) for log in logs) // _STATES, 1)
-    outputs = np.concatenate([log.outputs for log in logs])[::step]
-    inputs = np.concatenate([log.inputs for log in logs])[::step]
-    there = np.all(np.isfinite(outputs[:, [names.index(n) for n in robot.velocities]]), axis=1)
-    still = dict.fromkeys(robot.states, np.zeros(int(there.sum()))) | {
-        name: np.full(int(there.sum()), value) for name, value in robot.initial_state().items()
-    }
-    return {**still, **{n: outputs[there, names.index(n)] for n in robot.velocities}}, tuple(inputs[there].T)
-
-
-@partial(compiled, static_argnames=("robot", "names"))
-def _slopes(robot: Robot, names: tuple[str, ...], numbers, values, state, inputs):
-    """Derivatives of the accelerations of the sliding robot by the parameters `names` [N velocities, names]."""
-
-    def accelerations(values):
-        p = {**numbers, **dict(zip(names, values, strict=True))}
-        pairs = zip(robot.coulomb(state, p), robot.rubbing(state, p), strict=True)
-        dry = tuple(jnp.where(speed > 0.0, ahead, -back) * (speed != 0.0) for (back, ahead), speed in pairs)
-        rates = robot.rates(state, tuple(inputs), dry, p)
-        return jnp.concatenate([jnp.broadcast_to(rates[name], state[name].shape) for name in robot.velocities])
-
-    return jax.jacfwd(accelerations)(values)
-
-
-def _changes(robot: Robot, names: Sequence[str], state: dict, inputs: Sequence[Array]) -> Array:
-    """What the parameters `names` add to the accelerations of the sliding robot, one by one [names, N velocities]."""
-    known = {name: float(value) for name, value in robot.parameters.numbers.items()}
-    begin = np.array([known[name] for name in names])
-    return np.asarray(_slopes(robot.structure, tuple(names), known, begin, state, inputs)).T
+def _changes(robot: Robot, names: Sequence[str], seen: Seen) -> Array:
+    """What the parameters `names` add to the accelerations of the sliding robot, one by one [names, velocities · N]."""
+    return accelerations(robot, names, np.array([robot.parameters[name].value for name in names]), seen)[1].T
 
 
 def _left(columns: Array, wanted: Array) -> Array:
@@ -85,13 +49,13 @@ def curves_that_are(before: Trial, after: Trial, promised: Collection[str], logs
     curve, robot, bare = after.effect, after.robot, before.robot
     if not isinstance(curve, Curve) or on_whole_signals(curve) or curve.states_on(robot) or after.angles:
         return ()
-    seen = _seen(bare, logs) if bare.velocities and not bare.controlled else None
+    seen = seen_in(bare, logs) if not bare.controlled else None
     if seen is None or not bare.drive_axes:
         return ()
     own = _heights(curve, robot)
     values = np.array([robot.parameters[name].value for name in own])
-    wanted = values @ _changes(robot, own, *seen)
-    taken_up = _changes(bare, bare.parameters.free_names, *seen)
+    wanted = values @ _changes(robot, own, seen)
+    taken_up = _changes(bare, bare.parameters.free_names, seen)
     whole = float(np.sum(_left(taken_up, wanted) ** 2))
     found = []
     for other in (effect for effect in catalogue(bare) if effect.id in promised):
@@ -104,7 +68,7 @@ def curves_that_are(before: Trial, after: Trial, promised: Collection[str], logs
         names = _heights(dense, model)
         if len(names) > len(own):
             continue
-        columns = np.concatenate([taken_up, _changes(model, names, *seen)])
+        columns = np.concatenate([taken_up, _changes(model, names, seen)])
         share = float(np.sum(_left(columns, wanted) ** 2)) / max(whole, 1e-300)
         if share < _SAME:
             found.append(other.id)
