@@ -12,6 +12,7 @@ from ..checks.in_words import doubtful_units
 from ..effects.catalogue import check_mechanisms
 from ..effects.in_some_logs import InSomeLogs
 from ..effects.table_constants import TableConstants
+from ..estimate.output_error.braking_motors import braking_motors
 from ..estimate.output_error.conclude import Covariance
 from ..estimate.output_error.losses import Loss, Squares, loss_named
 from ..estimate.output_error.one_way import one_way
@@ -232,11 +233,13 @@ def explain(
         # Those are judged in the end where rows are missing: without what jumps, too.
         with_gaps = with_gaps[0], without_passing_jumps(fit.robot, *with_gaps)[1]
         report(noted)
-    columns = other_way(fit, *recorded)
+    columns = other_way(fit, *recorded) or braking_motors(fit.robot, recorded[0])
     if columns:
         report(columns)
     report("looking for a gap on the held-out logs")
 
+    # No effect makes a column right whose sign or unit is another, and none that were added would be an answer.
+    most = 0 if columns else most
     asked = Asked(fit, tuple(effects), most, loss, covariance, with_gaps if estimated else None, report)
     found, final, after, judging = looked(asked, logs, held_out, whole)
     plain = whole is logs and not (was_sorted or estimated)
@@ -253,7 +256,7 @@ def explain(
     rows = row_before(fit.robot, held_out, found.before)
     named = named_effects(found, fit, final)
     doubts = doubts_of(found, final, named, after)
-    doubts += ("columns of the logs contradict the model by their signs or units",) if columns and named else ()
+    doubts += ("columns of the logs contradict the model by their signs or units",) if columns else ()
     verdict = verdict_of(found, named, most, doubts)
     smoothed = smoothed_friction(final.robot) if verdict != "adequate" else ""
     untried = not_looked_for(fit.robot) if verdict != "adequate" and not all_noise(found) else ""

@@ -109,6 +109,7 @@ def _beside_this(
         ]
     found += ended(_in_their_place(pair, look, view, found, by_candidate, colours))
     found += ended(_usual_ones(pair, own, found, colours))
+    found += ended(_by_fewer_numbers(pair, look, found, by_candidate, colours))
     found.sort(key=lambda trial: trial.total)
     for trial in found:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
@@ -133,6 +134,25 @@ def _in_their_place(
     for keep, kept, instead, made in ((first, one, second, other), (second, other, first, one)):
         for score in alike_beside(look, view, instead, made, keep):
             if apart(score, keep) and frozenset((keep.candidate, score.candidate)) not in tried:
+                joints.append((score, _beside(pair, keep, score, leader.joint, kept, colours)))
+    return joints
+
+
+def _by_fewer_numbers(
+    pair: Pair, look: FirstLook, found: Sequence[Trial], by_candidate: Mapping[Candidate, Score], colours: Colours
+) -> list[tuple[Score, Joint]]:
+    """A few steps with either part of the best of those `found` by laws of fewer numbers: a curve promises more to first order,
+    and is often no more than its formula."""
+    leader = min(found, key=lambda trial: trial.total)
+    first, second = (by_candidate[part] for part in leader.score.candidate.parts)
+    one, other = np.split(leader.joint.delta, [len(first.candidate.coordinates)])
+    tried = {frozenset(trial.score.candidate.parts) for trial in found}
+    joints = []
+    for keep, kept, curve in ((first, one, second), (second, other, first)):
+        for score in look.scores:
+            same = (score.candidate.id, score.candidate.side) == (curve.candidate.id, curve.candidate.side)
+            fewer = len(score.candidate.coordinates) < len(curve.candidate.coordinates)
+            if same and fewer and frozenset((keep.candidate, score.candidate)) not in tried:
                 joints.append((score, _beside(pair, keep, score, leader.joint, kept, colours)))
     return joints
 

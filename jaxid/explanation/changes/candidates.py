@@ -92,6 +92,12 @@ class Candidate:
         return all(part.usual for part in self.parts) if self.parts else self.usual
 
     @property
+    def law(self) -> tuple[str, str]:
+        """The law by which a mechanism of the catalogue comes or goes, and its formula; empty where it has one only."""
+        effect = next((effect for effect in self.effects if effect.id == self.id), None)
+        return (effect.law, effect.formula) if effect is not None and effect.law else ("", "")
+
+    @property
     def own(self) -> tuple[str, ...]:
         """Parameters of the robot that it is made of; none where it is an effect."""
         return tuple(c.of for c in self.coordinates if c.of)

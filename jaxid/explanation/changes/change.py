@@ -65,13 +65,16 @@ class NamedChange:
     rms: float
     same: tuple[str, ...] = ()
     parts: tuple["NamedChange", ...] = ()
+    law: str = ""
+    formula: str = ""
 
     @property
     def words(self) -> str:
-        """The title, with the names that mean the same model."""
+        """The title, with the law, where there are several, and the names that mean the same model."""
         if self.parts:
             return " and ".join(part.words for part in self.parts)
-        return f"{self.title}, which is the same as {' or '.join(self.same)}" if self.same else self.title
+        title = f"{self.title}, by the law {in_words(self.law)} ({self.formula})" if self.law else self.title
+        return f"{title}, which is the same as {' or '.join(self.same)}" if self.same else title
 
     @property
     def sizes(self) -> str:
@@ -91,6 +94,8 @@ class NamedChange:
         return {
             "id": self.id,
             "title": self.title,
+            "law": self.law,
+            "formula": self.formula,
             "parameters": parameters,
             "rms": self.rms,
             "same_as": list(self.same),

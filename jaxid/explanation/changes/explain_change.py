@@ -6,7 +6,6 @@ more of the difference than two separate models would, and follows both sets ali
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..._float64 import in_float64
 from ..._memory import bounded_memory
 from ..._origin import with_origin
 from ...effects.catalogue import check_mechanisms
-from ...estimate.result import Estimate, Fit, Status, checked_fit
+from ...estimate.result import Estimate, Fit, checked_fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
 from ...robots.effect import in_words
@@ -25,11 +24,12 @@ from ..left.other_way import CHECK, other_way
 from ..level import FALSE_ALARM, checked_level
 from .beside import changed_beside
 from .candidates import EACH, Side
-from .change import Difference, ExplainedChange, Looked, NamedChange, Noticeable, Verdict
+from .change import ExplainedChange, Looked, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
 from .in_both import fitted_with, lacking_in_both
-from .joint import SIDES, Colours, Joint, Pair, refit, with_candidate
+from .joint import SIDES, Colours, Joint, Pair, refit
 from .judged import Worse, differ_at_all, follows_one_worse, noticed_from
+from .named import named
 from .noise_left import MOST
 from .sides import SetOfLogs, side_of
 from .trials import LEFT, HeldOutLogs, Trial, only_later, refitted, simplest_first, unlikely, with_a_number_more
@@ -75,36 +75,6 @@ def _two_sets(before: LogSet, after: LogSet) -> None:
             f"The log {both[0][0]!r} of before and the log {both[0][1]!r} of after hold the same numbers; give logs that were "
             "recorded before, and others that were recorded after."
         )
-
-
-def _named(pair: Pair, trial: Trial, rows: int, look: FirstLook) -> NamedChange:
-    """The change in words and numbers; of two together the parts besides, each with the other names of the same model."""
-    candidate, joint = trial.score.candidate, trial.joint
-    robot = with_candidate(pair.robot, candidate)
-    numbers = {**robot.parameters.numbers, **dict(zip(pair.free, map(float, joint.theta), strict=True))}
-    errors = np.sqrt(np.maximum(np.diag(joint.covariance), 0.0))
-    found = {}
-    for c, size, error in zip(candidate.coordinates, joint.delta, errors, strict=True):
-        known = bool(np.isfinite(error) and error > 0)  # none of what no sample asks for
-        status: Status = "identified" if known else "not_identifiable"
-        estimate = Estimate.of(float(size), float(error) if known else float("nan"), c.unit, status)
-        shared = numbers[c.of] if c.of else 0.0
-        found[c.name] = Difference(shared, shared + float(size), estimate)
-    if candidate.side == "before":
-        found = {name: Difference(d.after, d.before, _negative(d.size)) for name, d in found.items()}
-    rms = float(np.sqrt(joint.squares / rows))
-    same = {score.candidate: score.same for score in look.scores}
-    parts = tuple(
-        NamedChange(part.id, part.title, {c.name: found[c.name] for c in part.coordinates}, rms, same.get(part, ()))
-        for part in candidate.parts
-    )
-    return NamedChange(candidate.id, candidate.title, found, rms, trial.score.same, parts)
-
-
-def _negative(size: Estimate) -> Estimate:
-    """The same with the other sign."""
-    low, high = size.ci95
-    return replace(size, value=-size.value, ci95=(-high, -low))
 
 
 def _noticeable(look: FirstLook, pair: Pair, chance: float) -> tuple[Noticeable, ...]:
@@ -243,8 +213,8 @@ def _explained(
             )
         notes = _remainder(best, null, separate, level, before, after) if not doubts else ()
         if same and not doubts:
-            named = [_named(pair, trial, rows, look) for trial in same]
-            said = " or ".join(f"{own.words} ({own.sizes})" for own in named)
+            twice = [named(pair, trial, rows, look) for trial in same]
+            said = " or ".join(f"{own.words} ({own.sizes})" for own in twice)
             notes += (f"{said} would be the same in these logs, with a number more.",)
         others = as_well(look, best, colours) if not doubts else []
         if others:
@@ -259,8 +229,8 @@ def _explained(
         gain = _held_out_gain(pair, held_out, null, best.joint, colours)
     return ExplainedChange(
         verdict=verdict,
-        change=_named(pair, best, rows, look) if best is not None else None,
-        equivalent=tuple(_named(pair, own, rows, look) for own in equivalent) if not doubts else (),
+        change=named(pair, best, rows, look) if best is not None else None,
+        equivalent=tuple(named(pair, own, rows, look) for own in equivalent) if not doubts else (),
         p_value=float(p),
         false_alarm=level,
         rms_unchanged=float(np.sqrt(null.squares / rows)),
