@@ -54,12 +54,12 @@ def logs(robot, make, seeds, noise):
     return LogSet(found)
 
 
-def driven(trim):
+def driven(trim, mass=MASS):
     """A car whose steering is off by `trim`."""
 
     def make(rng):
         given = commands(rng, [8.0, 0.4])
-        keep, v, seen = np.exp(-INTERVAL * VISCOUS / MASS), 0.0, np.zeros((SAMPLES, 2))
+        keep, v, seen = np.exp(-INTERVAL * VISCOUS / mass), 0.0, np.zeros((SAMPLES, 2))
         for k, (duty, steer) in enumerate(given):
             seen[k] = v, v * np.tan(steer + trim) / WHEELBASE
             v = keep * v + (1.0 - keep) * PUSH * duty / VISCOUS
@@ -96,6 +96,20 @@ def test_a_trim_that_is_off_since_is_an_error_of_steering_and_no_cross_talk():
     assert found.change.id == "steering_error" and found.verdict == "named"
     (trim,) = found.change.differences.values()
     assert abs(trim.size.value - 0.015) < 4.0 * trim.size.std_error
+
+
+@pytest.mark.slow
+def test_a_trim_beside_a_load_is_one_number_and_no_curve():
+    sets = [
+        logs(CAR, make, seeds, [0.01, 0.03])
+        for make, seeds in ((driven(0.0), (1, 2, 3)), (driven(0.015, 3.1), (4, 5, 6)))
+    ]
+    found = explain_change(*(output_error(CAR, own) for own in sets), *sets)
+    laws = {part.id: part.law for part in found.change.parts}
+    assert found.verdict in ("named", "ambiguous") and laws.get("steering_error") == "offset" and len(laws) == 2
+    numbers = found.change.differences
+    (trim,) = (d for name, d in numbers.items() if "steering_error" in name)
+    assert abs(trim.size.value - 0.015) < 4.0 * trim.size.std_error and trim.size.std_error < 0.005
 
 
 @pytest.mark.slow

@@ -7,9 +7,7 @@ import pytest
 
 from jaxid import Axis, Channels, Custom, Log, LogSet, Parameter
 from jaxid.effects import effect_by_id
-from jaxid.explanation.refits.held_parameters import with_parameters_held
 from jaxid.explanation.refits.moving_alike import values_moving_alike
-from jaxid.explanation.refits.refit import refit
 
 NOISE = 0.002
 
