@@ -2,12 +2,16 @@
 what is left is noise in the sensor's own units."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jaxid import Channels, Custom, Log, LogSet, Parameter, explain_change, output_error
-from jaxid.explanation.changes.candidates import Candidate
+from jaxid.effects import laws_of
+from jaxid.explanation.changes import beside
+from jaxid.explanation.changes.candidates import Candidate, both, candidates_of, of_mechanism
+from jaxid.explanation.changes.first_look import Score
 
 CHANNELS = Channels(("u",), ("v",), (), {"u": "V", "v": "m/s"})
 ROBOT = Custom(
@@ -75,3 +79,41 @@ def test_where_no_second_change_can_be_so_large_none_is_named(monkeypatch):
     monkeypatch.setattr(Candidate, "believable", lambda self, delta: not self.parts)
     found = compared(T=0.36, bias=0.01)
     assert found.change is None or not found.change.parts
+
+
+def test_a_curve_beside_another_change_is_asked_by_its_formula(monkeypatch):
+    """By the formula of the same side alone, and not where it has been tried."""
+    laws = {law.law: law for law in laws_of(ROBOT, "voltage_saturation")}
+    drive = candidates_of(ROBOT)[0]
+    curve, formula, gone = (
+        of_mechanism(laws[law], ROBOT, side)
+        for law, side in (("shape", "after"), ("tanh", "after"), ("tanh", "before"))
+    )
+    scores = [
+        Score(c, 1.0, 0.0, np.zeros(len(c.coordinates)), np.ones(len(c.coordinates)), np.zeros((1, 1)), c is drive)
+        for c in (drive, curve, formula, gone)
+    ]
+    asked = []
+    monkeypatch.setattr(
+        beside, "_beside", lambda pair, first, second, joint, kept, colours: asked.append((first, second, kept))
+    )
+
+    def tried(*pairs):
+        return [
+            SimpleNamespace(
+                total=float(k),
+                score=SimpleNamespace(candidate=both(*pair)),
+                joint=SimpleNamespace(delta=np.arange(sum(len(part.coordinates) for part in pair))),
+            )
+            for k, pair in enumerate(pairs)
+        ]
+
+    by_candidate = {score.candidate: score for score in scores}
+    look = SimpleNamespace(scores=scores)
+    found = beside._by_fewer_numbers(None, look, tried((drive, curve)), by_candidate, None)
+    assert [score.candidate for score, _ in found] == [formula]
+    ((first, second, kept),) = asked
+    assert (first.candidate, second.candidate) == (drive, formula)
+    assert np.array_equal(kept, np.arange(len(drive.coordinates)))
+    assert not beside._by_fewer_numbers(None, look, tried((drive, curve), (drive, formula)), by_candidate, None)
+    assert not beside._by_fewer_numbers(None, look, tried((drive, formula), (drive, curve)), by_candidate, None)
