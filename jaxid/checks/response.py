@@ -115,6 +115,10 @@ def _disturbed(log: Log, windows: Windows) -> Iterator[Finding]:
         yield finding(log, windows.name, int(windows.starts[odd[0] * span]), "warning", "disturbed", text)
 
 
+_FLIPPED = -2.0
+"""Least of the turning frame's own term, which is -1 in a frame that is flipped, that may be one."""
+
+
 def _turning_frame(log: Log) -> Iterator[Finding]:
     """Handedness of a planar body frame: for speeds ahead and to the left, dV/dt = W Vn + ..., dVn/dt = -W V + ... hold
     only in a consistent one. Such a frame is known by its units and by three outputs that the inputs drive independently.
@@ -134,10 +138,14 @@ def _turning_frame(log: Log) -> Iterator[Finding]:
     stops = starts + width
     if len(starts) < 30:
         return
+    # A slope pulls in a direction of the floor, which turns in the body's frame as it turns.
+    steps = np.diff(log.time, prepend=log.time[0])
+    heading = np.cumsum(body[turn] * steps)
     top = bottom = spread = 0.0
     for name, coupling in ((ahead, body[turn] * body[left]), (left, -body[turn] * body[ahead])):
         own = body[name]
-        nuisance = np.stack([*log.inputs.T, own, np.sign(own), np.ones(len(log)), np.sign(body[turn])], axis=-1)
+        still = np.ones(len(log)), np.sign(body[turn]), np.cos(heading), np.sin(heading)
+        nuisance = np.stack([*log.inputs.T, own, np.sign(own), *still], axis=-1)
         q, _ = np.linalg.qr(integral(log, nuisance, starts, stops))
         change, turned = own[stops] - own[starts], integral(log, coupling, starts, stops)
         change, turned = change - q @ (q.T @ change), turned - q @ (q.T @ turned)
@@ -147,7 +155,8 @@ def _turning_frame(log: Log) -> Iterator[Finding]:
     if bottom <= 0:
         return
     kappa, error = top / bottom, np.sqrt(spread) / bottom
-    if kappa < -0.3 and kappa + 4 * error < 0:
+    # It is -1 in a frame that is flipped; what is far from that comes of something else.
+    if _FLIPPED < kappa < -0.3 and kappa + 4 * error < 0:
         text = (
             f"the turning frame's own term comes out at {kappa:.2f} instead of +1 (d{ahead}/dt = {turn} {left}), so the signs "
             f"of all wheels, or the handedness of {ahead}, {left} and {turn}, are opposite to the documented ones; flip "

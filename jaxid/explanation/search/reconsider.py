@@ -19,6 +19,7 @@ from ..screening.screen import Candidate, alike_to, screen
 from .denser import densest
 from .laws import best_first, by_where_they_bend, rather_of
 from .one_of_several import with_one_alone
+from .same_curves import is_another_of_its_curves
 from .steps import Search, Step, laws_in
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
@@ -195,13 +196,26 @@ def by_laws_again(
         if own[0].law == effect.law or not told_apart_from(own[0], current):
             continue
         say(f"{own[0].title} instead of {effect.title}: held-out {own[0].held_out.normalised_rms:.3f} x noise")
-        current = own[0]
+        current = _each_curve_once(own[0], base, logs, held_out, noise, say)
         same = tuple(trial.law for trial in alike(own))
         then = next((trial for trial in step.laws if trial.law == own[0].law), None)
         revised[place] = replace(
             step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same, as_it_was=then
         )
     return revised, current
+
+
+def _each_curve_once(current: Trial, base: Trial, logs, held_out, noise, say: Report) -> Trial:
+    """The model without those curves beside that of its newest law which are the same function by another name: they would
+    share it in any way, each many times what there is of it."""
+    for effect in current.robot.effects:
+        if effect.id == current.id or not is_another_of_its_curves(current.robot, effect.id, current.id, logs):
+            continue
+        say(f"{effect.title} is no other curve than that of {current.title}")
+        bare = continued(without(effect.id, current, base, logs, held_out, noise), logs, held_out, noise)
+        bare = replace(bare, id=current.id)
+        current = densest(bare, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise))
+    return current
 
 
 def rather_by_curves(

@@ -20,6 +20,7 @@ from ...robots.robot import Robot
 from ...robots.traits import on_whole_signals
 from ..refits.moving_alike import Seen, accelerations, seen_in
 from ..refits.refit import Trial
+from .denser import with_denser_curve
 
 Array = NDArray[np.float64]
 _SAME = 0.01
@@ -40,6 +41,29 @@ def _left(columns: Array, wanted: Array) -> Array:
 
 def _heights(effect: Curve, robot: Robot) -> list[str]:
     return [effect.height(k, name) for name in effect.each(robot) for k in effect.varying]
+
+
+@in_float64
+def is_another_of_its_curves(robot: Robot, identifier: str, other: str, logs: LogSet) -> bool:
+    """Whether what the curve of the effect `identifier` adds to the model is what the curve of another of its effects, through
+    as many points, and its own parameters may add: one function by two names, of which either may have any share."""
+    curve, second = (next((e for e in robot.effects if e.id == name), None) for name in (identifier, other))
+    if not isinstance(curve, Curve) or not isinstance(second, Curve) or robot.controlled:
+        return False
+    if any(on_whole_signals(e) or e.states_on(robot) for e in (curve, second)):
+        return False
+    seen = seen_in(robot, logs)
+    if seen is None:
+        return False
+    own = _heights(curve, robot)
+    wanted = np.array([robot.parameters[name].value for name in own]) @ _changes(robot, own, seen)
+    while len(second.places) < len(curve.places):
+        robot = with_denser_curve(robot, other)
+        second = next(e for e in robot.effects if e.id == other and isinstance(e, Curve))
+    rest = [name for name in robot.parameters if name not in own and robot.parameters[name].free]
+    others = sorted({*rest, *_heights(second, robot)})
+    left = _left(_changes(robot, others, seen), wanted)
+    return bool(np.sum(left**2) < _SAME * np.sum(wanted**2))
 
 
 @in_float64

@@ -1,5 +1,7 @@
 """Curves of several mechanisms that are one function on a robot."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from jaxid.effects import effect_by_id
 from jaxid.explanation.left.heldout import HeldOut
 from jaxid.explanation.refits.refit import Trial
 from jaxid.explanation.search.denser import with_curves_apart
-from jaxid.explanation.search.same_curves import curves_that_are
+from jaxid.explanation.search.same_curves import curves_that_are, is_another_of_its_curves
 
 STATE = HeldOut(2.0, {}, (np.ones((10, 1)),), {}, 0.0)
 PROMISED = ("quadratic_drag", "sublinear_viscous_friction", "turning_friction", "traction_limit")
@@ -44,3 +46,18 @@ def test_on_axes_that_are_the_bodys_they_are_one_where_each_has_its_own():
     forward = {f"{name}_V": value for name, value in heights.items()}
     assert answer(Omni(), "quadratic_drag", forward, apart=True) == {"sublinear_viscous_friction"}
     assert answer(Omni(), "quadratic_drag", heights) == set()
+
+
+@pytest.mark.parametrize(("robot", "one"), [(Axis(), True), (Pioneer(), False)], ids=["axis", "pioneer"])
+@pytest.mark.parametrize("more", [1, 4])
+def test_of_two_curves_in_one_model_it_is_asked_whether_they_are_one(robot, one, more):
+    """On an axis a drag is what friction that differs by direction has in common, through as many points or fewer."""
+    drag = replace(effect_by_id(robot, "quadratic_drag", "shape"), between=more - 1)
+    model = robot + effect_by_id(robot, "asymmetric_viscous_friction", "shape") + drag
+    heights = {drag.key(f"at_{k + 1}"): 3.0 * place**2 for k, place in enumerate(drag.places[1:])}
+    model = model.with_values(**heights)
+    rng, sizes = np.random.default_rng(0), (len(robot.channels.inputs), len(robot.channels.outputs))
+    columns = (rng.uniform(-10.0, 10.0, (400, n)) / (10.0 if k else 1.0) for k, n in enumerate(sizes))
+    logs = LogSet([Log.from_arrays("one", 0.02 * np.arange(400), *columns, robot)])
+    assert is_another_of_its_curves(model, "quadratic_drag", "asymmetric_viscous_friction", logs) is one
+    assert not is_another_of_its_curves(model, "quadratic_drag", "motor_heating", logs)
