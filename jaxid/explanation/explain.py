@@ -12,8 +12,8 @@ from ..checks.in_words import doubtful_units
 from ..effects.catalogue import check_mechanisms
 from ..effects.in_some_logs import InSomeLogs
 from ..effects.table_constants import TableConstants
-from ..estimate.output_error.braking_motors import braking_motors
 from ..estimate.output_error.conclude import Covariance
+from ..estimate.output_error.contradicting import contradicting
 from ..estimate.output_error.losses import Loss, Squares, loss_named
 from ..estimate.output_error.one_way import one_way
 from ..estimate.output_error.output_error import Windows, output_error
@@ -233,7 +233,7 @@ def explain(
         # Those are judged in the end where rows are missing: without what jumps, too.
         with_gaps = with_gaps[0], without_passing_jumps(fit.robot, *with_gaps)[1]
         report(noted)
-    columns = other_way(fit, *recorded) or braking_motors(fit.robot, recorded[0])
+    columns = other_way(fit, *recorded) or " ".join(contradicting(fit.robot, recorded[0]))
     if columns:
         report(columns)
     report("looking for a gap on the held-out logs")

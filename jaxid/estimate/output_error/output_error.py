@@ -22,8 +22,8 @@ from ...simulation.rollout import Integrator
 from ..result import Fit
 from ..units_doubted import with_units_doubted
 from .beyond_supply import beyond_supply
-from .braking_motors import braking_motors
 from .conclude import Covariance
+from .contradicting import contradicting
 from .fitted import fitted
 from .losses import Loss, loss_named
 from .posed import Options
@@ -118,7 +118,7 @@ def output_error(
 def _noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
     """The fit with what is to be said of the logs' stamps, units and commands."""
     found = with_units_doubted(_with_stamps_noted(found, robot, logs, options), logs)
-    said = filter(None, (beyond_supply(robot, logs), braking_motors(robot, logs)))
+    said = filter(None, (beyond_supply(robot, logs), *contradicting(robot, logs)))
     return replace(found, notes=(*found.notes, *said))
 
 

@@ -1,0 +1,81 @@
+"""Wheels' angles beside a gyro: of a cart, by what two wheels on an axle do, and of four Mecanum wheels by their rollers."""
+
+import numpy as np
+import pytest
+
+from jaxid import Log, LogSet, output_error, read_robot
+from jaxid.estimate.output_error.wheels_beside_body import wheels_beside_body
+
+RADIUS, HALF, AHEAD, DT = 0.0825, 0.17, 0.2, 0.02
+PARAMETERS = """
+[parameters]
+r = 0.0825
+"""
+CART = f"""name = "cart"
+{PARAMETERS}
+[wheels]
+left = {{ at = [0.0, {HALF}], kind = "standard" }}
+right = {{ at = [0.0, -{HALF}], kind = "standard" }}
+"""
+MECANUM = f"""name = "platform"
+{PARAMETERS}
+[wheels]
+fl = {{ at = [{AHEAD}, {HALF}], rolls = 0, kind = "mecanum" }}
+fr = {{ at = [{AHEAD}, -{HALF}], rolls = 0, kind = "mecanum" }}
+rl = {{ at = [-{AHEAD}, {HALF}], rolls = 0, kind = "mecanum" }}
+rr = {{ at = [-{AHEAD}, -{HALF}], rolls = 0, kind = "mecanum" }}
+"""
+# Turning to the left: how many radians of each wheel go with one of the body.
+TURNING = {
+    "left": -HALF / RADIUS,
+    "right": HALF / RADIUS,
+    "fl": -(AHEAD + HALF) / RADIUS,
+    "fr": (AHEAD + HALF) / RADIUS,
+    "rl": -(AHEAD + HALF) / RADIUS,
+    "rr": (AHEAD + HALF) / RADIUS,
+}
+
+
+KINDS = pytest.mark.parametrize(
+    ("text", "wheels", "yaw"),
+    [(CART, ("left", "right"), "w"), (MECANUM, ("fl", "fr", "rl", "rr"), "W")],
+    ids=["cart", "mecanum"],
+)
+
+
+def made(tmp_path, text, wheels, gear, yaw, sign=1.0):
+    """The robot of a file and logs in which its wheels' angles are `gear` times what they were, and no speed of the body."""
+    path = tmp_path / "robot.toml"
+    path.write_text(text)
+    robot = read_robot(path).for_columns([yaw, *(f"angle_{name}" for name in wheels)])
+    rng, found = np.random.default_rng(2), []
+    for k in range(2):
+        ahead, turn = (np.repeat(rng.uniform(-0.5, 0.5, 30), 20) for _ in range(2))
+        rates = {f"angle_{name}": gear * (ahead / RADIUS + TURNING[name] * turn) for name in wheels}
+        angles = {name: np.concatenate([[0.0], np.cumsum(DT * own)[:-1]]) for name, own in rates.items()}
+        gyro = turn + 0.02 * rng.normal(size=len(turn))
+        inputs = rng.normal(size=(len(turn), len(robot.channels.inputs)))
+        found.append(
+            Log.from_arrays(f"run {k}", DT * np.arange(len(turn)), inputs, {**angles, yaw: sign * gyro}, robot)
+        )
+    return robot, LogSet(found)
+
+
+@KINDS
+def test_a_gear_that_was_forgotten_is_told_by_its_ratio(tmp_path, text, wheels, yaw):
+    said = wheels_beside_body(*made(tmp_path, text, wheels, 26.0, yaw))
+    assert f"26 times as far as {yaw} says" in said and "a gear between the encoder and the wheel" in said
+    assert f"0.0385 times as far as {yaw} says" in wheels_beside_body(
+        *made(tmp_path, text, wheels, 1 / 26.0, yaw, -1.0)
+    )
+
+
+@KINDS
+def test_of_wheels_that_are_right_or_worn_nothing_is_said(tmp_path, text, wheels, yaw):
+    for gear in (1.0, 0.8, 1.5):
+        assert wheels_beside_body(*made(tmp_path, text, wheels, gear, yaw)) == ""
+
+
+def test_a_fit_says_it(tmp_path):
+    robot, logs = made(tmp_path, CART, ("left", "right"), 26.0, "w")
+    assert any("26 times as far" in note for note in output_error(robot, logs).notes)
