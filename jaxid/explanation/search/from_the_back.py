@@ -18,6 +18,7 @@ from ..refits.refit import Trial
 from ..screening.first_look import first_look
 from .next_name import name_next
 from .reconsider import without
+from .same_curves import each_once
 from .steps import Step
 
 _SAME = 10.0
@@ -26,13 +27,15 @@ _SAME = 10.0
 
 def not_present(robot: Robot, effects: Sequence[Effect], logs: Sequence[Log] = ()) -> list[Effect]:
     """The laws that may be added to `robot`: the catalogue's and `effects`, of mechanisms that it has not got, and not upon
-    one that it might have and has not; of `logs` that are windows none that counts from the start of the whole ones."""
+    one that it might have and has not; of `logs` that are windows none that counts from the start of the whole ones; no curve
+    that the model has by another name."""
     present = {effect.id for effect in robot.effects}
     own = [law for effect in catalogue(robot) for law in laws_of(robot, effect.id)]
     absent = [effect for effect in (*own, *effects) if effect.id not in present]
     absent = [effect for effect in absent if not (effect.since_start and isinstance(logs, Windows))]
     missing = {effect.id for effect in absent}
-    return [effect.blurred for effect in absent if effect.upon not in missing]
+    found = [effect.blurred for effect in absent if effect.upon not in missing]
+    return each_once(robot, found, logs) if isinstance(logs, LogSet) else found
 
 
 def named_from_the_back(

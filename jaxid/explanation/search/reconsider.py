@@ -19,7 +19,7 @@ from ..screening.screen import Candidate, alike_to, screen
 from .denser import densest
 from .laws import best_first, by_where_they_bend, rather_of
 from .one_of_several import with_one_alone
-from .same_curves import is_another_of_its_curves
+from .same_curves import each_once
 from .steps import Search, Step, laws_in
 from .table_constants import constants_instead
 from .telling_apart import alike, not_told_apart, simplest_first, supersets, told_apart_from
@@ -124,7 +124,7 @@ def as_in_the_end(step: Step, found: Search, logs: LogSet, held_out: LogSet) -> 
 def _by_laws(effect: Effect, bare: Trial, logs, held_out, noise, say: Report) -> list[Trial]:
     """The model `bare` with the mechanism of `effect`, by each of its laws that stand beside what is in it: its own and those
     in the running refitted to the end."""
-    laws = [law.blurred for law in laws_of(bare.robot, effect.id)]
+    laws = each_once(bare.robot, [law.blurred for law in laws_of(bare.robot, effect.id)], logs)
     screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles)
     candidates = [law for candidate in screened for law in (candidate, *candidate.laws)]
     laws = [law for law in candidates if law.gain > 0]
@@ -196,26 +196,13 @@ def by_laws_again(
         if own[0].law == effect.law or not told_apart_from(own[0], current):
             continue
         say(f"{own[0].title} instead of {effect.title}: held-out {own[0].held_out.normalised_rms:.3f} x noise")
-        current = _each_curve_once(own[0], base, logs, held_out, noise, say)
+        current = own[0]
         same = tuple(trial.law for trial in alike(own))
         then = next((trial for trial in step.laws if trial.law == own[0].law), None)
         revised[place] = replace(
             step, trials=(own[0], *step.trials[1:]), laws=tuple(own), laws_alike=same, as_it_was=then
         )
     return revised, current
-
-
-def _each_curve_once(current: Trial, base: Trial, logs, held_out, noise, say: Report) -> Trial:
-    """The model without those curves beside that of its newest law which are the same function by another name: they would
-    share it in any way, each many times what there is of it."""
-    for effect in current.robot.effects:
-        if effect.id == current.id or not is_another_of_its_curves(current.robot, effect.id, current.id, logs):
-            continue
-        say(f"{effect.title} is no other curve than that of {current.title}")
-        bare = continued(without(effect.id, current, base, logs, held_out, noise), logs, held_out, noise)
-        bare = replace(bare, id=current.id)
-        current = densest(bare, lambda robot, like: refit_from_itself(robot, like, logs, held_out, noise))
-    return current
 
 
 def rather_by_curves(

@@ -16,13 +16,15 @@ from ..._float64 import in_float64
 from ...effects import catalogue, laws_of
 from ...effects.curve import Curve
 from ...logs import LogSet
+from ...robots.effect import Effect, EffectError
 from ...robots.robot import Robot
 from ...robots.traits import on_whole_signals
 from ..refits.moving_alike import Seen, accelerations, seen_in
 from ..refits.refit import Trial
-from .denser import with_denser_curve
 
 Array = NDArray[np.float64]
+_SPEEDS = ("|speed|", "|v|")
+"""Variables of curves that may be of one speed: a drive axis's, and the body's."""
 _SAME = 0.01
 """Share of what a curve adds (its square) that another may lack and be the same: what points in other places leave of it."""
 
@@ -43,27 +45,32 @@ def _heights(effect: Curve, robot: Robot) -> list[str]:
     return [effect.height(k, name) for name in effect.each(robot) for k in effect.varying]
 
 
+def each_once(robot: Robot, laws: Sequence[Effect], logs: LogSet) -> list[Effect]:
+    """Those of the `laws` that may stand beside the curves of `robot`: no curve of the same variable that one of these has in
+    it, or that has one of these in it. Both would share one function in any way, each many times what there is of it."""
+    there = [effect for effect in robot.effects if isinstance(effect, Curve) and effect.variable in _SPEEDS]
+    return [law for law in laws if not any(_one_function(robot, law, own, logs) for own in there)]
+
+
 @in_float64
-def is_another_of_its_curves(robot: Robot, identifier: str, other: str, logs: LogSet) -> bool:
-    """Whether what the curve of the effect `identifier` adds to the model is what the curve of another of its effects, through
-    as many points, and its own parameters may add: one function by two names, of which either may have any share."""
-    curve, second = (next((e for e in robot.effects if e.id == name), None) for name in (identifier, other))
-    if not isinstance(curve, Curve) or not isinstance(second, Curve) or robot.controlled:
+def _one_function(robot: Robot, law: Effect, own: Curve, logs: LogSet) -> bool:
+    seen = seen_in(robot, logs) if not robot.controlled else None
+    if not isinstance(law, Curve) or law.variable not in _SPEEDS or law.id == own.id or seen is None:
         return False
-    if any(on_whole_signals(e) or e.states_on(robot) for e in (curve, second)):
+    try:
+        model = robot + replace(law, between=own.between)  # through as many points
+    except EffectError:
         return False
-    seen = seen_in(robot, logs)
-    if seen is None:
-        return False
-    own = _heights(curve, robot)
-    wanted = np.array([robot.parameters[name].value for name in own]) @ _changes(robot, own, seen)
-    while len(second.places) < len(curve.places):
-        robot = with_denser_curve(robot, other)
-        second = next(e for e in robot.effects if e.id == other and isinstance(e, Curve))
-    rest = [name for name in robot.parameters if name not in own and robot.parameters[name].free]
-    others = sorted({*rest, *_heights(second, robot)})
-    left = _left(_changes(robot, others, seen), wanted)
-    return bool(np.sum(left**2) < _SAME * np.sum(wanted**2))
+    curves = [effect for effect in model.effects if isinstance(effect, Curve) and effect.id in (law.id, own.id)]
+    heights = [_heights(curve, model) for curve in curves]
+    rest = sorted({*model.parameters.free_names} - {name for names in heights for name in names})
+    columns = _changes(model, [*heights[0], *heights[1], *rest], seen)
+    parts = np.split(columns, np.cumsum([len(names) for names in heights]))
+    # Of any heights, and not of those that it has: bent as no other parameter can be.
+    bent = [np.tile([curve.places[k] ** 2 for k in curve.varying], len(curve.each(model))) for curve in curves]
+    wanted = [heights @ part for heights, part in zip(bent, parts[:2], strict=True)]
+    others = [np.concatenate([parts[1 - k], parts[2]]) for k in range(2)]
+    return any(np.sum(_left(o, w) ** 2) < _SAME * np.sum(w**2) for o, w in zip(others, wanted, strict=True))
 
 
 @in_float64
