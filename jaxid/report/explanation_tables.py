@@ -11,12 +11,15 @@ from .tables import DOUBT, Cell, Table, number, percent, to_text, value_cell, wi
 
 _MOVED = 2.0
 """Standard errors (of the fit before) beyond which a parameter's move is marked."""
+_SAYS_NOTHING = 100.0
+"""Width of an interval in units of the value from which it says nothing."""
 
 
 def interval(estimate: Estimate) -> str:
-    """The 95 % interval, "-" where there is none."""
+    """The 95 % interval, "-" where there is none, or, of what is not determined, one that says nothing."""
     low, high = estimate.ci95
-    return "-" if math.isnan(low) or math.isnan(high) else f"{number(low, 3)} to {number(high, 3)}"
+    open_ = estimate.status == "not_identifiable" and not high - low < _SAYS_NOTHING * abs(estimate.value)
+    return "-" if open_ or math.isnan(low) or math.isnan(high) else f"{number(low, 3)} to {number(high, 3)}"
 
 
 def _unsure(fit: Fit) -> str:
