@@ -43,7 +43,7 @@ def by_formulas(
             continue
         present = {own.id for own in current.robot.effects}
         same = [t.id for t in step.trials[1:] if t.id in step.equivalent and isinstance(t.effect, Curve)]
-        bare = _without(effect.id, current, base)
+        bare = unfitted_without(effect.id, current, base)
         tried: dict[str, list[Trial]] = {}
         # What was tried beside just this, and told from the curve, is told from it still.
         changed = laws_in(step.before.robot, effect.id) != laws_in(current.robot, effect.id)
@@ -78,7 +78,7 @@ def by_formulas(
     return revised, current
 
 
-def _without(identifier: str, current: Trial, base: Trial) -> Trial:
+def unfitted_without(identifier: str, current: Trial, base: Trial) -> Trial:
     """The model without one of its effects and not refitted: the other numbers are those beside it."""
     kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
     robot = with_effects(base.robot, kept)

@@ -23,7 +23,7 @@ from ..refits.moving_alike import Seen, accelerations, seen_in
 from ..refits.refit import Trial
 
 Array = NDArray[np.float64]
-_SPEEDS = ("|speed|", "|v|")
+SPEEDS = ("|speed|", "|v|")
 """Variables of curves that may be of one speed: a drive axis's, and the body's."""
 _SAME = 0.01
 """Share of what a curve adds (its square) that another may lack and be the same: what points in other places leave of it."""
@@ -48,14 +48,14 @@ def _heights(effect: Curve, robot: Robot) -> list[str]:
 def each_once(robot: Robot, laws: Sequence[Effect], logs: LogSet) -> list[Effect]:
     """Those of the `laws` that may stand beside the curves of `robot`: no curve of the same variable that one of these has in
     it, or that has one of these in it. Both would share one function in any way, each many times what there is of it."""
-    there = [effect for effect in robot.effects if isinstance(effect, Curve) and effect.variable in _SPEEDS]
+    there = [effect for effect in robot.effects if isinstance(effect, Curve) and effect.variable in SPEEDS]
     return [law for law in laws if not any(_one_function(robot, law, own, logs) for own in there)]
 
 
 @in_float64
 def _one_function(robot: Robot, law: Effect, own: Curve, logs: LogSet) -> bool:
     seen = seen_in(robot, logs) if not robot.controlled else None
-    if not isinstance(law, Curve) or law.variable not in _SPEEDS or law.id == own.id or seen is None:
+    if not isinstance(law, Curve) or law.variable not in SPEEDS or law.id == own.id or seen is None:
         return False
     try:
         model = robot + replace(law, between=own.between)  # through as many points

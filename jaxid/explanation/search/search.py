@@ -34,6 +34,7 @@ from .next_name import name_next, or_constants
 from .plainer_laws import by_plainer_laws, with_a_plainer_law
 from .reconsider import by_laws_again, exchanged, pruned, pruned_in_the_end, rather_by_curves, reconsidered
 from .steps import Search, Step
+from .two_formulas import by_two_formulas
 from .worth import could_matter
 
 MOST_EFFECTS = 3
@@ -145,6 +146,8 @@ def search(
         steps, current = not_given_up(first, steps, current, baseline)
     if colour is None and _added(current, baseline) < most:
         steps, current = with_the_little_more(steps, current, baseline, effects, logs, held_out, noise, report)
+    if colour is None and _added(current, baseline) < most:
+        steps, current = by_two_formulas(steps, current, baseline, logs, held_out, noise, report)
     if current.held_out.adequate:
         steps, current = by_plainer_laws(steps, current, baseline, logs, held_out, noise, report)
         steps, current = by_formulas(steps, current, baseline, logs, held_out, noise, report)
