@@ -6,6 +6,9 @@ It is a mechanism of its own where it leaves nothing; where it does, two formula
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
 
 from ...effects import catalogue, laws_of
 from ...effects.curve import Curve
@@ -21,10 +24,14 @@ from .reconsider import without
 from .same_curves import SPEEDS
 from .steps import Step
 from .telling_apart import not_told_apart, simplest_first, supersets, told_apart_from
-from .worth import holds_as_well
+from .worth import holds_as_well, likelier
 
 _MOST, _FOLLOWED = 4, 2
-"""Most formulas that are tried as either of the two, and how many of the first beside which a second is asked."""
+"""Most formulas that are tried as either of the two, and beside how many mechanisms a second is asked."""
+
+
+_Refits = tuple[LogSet, LogSet, dict[str, float], Report]
+"""Logs to fit, held-out ones, the noise, and where progress is told."""
 
 
 def _formulas(robot: Robot) -> list[Effect]:
@@ -37,10 +44,59 @@ def _formulas(robot: Robot) -> list[Effect]:
     return found
 
 
-def _likely(trial: Trial, laws: Sequence[Effect], logs: LogSet, noise: dict[str, float]) -> list[Candidate]:
-    screened = screen(trial.robot, logs, laws, noise, trial.initial_states, trial.angles) if laws else []
+class _Beside(NamedTuple):
+    """Formulas added to a model: each mechanism by its best law, the best first, and all laws of that one."""
+
+    ranked: list[Trial]
+    laws: list[Trial]
+    screened: list[Candidate]
+    alike: tuple[str, ...]
+
+    @property
+    def best(self) -> Trial:
+        return self.ranked[0]
+
+
+def _formulas_beside(bare: Trial, refits: _Refits) -> _Beside | None:
+    logs, held_out, noise, say = refits
+    laws = _formulas(bare.robot)
+    screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles) if laws else []
     every = [law for own in screened for law in (own, *own.laws) if law.gain > 0]
-    return sorted(every, key=lambda law: -law.gain)[:_MOST]
+    likely = sorted(every, key=lambda law: -law.gain)[:_MOST]
+    trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, likely, logs, held_out, noise, say)]
+    by_name: dict[str, list[Trial]] = {}
+    for trial in sorted(trials, key=lambda trial: trial.score):
+        if np.isfinite(trial.score) and holds_as_well(trial, trials[0]):
+            by_name.setdefault(trial.id, []).append(trial)
+    if not by_name:
+        return None
+    ranked = simplest_first([best_first(own)[0] for own in by_name.values()])
+    alike = tuple(name for name in not_told_apart(ranked, bare) if name not in supersets(ranked))
+    return _Beside(ranked, best_first(by_name[ranked[0].id]), likely, alike)
+
+
+def _pair(bare: Trial, base: Trial, refits: _Refits) -> tuple[Trial, _Beside, _Beside] | None:
+    """The best single formula, and the two that are best together, each of them with what else was tried beside the other."""
+    alone = _formulas_beside(bare, refits)
+    if alone is None:
+        return None
+    seconds = [own for first in alone.ranked[:_FOLLOWED] if (own := _formulas_beside(first, refits)) is not None]
+    if not seconds:
+        return None
+    second = min(seconds, key=lambda own: own.best.score)
+    # The first, and its law, were chosen while the second was missing.
+    name = next(effect.id for effect in reversed(second.best.robot.effects) if effect.id != second.best.id)
+    first = _formulas_beside(unfitted_without(name, second.best, base), refits)
+    if first is None:
+        return None
+    if first.best.score < second.best.score:
+        again = _formulas_beside(unfitted_without(second.best.id, first.best, base), refits)
+        if again is None or again.best.id != second.best.id:
+            return None
+        # The same model from two sides, of which a refit may have ended elsewhere.
+        best = replace(min(first.best, again.best, key=lambda trial: trial.score), id=again.best.id)
+        second = again._replace(ranked=[best, *again.ranked[1:]], laws=[best, *again.laws[1:]])
+    return alone.best, first, second
 
 
 def by_two_formulas(
@@ -60,40 +116,27 @@ def by_two_formulas(
         return list(steps), current
     step = steps[place]
     say(f"looking whether two formulas are what {step.chosen.title} follows")
-    bare = unfitted_without(step.chosen.id, current, base)
-    first_look = _likely(bare, _formulas(bare.robot), logs, noise)
-    firsts = sorted(all_added(bare, first_look, logs, held_out, noise, say), key=lambda trial: trial.score)
-    best: tuple[Trial, Trial, list[Trial], list[Candidate]] | None = None
-    for first in firsts[:_FOLLOWED]:
-        likely = _likely(first, _formulas(first.robot), logs, noise)
-        trials = [
-            continued(trial, logs, held_out, noise) for trial in all_added(first, likely, logs, held_out, noise, say)
-        ]
-        pair = min(trials, key=lambda trial: trial.score, default=None)
-        if pair is not None and (best is None or pair.score < best[1].score):
-            best = first, pair, trials, likely
-    if best is None:
+    found = _pair(unfitted_without(step.chosen.id, current, base), base, (logs, held_out, noise, say))
+    if found is None:
         return list(steps), current
-    first, pair, trials, likely = best
+    alone, first, second = found
+    pair = second.best
     less = pair.held_out.normalised_rms < current.held_out.normalised_rms
-    if not (pair.score < current.score and less and told_apart_from(pair, current)):
+    # A second that adds little to the first is what that one's law lacks.
+    worth = likelier(alone, pair, len(second.screened)) and told_apart_from(pair, alone)
+    if not (worth and less and pair.score < current.score and told_apart_from(pair, current)):
         return list(steps), current
-    by_name: dict[str, list[Trial]] = {}
-    for trial in sorted(trials, key=lambda trial: trial.score):
-        if holds_as_well(trial, pair):
-            by_name.setdefault(trial.id, []).append(trial)
-    ranked = simplest_first([best_first(laws)[0] for laws in by_name.values()])
-    pair, laws = ranked[0], best_first(by_name[ranked[0].id])
-    say(f"{first.title} and {pair.title} instead: held-out {pair.held_out.normalised_rms:.3f} x noise")
-    alike = tuple(name for name in not_told_apart(ranked, first) if name not in supersets(ranked))
-    second = Step(tuple(ranked), alike, tuple(likely), first, pair, tuple(laws))
-    as_named = replace(pair, id=first.id)
+    say(f"{first.best.title} and {pair.title} instead: held-out {pair.held_out.normalised_rms:.3f} x noise")
+    others = tuple(trial for trial in step.trials if trial.id not in {*(t.id for t in first.ranked), pair.id})
+    bare = without(first.best.id, pair, base, logs, held_out, noise)
     own = replace(
         step,
-        trials=(as_named, *(trial for trial in step.trials if trial.id not in (first.id, pair.id))),
-        equivalent=(),
-        laws=(as_named,),
+        trials=(*first.ranked, *others),
+        equivalent=first.alike,
+        laws=tuple(first.laws),
         laws_alike=(),
-        instead=(without(first.id, pair, base, logs, held_out, noise), as_named),
+        instead=(bare, first.best),
     )
-    return [*(own if k == place else s for k, s in enumerate(steps)), second], pair
+    before = without(pair.id, pair, base, logs, held_out, noise)
+    last = Step(tuple(second.ranked), second.alike, tuple(second.screened), before, pair, tuple(second.laws))
+    return [*(own if k == place else s for k, s in enumerate(steps)), last], pair
