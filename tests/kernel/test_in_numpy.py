@@ -104,8 +104,8 @@ def test_every_law_on_commands_and_sensors_against_xla(robot, most):
             cases += [(records._command, (own.robot, own.names, 2), (q, u, dt, held))]
             cases += [(records._command_slopes, (own.robot, own.names, 2), (q, u, dt, held, dq))]
         if own.measures is not None:
-            cases += [(records._measure, (own.robot, own.names), (q, y, dt, held))]
-            cases += [(records._measure_slopes, (own.robot, own.names), (q, y, dt, held, dq, dy))]
+            cases += [(records._measure, (own.robot, own.names, 1), (q, y, dt, held))]
+            cases += [(records._measure_slopes, (own.robot, own.names, 1), (q, y, dt, held, dq, dy))]
         with jax.enable_x64(True):
             for function, fixed, arrays in cases:
                 (found,) = in_numpy(lambda *a, f=function, s=fixed: f(*s, *a), *arrays)(*arrays)

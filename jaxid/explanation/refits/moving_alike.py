@@ -23,8 +23,8 @@ from ...robots.robot import Robot
 Array = NDArray[np.float64]
 Seen = tuple[dict[str, Array], tuple[Array, ...]]
 """States by name [N] and inputs by channel [N]."""
-_STATES = 300
-"""About how many states of the logs are looked at."""
+_STATES, _FEWEST = 300, 30
+"""About how many states of the logs are looked at, and how few are none."""
 _ON_THE_WAY = 4
 """Steps in which a number is moved: products of parameters are far from linear."""
 _CORRECTIONS = 4
@@ -36,14 +36,16 @@ _RANK = 1e-9
 
 
 def seen_in(robot: Robot, logs: LogSet) -> Seen | None:
-    """States and inputs at about 300 samples of the logs; None where these do not measure every velocity."""
+    """States and inputs at about 300 samples of the logs; None where these do not measure every velocity, or hardly ever."""
     names = logs.channels.measured
     if not robot.velocities or not set(robot.velocities) <= set(names):
         return None
     step = max(sum(len(log) for log in logs) // _STATES, 1)
     outputs = np.concatenate([log.outputs for log in logs])[::step]
     inputs = np.concatenate([log.inputs for log in logs])[::step]
-    there = np.all(np.isfinite(outputs[:, [names.index(n) for n in robot.velocities]]), axis=1)
+    there = np.isfinite(outputs[:, [names.index(n) for n in robot.velocities]]).all(axis=1)
+    if there.sum() < _FEWEST:
+        return None
     still = dict.fromkeys(robot.states, np.zeros(int(there.sum()))) | {
         name: np.full(int(there.sum()), value) for name, value in robot.initial_state().items()
     }
@@ -85,12 +87,12 @@ def values_moving_alike(robot: Robot, held: str, value: float, logs: LogSet) -> 
         values[-1] = begin[-1] + (value - begin[-1]) * step / _ON_THE_WAY
         for _ in range(_CORRECTIONS):
             there, slopes = accelerations(robot, every, values, seen)
+            if not (np.isfinite(there).all() and np.isfinite(slopes).all()):
+                return {}
             size = np.linalg.norm(slopes[:, :-1], axis=0)
             size[size == 0] = np.inf
             change = np.linalg.lstsq(slopes[:, :-1] / size, wanted - there, rcond=_RANK)[0] / size
             values[:-1] += change
-            if not np.all(np.isfinite(values)):
-                return {}
     left = accelerations(robot, every, values, seen)[0] - wanted
     if not np.linalg.norm(left) <= _ALIKE * moved:
         return {}

@@ -54,6 +54,8 @@ def each_once(robot: Robot, laws: Sequence[Effect], logs: LogSet) -> list[Effect
 
 @in_float64
 def _one_function(robot: Robot, law: Effect, own: Curve, logs: LogSet) -> bool:
+    """Whether a law is a curve that can be all that the curve `own` of the robot can, but for its other parameters, or none but
+    what that one can be."""
     seen = seen_in(robot, logs) if not robot.controlled else None
     if not isinstance(law, Curve) or law.variable not in SPEEDS or law.id == own.id or seen is None:
         return False

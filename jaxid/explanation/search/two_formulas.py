@@ -64,9 +64,10 @@ def _formulas_beside(bare: Trial, refits: _Refits) -> _Beside | None:
     every = [law for own in screened for law in (own, *own.laws) if law.gain > 0]
     likely = sorted(every, key=lambda law: -law.gain)[:_MOST]
     trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, likely, logs, held_out, noise, say)]
+    trials = sorted((trial for trial in trials if np.isfinite(trial.score)), key=lambda trial: trial.score)
     by_name: dict[str, list[Trial]] = {}
-    for trial in sorted(trials, key=lambda trial: trial.score):
-        if np.isfinite(trial.score) and holds_as_well(trial, trials[0]):
+    for trial in trials:
+        if holds_as_well(trial, trials[0]):
             by_name.setdefault(trial.id, []).append(trial)
     if not by_name:
         return None

@@ -9,8 +9,6 @@ from jaxid import Axis, Channels, Custom, Log, LogSet, Parameter
 from jaxid.effects import effect_by_id
 from jaxid.explanation.refits.moving_alike import values_moving_alike
 
-NOISE = 0.002
-
 
 def test_a_straight_line_of_two_curves_is_viscous_friction():
     robot = Axis().with_values(M=93.0, Fv=4209.0, Fc=29.7, offset=-6.9)
@@ -64,6 +62,18 @@ def test_a_factor_of_every_force_goes_far_from_where_it_was():
     robot = replace(pushed({"M", "Fv", "drag"}), velocities=("v",))
     found = values_moving_alike(robot, "K", 2.0, moved_anyhow("u", "v", 1.5))
     assert found == pytest.approx({"M": 16.0, "Fv": 12.0, "drag": 8.0}, rel=1e-3)
+
+
+def test_nothing_is_said_of_what_is_not_finite_or_not_measured():
+    robot = replace(pushed({"M", "Fv", "drag"}), velocities=("v",))
+    logs = moved_anyhow("u", "v", 1.5)
+    assert values_moving_alike(robot.with_values(drag=np.finfo(float).max), "K", 2.0, logs) == {}
+    (log,) = logs
+    for lost in (
+        replace(log, inputs=np.full_like(log.inputs, np.nan)),
+        replace(log, outputs=np.full_like(log.outputs, np.nan)),
+    ):
+        assert values_moving_alike(robot, "K", 2.0, LogSet([lost])) == {}
 
 
 def test_what_the_motion_tells_has_no_other_numbers():
