@@ -34,8 +34,10 @@ def _moved(log: Log, matrix: Array, robot: Robot, name: str) -> tuple[Array, Arr
 def wheels_beside_body(robot: Robot, logs: LogSet) -> str:
     """A sentence on measured angles of the wheels that move the robot many times as far as a sensor of its velocity says, by
     the radii and places of the table; empty where they do not, and where only one of the two is measured."""
+    if not robot.measured_angles or robot.controlled:
+        return ""
     matrix = wheel_readout(robot)
-    if matrix is None or robot.controlled:
+    if matrix is None:
         return ""
     said = []
     for name in robot.velocities:

@@ -10,9 +10,10 @@ from dataclasses import replace
 from ...effects import laws_of
 from ...effects.curve import Curve
 from ...logs import LogSet
+from ...robots.effect import Effect
 from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued
-from ..screening.screen import screen
+from ..screening.screen import Candidate, screen
 from .laws import best_first
 from .reconsider import with_effects, with_trials, without
 from .steps import Step, laws_in
@@ -20,7 +21,7 @@ from .telling_apart import alike, simplest_first
 from .worth import holds_as_well
 
 _MOST = 4
-"""Most formulas of a mechanism that are tried."""
+"""Most formulas that are tried at a time."""
 _FAR = 0.1
 """Share of what is left with the curve by which a formula may leave more, on the fitted logs, and is followed up."""
 
@@ -78,6 +79,12 @@ def by_formulas(
     return revised, current
 
 
+def most_promising(bare: Trial, laws: Sequence[Effect], logs: LogSet, noise: dict[str, float]) -> list[Candidate]:
+    """Of the `laws` those few that promise most beside the model `bare`, the best first."""
+    screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles) if laws else []
+    return sorted((law for own in screened for law in (own, *own.laws)), key=lambda law: -law.gain)[:_MOST]
+
+
 def unfitted_without(identifier: str, current: Trial, base: Trial) -> Trial:
     """The model without one of its effects and not refitted: the other numbers are those beside it."""
     kept = {effect.id: current.robot for effect in current.robot.effects if effect.id != identifier}
@@ -106,9 +113,7 @@ def _formulas(
     that come near what is left with the curve (`like`), to the end."""
     every = (law for name in identifiers for law in laws_of(bare.robot, name) if not law.repeats)
     formulas = (law for law in every if not isinstance(law, Curve))
-    laws = [law.blurred for law in formulas if law.law not in but]
-    screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles) if laws else []
-    found = sorted((law for own in screened for law in (own, *own.laws)), key=lambda law: -law.gain)[:_MOST]
+    found = most_promising(bare, [law.blurred for law in formulas if law.law not in but], logs, noise)
     near = like.squares + _FAR * max(like.squares, float(like.fitted.samples))
     trials = all_added(bare, found, logs, held_out, noise, say)
     return [continued(trial, logs, held_out, noise) for trial in trials if trial.squares < near]

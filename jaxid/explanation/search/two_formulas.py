@@ -4,11 +4,10 @@ A curve through few points follows the two together and leaves a little of both,
 It is a mechanism of its own where it leaves nothing; where it does, two formulas that leave less are likelier.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
-
-import numpy as np
 
 from ...effects import catalogue, laws_of
 from ...effects.curve import Curve
@@ -17,18 +16,17 @@ from ...robots.effect import Effect
 from ...robots.robot import Robot
 from ..refits.candidate_refits import Report, all_added
 from ..refits.refit import Trial, continued
-from ..screening.screen import Candidate, screen
-from .formulas import unfitted_without
+from ..screening.screen import Candidate
+from .formulas import most_promising, unfitted_without
 from .laws import best_first
 from .reconsider import without
 from .same_curves import SPEEDS
 from .steps import Step
 from .telling_apart import not_told_apart, simplest_first, supersets, told_apart_from
-from .worth import holds_as_well, likelier
+from .worth import likelier
 
-_MOST, _FOLLOWED = 4, 2
-"""Most formulas that are tried as either of the two, and beside how many mechanisms a second is asked."""
-
+_FOLLOWED = 2
+"""Beside how many mechanisms a second is asked."""
 
 _Refits = tuple[LogSet, LogSet, dict[str, float], Report]
 """Logs to fit, held-out ones, the noise, and where progress is told."""
@@ -59,16 +57,14 @@ class _Beside(NamedTuple):
 
 def _formulas_beside(bare: Trial, refits: _Refits) -> _Beside | None:
     logs, held_out, noise, say = refits
-    laws = _formulas(bare.robot)
-    screened = screen(bare.robot, logs, laws, noise, bare.initial_states, bare.angles) if laws else []
-    every = [law for own in screened for law in (own, *own.laws) if law.gain > 0]
-    likely = sorted(every, key=lambda law: -law.gain)[:_MOST]
-    trials = [continued(trial, logs, held_out, noise) for trial in all_added(bare, likely, logs, held_out, noise, say)]
-    trials = sorted((trial for trial in trials if np.isfinite(trial.score)), key=lambda trial: trial.score)
+    likely = [law for law in most_promising(bare, _formulas(bare.robot), logs, noise) if law.gain > 0]
+    trials = all_added(bare, likely, logs, held_out, noise, say)
+    # All to the end, and none left out for how it holds alone: what lags by itself may be one of the two.
+    trials = [continued(trial, logs, held_out, noise) for trial in trials if math.isfinite(trial.score)]
+    trials.sort(key=lambda trial: trial.score)
     by_name: dict[str, list[Trial]] = {}
     for trial in trials:
-        if holds_as_well(trial, trials[0]):
-            by_name.setdefault(trial.id, []).append(trial)
+        by_name.setdefault(trial.id, []).append(trial)
     if not by_name:
         return None
     ranked = simplest_first([best_first(own)[0] for own in by_name.values()])
