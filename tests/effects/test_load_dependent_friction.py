@@ -3,7 +3,22 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, EffectError, Integrator, Log, LogSet, Omni, Pioneer, explain, output_error
+from jaxid import (
+    Axis,
+    Channels,
+    Custom,
+    DriveAxis,
+    EffectError,
+    Integrator,
+    Log,
+    LogSet,
+    Omni,
+    Parameter,
+    ParameterTable,
+    Pioneer,
+    explain,
+    output_error,
+)
 from jaxid.effects import effect_by_id
 from jaxid.effects.drivetrain.load_dependent_friction import (
     LoadDependentFriction,
@@ -17,9 +32,18 @@ MASS, COULOMB, SHARE = 2.0, 1.0, 0.2
 LAWS = {"share_of_torque": {"share": SHARE}, "driving_and_driven": {"driving": SHARE, "driven": SHARE}}
 
 
-def speeds(law, forces):
+AXIS = Axis().with_values(M=MASS, Fv=0.0, Fc=COULOMB)
+OWN = Custom(  # says the torque of its axis and at which speed it rubs, and no angle
+    dynamics=lambda s, u, p, friction: {"v": (u["F"] - friction["wheel"]) / p["M"]},
+    state_names=("v",),
+    own_channels=Channels(inputs=("F",), outputs=("v",), units={"F": "N", "v": "m/s"}),
+    table=ParameterTable({"M": Parameter(MASS, "kg"), "Fc": Parameter(COULOMB, "N")}),
+    axes={"wheel": DriveAxis(speed="v", coulomb="Fc", torque=lambda s, u, p: u["F"])},
+)
+
+
+def speeds(law, forces, robot=AXIS):
     """Speeds [T] under the `forces` [T], 0.02 s each."""
-    robot = Axis().with_values(M=MASS, Fv=0.0, Fc=COULOMB)
     effect = effect_by_id(robot, "load_dependent_friction", law)
     robot = (robot + effect).with_values(**{effect.key(name): value for name, value in LAWS[law].items()})
     inputs, still = np.asarray(forces)[:, None], np.zeros((len(forces), 1))
@@ -27,13 +51,14 @@ def speeds(law, forces):
     return simulate(robot, LogSet([log]), integrator=Integrator(8))[0][:, 0]
 
 
+@pytest.mark.parametrize("robot", [AXIS, OWN], ids=["axis", "own"])
 @pytest.mark.parametrize("law", LAWS)
-def test_a_gear_that_stands_loses_what_it_loses_once_it_turns(law):
+def test_a_gear_that_stands_loses_what_it_loses_once_it_turns(law, robot):
     """It breaks away where `torque (1 - share)` exceeds the Coulomb level, either way, and not before."""
     breaks = COULOMB / (1.0 - SHARE)
     for way in (1.0, -1.0):
         assert np.abs(speeds(law, np.full(50, 0.97 * way * breaks))).max() < 1e-9
-        found = speeds(law, np.full(50, 1.2 * way * breaks))
+        found = speeds(law, np.full(50, 1.2 * way * breaks), robot)
         assert found[-1] == pytest.approx(way * (1.2 - 1.0) * COULOMB / MASS * 0.98, rel=0.01)
 
 

@@ -22,6 +22,11 @@ def _still(effect: Effect, robot: Robot) -> dict[str, Parameter]:
     return still(effect, f"{robot.angle_unit}/s", _STILL * scales.speed * scales.force / max(scales.torque, 1e-300))
 
 
+def _refusal(robot: Robot) -> str | None:
+    """A drive torque acts at the speed of its wheel's angle or of the axis that declares it."""
+    return None if robot.angles or robot.drive_axes else f"{robot.name!r} does not say at which speeds its torques act"
+
+
 def turning(torques: Scalars, state: State, p: Numbers, robot: Robot, still: Scalar) -> Scalars:
     """Which way every wheel turns, -1 to 1; one that is slower than `still`, the way in which its torque would turn it.
 
@@ -47,7 +52,7 @@ class LoadDependentFriction(Effect):
     formula: ClassVar[str] = "torque' = torque - share |torque| sgn(speed)"
 
     def refusal(self, robot: Robot) -> str | None:
-        return None if robot.angles else f"{robot.name!r} does not say at which speed each drive torque acts (`angle`)"
+        return _refusal(robot)
 
     @property
     def freer(self) -> Effect | None:
@@ -193,7 +198,7 @@ class LoadCurve(Curve):
     variable: ClassVar[str] = "|drive torque|"
 
     def refusal(self, robot: Robot) -> str | None:
-        return None if robot.angles else f"{robot.name!r} does not say at which speed each drive torque acts (`angle`)"
+        return _refusal(robot)
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         unit, largest = robot.torque_unit, robot.scales.torque
