@@ -27,8 +27,11 @@ from .machine_rollout import machine_rollout
 
 _RESOLVED = 0.015
 """Sampling interval in time constants up to which one step a sample does."""
-_MOST_STEPS = 40
-"""Steps a sample beyond which only stability counts."""
+_MOST_STEPS = 12
+"""Steps a sample beyond which only stability counts: inputs are held for a sample, within which fast motions die out. The error
+is then some millionths of the motion (`tests/simulation`), and a fit asks whether that is little enough."""
+_MOST_SHARES = 40
+"""Steps a sample beyond which several of them share what arrives of the inputs."""
 _TOO_MANY_STEPS = 10_000
 """Steps a sample that no robot needs: its numbers are not those of a robot that was logged at this rate."""
 
@@ -111,10 +114,10 @@ def commanded(
     robot: Robot, p: Numbers, inputs: Float[Array, "T nu"], dt: Float[Array, " T"], substeps: int, held: Any = 0.0
 ):
     """What arrives of the inputs [T, substeps, nu] in every substep: effects on commands act at the integrator's pace, up to
-    that at which steps suit a robot; those that are shortened for the sake of its noise share what arrives on average. `held`
+    one far finer than logs; of still shorter steps several share what arrives on average. `held`
     as `sent` has it."""
-    parts = max(n for n in range(1, _MOST_STEPS + 1) if substeps % n == 0)
-    parts = parts if 2 * parts > _MOST_STEPS else substeps
+    parts = max(n for n in range(1, _MOST_SHARES + 1) if substeps % n == 0)
+    parts = parts if 2 * parts > _MOST_SHARES else substeps
     fine_dt = jnp.repeat(dt / parts, parts)
     time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
     fine_time = jnp.repeat(time, parts) + jnp.tile(jnp.arange(parts), len(dt)) * fine_dt

@@ -140,3 +140,16 @@ def test_numbers_of_steps_are_few_so_that_start_values_share_programs():
     assert len(found) <= 13 and {1, 2, 3} <= found
     for steps in found:  # a power of two, or three times one
         assert steps & (steps - 1) == 0 or (steps % 3 == 0 and (steps // 3) & (steps // 3 - 1) == 0)
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 2.0, 4.0, 8.0, 11.0])
+def test_twelve_steps_a_sample_follow_motions_that_die_out_within_one(axis_law, share):
+    """Such as those of small motors behind large gears, at a hundredth of the error that a good sensor's noise hides."""
+    robot = Axis().with_values(M=0.02 * 2.0 / share, Fv=2.0, Fc=0.5, offset=0.0)
+    random = np.random.default_rng(5)
+    inputs = np.cumsum(random.normal(0.0, 0.3, 400)) + np.repeat(random.uniform(-4.0, 4.0, 16), 25)
+    exact, _ = axis_law(inputs, 0.02, M=0.04 / share)
+    steps = Integrator.suited(robot, 0.02)
+    found = simulated(robot, inputs[:, None], np.full(400, 0.02), steps)[:, 0]
+    assert steps.substeps <= 12 and (exact == 0.0).sum() > 5
+    assert np.sqrt(np.mean((found - exact) ** 2)) < 3e-5 * np.sqrt(np.mean(exact**2))
