@@ -125,10 +125,10 @@ def estimates(
             continue
         i = names.index(name)
         status: Status = "identified"
-        if at_bound[i]:
-            status = "at_bound"
-        elif not spread_.determined[i]:
+        if not spread_.determined[i]:  # on a bound, too: there it is where the search ended
             status = "not_identifiable"
+        elif at_bound[i]:
+            status = "at_bound"
         # In a direction that nothing shows there is no error to give: it is not small, but without end.
         error = float("inf") if spread_.unseen[i] else float(np.sqrt(spread_.covariance[i, i]))
         estimate = Estimate.of(values[name], error, parameter.unit, status)

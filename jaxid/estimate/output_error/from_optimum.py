@@ -26,8 +26,8 @@ _FARTHEST = 1e6
 """Times what is known of a parameter's size beforehand that nothing known of it exceeds, whatever would change the
 simulation: one that hardly enters it would need any number."""
 _TYPICALLY = 30.0
-"""Times the size to expect of a parameter of either sign beyond which an error says nothing of it, whatever would change the
-simulation."""
+"""Times the size to expect of a parameter of either sign, or of one on its bound, beyond which an error says nothing of it,
+whatever would change the simulation."""
 _STANDS_OUT = 10.0
 """Ratio of a log's residual to the other logs' (root mean square, in units of the noise) that is worth a word."""
 
@@ -63,14 +63,15 @@ def known_spread(problem: Problem, optimum: Optimum) -> Spread:
 def _sizes(problem: Problem, optimum: Optimum) -> NDArray[np.float64]:
     """Magnitudes [n] that standard errors must not exceed: a parameter's value; of one that may take either sign, at least
     a tenth of what would change the simulation by as much as there is to simulate, if that is no monstrous number; of one
-    with two bounds, at least half of what lies between them."""
+    with two bounds, at least half of what lies between them; of one on its bound, many times what is known of its size."""
     theta = np.asarray(parameters_at(problem, optimum.unknowns.z))
     lower, upper = np.asarray(problem.bounds.lower), np.asarray(problem.bounds.upper)
     matters = np.minimum(_MATTERS * matter_at(problem, optimum.triangle), _FARTHEST * np.asarray(problem.bounds.scale))
     unbounded, both = ~np.isfinite(lower) & ~np.isfinite(upper), np.isfinite(lower) & np.isfinite(upper)
     least = np.where(unbounded, matters, np.where(both, 0.5 * (upper - lower), 0.0))
     # On its bound a parameter has no size of its own; its standard error says how far from there it may be.
-    least = np.where((theta <= lower) | (theta >= upper), np.inf, least)
+    known = _TYPICALLY * np.asarray(problem.bounds.scale)
+    least = np.where((theta <= lower) | (theta >= upper), np.maximum(known, least), least)
     return np.maximum(np.abs(theta), least)
 
 
@@ -174,10 +175,9 @@ def _status(logs: LogSet, problem: Problem, squares: NDArray[np.float64], left_o
     return found
 
 
-def vague_note(names: Sequence[str], found: Spread, at_bound: NDArray[np.bool_]) -> list[str]:
+def vague_note(names: Sequence[str], found: Spread) -> list[str]:
     """The sentence on parameters whose standard errors are too large for their size."""
-    seen = zip(names, found.determined, found.unseen, at_bound, strict=True)
-    vague = [name for name, determined, hidden, held in seen if not (determined or hidden or held)]
+    vague = [n for n, sure, hidden in zip(names, found.determined, found.unseen, strict=True) if not (sure or hidden)]
     if not vague:
         return []
     errors = "its standard error is" if len(vague) == 1 else "their standard errors are"
@@ -185,9 +185,9 @@ def vague_note(names: Sequence[str], found: Spread, at_bound: NDArray[np.bool_])
     return [f"These logs do not determine {' and '.join(vague)}: {errors} too large, {why}."]
 
 
-def unseen_note(names: Sequence[str], found: Spread, at_bound: NDArray[np.bool_]) -> list[str]:
+def unseen_note(names: Sequence[str], found: Spread) -> list[str]:
     """The sentence on parameters that only show together, or not at all."""
-    unseen = [name for name, hidden, held in zip(names, found.unseen, at_bound, strict=True) if hidden and not held]
+    unseen = [name for name, hidden in zip(names, found.unseen, strict=True) if hidden]
     if not unseen:
         return []
     what = f"do not show {unseen[0]}" if len(unseen) == 1 else f"do not show {' and '.join(unseen)} one by one"
@@ -246,8 +246,8 @@ def fit_at(
         iterations=iterations,
         initial_states=initial_states_at(robot, logs, structure, problem, optimum.unknowns),
         notes=(
-            *unseen_note(names, found, bounded.at_bound),
-            *vague_note(names, found, bounded.at_bound),
+            *unseen_note(names, found),
+            *vague_note(names, found),
             *(f"{n} {what}." for n, what in status.items() if what != "fitted"),
         ),
         log_status=status,

@@ -141,3 +141,44 @@ def test_a_parameter_that_next_to_nothing_shows_is_not_identified():
     fit = output_error(robot, LogSet([log]))
     assert fit["faint"].status == "not_identifiable" and fit["faint"].std_error > 1e12
     assert fit["M"].value == pytest.approx(2.0, abs=4 * fit["M"].std_error) and fit["M"].status == "identified"
+
+
+def turning(least):
+    """A body that two forces drive and turn, whose inertia is at least so much."""
+    return Custom(
+        dynamics=lambda s, u, p: {
+            "v": (u["right"] + u["left"] - p["c"] * s["v"]) / p["M"],
+            "w": (0.2 * (u["right"] - u["left"]) - 0.4 * s["w"]) / p["J"],
+        },
+        state_names=("v", "w"),
+        own_channels=Channels(inputs=("right", "left"), outputs=("v", "w"), units={"right": "N", "left": "N"}),
+        table={
+            "M": Parameter(8.0, "kg", free=True, lower=0.0),
+            "c": Parameter(10.0, "N s/m", free=True, lower=0.0),
+            "J": Parameter(0.3, "kg m^2", free=True, lower=least),
+        },
+    )
+
+
+def turned(apart, seed):
+    """Three of its logs in closed form, the forces so far `apart` [N]: 10 kg, 12 N s/m, 0.1 kg m^2."""
+    random, logs = np.random.default_rng(seed), []
+    for k in range(3):
+        force, other = (np.repeat(random.uniform(-5, 5, 20), 25) for _ in range(2))
+        forces = np.stack([force, force + apart * other / 5], axis=1)
+        found = np.zeros((501, 2))
+        for i, (right, left) in enumerate(forces):
+            for j, (final, rate) in enumerate((((right + left) / 12, 1.2), ((right - left) / 2, 4.0))):
+                found[i + 1, j] = final + (found[i, j] - final) * np.exp(-0.02 * rate)
+        seen = found[:500] + 0.01 * random.normal(size=(500, 2))
+        logs.append(Log.from_arrays(f"{k}", 0.02 * np.arange(500), forces, seen, turning(0.0)))
+    return LogSet(logs)
+
+
+def test_what_no_motion_shows_is_not_determined_on_its_bound_either():
+    straight = output_error(turning(0.25), turned(1e-6, seed=0))
+    assert straight["J"].value == 0.25 and straight["J"].status == "not_identifiable"
+    assert any("do not determine J" in note for note in straight.notes)
+    shown = output_error(turning(0.25), turned(1.0, seed=0))
+    assert shown["J"].value == 0.25 and shown["J"].status == "at_bound"
+    assert not any("do not determine" in note for note in shown.notes)
