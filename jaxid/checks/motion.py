@@ -25,9 +25,10 @@ def is_position(log: Log, name: str) -> bool:
 
 
 def is_planar(log: Log) -> bool:
-    """Whether the outputs are speeds of a body on a floor: metres a second beside radians a second, as stated."""
-    units = {log.channels.units.get(name) for name in log.channels.mixing if name in log.measured}
-    return {"m/s", "rad/s"} <= units
+    """Whether the outputs are speeds of a body on a floor: metres a second beside radians a second, or those of several wheels'
+    rims, as stated."""
+    units = [log.channels.units.get(name) for name in log.channels.mixing if name in log.measured]
+    return {"m/s", "rad/s"} <= set(units) or units.count("m/s") > 1
 
 
 def _slope(log: Log, filled: Array, width: int) -> Array:

@@ -10,10 +10,19 @@ _STYLE = {"error": "bold yellow", "warning": "yellow"}
 
 
 def warn_of_findings(*sets: LogSet | None) -> None:
-    """Errors and warnings of pre-flight on stderr, each once; notes are for whoever asks `LogSet.preflight`."""
-    findings = [str(f) for logs in sets if logs for f in logs.preflight() if f.severity in _STYLE]
-    for line in dict.fromkeys(findings):
-        say(line, style=_STYLE[line.partition(":")[0]])
+    """Errors and warnings of pre-flight on stderr, of what is found of a column in several logs that of the first and the names
+    of the others; notes are for whoever asks `LogSet.preflight`."""
+    kinds: dict[tuple[str, str, str | None], dict[str, list[str]]] = {}
+    for found in (found for logs in sets if logs for found in logs.preflight() if found.severity in _STYLE):
+        own = kinds.setdefault((found.severity, found.check, found.column), {}).setdefault(found.file, [])
+        own += [str(found)] if str(found) not in own else []
+    for (severity, _, column), files in kinds.items():
+        (lines, *_), (_, *others) = files.values(), files
+        for line in lines:
+            say(line, style=_STYLE[severity])
+        if others:
+            of = f"column {column!r} of " if column else ""
+            say(f"  likewise {of}{', '.join(others)}", style=_STYLE[severity])
 
 
 def warn_of_unused(robot: Robot, *sets: LogSet | None) -> None:
