@@ -75,6 +75,14 @@ def _followed(targets: Iterable[Array], regressors: Array) -> float:
     return max(share for both in changes for share in both)
 
 
+def _beyond_its_past(target: Array, regressors: Array) -> float:
+    """Share predicted of what two samples before do not foretell of the `target [N]`: of what swings by itself, such as a
+    pendulum, inputs push the swing and do not make what it is."""
+    past = np.stack([target[1:-1], target[:-2], np.ones(len(target) - 2)], axis=-1)
+    new = target[2:] - past @ np.linalg.lstsq(past, target[2:], rcond=None)[0]
+    return _predicted(new, np.concatenate([regressors[2:], regressors[1:-1]], axis=1))
+
+
 def _answer(target: Array, regressors: Array) -> float:
     """Largest t statistic of `target [N]` against a single column: finds the answer to one step, which has no "
     "repeat."""
@@ -204,6 +212,7 @@ def _share_related(
     share = _followed((smooth, whole), regressors)
     if not (share < _RELATED and _answer(smooth, regressors) < 4.5):
         return 1.0
+    share = max(share, _beyond_its_past(smooth, regressors))
     # While the robot turns, axes mix, and nothing that is linear in the others follows them; heat follows squares.
     for other in (*_mixed(log, others, list(columns), name), _lagged(log, others**2)):
         share = max(share, _followed((smooth, whole), _smooth(other[looked], width)))

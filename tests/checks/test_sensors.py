@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
 from jaxid import AXIS, Channels, Custom, Log, LogSet, Parameter
 
@@ -141,3 +141,40 @@ def test_an_encoder_of_a_servo_that_travels_steadily_is_alive(seed):
 
 def test_one_that_wanders_by_itself_is_dead():
     assert servo(0, seen=False) == ["q"]
+
+
+CRANE = Custom(
+    dynamics=lambda s, u, p: {
+        "x": s["xd"],
+        "a": s["ad"],
+        "xd": (p["k"] * u["volts"] - s["xd"]) / 0.15,
+        "ad": -0.1 * s["ad"] - 15.4 * s["a"] - 1.57 * (p["k"] * u["volts"] - s["xd"]) / 0.15,
+    },
+    state_names=("x", "a", "xd", "ad"),
+    own_channels=Channels(("volts",), ("x", "a"), (), {"volts": "V", "x": "m", "a": "rad"}),
+    table={"k": Parameter(0.1, "m/(V s)", free=True)},
+)
+
+
+def hung(seed, own=False):
+    """A pendulum that hangs from a cart, in closed form; of its `own` it has the answer to another cart's voltage."""
+    system = (
+        [[0, 0, 1, 0], [0, 0, 0, 1], [0, 0, -1 / 0.15, 0], [0, -15.4, 1.57 / 0.15, -0.1]],
+        [[0], [0], [0.1 / 0.15], [-1.57 * 0.1 / 0.15]],
+        np.eye(4),
+        np.zeros((4, 1)),
+    )
+    random, time = np.random.default_rng(seed), DT * np.arange(1000)
+    volts = [np.resize(np.repeat(random.uniform(-6, 6, 40), each), 1000) for each in (50, 37)]
+    runs = [lsim(system, u, time, interp=False)[1] for u in volts]
+    seen = np.stack([runs[0][:, 0], runs[int(own)][:, 1]], axis=1) + 0.002 * random.normal(size=(1000, 2))
+    logs = LogSet([Log.from_arrays("run", time, volts[0][:, None], seen, CRANE.channels)])
+    return [f.column for f in logs.preflight() if f.check == "dead_sensor"]
+
+
+def test_a_pendulum_that_swings_by_itself_between_pushes_is_alive():
+    assert [hung(seed) for seed in range(8)] == [[]] * 8
+
+
+def test_one_that_another_cart_pushes_is_not_this_one_s():
+    assert [hung(seed, own=True) for seed in range(8)] == [["a"]] * 8
