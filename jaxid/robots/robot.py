@@ -107,6 +107,8 @@ class Robot:
     """The parameter that is the radius which `wheel_radius_mismatch` makes larger on the first of `wheel_sides` and smaller on
     the second."""
     wheel_sides: ClassVar[tuple[str, str]] = ("right wheel", "left wheel")
+    wheel_radii: ClassVar[tuple[str, ...]] = ()
+    """Parameters by which fraction each wheel's radius is another than `wheel_radius`, of a robot of three wheels or more."""
     declared: ClassVar[bool] = False
     """Whether a user declares what effects may act on, so that what it lacks may only be unsaid."""
     expressed: ClassVar[frozenset[str]] = frozenset()

@@ -148,7 +148,14 @@ class Wheeled(Robot):
         }
         if len({wheel.side for wheel in self.wheels} - {0.0}) == 2:
             found["wheel_radius_mismatch"] = ("radius_mismatch",)
+        elif self.wheel_radii:
+            found["wheel_radius_mismatch"] = self.wheel_radii
         return MappingProxyType(found)
+
+    @property
+    def wheel_radii(self) -> tuple[str, ...]:  # type: ignore[override]
+        """One for every wheel of three or more."""
+        return tuple(f"mismatch_{wheel.name}" for wheel in self.wheels) if len(self.wheels) > 2 else ()
 
     @property
     def words(self) -> Mapping[str, str]:  # type: ignore[override]
@@ -237,7 +244,7 @@ class Wheeled(Robot):
             "radius_mismatch": parameter(
                 0.0, "", "wheels on the right larger, on the left smaller than r by this fraction", nominal, **signed
             ),
-        }
+        } | {name: parameter(0.0, "", "this wheel larger than r", nominal, **signed) for name in self.wheel_radii}
 
     # -- geometry ------------------------------------------------------------------------------------------------------
     def _rows(self, p: Numbers) -> tuple[Scalars, ...]:
@@ -249,10 +256,10 @@ class Wheeled(Robot):
             found.append((*along, per_radius * p["track"] * row[-1] if row[-1] else 0.0))
         return tuple(found)
 
-    @staticmethod
-    def _radius(wheel: Wheel, p: Numbers) -> Scalar:
+    def _radius(self, wheel: Wheel, p: Numbers) -> Scalar:
         side = wheel.side
-        return p["r"] * (1.0 + side * p["radius_mismatch"]) if side else p["r"]
+        usual = p["r"] * (1.0 + side * p["radius_mismatch"]) if side else p["r"]
+        return usual * (1.0 + p[f"mismatch_{wheel.name}"]) if self.wheel_radii else usual
 
     def _twist(self, state: State) -> tuple[Scalar, Scalar, Scalar]:
         """(V, Vn, W)."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import DifferentialDrive, EffectError, Log, LogSet, Omni, Pioneer, simulate
+from jaxid import DifferentialDrive, EffectError, Log, LogSet, Omni, Pioneer, Wheel, Wheeled, output_error, simulate
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.effects.ground.wheel_radius_mismatch import RadiusOfEach, WithTheirMean
 from jaxid.simulation.rollout import Integrator
@@ -82,3 +82,59 @@ def test_either_wheel_alone_may_be_off_where_no_free_number_is_their_radius():
     assert other["the left wheel is as the table says"] == {"R": pytest.approx(radius / 0.96)}
     with_their_mean = pioneer + effect_by_id(pioneer, "wheel_radius_mismatch", "with_their_mean")
     assert effect.conventions(with_their_mean) == {}  # R is free, and says it
+
+
+WORN = (0.0, -0.03, 0.01, 0.0)
+PLACES = {"fl": (0.07, 0.05, 142.5), "bl": (-0.06, 0.06, 225.0), "br": (-0.06, -0.06, 315.0), "fr": (0.07, -0.05, 37.5)}
+
+
+def worn():
+    """An omni by its layout, whose wheels are measured, with four radii."""
+    wheels = [Wheel(n, (x, y), kind="omni", rolls=way) for n, (x, y, way) in PLACES.items()]
+    robot = Wheeled(wheels=tuple(wheels), measures="wheels", gyro=True, motors=False)
+    none = {"viscous": 0.0, "coulomb": 0.0, "r": 0.03, "M": 2.0, "gain": 1.0}
+    robot = robot + effect_by_id(robot, "wheel_radius_mismatch", "each_radius")
+    names = [f"mismatch_{name}" for name in PLACES]
+    assert all(robot.parameters[name].free for name in names)
+    return robot.with_values(**none, **dict(zip(names, WORN, strict=True)))
+
+
+def test_every_wheel_turns_and_pushes_as_its_own_radius_has_it():
+    """How fast its place goes the way it rolls, over its radius; and a torque over its radius, that way."""
+    robot, (V, Vn, W) = worn(), (0.7, -0.4, 1.1)
+    state = {**robot.initial_state(), "V": V, "Vn": Vn, "W": W}
+    seen = robot.observe(state, (0.0,) * 4, robot.parameters.numbers)
+    for i, (x, y, way) in enumerate(PLACES.values()):
+        radius, along = 0.03 * (1.0 + WORN[i]), (np.cos(np.radians(way)), np.sin(np.radians(way)))
+        assert float(seen[i]) == pytest.approx((along[0] * (V - W * y) + along[1] * (Vn + W * x)) / radius)
+        torques = [0.05 * (k == i) for k in range(4)]
+        rates = robot.rates(robot.initial_state(), torques, (0.0,) * 4, robot.parameters.numbers)
+        assert float(rates["V"]) == pytest.approx(0.05 / radius * along[0] / 2.0)
+        assert float(rates["Vn"]) == pytest.approx(0.05 / radius * along[1] / 2.0)
+
+
+def test_a_worn_wheel_of_four_is_found_by_its_encoder():
+    """Logs of a base that nothing brakes, by Newton's law in small steps: the wheels turn by their own radii."""
+    robot, random, logs = worn(), np.random.default_rng(2), []
+    rows = np.array([[np.cos(a), np.sin(a), x * np.sin(a) - y * np.cos(a)] for x, y, a in
+                     ((x, y, np.radians(way)) for x, y, way in PLACES.values())])  # fmt: skip
+    radii = 0.03 * (1.0 + np.array(WORN))
+    inertia = np.diag([2.0, 2.0, 0.3])
+    for k in range(3):
+        motion, speeds = np.zeros(3), []
+        torques = np.repeat(random.uniform(-0.02, 0.02, (16, 4)), 25, axis=0)
+        for torque in torques:
+            speeds.append([*(rows @ motion / radii), motion[2]])
+            for _ in range(40):  # in the body's axes, which turn
+                V, Vn, W = motion
+                pushed = np.linalg.solve(inertia, rows.T @ (torque / radii))
+                motion = motion + 0.02 / 40 * (pushed + np.array([W * Vn, -W * V, 0.0]))
+        seen = np.array(speeds) + random.normal(size=(400, 5)) * [0.02, 0.02, 0.02, 0.02, 0.002]
+        logs.append(Log.from_arrays(f"{k}", 0.02 * np.arange(400), torques, seen, robot))
+    start = robot.with_values(**dict.fromkeys((f"mismatch_{name}" for name in PLACES), 0.0))
+    for name in ("viscous", "coulomb"):
+        start = start.change(name, free=False)
+    fit = output_error(start, LogSet(logs))
+    for name, true in zip(PLACES, WORN, strict=True):
+        own = fit[f"mismatch_{name}"]
+        assert abs(own.value - true) < 4.0 * own.std_error < 0.004, name

@@ -48,6 +48,20 @@ class WithTheirMean(WheelRadiusMismatch):
 
 
 @dataclass(frozen=True)
+class RadiusOfEachWheel(WheelRadiusMismatch):
+    """Every wheel with a radius of its own, of robots that have such parameters: one worn or replaced, or four of a batch."""
+
+    law: ClassVar[str] = "each_radius"
+    formula: ClassVar[str] = "R_i = R (1 + mismatch_i)"
+
+    def refusal(self, robot: Robot) -> str | None:
+        return None if robot.wheel_radii else f"{robot.name!r} has no parameters of its own for the radius of every wheel"
+
+    def frees(self, robot: Robot) -> tuple[str, ...]:
+        return robot.wheel_radii
+
+
+@dataclass(frozen=True)
 class RadiusOfEach(OfTorque):
     """Every driving wheel of three or more with a radius of its own: less force of the same torque, and fewer turns of the same
     way, so that its motor's back-EMF is smaller, too. No log of the body's motion tells it from another torque constant; one of
@@ -71,7 +85,7 @@ class RadiusOfEach(OfTorque):
                 f"{', '.join(others)} of {robot.name!r} may show how fast its wheels turn, which another radius changes: only "
                 "its own parameters for that (`mechanisms=`) can tell by how much"
             )
-        if len(robot.mechanisms.get(self.id, ())) > 1:
+        if robot.wheel_radii or len(robot.mechanisms.get(self.id, ())) > 1:
             return f"{robot.name!r} has parameters of its own for {self.id}, wheel by wheel"
         return super().refusal(robot)
 
@@ -85,4 +99,4 @@ class RadiusOfEach(OfTorque):
         return tuple(t / (1.0 + larger) for t, larger in zip(torques, self.shares_of(p, robot), strict=True))
 
 
-LAWS: tuple[Effect, ...] = (WheelRadiusMismatch(), WithTheirMean(), RadiusOfEach())
+LAWS: tuple[Effect, ...] = (WheelRadiusMismatch(), WithTheirMean(), RadiusOfEachWheel(), RadiusOfEach())
