@@ -4,6 +4,9 @@ From a start with too much dry friction the simulated robot never moves, and not
 ends in a minimum that is one over some seconds only. So what is tried, one after another, until two starts agree or the
 residual is down to the noise: the integral least-squares estimate, where the robot has one, the model's own values, and
 starts up to ten times smaller and larger, as lanes of one program, first on a short horizon.
+
+A minimum that is none lies where parameters have run away: all masses, frictions and gains without end are a robot without the
+one inertia that is known, and no slope leads back from there, however well the logs know their sizes.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,6 +31,8 @@ _POOR = 2.0
 """Root mean square of the residual, in units of the noise, above which another start is tried."""
 _SAME = 0.5
 """Difference of costs (half chi-squared, in units of the residual left) within which two starts reached one minimum."""
+_RUN_AWAY = 1e4
+"""Times what was known of a parameter's size beforehand from which the search has run away with it."""
 _LANES, _FACTOR, _SEED = 16, 10.0, 0
 _SHORT_STEPS, _LONG_STEPS, _LAST_STEPS = 15, 8, 17
 _AHEAD = 4
@@ -43,6 +48,12 @@ def poor(problem: Problem, optimum: Optimum) -> bool:
     """Whether the residual is far above the noise that the data shows."""
     squares, count = np.asarray(optimum.triangle.squares), int(np.sum(np.asarray(problem.mask)))
     return not float(np.sum(squares)) < _POOR**2 * count
+
+
+def ran_away(problem: Problem, optimum: Optimum) -> bool:
+    """Whether a parameter is larger by far than anything that was known of it."""
+    theta = np.abs(np.asarray(parameters_at(problem, optimum.unknowns.z)))
+    return bool(np.any(np.asarray(problem.free) & ~(theta <= _RUN_AWAY * np.asarray(problem.bounds.scale))))
 
 
 def one_astray(mask: Bool[AnyArray, "E T ny"], squares: Float[AnyArray, "E ny"]) -> bool:
@@ -114,7 +125,8 @@ def recovered(
 
     def doubtful(found: Optimum) -> bool:
         astray = one_astray(problem.mask, found.triangle.squares)
-        return astray or (far_starts and not bool(found.converged)) or poor(problem, found)
+        lost = far_starts and (not bool(found.converged) or ran_away(problem, found))
+        return astray or lost or poor(problem, found)
 
     def lower(found: Optimum, than: Optimum) -> bool:
         return bool(np.isfinite(found.cost)) and not diverging(found) and not found.cost >= than.cost
