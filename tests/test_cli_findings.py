@@ -23,7 +23,10 @@ def test_columns_of_the_robots_own_sensors_that_a_fit_leaves_out_are_named(capsy
 
 def rims(name, times):
     """Wheels that follow their voltages within 0.3 s, in m/s times so much."""
-    random, robot = np.random.default_rng(3), DifferentialDrive().for_columns(("t", "u_right", "u_left", "v_right", "v_left"))
+    random, robot = (
+        np.random.default_rng(3),
+        DifferentialDrive().for_columns(("t", "u_right", "u_left", "v_right", "v_left")),
+    )
     volts, speeds = np.repeat(random.uniform(-8, 8, (20, 2)), 40, axis=0), np.zeros((800, 2))
     for k in range(799):
         speeds[k + 1] = speeds[k] + 0.02 / 0.3 * (0.1 * volts[k] - speeds[k])

@@ -55,7 +55,9 @@ class RadiusOfEachWheel(WheelRadiusMismatch):
     formula: ClassVar[str] = "R_i = R (1 + mismatch_i)"
 
     def refusal(self, robot: Robot) -> str | None:
-        return None if robot.wheel_radii else f"{robot.name!r} has no parameters of its own for the radius of every wheel"
+        return (
+            None if robot.wheel_radii else f"{robot.name!r} has no parameters of its own for the radius of every wheel"
+        )
 
     def frees(self, robot: Robot) -> tuple[str, ...]:
         return robot.wheel_radii

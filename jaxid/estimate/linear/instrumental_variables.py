@@ -21,6 +21,7 @@ from ...logs import Log, LogError, LogSet
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..judge import judged
+from ..output_error.one_way import without_what_pushes_alike
 from ..result import Fit, Status
 from ..uncertainty import combinations
 from ..units_doubted import with_units_doubted
@@ -376,5 +377,5 @@ def instrumental_variables(robot: Robot, logs: Iterable[Log], start: Fit | None 
         fit = replace(judged_equations(fit, logs), standard_errors="robust")
     else:
         fit = judged_instruments(fit, logs, _errors(found, solved.theta, speeds), simulated)
-    fit = with_units_doubted(fit, logs)
+    fit = without_what_pushes_alike(with_units_doubted(fit, logs), logs, measured=True)
     return replace(fit, robot=given.with_parameters(fit.robot.parameters))

@@ -18,6 +18,7 @@ from ...logs import Log, LogError
 from ...robots.given import check_free
 from ...robots.robot import Robot
 from ..judge import judged
+from ..output_error.one_way import without_what_pushes_alike
 from ..result import Estimate, Fit
 from ..uncertainty import combinations
 from ..units_doubted import with_units_doubted
@@ -112,7 +113,7 @@ def integral_least_squares(
     cut = equations.window
     del equations  # large for long logs
     fit = judged_least_squares(fit, speeds, solution, cut)
-    fit = with_units_doubted(fit, speeds)
+    fit = without_what_pushes_alike(with_units_doubted(fit, speeds), speeds, measured=True)
     if not fit.converged and fit.judgement is not None and fit.judgement.trustworthy:
         said = _UNSETTLED[0].upper() + _UNSETTLED[1:]
         judgement = replace(fit.judgement, better=fit.judgement.better or _HELP)

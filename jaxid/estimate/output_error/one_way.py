@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from ..._float64 import in_float64
 from ...logs import Log, LogSet
+from ...logs.noise import white_level
 from ...parameters import ParameterError
 from ...robots.effect import State
 from ...robots.rates_in_motion import rates_in_motion
@@ -26,6 +27,10 @@ _AGAINST = 0.05
 """Share of an axis' largest speed below which it does not go that way: a sensor's noise, or a moment of swinging back."""
 _MOMENTS = 0.05
 """Share of the samples on either side that say nothing of the way in which a robot moves."""
+_LOUD = 3.0
+"""Times its noise that a measured speed has to be for a motion."""
+_BEYOND_NOISE = 0.4
+"""Share of its largest from which a measured speed has the sign of the motion."""
 _STEP = 0.1
 _STATES = 50
 """Moving states in which the rates of the robot are compared."""
@@ -46,9 +51,18 @@ def _driven_both_ways(robot: Robot, logs: LogSet) -> bool:
 
 
 def _both(y: Float[np.ndarray, " N"]) -> bool:
-    """Whether a measured velocity is of both signs for more than moments, which its noise may make."""
+    """Whether a measured velocity is of both signs for more than moments and by more than its noise, which a robot that stands
+    shows, too."""
     low, high = np.quantile(y, (_MOMENTS, 1.0 - _MOMENTS))
-    return bool(min(-low, high) > _AGAINST * max(-low, high))
+    return bool(min(-low, high) > max(_AGAINST * max(-low, high), _LOUD * white_level(y)))
+
+
+def _measured_velocities(robot: Robot, logs: LogSet) -> list[dict[str, Float[np.ndarray, " T"]]] | None:
+    """The velocities of every log, as measured; None where one is not."""
+    names = [name for name in robot.velocities if name in robot.own_states]
+    if not names or any(name not in log.measured for log in logs for name in names):
+        return None
+    return [{name: log.output(name) for name in names} for log in logs]
 
 
 def _velocities(robot: Robot, logs: LogSet) -> list[dict[str, Float[np.ndarray, " T"]]] | None:
@@ -82,15 +96,17 @@ def _axes_of(robot: Robot, name: str) -> list[int]:
     return [i for i, (a, b) in enumerate(zip(here, there, strict=True)) if tuple(map(float, a)) != tuple(map(float, b))]
 
 
-def _of_one_way(fit: Fit, logs: LogSet, names: Sequence[str]) -> tuple[list[str], list[dict[str, np.ndarray]]]:
+def _of_one_way(
+    fit: Fit, logs: LogSet, names: Sequence[str], measured: bool = False
+) -> tuple[list[str], list[dict[str, np.ndarray]]]:
     """Those of the parameters `names` that are Coulomb friction of axes that turn one way only in all of the `logs`, as the
-    fitted robot moves in them, and the velocities of every log; none where nothing shows them."""
+    fitted robot moves in them or as was `measured`, and the velocities of every log; none where nothing shows them."""
     robot = fit.robot
     friction = {name: axes for name in names if (axes := _axes_of(robot, name))}
     if not friction or robot.controlled or _driven_both_ways(robot, logs):
         return [], []
     try:
-        velocities = _velocities(robot, logs)
+        velocities = (_measured_velocities if measured else _velocities)(robot, logs)
     except ParameterError:  # too fast for any steps without its effects
         return [], []
     found = []
@@ -98,8 +114,12 @@ def _of_one_way(fit: Fit, logs: LogSet, names: Sequence[str]) -> tuple[list[str]
         speeds = np.concatenate([_rubbing(robot, axes, own) for own in velocities or ()], axis=1)
         speeds = speeds[:, np.all(np.isfinite(speeds), axis=0)]
         least = _AGAINST * np.max(np.abs(speeds), axis=1, initial=0.0)[:, None]
+        if measured:
+            least = np.maximum(least, _LOUD * np.array([[white_level(own)] for own in speeds]))
         moves = np.max(np.abs(speeds), axis=1, initial=0.0) > 0.0
-        both = np.any(speeds > least, axis=1) & np.any(speeds < -least, axis=1)
+        # Of noise one sample in a thousand is as large.
+        share = _MOMENTS if measured else 0.0
+        both = (np.mean(speeds > least, axis=1) > share) & (np.mean(speeds < -least, axis=1) > share)
         if moves.any() and not both[moves].any():
             found.append(name)
     return found, velocities or []
@@ -118,11 +138,14 @@ def one_way(fit: Fit, logs: LogSet) -> str:
     )
 
 
-def _moving(robot: Robot, logs: LogSet, velocities: list[dict[str, np.ndarray]]) -> tuple[State, np.ndarray]:
-    """Some states in which the robot moves [N], and inputs [N, nu] there."""
+def _moving(
+    robot: Robot, logs: LogSet, velocities: list[dict[str, np.ndarray]], least: float
+) -> tuple[State, np.ndarray]:
+    """Some states in which the robot moves [N], a velocity more than the share `least` of its largest, and inputs [N, nu]
+    there."""
     every = {name: np.concatenate([own[name] for own in velocities]) for name in velocities[0]}
     fast = sum(np.abs(v) / max(float(np.nanmax(np.abs(v))), 1e-300) for v in every.values())
-    some = np.flatnonzero(np.isfinite(fast) & (fast > 2.0 * _AGAINST * len(every)))
+    some = np.flatnonzero(np.isfinite(fast) & (fast > least * len(every)))
     some = some[np.unique(np.linspace(0, len(some) - 1, _STATES).astype(int))] if len(some) else some
     rest = {name: np.full(len(some), float(value)) for name, value in robot.initial_state().items()}
     inputs = np.concatenate([log.inputs for log in logs])[some]
@@ -155,15 +178,16 @@ def _pushing_alike(fit: Fit, name: str, others: Sequence[str], state: State, inp
     return found
 
 
-def without_what_pushes_alike(fit: Fit, logs: LogSet) -> Fit:
-    """The fit in which neither Coulomb friction of axes that turn one way only is identified nor a constant force that is free
-    beside it, with a note: all that tells one from the other is where the robot just sticks, and that bounds them."""
+def without_what_pushes_alike(fit: Fit, logs: LogSet, measured: bool = False) -> Fit:
+    """The fit, of the motion as `measured` or as simulated, in which neither Coulomb friction of axes that turn one way only is
+    identified nor a constant force that is free beside it, with a note: all that tells one from the other is where the robot
+    just sticks, and that bounds them."""
     own = [name for name in fit.free_names if "." not in name and fit[name].status != "fixed"]
     told = [name for name in own if fit[name].status == "identified"]
-    found, velocities = _of_one_way(fit, logs, own) if told else ([], [])
+    found, velocities = _of_one_way(fit, logs, own, measured) if told else ([], [])
     if not found:
         return fit
-    state, inputs = _moving(fit.robot, logs, velocities)
+    state, inputs = _moving(fit.robot, logs, velocities, _BEYOND_NOISE if measured else 2.0 * _AGAINST)
     if not len(inputs):
         return fit
     table, parameters = fit.robot.parameters, dict(fit.parameters)

@@ -407,3 +407,24 @@ def test_speeds_that_were_never_measured_at_one_time_are_said_to_be_so():
     log = Log.from_arrays("own clocks", time, u, outputs, "differential")
     with pytest.raises(LogError, match="no row of the logs own clocks holds all of v, w, .* Use output error"):
         integral_least_squares(jaxid.DifferentialDrive(), [log])
+
+@pytest.mark.parametrize(
+    ("method", "seed"), [(integral_least_squares, 2), (integral_least_squares, 3), (instrumental_variables, 0)]
+)
+def test_dry_friction_and_an_offset_are_not_told_apart_where_the_robot_moves_one_way_only(axis_log, method, seed):
+    """It stands between, where noise goes either way, and the commands go both ways: that is no other direction."""
+    random = np.random.default_rng(seed)
+    true = {"M": 9.0, "Fv": 18.0, "Fc": 6.4, "offset": 0.8}
+    commands = [np.repeat(random.uniform(-8.8, 7.1, 15), 50) for _ in range(2)]
+
+    def logs(times):
+        own = {"noise": 0.006, "position": False, **true}
+        return LogSet([axis_log(f"{k}", times * u, seed=10 * seed + k, **own) for k, u in enumerate(commands)])
+
+    start = Axis().with_values(M=5.0, Fv=10.0, Fc=5.0)
+    fit = method(start, logs(1.0))
+    assert [fit[name].status for name in ("Fc", "offset")] == ["not_identifiable"] * 2
+    assert any("push alike all the time" in note for note in fit.notes)
+    told = method(start, logs(2.0))
+    for name in ("Fc", "offset"):
+        assert told[name].status == "identified" and abs(told[name].value - true[name]) < 0.1 * true["Fc"]
