@@ -13,7 +13,7 @@ from jax.extend.core import ClosedJaxpr, Literal
 from jax.lax import GatherScatterMode
 
 from .places import stamps_before_in_numpy
-from .recurrence import approached_in_numpy, limited_in_numpy, recurrence_in_numpy
+from .recurrence import approached_in_numpy, limited_in_numpy, recurrence_in_numpy, saturated_in_numpy
 from .symbolic import MOST_UNROLLED, Untranslated, loop_sizes
 
 Array = np.ndarray
@@ -37,7 +37,7 @@ _PLAIN: dict[str, Callable[..., Any]] = {
     "lt_to": np.less, "le_to": np.less_equal, "and": np.logical_and, "or": np.logical_or, "not": np.logical_not,
     "stop_gradient": np.asarray, "copy": np.asarray, "copy_p": np.asarray, "optimization_barrier": np.asarray,
     "recurrence": recurrence_in_numpy, "limited": limited_in_numpy, "rem": np.fmod,
-    "approached": approached_in_numpy,
+    "approached": approached_in_numpy, "saturated": saturated_in_numpy,
     "stamps_before": stamps_before_in_numpy,
     "rsqrt": lambda x: 1.0 / np.sqrt(x),
     "logistic": lambda x: 1.0 / (1.0 + np.exp(-x)),

@@ -53,6 +53,15 @@ def approached(
     return approached_p.bind(wanted, jnp.broadcast_to(away, wanted.shape), jnp.broadcast_to(back, wanted.shape))
 
 
+def saturated(
+    wanted: Float[Array, " T *n"], share: Float[Array, "#T *#n"], most: Float[Array, "#T *#n"]
+) -> Float[jax.Array, " T *n"]:
+    """`x[t]` on the way from `x[t - 1]` to `wanted[t]` as a servo goes: at a speed in proportion to what is left, of which a
+    step would leave exp(-share[t]), but by `most[t]` at most; from zero."""
+    wanted = jnp.asarray(wanted)
+    return saturated_p.bind(wanted, jnp.broadcast_to(share, wanted.shape), jnp.broadcast_to(most, wanted.shape))
+
+
 @cache
 def _code(name: str, after: Callable[..., Node], parts: int) -> Map:
     """`after` (of the last value and of the `parts` of a row) along rows."""
@@ -106,6 +115,16 @@ def _part_of_the_way(graph: Graph, x: Node, wanted: Node, away: Node, back: Node
     return graph.select(crosses, plain, graph.select(graph.apply("lt", used, back), plain, through))
 
 
+def _left_of_the_way(graph: Graph, x: Node, wanted: Node, share: Node, most: Node) -> Node:
+    zero, one = graph.constant(0.0), graph.constant(1.0)
+    gap = graph.sub(wanted, x)
+    size, band = graph.apply("abs", gap), graph.div(most, share)
+    first = graph.apply("min", graph.apply("max", graph.div(graph.sub(size, band), most), zero), one)
+    slowly = graph.apply("exp", graph.neg(graph.mul(share, graph.sub(one, first))))
+    left = graph.mul(graph.sub(size, graph.mul(most, first)), slowly)
+    return graph.sub(wanted, graph.select(graph.apply("lt", gap, zero), left, graph.neg(left)))
+
+
 def recurrence_in_numpy(keep: np.ndarray, new: np.ndarray) -> np.ndarray:
     """From zero, in machine code; `keep` and `new` [T, ...]."""
     return _along("recurrence", _kept_and_new, keep, new)
@@ -119,6 +138,11 @@ def limited_in_numpy(wanted: np.ndarray, away: np.ndarray, back: np.ndarray) -> 
 def approached_in_numpy(wanted: np.ndarray, away: np.ndarray, back: np.ndarray) -> np.ndarray:
     """The same of parts of the way."""
     return _along("approached", _part_of_the_way, wanted, away, back)
+
+
+def saturated_in_numpy(wanted: np.ndarray, share: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """The same of a servo's way."""
+    return _along("saturated", _left_of_the_way, wanted, share, most)
 
 
 def _recurring(keep, new):
@@ -179,6 +203,29 @@ def _approaching(wanted, away, back):
     return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, away, back))[1]
 
 
+def _as_a_servo(x, wanted, share, most):
+    """Where a step gets from `x`, and its derivatives by the four."""
+    gap = wanted - x
+    size, sign, band = jnp.abs(gap), jnp.sign(gap), most / share
+    first = jnp.clip((size - band) / most, 0.0, 1.0)
+    slowly = jnp.exp(-share * (1.0 - first))
+    left = (size - most * first) * slowly
+    full, near = first >= 1.0, first <= 0.0
+    # Of what is left: while it goes at full speed nothing but how far it gets matters.
+    by_size = jnp.where(full, 1.0, jnp.where(near, slowly, left / band))
+    by_share = jnp.where(full, 0.0, -left * (1.0 - first))
+    by_most = jnp.where(full, -1.0, jnp.where(near, 0.0, left / most * (1.0 - size / band)))
+    return wanted - sign * left, (by_size, 1.0 - by_size, -sign * by_share, -sign * by_most)
+
+
+def _saturating(wanted, share, most):
+    def advance(x, row):
+        x = _as_a_servo(x, *row)[0]
+        return x, x
+
+    return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, share, most))[1]
+
+
 def _before(x):
     return jnp.concatenate([jnp.zeros_like(x[:1]), x[:-1]])
 
@@ -214,6 +261,13 @@ def _approaching_moved(values, tangents):
     return x, recurrence_p.bind(by_x, new) if not isinstance(new, int) else ad.Zero(x.aval)
 
 
+def _saturating_moved(values, tangents):
+    x = saturated_p.bind(*values)
+    by_x, *by = _as_a_servo(_before(x), *values)[1]
+    new = sum(slope * d for slope, d in zip(by, tangents, strict=True) if not isinstance(d, ad.Zero))
+    return x, recurrence_p.bind(by_x, new) if not isinstance(new, int) else ad.Zero(x.aval)
+
+
 def _recurring_transposed(cotangent, keep, new):
     if isinstance(cotangent, ad.Zero):
         return None, ad.Zero(new.aval)
@@ -244,3 +298,4 @@ recurrence_p = _primitive("recurrence", _recurring, _recurring_moved)
 ad.primitive_transposes[recurrence_p] = _recurring_transposed
 limited_p = _primitive("limited", _limiting, _limiting_moved)
 approached_p = _primitive("approached", _approaching, _approaching_moved)
+saturated_p = _primitive("saturated", _saturating, _saturating_moved)

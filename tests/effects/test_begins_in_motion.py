@@ -13,7 +13,7 @@ from jaxid.effects import laws_of
 from jaxid.simulation.rollout import rollout, rollout_in_xla
 
 DT, HELD, N = 0.02, 200, 400
-LAGS = ("first_order", "second_order", "unequal_lags", "ramp", "unequal_ramps", "ramp_and_lag")
+LAGS = ("first_order", "second_order", "unequal_lags", "ramp", "unequal_ramps", "ramp_and_lag", "lag_with_limit")
 COMMANDS = [("motor_lag", law) for law in LAGS]
 COMMANDS += [("input_delay", "constant"), ("input_delay", "jittering"), ("backlash", "command")]
 SENSORS = [("sensor_lag", law) for law in ("first_order", "second_order", "butterworth", "moving_average")]

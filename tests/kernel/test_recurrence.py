@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxid.effects.actuator.followed import as_a_servo
 from jaxid.kernel.recurrence import (
     approached,
     approached_in_numpy,
@@ -12,6 +13,8 @@ from jaxid.kernel.recurrence import (
     limited_in_numpy,
     recurrence,
     recurrence_in_numpy,
+    saturated,
+    saturated_in_numpy,
 )
 
 
@@ -149,3 +152,46 @@ def test_unequal_approaches_their_derivatives_and_batches(case):
         backwards = jax.grad(lambda h: jnp.sum(along(h)))(0.0)
     np.testing.assert_allclose(moved, slope, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(backwards, np.sum(np.asarray(slope)), rtol=1e-5)
+
+
+def _as_a_servo(wanted, share, most):
+    """By a thousand small steps of the differential equation each (Heun), and the mean over every step."""
+    x, found, means = np.zeros(wanted.shape[1:]), [], []
+    for w, a, m in zip(wanted, *(np.broadcast_to(rate, wanted.shape) for rate in (share, most)), strict=True):
+        mean = np.zeros_like(x)
+        for _ in range(1000):
+            slope = np.clip(a * (w - x), -m, m)
+            after = x + 0.5 * (slope + np.clip(a * (w - x - slope / 1000), -m, m)) / 1000
+            x, mean = after, mean + 0.5 * (x + after) / 1000
+        found.append(x)
+        means.append(mean)
+    return np.array(found), np.array(means)
+
+
+def test_a_servo_s_way_its_derivatives_and_batches(case):
+    _, wanted, _ = case
+    wanted = np.repeat(wanted[::5], 5, axis=0)
+    rng = np.random.default_rng(8)
+    share, most = rng.uniform(0.2, 3.0, (50, 1)), rng.uniform(0.3, 1.2, (50, 1))
+    moves = rng.normal(size=wanted.shape), *rng.normal(size=(2, 50, 1))
+    found = saturated_in_numpy(wanted, *(np.broadcast_to(rate, wanted.shape) for rate in (share, most)))
+    exact, _ = _as_a_servo(wanted, share, most)
+    np.testing.assert_allclose(found, exact, atol=1e-6)
+
+    def along(h):
+        return saturated(wanted + h * moves[0], share + h * moves[1], most + h * moves[2])
+
+    step = 1e-6
+    with jax.enable_x64(True):
+        np.testing.assert_allclose(jax.jit(saturated)(wanted, share, most), found, rtol=1e-11, atol=1e-13)
+        batch = jax.vmap(lambda w: saturated(w, share, most))(np.stack([wanted, -wanted]))
+        np.testing.assert_allclose(batch[1], -found, rtol=1e-11, atol=1e-13)
+        slope = (along(step) - along(-step)) / (2 * step)
+        moved = jax.jvp(along, (0.0,), (1.0,))[1]
+        backwards = jax.grad(lambda h: jnp.sum(along(h)))(0.0)
+        # The same with times in the place of shares of a step: constant ones, as a law has them.
+        T, per_unit, dt = 0.03, 0.04, np.full(50, 0.02)
+        arrived = as_a_servo(jnp.asarray(wanted), jnp.asarray(dt), T, per_unit)
+    np.testing.assert_allclose(moved, slope, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(backwards, np.sum(np.asarray(slope)), rtol=1e-5)
+    np.testing.assert_allclose(arrived, _as_a_servo(wanted, 0.02 / T, 0.02 / per_unit)[1], atol=1e-6)

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from ...kernel.recurrence import approached, limited, recurrence
+from ...kernel.recurrence import approached, limited, recurrence, saturated
 
 _TINY = 1e-9
 """Share of a step below which a time constant is none."""
@@ -41,3 +41,18 @@ def lagged_unequally(inputs, dt, away, back):
     before = jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
     turn = jnp.clip(0.0, jnp.minimum(before, after), jnp.maximum(before, after))
     return inputs - (back * (turn - before) + away * (after - turn)) / dt
+
+
+def as_a_servo(inputs, dt, T, per_unit):
+    """`inputs` [T, nu] held over steps `dt`, followed by a loop that closes what is left within the time `T`, by one unit in
+    `per_unit` seconds at most (each one, or one an input; zero: no limit): the exact mean over every step."""
+    dt = dt[:, None]
+    share, most = dt / jnp.maximum(T, _TINY * dt), dt / jnp.maximum(per_unit, _TINY * dt)
+    after = saturated(inputs, share, most)
+    before = jnp.concatenate([jnp.zeros_like(after[:1]), after[:-1]])
+    gap, band = inputs - before, most / share
+    size = jnp.abs(gap)
+    first = jnp.clip((size - band) / most, 0.0, 1.0)
+    slow = size - most * first  # what is left where it begins to slow down
+    left = first * 0.5 * (size + slow) + slow * -jnp.expm1(-share * (1.0 - first)) / share
+    return inputs - jnp.sign(gap) * left

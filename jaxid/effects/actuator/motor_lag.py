@@ -21,7 +21,7 @@ from .drives import (
     one_torque_each,
     torque_falls_with_speed,
 )
-from .followed import lagged_unequally, low_passed, ramped
+from .followed import as_a_servo, lagged_unequally, low_passed, ramped
 from .input_delay import late
 
 _STABLE = 0.5
@@ -245,6 +245,18 @@ class RampAndLag(SlewRate):
 
 
 @dataclass(frozen=True)
+class LimitedLag(RampAndLag):
+    """A loop, such as of a speed, that closes what is left within a time, and no faster than its ramp lets it."""
+
+    law: ClassVar[str] = "lag_with_limit"
+    formula: ClassVar[str] = "time_constant * du'/dt = u - u', |du'/dt| <= 1 / time_per_unit"
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        T, per_unit = p[self.key("time_constant")], p[self.key("time_per_unit")]
+        return on_drives(robot, inputs, as_a_servo(inputs, dt, T, per_unit))
+
+
+@dataclass(frozen=True)
 class UnequalRamps(SlewRate):
     """A driver's ramp that slows down faster than it speeds up.
 
@@ -370,6 +382,7 @@ LAWS: tuple[Effect, ...] = (
     UnequalLags(),
     SlewRate(),
     RampAndLag(),
+    LimitedLag(),
     UnequalRamps(),
     RampOfEach(),
     RampOfBody(),

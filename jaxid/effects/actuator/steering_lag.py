@@ -14,7 +14,7 @@ from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..effect_parameters import positive
 from .drives import on_drives, other_inputs
-from .followed import low_passed, ramped
+from .followed import as_a_servo, low_passed, ramped
 
 
 @dataclass(frozen=True)
@@ -69,4 +69,23 @@ class SteeringRamp(SteeringLag):
         return on_drives(robot, ramped(inputs, dt, jnp.stack([jnp.asarray(x, float) for x in per_unit])), inputs)
 
 
-LAWS: tuple[Effect, ...] = (SteeringLag(), SteeringRamp())
+@dataclass(frozen=True)
+class SteeringServo(SteeringRamp):
+    """A position loop whose motor has a largest speed: looked for where one of the two leaves something."""
+
+    law: ClassVar[str] = "servo"
+    first_look: ClassVar[bool] = False
+    formula: ClassVar[str] = "time_constant * du'/dt = u - u', |du_i'/dt| <= 1 / time_per_unit_i"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        lag = SteeringLag(stands_as=self.stands_as).parameters(robot)
+        return lag | SteeringRamp(stands_as=self.stands_as).parameters(robot)
+
+    def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        names = other_inputs(robot)
+        per_unit = [p[self.key(f"time_per_unit_{n}")] if n in names else 0.0 for n in robot.channels.inputs]
+        limits = jnp.stack([jnp.asarray(x, float) for x in per_unit])
+        return on_drives(robot, as_a_servo(inputs, dt, p[self.key("time_constant")], limits), inputs)
+
+
+LAWS: tuple[Effect, ...] = (SteeringLag(), SteeringRamp(), SteeringServo())

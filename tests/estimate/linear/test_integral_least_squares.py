@@ -408,6 +408,7 @@ def test_speeds_that_were_never_measured_at_one_time_are_said_to_be_so():
     with pytest.raises(LogError, match="no row of the logs own clocks holds all of v, w, .* Use output error"):
         integral_least_squares(jaxid.DifferentialDrive(), [log])
 
+
 @pytest.mark.parametrize(
     ("method", "seed"), [(integral_least_squares, 2), (integral_least_squares, 3), (instrumental_variables, 0)]
 )
