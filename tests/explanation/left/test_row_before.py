@@ -1,5 +1,6 @@
 """A current that was read before, or after, the command of its own row was applied, on an axis in closed form."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -44,3 +45,37 @@ def test_a_current_that_was_read_before_its_rows_command_is_said_to_be(before):
     said = row_before(fit.robot, held_out, held_out_state(fit.robot, held_out))
     assert ("Move that column one row up" in said) == before
     assert said.startswith("Most of what is left of i (") == before
+
+
+CAR = Custom(
+    dynamics=lambda s, u, p: {"v": (p["k"] * u["u"] - s["v"]) / 0.5},
+    output=lambda s, u, p: {"v": s["v"], "w": s["v"] * jnp.tan(u["steer"]) / 0.33},
+    state_names=("v",),
+    own_channels=Channels(inputs=("u", "steer"), outputs=("v", "w"), units={"steer": "rad", "v": "m/s", "w": "rad/s"}),
+    table={"k": Parameter(0.4, "m/(V s)", free=True)},
+)
+
+
+def drives(before):
+    logs = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        u, steer = np.repeat(rng.uniform(2.0, 8.0, 20), 30), np.repeat(rng.uniform(-0.3, 0.3, 60), 10)
+        v = np.zeros(600)
+        for k in range(599):
+            v[k + 1] = 0.5 * u[k] + (v[k] - 0.5 * u[k]) * np.exp(-DT / 0.5)
+        acting = np.concatenate([[0.0], steer[:-1]]) if before else steer
+        outputs = {"v": v, "w": v * np.tan(acting) / 0.33}
+        seen = {name: own + 0.02 * rng.normal(size=600) for name, own in outputs.items()}
+        logs.append(Log.from_arrays(f"{seed}", DT * np.arange(600), {"u": u, "steer": steer}, seen, CAR.channels))
+    return LogSet(logs[:-1]), LogSet(logs[-1:])
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_a_yaw_rate_of_a_car_that_is_steered_at_once_is_told_by_the_speed_times_what_changes(before):
+    """It hangs on the steering of its row while the car drives, and not while it stands."""
+    assert at_once(CAR) == ("w",)
+    logs, held_out = drives(before)
+    fit = output_error(CAR, logs)
+    said = row_before(fit.robot, held_out, held_out_state(fit.robot, held_out))
+    assert said.startswith("Most of what is left of w (") == ("one row up" in said) == before
