@@ -26,6 +26,7 @@ from .conclude import Covariance
 from .contradicting import contradicting
 from .fitted import fitted
 from .losses import Loss, loss_named
+from .other_units import in_other_units
 from .posed import Options
 from .setup import InitialStates, Starts, every_start
 from .solvers import DEFAULT, Solver
@@ -118,7 +119,11 @@ def output_error(
 def _noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
     """The fit with what is to be said of the logs' stamps, units and commands."""
     found = with_units_doubted(_with_stamps_noted(found, robot, logs, options), logs)
-    said = filter(None, (beyond_supply(robot, logs), *contradicting(robot, logs)))
+    quick = replace(options, far_starts=False, report=_silent)
+    if found.judgement is not None and found.judgement.verdict == "failed":
+        options.report("the model does not follow these logs; trying their columns in other units")
+    other = in_other_units(found, logs, lambda others: fitted(robot, others, quick, None, None))
+    said = filter(None, (other, beyond_supply(robot, logs), *contradicting(robot, logs)))
     return replace(found, notes=(*found.notes, *said))
 
 
