@@ -26,6 +26,7 @@ from ..screening.screen import Candidate
 from .between_rows import ranked_between_rows
 from .by_chance import rather_by_chance
 from .colour_left import colour_left, explained_somewhere, generalised_trial, inputs_left, noise_fed_back
+from .formula_and_another import by_a_formula_and_another
 from .formulas import by_formulas
 from .from_the_back import named_from_the_back, not_present
 from .given_up import not_given_up
@@ -148,6 +149,9 @@ def search(
         steps, current = with_the_little_more(steps, current, baseline, effects, logs, held_out, noise, report)
     if colour is None and _added(current, baseline) < most:
         steps, current = by_two_formulas(steps, current, baseline, logs, held_out, noise, report)
+    if colour is None and _added(current, baseline) < most:
+        own = baseline, effects, logs, held_out, noise, report
+        steps, current = by_a_formula_and_another(steps, current, *own)
     if current.held_out.adequate:
         steps, current = by_plainer_laws(steps, current, baseline, logs, held_out, noise, report)
         steps, current = by_formulas(steps, current, baseline, logs, held_out, noise, report)

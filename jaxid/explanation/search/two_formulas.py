@@ -28,7 +28,7 @@ from .worth import likelier
 _FOLLOWED = 2
 """Beside how many mechanisms a second is asked."""
 
-_Refits = tuple[LogSet, LogSet, dict[str, float], Report]
+Refits = tuple[LogSet, LogSet, dict[str, float], Report]
 """Logs to fit, held-out ones, the noise, and where progress is told."""
 
 
@@ -42,7 +42,7 @@ def _formulas(robot: Robot) -> list[Effect]:
     return found
 
 
-class _Beside(NamedTuple):
+class Beside(NamedTuple):
     """Formulas added to a model: each mechanism by its best law, the best first, and all laws of that one."""
 
     ranked: list[Trial]
@@ -55,9 +55,10 @@ class _Beside(NamedTuple):
         return self.ranked[0]
 
 
-def _formulas_beside(bare: Trial, refits: _Refits) -> _Beside | None:
+def formulas_beside(bare: Trial, formulas: Sequence[Effect], refits: Refits) -> Beside | None:
+    """The most promising of some formulas added to a model; None where none promises anything."""
     logs, held_out, noise, say = refits
-    likely = [law for law in most_promising(bare, _formulas(bare.robot), logs, noise) if law.gain > 0]
+    likely = [law for law in most_promising(bare, formulas, logs, noise) if law.gain > 0]
     trials = all_added(bare, likely, logs, held_out, noise, say)
     # All to the end, and none left out for how it holds alone: what lags by itself may be one of the two.
     trials = [continued(trial, logs, held_out, noise) for trial in trials if math.isfinite(trial.score)]
@@ -69,25 +70,28 @@ def _formulas_beside(bare: Trial, refits: _Refits) -> _Beside | None:
         return None
     ranked = simplest_first([best_first(own)[0] for own in by_name.values()])
     alike = tuple(name for name in not_told_apart(ranked, bare) if name not in supersets(ranked))
-    return _Beside(ranked, best_first(by_name[ranked[0].id]), likely, alike)
+    return Beside(ranked, best_first(by_name[ranked[0].id]), likely, alike)
 
 
-def _pair(bare: Trial, base: Trial, refits: _Refits) -> tuple[Trial, _Beside, _Beside] | None:
+def _pair(bare: Trial, base: Trial, refits: Refits) -> tuple[Trial, Beside, Beside] | None:
     """The best single formula, and the two that are best together, each of them with what else was tried beside the other."""
-    alone = _formulas_beside(bare, refits)
+    alone = formulas_beside(bare, _formulas(bare.robot), refits)
     if alone is None:
         return None
-    seconds = [own for first in alone.ranked[:_FOLLOWED] if (own := _formulas_beside(first, refits)) is not None]
+    every = [formulas_beside(first, _formulas(first.robot), refits) for first in alone.ranked[:_FOLLOWED]]
+    seconds = [own for own in every if own is not None]
     if not seconds:
         return None
     second = min(seconds, key=lambda own: own.best.score)
     # The first, and its law, were chosen while the second was missing.
     name = next(effect.id for effect in reversed(second.best.robot.effects) if effect.id != second.best.id)
-    first = _formulas_beside(unfitted_without(name, second.best, base), refits)
+    without_it = unfitted_without(name, second.best, base)
+    first = formulas_beside(without_it, _formulas(without_it.robot), refits)
     if first is None:
         return None
     if first.best.score < second.best.score:
-        again = _formulas_beside(unfitted_without(second.best.id, first.best, base), refits)
+        without_it = unfitted_without(second.best.id, first.best, base)
+        again = formulas_beside(without_it, _formulas(without_it.robot), refits)
         if again is None or again.best.id != second.best.id:
             return None
         # The same model from two sides, of which a refit may have ended elsewhere.
@@ -124,6 +128,14 @@ def by_two_formulas(
     if not (worth and less and pair.score < current.score and told_apart_from(pair, current)):
         return list(steps), current
     say(f"{first.best.title} and {pair.title} instead: held-out {pair.held_out.normalised_rms:.3f} x noise")
+    return steps_of_two(steps, place, first, second, base, (logs, held_out, noise, say)), pair
+
+
+def steps_of_two(
+    steps: Sequence[Step], place: int, first: Beside, second: Beside, base: Trial, refits: Refits
+) -> list[Step]:
+    """The steps in which that at a `place` has the best of the `first`, and a last one that of the `second` beside it."""
+    (logs, held_out, noise, _), pair, step = refits, second.best, steps[place]
     others = tuple(trial for trial in step.trials if trial.id not in {*(t.id for t in first.ranked), pair.id})
     bare = without(first.best.id, pair, base, logs, held_out, noise)
     own = replace(
@@ -136,4 +148,4 @@ def by_two_formulas(
     )
     before = without(pair.id, pair, base, logs, held_out, noise)
     last = Step(tuple(second.ranked), second.alike, tuple(second.screened), before, pair, tuple(second.laws))
-    return [*(own if k == place else s for k, s in enumerate(steps)), last], pair
+    return [*(own if k == place else s for k, s in enumerate(steps)), last]

@@ -1,0 +1,93 @@
+"""A drag and a gyro's scale that one curve of every axis follows, on a body by Newton's law in small steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jaxid import Channels, Custom, Log, LogSet, Parameter
+from jaxid.effects import effect_by_id
+from jaxid.explanation.refits.refit import continued, refit
+from jaxid.explanation.search.formula_and_another import by_a_formula_and_another
+from jaxid.explanation.search.steps import Step
+from jaxid.simulation.scaled import scaled_to
+
+DRAG, SCALE, NOISE = 1.6, 0.94, 0.01
+TRUE = {"M": 10.0, "B": 3.0, "J": 0.4}
+BODY = Custom(
+    dynamics=lambda s, u, p: {
+        "v": (u["ahead"] - p["B"] * s["v"]) / p["M"],
+        "w": (u["turn"] - p["Bw"] * s["w"]) / p["J"],
+    },
+    state_names=("v", "w"),
+    own_channels=Channels(
+        inputs=("ahead", "turn"), outputs=("v", "w"), units={"ahead": "N", "turn": "N m", "v": "m/s", "w": "rad/s"}
+    ),
+    table={
+        "M": Parameter(8.0, "kg", free=True, lower=0.0),
+        "B": Parameter(4.0, "N s/m", free=True, lower=0.0),
+        "J": Parameter(0.3, "kg m^2", free=True, lower=0.0),
+        "Bw": Parameter(0.8, "N m s/rad"),
+    },
+    forces={"v": "M", "w": "J"},
+    turning="w",
+    plane=("v", "", "w"),
+)
+
+
+def run(seed, drag, scale):
+    random = np.random.default_rng(seed)
+    forces = np.repeat(random.uniform(-1, 1, (24, 2)) * [25.0, 1.6], 25, axis=0)
+    v, w, found = 0.0, 0.0, []
+    for ahead, turn in forces:
+        found.append((v, scale * w))
+        for _ in range(40):
+            v += 0.02 / 40 * (ahead - TRUE["B"] * v - drag * v * abs(v)) / TRUE["M"]
+            w += 0.02 / 40 * (turn - 0.8 * w) / TRUE["J"]
+    seen = np.array(found) + NOISE * random.normal(size=(600, 2))
+    return Log.from_arrays(f"{seed}", 0.02 * np.arange(600), forces, seen, BODY)
+
+
+def by_a_curve(drag, scale):
+    """The steps and the model in which one curve of every axis follows it."""
+    logs, held_out = (LogSet([run(seed, drag, scale) for seed in seeds]) for seeds in (range(4), (20, 21)))
+    noise = {"v": NOISE, "w": NOISE}
+
+    def fitted(model):
+        start = {name: model.parameters[name].value for name in model.parameters.free_names}
+        return refit(model, [start], logs, held_out, noise, {})
+
+    base = fitted(scaled_to(BODY.with_values(**TRUE), logs))
+    every = replace(effect_by_id(base.robot, "quadratic_drag", "shape"), apart=True)
+    curve = continued(fitted(base.robot + every), logs, held_out, noise)
+    return [Step((curve,), (), (), base, curve, (curve,))], curve, base, logs, held_out, noise
+
+
+def test_a_drag_and_the_scale_of_a_gyro_are_no_drag_of_every_axis():
+    steps, current, base, *logs = by_a_curve(DRAG, SCALE)
+    assert current.held_out.normalised_rms < 1.1 and current.free - base.free >= 6
+    found, after = by_a_formula_and_another(steps, current, base, (), *logs, lambda message: None)
+    (first, drag), (second, scale) = ((step.chosen.id, step.chosen.law) for step in found)
+    # That the yaw rate answers less to its command may be the command's gain, too, as the step says.
+    assert (first, drag) == ("quadratic_drag", "whole_speed") and second in ("sensor_scale", "steering_error")
+    assert {"sensor_scale", "steering_error"} <= {second, *found[1].equivalent}
+    assert after.free - base.free <= 3 and after.held_out.normalised_rms < 1.05
+    assert after.robot.parameters.numbers["quadratic_drag.coefficient"] == pytest.approx(DRAG, rel=0.02)
+    assert after.robot.parameters.numbers["B"] == pytest.approx(TRUE["B"], rel=0.03)
+
+
+def test_a_curve_that_is_all_there_is_stays():
+    """A drag of the yaw rate, too, is of its mechanism."""
+    steps, current, base, *logs = by_a_curve(DRAG, 1.0)
+    found, after = by_a_formula_and_another(steps, current, base, (), *logs, lambda message: None)
+    assert found == steps and after is current
+
+
+def test_a_curve_of_few_heights_is_not_asked():
+    steps, current, base, *logs = by_a_curve(DRAG, 1.0)
+    few = [name for name in current.robot.parameters.free_names if name.startswith("quadratic_drag.")][3:]
+    robot = current.robot
+    for name in few:
+        robot = robot.change(name, free=False)
+    current = replace(current, robot=robot)
+    assert by_a_formula_and_another(steps, current, base, (), *logs, pytest.fail) == (steps, current)
