@@ -17,6 +17,9 @@ RANK = 1e-9
 """Singular values below this share of the largest (columns scaled to one) count as zero."""
 PRACTICAL = 1.0
 """A standard error above this multiple of the parameter's magnitude: the data says nothing useful about it."""
+TYPICALLY = 30.0
+"""Times the size to expect of a parameter of either sign, or of one on its bound, beyond which an error says nothing of it,
+whatever would change the simulation."""
 
 
 _PART, _ROUNDING = 1e-3, 1e-5

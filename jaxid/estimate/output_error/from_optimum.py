@@ -12,7 +12,7 @@ from ..._arrays import namespace
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..result import Estimate, Fit, Outlier
-from ..uncertainty import Spread, combinations, estimates, spread, with_covariance
+from ..uncertainty import PRACTICAL, TYPICALLY, Spread, combinations, estimates, spread, with_covariance
 from .magnitudes import matter_at
 from .optimum import Optimum, Outcome
 from .problem import CLOCK_OFFSET, Problem, Structure, Triangle, Unknowns, holding, parameters_at
@@ -25,9 +25,6 @@ _MATTERS = 0.1
 _FARTHEST = 1e6
 """Times what is known of a parameter's size beforehand that nothing known of it exceeds, whatever would change the
 simulation: one that hardly enters it would need any number."""
-_TYPICALLY = 30.0
-"""Times the size to expect of a parameter of either sign, or of one on its bound, beyond which an error says nothing of it,
-whatever would change the simulation."""
 _STANDS_OUT = 10.0
 """Ratio of a log's residual to the other logs' (root mean square, in units of the noise) that is worth a word."""
 
@@ -60,6 +57,10 @@ def known_spread(problem: Problem, optimum: Optimum) -> Spread:
     return spread(jacobian, np.ones(jacobian.shape[1], dtype=bool), _sizes(problem, optimum))
 
 
+def _errors(found: Spread) -> NDArray[np.float64]:
+    return np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+
+
 def _sizes(problem: Problem, optimum: Optimum) -> NDArray[np.float64]:
     """Magnitudes [n] that standard errors must not exceed: a parameter's value; of one that may take either sign, at least
     a tenth of what would change the simulation by as much as there is to simulate, if that is no monstrous number; of one
@@ -70,7 +71,7 @@ def _sizes(problem: Problem, optimum: Optimum) -> NDArray[np.float64]:
     unbounded, both = ~np.isfinite(lower) & ~np.isfinite(upper), np.isfinite(lower) & np.isfinite(upper)
     least = np.where(unbounded, matters, np.where(both, 0.5 * (upper - lower), 0.0))
     # On its bound a parameter has no size of its own; its standard error says how far from there it may be.
-    known = _TYPICALLY * np.asarray(problem.bounds.scale)
+    known = TYPICALLY * np.asarray(problem.bounds.scale)
     least = np.where((theta <= lower) | (theta >= upper), np.maximum(known, least), least)
     return np.maximum(np.abs(theta), least)
 
@@ -80,7 +81,7 @@ def _expected(robot: Robot, names: Sequence[str], theta: NDArray[np.float64]) ->
     is known."""
     table = [robot.parameters[name] for name in names]
     typical = np.array([p.typical if p.typical and p.lower == -np.inf and p.upper == np.inf else np.inf for p in table])
-    return np.maximum(np.abs(theta), _TYPICALLY * typical)
+    return np.maximum(np.abs(theta), TYPICALLY * typical)
 
 
 def near_bounds(problem: Problem, optimum: Optimum) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]:
@@ -224,6 +225,10 @@ def fit_at(
     # What was put on a bound may have changed the others' sizes, and a robust covariance is a larger one.
     sizes = np.minimum(_sizes(problem, inner), _sizes(bounded.problem, optimum))
     sizes = np.minimum(sizes, _expected(robot, names, theta))
+    held = bounded.at_bound
+    on_bound = ~found.unseen & (_errors(found) <= PRACTICAL * _sizes(bounded.problem, optimum))
+    found = found._replace(determined=np.where(held, on_bound, found.determined))
+    sizes = np.where(held, _sizes(bounded.problem, optimum), sizes)
     found = with_covariance(found, found.covariance if covariance is None else covariance, sizes)
     values = dict(zip(names, theta.tolist(), strict=True))
     identified = robot.with_values(**values)

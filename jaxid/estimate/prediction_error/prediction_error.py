@@ -28,7 +28,7 @@ from ..linear.integral_least_squares import linear_estimate
 from ..nothing_moved import where_nothing_moved
 from ..output_error.setup import InitialStates, StartValues, start_values
 from ..result import Fit
-from ..uncertainty import combinations, estimates, spread
+from ..uncertainty import TYPICALLY, combinations, estimates, spread
 from ..units_doubted import with_units_doubted
 from .beside_output_error import contradiction, noise_instead
 from .disturbance import SIGNIFICANT, disturbance
@@ -249,7 +249,8 @@ def prediction_error(
         covariance = sandwich(white, found.problem, np.asarray(found.optimum.look.information), covariance)
     physical, jacobian = _parameters_covariance(task, found.problem, covariance)
     theta = np.asarray(parameters_at(found.problem, found.optimum.x[: len(names)]))
-    magnitude = np.maximum(np.abs(theta), np.asarray(task.problem.scale))
+    known = np.asarray(task.problem.scale)
+    magnitude = np.maximum(np.abs(theta), np.where(at_bound, TYPICALLY * known, known))
     certain = spread(jacobian, np.ones(len(names), dtype=bool), magnitude)._replace(covariance=physical)
 
     values = dict(zip(names, theta.tolist(), strict=True))

@@ -96,11 +96,7 @@ def _shared(final: Fit, effect: Curve) -> Shared | None:
     states within the reach; None where there is none."""
     robot = final.robot.alone  # a controller's equations have no share in it
     numbers = {name: float(value) for name, value in robot.parameters.numbers.items()}
-    table = robot.parameters
-    # On its bound one may be where all of it has gone to the curve, whatever its error says.
-    told = {n for n in numbers if numbers[n] in (table[n].lower, table[n].upper) and final[n].status != "fixed"}
-    told |= {n for n in numbers if final[n].status in ("identified", "at_bound")}
-    own = [n for n in numbers if "." not in n and n in told]
+    own = [n for n in numbers if "." not in n and final[n].status in ("identified", "at_bound")]
     patterns, levels = list(_straight(robot, effect)), list(_level(robot, effect))
     if not own or not patterns:
         return None
