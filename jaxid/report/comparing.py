@@ -127,8 +127,10 @@ def _notes(fits: Mapping[str, Fit], held_out: LogSet, fit: LogSet | None) -> tup
     for log, moving in zip(held_out, initial_states(robot, held_out).uncertain, strict=True):
         if moving and not windows:
             notes.append(f"{log.name} starts in motion: every model starts from the initial state that suits it best.")
+    known = [own for found in fits.values() if found.origin is not None for own in found.origin.logs.get("logs", ())]
     for log in held_out:
         used = [other.name for other in fit or () if _same_data(log, other)]
+        used += [own.name for own in known if own.sha256 == log.sha256]
         if used:
             notes.append(f"{log.name} was also fitted (as {used[0]}): it says nothing about unseen motion.")
     return tuple(notes)

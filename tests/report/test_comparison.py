@@ -323,3 +323,11 @@ def test_other_logs_are_predicted_with_the_clocks_that_were_found(axis_log):
     assert any("inputs' clock" in note for note in found.notes), found.notes
     blind = compare(jaxid.output_error(robot, jaxid.LogSet(logs[:2])), held_out=logs[2])
     assert blind.predicted["output_error"].normalised_rms > 3.0
+
+
+def test_logs_that_a_fit_remembers_are_no_unseen_ones_though_no_one_says_that_they_were_fitted(axis_log):
+    force = np.repeat([3.0, -2.0, 4.0, -3.5, 1.5, -4.0], 40)
+    logs = jaxid.LogSet([axis_log(name, way * force, noise=0.01, seed=3) for name, way in (("a", 1.0), ("b", -0.8))])
+    fit = jaxid.integral_least_squares(jaxid.Axis(), logs[:1])
+    notes = compare(fit, held_out=logs).notes
+    assert [note.split(" ")[0] for note in notes if "also fitted" in note] == ["a"]
