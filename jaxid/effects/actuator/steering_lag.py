@@ -71,15 +71,19 @@ class SteeringRamp(SteeringLag):
 
 @dataclass(frozen=True)
 class SteeringServo(SteeringRamp):
-    """A position loop whose motor has a largest speed: looked for where one of the two leaves something."""
+    """A position loop whose motor has a largest speed."""
 
     law: ClassVar[str] = "servo"
-    first_look: ClassVar[bool] = False
     formula: ClassVar[str] = "time_constant * du'/dt = u - u', |du_i'/dt| <= 1 / time_per_unit_i"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         lag = SteeringLag(stands_as=self.stands_as).parameters(robot)
         return lag | SteeringRamp(stands_as=self.stands_as).parameters(robot)
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        # No slope leads away from a time of zero: each ramp is asked at times that a lag may have.
+        time, ramps = self.key("time_constant"), super().probes(robot, seen)
+        return tuple(Probe(ramp.strengths, {time: T}) for T in robot.scales.times_to_try for ramp in ramps)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         names = other_inputs(robot)
