@@ -6,6 +6,8 @@ import pytest
 
 import jaxid
 from jaxid import Channels, Custom, Log, LogSet, Parameter
+from jaxid.effects import effect_by_id
+from jaxid.robots.probe import Seen
 
 CHANNELS = Channels(
     inputs=("throttle", "steering"),
@@ -13,6 +15,8 @@ CHANNELS = Channels(
     units={"throttle": "V", "steering": "rad", "v": "m/s", "w": "rad/s"},
 )
 INTERVAL, STEPS = 0.02, 40
+FASTEST = 3.0
+"""Largest speed of a servo [rad/s]."""
 TRUE = {"push": 4.0, "mass": 3.2, "viscous": 1.7, "coulomb": 0.9, "wheelbase": 0.26, "yaw_time": 0.12}
 
 
@@ -28,11 +32,11 @@ def _steered(kind: str, size: float, steering: np.ndarray) -> np.ndarray:
         return np.arctan(np.tan(fine) / (1.0 + size * np.tan(fine)))
     found, at = np.zeros(len(fine)), 0.0
     for k, wanted in enumerate(fine):
-        step = (
-            (wanted - at) * (1.0 - np.exp(-dt / size))
-            if kind == "servo"
-            else np.clip(wanted - at, -dt / size, dt / size)
-        )
+        if kind == "rate":
+            step = np.clip(wanted - at, -dt / size, dt / size)
+        else:
+            step = (wanted - at) * (1.0 - np.exp(-dt / size))
+            step = np.clip(step, -FASTEST * dt, FASTEST * dt) if kind == "limited servo" else step
         at += step
         found[k] = at
     return found
@@ -90,6 +94,7 @@ CAR = Custom(
     ("kind", "size", "named"),
     [
         pytest.param("servo", 0.12, "steering_lag", marks=pytest.mark.slow),
+        pytest.param("limited servo", 0.06, "steering_lag", marks=pytest.mark.slow),
         pytest.param("delay", 0.08, "steering_delay", marks=pytest.mark.slow),
         ("trim", 0.04, "steering_error"),
         pytest.param("rate", 0.5, "steering_lag", marks=pytest.mark.slow),
@@ -105,3 +110,17 @@ def test_what_is_wrong_with_steering_is_named_and_nothing_else(kind, size, named
         "wheelbase"
     ]  # a curve of the command may take up some of it, and its error says so
     assert abs(wheelbase.value - TRUE["wheelbase"]) < 3.0 * wheelbase.std_error
+
+
+def test_a_servo_of_a_largest_speed_is_looked_for_at_times_from_which_a_slope_leads_on():
+    """At a time of zero there is none: a refit from there ends at the speed alone."""
+    law = effect_by_id(CAR, "steering_lag", "servo")
+    probes = law.probes(CAR + law, Seen(1.0, 10.0, lambda: None, lambda by_torque: ((), 0)))
+    assert len(probes) > 3
+    for probe in probes:
+        assert all(value > 0.0 for value in (*probe.shape.values(), *probe.strengths.values()))
+    steered, time = "steering_lag.time_per_unit_steering", "steering_lag.time_constant"
+    logs = LogSet([_log("limited servo", 0.06, seed) for seed in range(2)])
+    fit = jaxid.output_error(CAR + law, logs, start={**probes[0].shape, **probes[0].strengths})
+    assert abs(fit[time].value - 0.06) < max(4.0 * fit[time].std_error, 0.001)
+    assert abs(fit[steered].value - 1.0 / FASTEST) < max(4.0 * fit[steered].std_error, 0.005)
