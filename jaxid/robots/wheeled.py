@@ -148,8 +148,6 @@ class Wheeled(Robot):
         }
         if len({wheel.side for wheel in self.wheels} - {0.0}) == 2:
             found["wheel_radius_mismatch"] = ("radius_mismatch",)
-        elif self.wheel_radii:
-            found["wheel_radius_mismatch"] = self.wheel_radii
         return MappingProxyType(found)
 
     @property

@@ -114,8 +114,7 @@ def commanded(
     robot: Robot, p: Numbers, inputs: Float[Array, "T nu"], dt: Float[Array, " T"], substeps: int, held: Any = 0.0
 ):
     """What arrives of the inputs [T, substeps, nu] in every substep: effects on commands act at the integrator's pace, up to
-    one far finer than logs; of still shorter steps several share what arrives on average. `held`
-    as `sent` has it."""
+    one far finer than logs; of still shorter steps several share what arrives on average. `held` as `sent` has it."""
     parts = max(n for n in range(1, _MOST_SHARES + 1) if substeps % n == 0)
     parts = parts if 2 * parts > _MOST_SHARES else substeps
     fine_dt = jnp.repeat(dt / parts, parts)

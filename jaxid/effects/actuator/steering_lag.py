@@ -64,9 +64,13 @@ class SteeringRamp(SteeringLag):
         )
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
+        return on_drives(robot, ramped(inputs, dt, self._per_unit(p, robot)), inputs)
+
+    def _per_unit(self, p: Numbers, robot: Robot):
+        """The time [nu] that each input takes for one unit at least; none where it drives."""
         names = other_inputs(robot)
-        per_unit = [p[self.key(f"time_per_unit_{n}")] if n in names else 0.0 for n in robot.channels.inputs]
-        return on_drives(robot, ramped(inputs, dt, jnp.stack([jnp.asarray(x, float) for x in per_unit])), inputs)
+        times = [p[self.key(f"time_per_unit_{n}")] if n in names else 0.0 for n in robot.channels.inputs]
+        return jnp.stack([jnp.asarray(time, float) for time in times])
 
 
 @dataclass(frozen=True)
@@ -86,10 +90,8 @@ class SteeringServo(SteeringRamp):
         return tuple(Probe(ramp.strengths, {time: T}) for T in robot.scales.times_to_try for ramp in ramps)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
-        names = other_inputs(robot)
-        per_unit = [p[self.key(f"time_per_unit_{n}")] if n in names else 0.0 for n in robot.channels.inputs]
-        limits = jnp.stack([jnp.asarray(x, float) for x in per_unit])
-        return on_drives(robot, as_a_servo(inputs, dt, p[self.key("time_constant")], limits), inputs)
+        T = p[self.key("time_constant")]
+        return on_drives(robot, as_a_servo(inputs, dt, T, self._per_unit(p, robot)), inputs)
 
 
 LAWS: tuple[Effect, ...] = (SteeringLag(), SteeringRamp(), SteeringServo())

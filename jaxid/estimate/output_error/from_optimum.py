@@ -57,10 +57,6 @@ def known_spread(problem: Problem, optimum: Optimum) -> Spread:
     return spread(jacobian, np.ones(jacobian.shape[1], dtype=bool), _sizes(problem, optimum))
 
 
-def _errors(found: Spread) -> NDArray[np.float64]:
-    return np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-
-
 def _sizes(problem: Problem, optimum: Optimum) -> NDArray[np.float64]:
     """Magnitudes [n] that standard errors must not exceed: a parameter's value; of one that may take either sign, at least
     a tenth of what would change the simulation by as much as there is to simulate, if that is no monstrous number; of one
@@ -223,12 +219,13 @@ def fit_at(
     found = known_spread(problem, inner)
     covariance_z = found.covariance / np.outer(slope, slope)
     # What was put on a bound may have changed the others' sizes, and a robust covariance is a larger one.
-    sizes = np.minimum(_sizes(problem, inner), _sizes(bounded.problem, optimum))
-    sizes = np.minimum(sizes, _expected(robot, names, theta))
-    held = bounded.at_bound
-    on_bound = ~found.unseen & (_errors(found) <= PRACTICAL * _sizes(bounded.problem, optimum))
+    there, held = _sizes(bounded.problem, optimum), bounded.at_bound
+    sizes = np.minimum(np.minimum(_sizes(problem, inner), there), _expected(robot, names, theta))
+    # What was put on its bound had a size of its own nearby, which is none any more.
+    errors = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    on_bound = ~found.unseen & (errors <= PRACTICAL * there)
     found = found._replace(determined=np.where(held, on_bound, found.determined))
-    sizes = np.where(held, _sizes(bounded.problem, optimum), sizes)
+    sizes = np.where(held, there, sizes)
     found = with_covariance(found, found.covariance if covariance is None else covariance, sizes)
     values = dict(zip(names, theta.tolist(), strict=True))
     identified = robot.with_values(**values)
