@@ -32,8 +32,10 @@ WAYS = {
     "inputs.dead_zone": "a dead zone of the inputs",
 }
 _RISE, _DRAG = "friction that rises towards standstill", "drag that grows with the square of"
+_ONE_WAY = "friction that is larger one way than the other in"
 _HAD = {
     "actuator_dead_zone": WAYS["inputs.dead_zone"],
+    "asymmetric_viscous_friction": _ONE_WAY,
     "input_delay": WAYS["inputs.late"],
     "quadratic_drag": _DRAG,
     "sensor_delay": WAYS["inputs.late"],
@@ -44,15 +46,16 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ConstantAndDrag(Effect):
-    """A constant force and one that grows with the speed's square, on every velocity and against the whole translation."""
+class Forces(Effect):
+    """On every velocity a constant force, one that grows with the speed's square, and one that grows with its size, whichever
+    way it moves; and one that grows with the square of the speed against the whole translation."""
 
     id: ClassVar[str] = "neglected_force"
     where: ClassVar[str] = "body"
-    formula: ClassVar[str] = "Q' = Q + constant - drag v |v|"
+    formula: ClassVar[str] = "Q' = Q + constant - drag v |v| - oneway |v|"
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
-        names = [f"{kind}_{v}" for v in robot.velocities for kind in ("constant", "drag")]
+        names = [f"{kind}_{v}" for v in robot.velocities for kind in ("constant", "drag", "oneway")]
         names += [_WHOLE] if len(robot.translations) > 1 else []
         return {self.key(name): Parameter(0.0, free=True) for name in names}
 
@@ -63,6 +66,7 @@ class ConstantAndDrag(Effect):
         for force, v in zip(forces, robot.velocities, strict=True):
             drag = p[self.key(f"drag_{v}")] * state[v] * jnp.abs(state[v])
             drag = drag + p[self.key(_WHOLE)] * speed * state[v] if len(linear) > 1 and v in linear else drag
+            drag = drag + p[self.key(f"oneway_{v}")] * jnp.abs(state[v])
             changed.append(force + p[self.key(f"constant_{v}")] - drag)
         return tuple(changed)
 
@@ -134,7 +138,7 @@ def probed(robot: Robot, logs: LogSet) -> tuple[Robot, tuple[str, ...]]:
     own = robot.parameters
     if "force" not in robot.traits and robot.velocities:
         robot = robot.per_unit_inertia()
-    for effect in (ConstantAndDrag(), RiseTowardsStandstill()):
+    for effect in (Forces(), RiseTowardsStandstill()):
         if refusal(effect, robot) is None:
             robot = robot + effect
     added = [name for name in robot.parameters if name not in own and robot.parameters[name].free]
@@ -156,4 +160,6 @@ def words_of(name: str) -> str:
     kind, _, of = name.partition(".")[2].partition("_")
     if kind == "rise":
         return _RISE
+    if kind == "oneway":
+        return f"{_ONE_WAY} {of}"
     return f"a constant force on {of}" if kind == "constant" else f"{_DRAG} {'the speed' if kind == 'whole' else of}"

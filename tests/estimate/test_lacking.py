@@ -26,6 +26,7 @@ def said(words, effects):
         ("actuator_dead_zone", "inputs.dead_zone"),
         ("input_delay", "inputs.late"),
         ("sensor_delay", "inputs.late"),
+        ("asymmetric_viscous_friction", "neglected_force.oneway_v"),
         ("quadratic_drag", "neglected_force.drag_v"),
         ("stribeck_friction", "neglected_friction.rise_0"),
     ],

@@ -31,8 +31,8 @@ _FELT, _TRIES = 0.3, 8
 """Change of the simulation (RMS, times the noise) by a step of a derivative, and how often its length is corrected."""
 _OWN = 1e-3
 """Share of a direction that must be its own, beside what parameters and initial states do."""
-_FAR = 2.0
-"""What is left, in units of the noise, from which a change to first order says nothing."""
+_NEAR, _FAR = 2.0, 10.0
+"""What is left, in units of the noise, up to which a change of the parameters to first order is said, and anything at all."""
 _FEWEST = 30
 """Samples, less what is fitted to them, below which nothing is asked."""
 
@@ -68,7 +68,7 @@ class _Rows:
 class _Asked(NamedTuple):
     """What is `left` (RMS, times the noise) beside all that the parameters do, and, of each force, by unit directions in units
     of what is left: `scores` and their standard `deviations` with so much `freedom`, `lengths` of the directions, and what of
-    the parameters' columns goes with each, `onto`."""
+    the parameters' columns goes with each, `onto` (zero where that says nothing)."""
 
     left: float
     scores: Array
@@ -177,7 +177,7 @@ def _asked(
     rows: _Rows, lengths: NDArray[np.int64], residual: Array, own: Array, forces: Array, memory: int
 ) -> _Asked | None:
     """What the `residual` [samples] asks of the `forces` [samples, m] beside its `own` columns [samples, n]; `lengths` [E] of
-    the logs. None where what is left is no noise of the sensors' size."""
+    the logs. None where what is left is far more than noise."""
     size = np.linalg.norm(own, axis=0)
     own = own / np.where(size > 0, size, 1.0)
     every = np.column_stack([forces, residual])
@@ -210,5 +210,5 @@ def _asked(
         freedom = min(degrees for _, degrees in each)
         if freedom <= 0:
             return None
-    back = onto[:, :-1] / np.where(size > 0, size, np.inf)[:, None]
+    back = onto[:, :-1] / np.where(size > 0, size, np.inf)[:, None] * (left < _NEAR)
     return _Asked(left, scores, deviations, freedom, norms, back)

@@ -15,8 +15,9 @@ SAMPLES, DT, NOISE = 400, 0.05, 0.02
 ROBOT = Axis().with_values(M=1.0, Fv=1.0, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
 
 
-def driven(drag=0.0, push=0.0, seed=0, colour=0.0, late=0, dead=0.0, noise=NOISE):
-    """M = 1 kg, 1 N s/m, and what the model lacks: `drag` v |v|, a constant `push`, inputs `late` by samples, or `dead` up to
+def driven(drag=0.0, push=0.0, one_way=0.0, seed=0, colour=0.0, late=0, dead=0.0, noise=NOISE):
+    """M = 1 kg, 1 N s/m, and what the model lacks: `drag` v |v|, a constant `push`, friction that is larger by a share
+    `one_way` forwards and smaller by it backwards, inputs `late` by samples, or `dead` up to
     a force."""
     random = np.random.default_rng(seed)
     inputs = np.repeat(random.uniform(-3, 3, SAMPLES // 20), 20)
@@ -24,7 +25,9 @@ def driven(drag=0.0, push=0.0, seed=0, colour=0.0, late=0, dead=0.0, noise=NOISE
     acting = np.append(np.full(late, 0.0), inputs)[:SAMPLES]
     acting = np.sign(acting) * np.maximum(np.abs(acting) - dead, 0.0)
     for u in acting[:-1]:
-        found = solve_ivp(lambda t, x, u=u: u + push - x - drag * x * abs(x), (0, DT), v[-1:], rtol=1e-8, atol=1e-10)
+        found = solve_ivp(
+            lambda t, x, u=u: u + push - x - (one_way + drag * x) * abs(x), (0, DT), v[-1:], rtol=1e-8, atol=1e-10
+        )
         v.append(float(found.y[0, -1]))
     errors = random.normal(size=SAMPLES)
     for k in range(1, SAMPLES):
@@ -34,7 +37,12 @@ def driven(drag=0.0, push=0.0, seed=0, colour=0.0, late=0, dead=0.0, noise=NOISE
 
 
 @pytest.mark.parametrize(
-    ("hidden", "words"), [({"drag": 0.02}, "the square of v"), ({"push": 0.012}, "a constant force on v")]
+    ("hidden", "words"),
+    [
+        ({"drag": 0.02}, "the square of v"),
+        ({"push": 0.012}, "a constant force on v"),
+        ({"one_way": 0.008}, "one way than the other in v"),
+    ],
 )
 def test_a_small_force_that_biases_the_estimates_is_named_and_the_bias_foretold(hidden, words):
     right, fit = output_error(ROBOT, driven()), output_error(ROBOT, driven(**hidden))
