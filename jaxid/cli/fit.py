@@ -261,7 +261,7 @@ def run_fit(
         fit_logs, held_out_logs = read_case(robot, fit, held_out, mapping)
         fits, fit_logs, held_out_logs = estimated(robot, fit_logs, held_out_logs, options, intersample, law, methods)
         # An explanation asks by itself.
-        if law is None and (columns := other_way(fits[-1], fit_logs, held_out_logs)):
+        if law is None and (columns := other_way(fits[-1], fit_logs, held_out_logs, robot)):
             say(f"warning: {columns}", style="yellow")
             fits[-1] = replace(fits[-1], notes=(*fits[-1].notes, columns))
         write_results(out, fits, held_out_logs, fit_logs)

@@ -285,6 +285,16 @@ def judge(
             "does: the model lacks something, or inputs were not those that were logged."
         )
     few = [c for c in alone if c not in bursty and pooled > POOR and independent(series[c]) < FEWEST]
+    untested = [
+        c
+        for c, own in series.items()
+        if by_channel[c] > POOR and sum(int(np.isfinite(part).sum()) for part in own) < FEWEST
+    ]
+    if untested:
+        sentences.append(
+            f"The logs hold fewer than {FEWEST} samples of {_listed(untested)}: nothing tells whether so large a residual is "
+            "the sensor's or what the model lacks."
+        )
     if few:
         sentences.append(
             f"What is left in {_listed(few)} changes so slowly that these logs hold fewer than {FEWEST} independent samples of "
@@ -310,7 +320,7 @@ def judge(
     verdict: Verdict = "sound"
     if failures:
         verdict = "failed"
-    elif far or follows or slow or bursty or few or pulled:
+    elif far or follows or slow or bursty or few or untested or pulled:
         verdict = "poor"
     elif coloured or (pooled > POOR and not outlying):
         verdict = "coloured"

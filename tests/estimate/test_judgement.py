@@ -339,6 +339,17 @@ def test_a_large_residual_that_is_too_slow_to_be_tested_is_poor(axis_log):
     assert independent(parts) == pytest.approx(40_000 / 9.0, rel=0.1)
 
 
+def test_a_large_residual_of_samples_too_few_to_be_tested_is_poor(axis_log):
+    white = log(axis_log, 0.01 * coloured(0.0, 1))
+    clean = axis_log("a", INPUTS, position=False).outputs
+    noise = {"v": 0.003, "q": 1.0}
+    # White, and so the sensor's: of many samples that can be told.
+    assert judge(LogSet([white]), [clean], noise).verdict == "coloured"
+    few = LogSet([Log.from_arrays("a", white.time[:26], white.inputs[:26], white.output("v")[:26], "axis")])
+    found = judge(few, [clean[:26]], noise)
+    assert found.verdict == "poor" and "fewer than 30 samples of v" in found.sentence
+
+
 def test_logs_without_noise_are_said_to_have_none(axis_log):
     fit = output_error(ROBOT, LogSet([log(axis_log, 0.0)]))
     assert any("hold no noise" in note for note in fit.notes)

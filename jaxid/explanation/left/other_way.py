@@ -148,7 +148,8 @@ def other_way(fit: Fit, logs: LogSet, held_out: LogSet | None = None, first: Rob
     noise = noise_scale(LogSet(more) if more else logs, otherwise=logs)
     fitted = list(_seen(fit.robot, every, noise))
     table = fit.robot.defaults() if first is None else first.parameters
-    start = {n: table[n].value for n in fit.free_names if n in table}
+    # Of the table's own values some may lie beyond bounds that the user knows.
+    start = {n: fit.robot.parameters[n].inside(table[n].value) for n in fit.free_names if n in table}
     beginning = fit.robot.with_values(**start)
     begun = list(_seen(beginning, every, noise))
     turned, units = _turned(fitted, begun), list(_other_units(fitted))

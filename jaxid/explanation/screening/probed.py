@@ -95,6 +95,15 @@ def _begun(robot: Robot, logs: LogSet, known: Mapping[str, Mapping[str, float]])
     return {name: array(value) for name, value in states.items()}
 
 
+def _begin_together(
+    robot: Robot, logs: LogSet, known: Mapping[str, Mapping[str, float]]
+) -> Callable[[Robot], dict[str, jax.Array]]:
+    """Initial states [E] of the robot, and of it with more effects, all absent: where these have no states of their own they
+    change nothing of how it begins."""
+    own = _begun(robot, logs, known)
+    return lambda full: own if full.states == robot.states else _begun(full, logs, known)
+
+
 def _with(robot: Robot, pairs: Iterable[tuple[Effect, Effect]]) -> Robot:
     for _, standing in pairs:
         robot = robot + standing
@@ -196,7 +205,8 @@ def probed(
     columns = {str(name) for log in logs for name in log.extra.columns}
     pairs = [pair for pair in pairs if pair[0].first_look and columns >= set(pair[0].from_columns)]
     own = dict(angles or integrated_angles(robot, logs))
-    first = _simulate(robot, integrator, logs, [{}, *secants], _begun(robot, logs, known_states), own)
+    begin = _begin_together(robot, logs, known_states)
+    first = _simulate(robot, integrator, logs, [{}, *secants], begin(robot), own)
     found: list[Group] = []
     places: list[list[int]] = []
     prescribed, count = dict(own), 0
@@ -209,7 +219,7 @@ def probed(
             continue
         fixed = dict(angles or integrated_angles(full, logs))
         prescribed |= fixed
-        begun = _begun(full, logs, known_states)
+        begun = begin(full)
         steps = integrator
         outputs = _simulate(full, steps, logs, changes, begun, fixed)
         if not np.all(np.isfinite(outputs)) and (finer := integrator_for(full, logs)).substeps > steps.substeps:

@@ -34,6 +34,13 @@ def test_a_sign_that_one_log_has_alone_is_said_with_the_log(axis_log):
     assert other_way(fit, logs, logs) == other_way(fit, logs)  # names that both have are looked at once
 
 
+def test_a_table_whose_own_value_lies_beyond_the_users_bound_is_asked_all_the_same(axis_log):
+    logs, held_out = runs(axis_log, (1, 1, -1, 1, 1, 1))
+    fit = output_error(ROBOT.change("M", lower=1.2, upper=1.5, value=1.3), logs)
+    assert not 1.2 <= ROBOT.defaults()["M"].value <= 1.5
+    assert "v goes the other way than the model says in run 2" in other_way(fit, logs, held_out)
+
+
 @pytest.mark.parametrize("noise", [0.01, 0.6])
 def test_a_sign_that_is_wrong_in_every_log_is_said(axis_log, noise):
     """No mass is negative: the fit makes it so large that nothing moves, or the friction."""
