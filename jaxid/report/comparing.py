@@ -214,7 +214,8 @@ def compare(
             continue
         start = starts[label]
         predicted[label] = agreement(held_out, simulated[label], noise)
-        sentence = prediction_sentence(f, predicted[label].normalised_rms, held_out, noise, fit, start)
+        far = [np.concatenate([*own.values()]) / noise[c] for c, own in predicted[label].residuals.items() if own]
+        sentence = prediction_sentence(f, predicted[label].normalised_rms, held_out, noise, fit, start, far)
         said += [f"{tab.title_of(label)}: {sentence}"] if sentence else []
     ahead = {
         label: {k: agreement(held_out, predict(f, held_out, k), noise) for k in HORIZONS}

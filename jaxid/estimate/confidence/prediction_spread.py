@@ -6,12 +6,13 @@ drawn from the covariance and simulate the held-out logs. A held-out error withi
 one above it shows something that the fitted logs did not.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...logs import LogSet
+from ...logs.noise import usual_size
 from ...simulation.simulate import simulate_models
 from ..result import Fit
 from .agreement import errors_of, rms
@@ -75,11 +76,19 @@ def prediction_sentence(
     noise: Mapping[str, float],
     fitted: LogSet | None = None,
     start: Mapping[str, NDArray[np.float64]] | None = None,
+    residuals: Sequence[NDArray[np.float64]] = (),
 ) -> str:
     """What the `error` of `fit` on the held-out logs `held_out` (in units of the `noise`) says of it; empty where it is about
-    the noise, or the fit is doubted already. `fitted`: the logs that were fitted."""
+    the noise, or the fit is doubted already. `fitted`: the logs that were fitted; `residuals` [samples] of each channel there,
+    in units of the noise."""
     if not error > _WORTH_A_WORD or not fit.trustworthy:
         return ""
+    usual = max((usual_size(own) for own in residuals), default=np.inf)
+    if usual < _WORTH_A_WORD:
+        return (
+            f"A few samples make the error on the held-out logs {error:.3g} times the noise: outliers, or something brief that "
+            f"the model lacks (a push, a slip). All others it misses by {usual:.3g} times the noise at most."
+        )
     expected = expected_error(fit, held_out, noise, start)
     if not np.isfinite(expected):
         return ""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, LogSet, compare, output_error
+from jaxid import Axis, Log, LogSet, compare, output_error
 
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5, offset=0.0).change("offset", free=False).change("Fc", free=False)
 
@@ -36,3 +36,15 @@ def test_a_robot_that_has_changed_is_beyond_what_standard_errors_explain(axis_lo
     assert "standard errors explain" in said(fit, laden, fitted)
     same = LogSet([axis_log("same", levels(4, 4), noise=0.01, seed=4, position=False)])
     assert said(fit, same, fitted) == ""
+
+
+def test_a_few_samples_that_are_far_off_are_no_robot_that_has_changed(axis_log):
+    fitted = LogSet([axis_log("fitted", levels(3, 4), noise=0.01, seed=3, position=False)])
+    fit = output_error(ROBOT, fitted)
+    clean = axis_log("held", levels(4, 4), noise=0.01, seed=4, position=False)
+    v = clean.output("v").copy()
+    v[[40, 41, 170, 250]] += 1.0
+    spiked = LogSet([Log.from_arrays("held", clean.time, clean.inputs, v, "axis")])
+    (text,) = [note for note in compare(fit, held_out=spiked, fit=fitted).notes if "held-out logs" in note]
+    assert "A few samples make the error" in text and "explain" not in text
+    assert float(text.partition("misses by ")[2].split()[0]) < 1.2
