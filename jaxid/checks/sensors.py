@@ -208,6 +208,9 @@ def _share_related(
     smooth = _smooth(calm[looked], width)
     # Of a robot that mostly drives straight on, what is far from the usual are its curves, and no outliers.
     whole = _smooth(values[looked], width)
+    if name in log.channels.mixing:
+        # What drives it together, one after the other may hardly show.
+        others = np.column_stack([others, log.inputs @ np.asarray(log.channels.mixing[name])])
     regressors = _smooth(_lagged(log, others)[looked], width)
     share = _followed((smooth, whole), regressors)
     if not (share < _RELATED and _answer(smooth, regressors) < 4.5):

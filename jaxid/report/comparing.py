@@ -204,16 +204,18 @@ def compare(
         if windows
         else {label: estimated_start(f.robot, _on_the_inputs_clock(f, held_out), noise) for label, f in named.items()}
     )
-    simulated = {label: simulate(named[label].robot, held_out, start=start) for label, start in starts.items()}
-    simulated = {label: _on_the_outputs_clock(named[label], held_out, y, False) for label, y in simulated.items()}
+    if windows:
+        simulated = {label: followed(f.robot, held_out, min(windows), noise) for label, f in named.items()}
+    else:
+        simulated = {label: simulate(named[label].robot, held_out, start=start) for label, start in starts.items()}
+        simulated = {label: _on_the_outputs_clock(named[label], held_out, y, False) for label, y in simulated.items()}
     for outputs in simulated.values():
         noise = no_larger_than_left(held_out, outputs, noise)
     for label, f in named.items():
+        predicted[label] = agreement(held_out, simulated[label], noise)
         if windows:
-            predicted[label] = agreement(held_out, followed(f.robot, held_out, min(windows), noise), noise)
             continue
         start = starts[label]
-        predicted[label] = agreement(held_out, simulated[label], noise)
         far = [np.concatenate([*own.values()]) / noise[c] for c, own in predicted[label].residuals.items() if own]
         sentence = prediction_sentence(f, predicted[label].normalised_rms, held_out, noise, fit, start, far)
         said += [f"{tab.title_of(label)}: {sentence}"] if sentence else []

@@ -178,3 +178,18 @@ def test_a_pendulum_that_swings_by_itself_between_pushes_is_alive():
 
 def test_one_that_another_cart_pushes_is_not_this_one_s():
     assert [hung(seed, own=True) for seed in range(8)] == [["a"]] * 8
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_gyro_that_answers_to_the_sum_of_three_wheels_and_hardly_to_each_is_not_dead(seed):
+    rng = np.random.default_rng(seed)
+    each = np.repeat(rng.uniform(-8.0, 8.0, (12, 3)), 100, axis=0)
+    u = each - each.mean(axis=1, keepdims=True) + np.repeat(rng.uniform(-1.0, 1.0, (24, 1)), 50, axis=0)
+    lag = np.exp(-1.0 / 30.0)
+    speeds = lfilter([1.0 - lag], [1.0, -lag], u, axis=0) + 0.3 * rng.normal(size=u.shape)
+    turning = lfilter([0.3 * (1.0 - lag)], [1.0, -lag], u.sum(axis=1)) + 1.5 * rng.normal(size=len(u))
+    names = ("speed_1", "speed_2", "speed_3")
+    mixing = {**{name: tuple(row) for name, row in zip(names, np.eye(3).tolist(), strict=True)}, "W": (1.0, 1.0, 1.0)}
+    channels = Channels(("u_1", "u_2", "u_3"), (*names, "W"), mixing=mixing)
+    logs = LogSet([Log.from_arrays("run", 0.01 * np.arange(len(u)), u, np.column_stack([speeds, turning]), channels)])
+    assert not [f for f in logs.preflight() if f.check == "dead_sensor"]
