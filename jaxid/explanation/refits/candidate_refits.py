@@ -26,9 +26,16 @@ def with_candidate(robot: Robot, candidate: Candidate) -> Robot:
 
 
 def all_added(
-    base: Trial, candidates: Sequence[Candidate], logs: LogSet, held_out: LogSet, noise: dict[str, float], say: Report
+    base: Trial,
+    candidates: Sequence[Candidate],
+    logs: LogSet,
+    held_out: LogSet,
+    noise: dict[str, float],
+    say: Report,
+    before: Sequence[Trial] = (),
 ) -> list[Trial]:
-    """A few steps of the refit with each of the candidates; last those that are dear to follow up."""
+    """A few steps of the refit with each of the candidates; last those that are dear to follow up, which are not where they
+    explain less than one of those, or of the trials `before`."""
     candidates = sorted(candidates, key=lambda candidate: candidate.effect.repeats)
     robots = [with_candidate(base.robot, candidate) for candidate in candidates]
     if robots:
@@ -38,7 +45,7 @@ def all_added(
     trials: list[Trial] = []
     for number, (robot, candidate) in enumerate(zip(robots, candidates, strict=True), start=1):
         say(f"refitting with {candidate.effect.title}, {number} of {len(robots)}")
-        rival = min((trial.squares for trial in trials), default=np.inf)
+        rival = min((trial.squares for trial in (*before, *trials)), default=np.inf)
         states = base.initial_states
         starts = starts_from(robot, candidate.starts, windows, noise)
         trial = refit(robot, starts, logs, held_out, noise, states, FEW_STEPS, rival, base.angles)

@@ -113,7 +113,7 @@ def name_next(
     policy = current_policy()
     least = policy.rival * leader.gain if best.fitted.adequate else -np.inf
     shortlist = [c for c in shortlist if c.gain >= least or c in shortlist[:_FIRST_TRIALS]]
-    trials += all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise, say)
+    trials += all_added(base, shortlist[_FIRST_TRIALS:], logs, held_out, noise, say, trials)
     leader, _ = _best(shortlist, trials)
     # Of one that ran away nothing is known; who explains like it has not been asked then.
     lost = {trial.id for trial in trials if not np.isfinite(trial.score)}
@@ -122,7 +122,7 @@ def name_next(
     as_much = (1.0 - policy.in_the_running) * leader.gain
     alike_to_it = [c for c in likely if c not in shortlist and (c.gain >= as_much or any(c.like(own) for own in led))]
     alike_to_it = alike_to_it[:_MOST_ALIKE]
-    trials += all_added(base, alike_to_it, logs, held_out, noise, say)
+    trials += all_added(base, alike_to_it, logs, held_out, noise, say, trials)
     if base.fitted.normalised_rms > _FAR:
         plain = all_added(base, _formulas_of([*shortlist, *alike_to_it]), logs, held_out, noise, say)
         trials = [min((t, *(p for p in plain if p.id == t.id)), key=lambda one: one.score) for t in trials]

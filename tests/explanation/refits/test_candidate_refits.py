@@ -56,3 +56,26 @@ def test_a_small_share_of_a_first_guess_stays_within_bounds(monkeypatch, axis_lo
     under_test.all_added(base, [candidate], logs, logs, {}, lambda text: None)
     (again,) = starts[-1]
     assert again == {"load_dependent_friction.share": 0.003, "load_dependent_friction.exponent": 0.5}
+
+
+def test_what_was_refitted_before_is_a_rival_of_what_is_dear_to_follow_up(monkeypatch, axis_log):
+    rivals = []
+
+    def refit(robot, given, logs, held_out, noise, states, few, rival, angles):
+        rivals.append(rival)
+        return SimpleNamespace(squares=500.0, score=500.0)
+
+    monkeypatch.setattr(under_test, "refit", refit)
+    monkeypatch.setattr(under_test, "compile_refits", lambda *given: None)
+    robot = Axis()
+    named = [effect_by_id(robot, name) for name in ("cogging_torque", "quadratic_drag")]
+    candidates = [Candidate(effect, 1.0, 1.0, ({},), np.zeros(0, np.float32)) for effect in named]
+    base = SimpleNamespace(
+        robot=robot, squares=1e3, initial_states={}, angles=None, fitted=SimpleNamespace(normalised_rms=1.0)
+    )
+    logs = LogSet([axis_log("run", np.ones(20))])
+    best = SimpleNamespace(squares=300.0)
+    under_test.all_added(base, candidates, logs, logs, {}, lambda text: None, [best])
+    under_test.all_added(base, candidates, logs, logs, {}, lambda text: None)
+    # What repeats with the wheels comes last.
+    assert rivals == [300.0, 300.0, np.inf, 500.0]
