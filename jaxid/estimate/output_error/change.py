@@ -35,7 +35,7 @@ class Knowledge:
         information = self.information + decay * before.information
         pull = self.pull + decay * before.pull
         # From the estimate on: directions that nothing shows stay where they are.
-        mean = self.mean + _solved(information, pull - information @ self.mean)
+        mean = self.mean + solved(information, pull - information @ self.mean)
         return Knowledge(self.time, mean, information, pull, self.scatter + decay**2 * before.scatter)
 
     def without(self, gone: NDArray[np.bool_]) -> "Knowledge":
@@ -54,7 +54,7 @@ class Change(NamedTuple):
     changed: tuple[int, ...]
 
 
-def _solved(A: Array, b: Array) -> Array:
+def solved(A: Array, b: Array) -> Array:
     """The shortest x of A x = b, A symmetric, in units of its diagonal."""
     size = np.sqrt(np.maximum(np.diag(A), 0.0))
     units = np.where(size > 0, size, 1.0)

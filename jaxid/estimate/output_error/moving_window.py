@@ -22,7 +22,7 @@ from ...logs import Log, LogSet
 from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
-from .change import Change, Knowledge, change
+from .change import Change, Knowledge, change, solved
 from .direct import states_after
 from .laid_out import Direct, direct
 from .problem import Problem, Structure
@@ -69,6 +69,17 @@ class WindowFit:
     changed: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class _Past:
+    """What was `known` once a window had come; of it, what the window `alone` said in the lanes `d`, beside what was known
+    `before` it."""
+
+    known: Knowledge
+    d: Direct | None = None
+    alone: Minimum | None = None
+    before: Knowledge | None = None
+
+
 class MovingWindow:
     """Estimates of `robot`'s free parameters from the last `seconds`, by output error.
 
@@ -109,7 +120,7 @@ class MovingWindow:
         self._first = self._trusted = self._theta
         channels = robot.channels
         self._rows = np.zeros((0, 1 + len(channels.inputs) + len(channels.measured)))
-        self._past: list[Knowledge] = []
+        self._past: list[_Past] = []
         self._since = -np.inf
         self._quiet = -np.inf
         self._posed: tuple[Structure, Problem] | None = None
@@ -154,13 +165,17 @@ class MovingWindow:
         """The fit to the window as it is. Raises `ValueError` while it is not full."""
         if not self.full:
             raise ValueError(f"the window of {self.seconds} s is not full yet; add more samples")
-        known = self._known(float(self._rows[0, 0]))
+        past = self._past_at(float(self._rows[0, 0]))
+        known = None if past is None else past.known
         d, states = self._problem()
         found = self._first_minimum(d, states, known)
         if self._last is None and self._noticed(d, found):
             d, states = self._problem()
             found = minimum(d, found.theta, states, *self._prior(known))
         contrast = self._contrast(known, found)
+        if contrast.p_value < self.alarm and past is not None and (p := self._agree(past, found)) >= self.alarm:
+            # What was known was not what its linearisation says, which is of no use.
+            known, contrast = None, Change(p, ())
         alarm = bool(contrast.p_value < self.alarm)
         beside = None if alarm else known
         if alarm:
@@ -177,7 +192,8 @@ class MovingWindow:
             self._theta = found.theta
         if sound and self._rows[0, 0] >= self._since and not alarm:
             seen = self._seen(found)
-            self._past.append(seen if known is None else seen.with_(known, self._decay))
+            whole = seen if known is None else seen.with_(known, self._decay)
+            self._past.append(_Past(whole, d, found, known))
         root, _ = self._prior(beside)
         own = _information(found.triangle, len(self.names))
         errors, before = _errors(own + root.T @ root, found.theta), _errors(root.T @ root, found.theta)
@@ -257,7 +273,7 @@ class MovingWindow:
     def _held(self, d: Direct, known: Knowledge, found: Minimum, places: tuple[int, ...]) -> float:
         """What the window leaves more, beside what was `known` of all but the parameters at `places`, than it does alone."""
         gone, mean = np.isin(np.arange(len(self.names)), places), known.mean
-        root, least = _root(known.without(gone)), np.inf
+        root, least = _square_root(known.without(gone).information), np.inf
         for begun in (np.where(gone, found.theta, mean), mean, found.theta):
             with suppress(ParameterError):  # it diverges from there
                 end = minimum(d, begun, found.states, root, mean)
@@ -294,23 +310,46 @@ class MovingWindow:
         wanted = set(self.names if names is None else names)
         if wanted - set(self.names):
             raise ValueError(f"{', '.join(sorted(wanted - set(self.names)))}: not among {', '.join(self.names)}")
-        known = self._known(float(self._rows[0, 0])) if len(self._rows) else None
+        past = self._past_at(float(self._rows[0, 0])) if len(self._rows) else None
         gone = np.array([name in wanted for name in self.names])
-        self._past = [] if known is None or gone.all() else [known.without(gone)]
+        self._past = [] if past is None or gone.all() else [_Past(past.known.without(gone))]
         self._since = float(self._rows[-1, 0]) if len(self._rows) else -np.inf
 
-    def _known(self, begins: float) -> Knowledge | None:
+    def _past_at(self, begins: float) -> _Past | None:
         """What is known of the samples before the window, which later fits have no part in."""
-        while len(self._past) > 1 and self._past[1].time <= begins + 1e-9:
+        while len(self._past) > 1 and self._past[1].known.time <= begins + 1e-9:
             self._past.pop(0)
-        return self._past[0] if self._past and self._past[0].time <= begins + 1e-9 else None
+        return self._past[0] if self._past and self._past[0].known.time <= begins + 1e-9 else None
+
+    def _agree(self, past: _Past, found: Minimum) -> float:
+        """How often what was known and the window would differ so much by chance where the last window of what was known is
+        simulated again: one that moved one way alone hardly tells dry friction from an offset, and its slopes there are no
+        measure of it. Zero where there is none."""
+        d, alone, n = past.d, past.alone, len(self.names)
+        if d is None or alone is None:
+            return 0.0
+        now = self._seen(found)
+        others = [(now.information, found.theta + solved(now.information, now.pull - now.information @ found.theta))]
+        if past.before is not None:
+            others.append((self._decay * past.before.information, past.before.mean))
+        information = np.sum([own for own, _ in others], axis=0)
+        pull = np.sum([own @ mean for own, mean in others], axis=0)
+        mean = found.theta + solved(information, pull - information @ found.theta)
+        root, least = _square_root(information), np.inf
+        for begun in (mean, alone.theta):
+            with suppress(ParameterError):  # it diverges from there
+                end = minimum(d, begun, alone.states, root, mean)
+                least = min(least, end.squares + float(np.sum((root @ (end.theta - mean)) ** 2)))
+        apart = sum(float((own - mean) @ weight @ (own - mean)) for weight, own in others)
+        more = max(least + apart - alone.squares, 0.0)
+        return float(scipy.special.chdtrc(n, more)) if np.isfinite(more) else 0.0
 
     def _prior(self, known: Knowledge | None) -> tuple[Array, Array]:
         """Root [m, n] of the information that stands beside the window, and its mean [n]."""
         n = len(self.names)
         if known is None or self.memory is None:
             return np.zeros((0, n)), self._theta
-        return np.sqrt(self._decay) * _root(known), known.mean
+        return np.sqrt(self._decay) * _square_root(known.information), known.mean
 
     @property
     def _decay(self) -> float:
@@ -362,9 +401,9 @@ class MovingWindow:
         return d, np.zeros((1, len(structure.state_names)))
 
 
-def _root(known: Knowledge) -> Array:
+def _square_root(information: Array) -> Array:
     """Root [n, n] of what is known."""
-    values, vectors = np.linalg.eigh(known.information)
+    values, vectors = np.linalg.eigh(information)
     return (np.sqrt(np.maximum(values, 0.0)) * vectors).T
 
 

@@ -204,3 +204,34 @@ def test_bad_input():
         window.add(0.0, [1.0], [0.0])
     with pytest.raises(ValueError, match="not among"):
         window.forget(["m"])
+
+
+def test_a_window_that_moved_one_way_alone_is_no_measure_for_the_next():
+    """It ends as the cart begins to turn round: the few samples of that tell dry friction from an offset by slopes that hold
+    nowhere else."""
+    steps = (
+        (0.0, 25),
+        (4.4, 18),
+        (8.3, 32),
+        (-1.1, 57),
+        (8.0, 28),
+        (5.5, 57),
+        (9.0, 55),
+        (-2.8, 35),
+        (-1.2, 13),
+        (4.5, 20),
+    )
+    steps += (8.7, 41), (-5.0, 44), (0.0, 29), (8.8, 37), (-3.5, 42)
+    force, v, speeds = np.concatenate([np.full(samples, level) for level, samples in steps]), 0.0, []
+    mass, viscous, dry, h = 2.0, 4.0, 1.2, INTERVAL / 50
+    for u in force:
+        speeds.append(v)
+        for _ in range(50):
+            ahead = v + h / mass * (u - viscous * v)
+            v = ahead - np.clip(ahead, -h / mass * dry, h / mass * dry)
+    robot, alarms = Axis().with_values(M=mass, Fv=viscous, Fc=dry), 0
+    for seed in range(20):
+        noise = NOISE * np.random.default_rng(seed).normal(size=(len(force), 1))
+        run = (INTERVAL * np.arange(len(force)), force[:, None], np.array(speeds)[:, None] + noise)
+        alarms += any(fit.alarm for fit in followed(run, MovingWindow(robot, 4.0, noise={"v": NOISE})))
+    assert alarms <= 1
