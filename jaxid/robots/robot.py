@@ -64,6 +64,8 @@ class Robot:
     """States to which the generalised forces belong, in their order; the first is the one forwards."""
     turning: ClassVar[str] = ""
     """The velocity that is the yaw rate to the left."""
+    scrubs: ClassVar[bool] = False
+    """Whether wheels slip sideways when it turns."""
     positions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Velocity -> the state whose derivative it is."""
     ambiguous: ClassVar[tuple[str, ...]] = ()

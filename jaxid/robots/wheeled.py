@@ -132,8 +132,7 @@ class Wheeled(Robot):
         return "supply" if self.motors else None
 
     @property
-    def scrubs(self) -> bool:
-        """Whether wheels slip sideways when it turns."""
+    def scrubs(self) -> bool:  # type: ignore[override]
         return any(wheel.kind == "skid" for wheel in self.wheels)
 
     @property

@@ -23,18 +23,28 @@ def readout(robot: Robot) -> tuple[tuple[str, ...], Array] | None:
 
     None where the outputs are no linear function of the velocities alone, or do not tell all of them.
     """
-    names, outputs = robot.velocities, robot.channels.outputs
+    outputs = robot.channels.outputs
+    inverse = readout_of(robot, outputs)
+    return None if inverse is None else (outputs, inverse)
+
+
+@cache
+@in_float64
+def readout_of(robot: Robot, outputs: tuple[str, ...]) -> Array | None:
+    """The matrix [velocities, outputs] that makes the robot's velocities of these of its outputs; None where they are no linear
+    function of the velocities alone, or do not tell all of them."""
+    names, places = robot.velocities, [robot.channels.outputs.index(name) for name in outputs]
     p, rest = robot.parameters.numbers, robot.initial_state()
     idle = (0.0,) * len(robot.channels.inputs)
-    if not names:
+    if not names or not outputs:
         return None
 
     def seen(v):
         state = {**rest, **dict(zip(names, v, strict=True))}
-        return jnp.stack([jnp.asarray(y, float) for y in robot.observe(state, idle, p)[: len(outputs)]])
+        shown = robot.observe(state, idle, p)
+        return jnp.stack([jnp.asarray(shown[k], float) for k in places])
 
-    inverse = _inverse(seen, len(names))
-    return None if inverse is None else (outputs, inverse)
+    return _inverse(seen, len(names))
 
 
 @cache

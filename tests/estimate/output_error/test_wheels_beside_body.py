@@ -79,6 +79,38 @@ def test_of_wheels_that_are_right_or_worn_nothing_is_said(tmp_path, text, wheels
         assert wheels_beside_body(*made(tmp_path, text, wheels, gear, yaw)) == ""
 
 
+SKID = f"""name = "rover"
+{PARAMETERS}
+[wheels]
+fl = {{ at = [{AHEAD}, {HALF}], kind = "skid", command = "left" }}
+rl = {{ at = [-{AHEAD}, {HALF}], kind = "skid", command = "left" }}
+fr = {{ at = [{AHEAD}, -{HALF}], kind = "skid", command = "right" }}
+rr = {{ at = [-{AHEAD}, -{HALF}], kind = "skid", command = "right" }}
+"""
+
+
+@pytest.mark.parametrize(
+    ("scale", "scrub", "told"), [(1.0, 1.0, ""), (1.0, 2.8, ""), (9.549, 1.0, "9.55"), (9.549, 1.5, "14.3")]
+)
+def test_speeds_of_skidding_wheels_in_revolutions_a_minute_are_told_by_the_gyro(tmp_path, scale, scrub, told):
+    """The body goes round by less than the wheels say, which is no unit."""
+    path = tmp_path / "robot.toml"
+    path.write_text(SKID)
+    names = ("fl", "rl", "fr", "rr")
+    robot = read_robot(path).for_columns(["w", *(f"speed_{name}" for name in names)])
+    rng, found = np.random.default_rng(2), []
+    for k in range(2):
+        ahead, turn = (np.interp(np.arange(600), 20 * np.arange(31), rng.uniform(-0.5, 0.5, 31)) for _ in range(2))
+        side = {"fl": -1.0, "rl": -1.0, "fr": 1.0, "rr": 1.0}
+        speeds = {f"speed_{n}": scale * (ahead + side[n] * HALF * scrub * turn) / RADIUS for n in names}
+        noisy = {name: own + scale * 0.05 * rng.normal(size=600) for name, own in speeds.items()}
+        gyro = turn + 0.02 * rng.normal(size=600)
+        inputs = rng.normal(size=(600, len(robot.channels.inputs)))
+        found.append(Log.from_arrays(f"run {k}", DT * np.arange(600), inputs, {**noisy, "w": gyro}, robot))
+    said = wheels_beside_body(robot, LogSet(found))
+    assert (f"{told} times as far as w says" in said and "revolutions a minute" in said) if told else said == ""
+
+
 def test_a_fit_says_it(tmp_path):
     robot, logs = made(tmp_path, CART, ("left", "right"), 26.0, "w")
     assert any("26 times as far" in note for note in output_error(robot, logs).notes)
