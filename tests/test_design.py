@@ -222,3 +222,19 @@ def test_inputs_on_the_verge_of_breaking_loose_are_not_believed(sticking):
     own, up, down = (laboratory.run(inputs, which) for which in range(3))
     calm, sharp = laboratory.bend(own, up, down)
     assert calm < 0.2 < sharp
+
+
+def near(**change):
+    """The experiment of an axis that is to stay within 0.5 m, though it may be driven by 4 N."""
+    axis = Axis().with_values(M=1.0, Fv=1.0, Fc=0.1, offset=0.0)
+    given = {"limit": 4.0, "noise": {"v": 0.01}, "seconds": 10.0, "interval": 0.02, "radius": 0.5, "rounds": 0}
+    return design_experiment(axis, **given | change)
+
+
+def test_where_large_inputs_go_too_far_smaller_and_quicker_ones_are_looked_at():
+    found = near(limit=8.0, doubt=0.05)
+    (run,) = found.runs
+    assert np.abs(run.path).max() < 0.5 and np.abs(run.inputs).max() < 0.15 * 8.0 + 1e-9
+    # Those that keep to it leap from rest to motion with every change of the friction: not the radius alone is in the way.
+    with pytest.raises(DesignError, match="keeps to the radius of 0.5 m leaps .* lower doubt"):
+        near()

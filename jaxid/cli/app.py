@@ -365,6 +365,10 @@ def design(
         ),
     ] = None,
     experiments: Annotated[int, typer.Option("--experiments", help="How many experiments to design.")] = 1,
+    doubt: Annotated[
+        float,
+        typer.Option("--doubt", help="How far the parameters may be off, as a share; limits hold for those, too."),
+    ] = 0.1,
     rounds: Annotated[int, typer.Option("--rounds", help="Rounds of improvement, 64 inputs each.")] = 60,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the random exchanges.")] = 0,
     model: Model = None,
@@ -378,7 +382,7 @@ def design(
     check_named(own_effects, model)
     run_design(
         robot, model, out, limit, seconds, interval, noise or [], speed or [], floor or [], radius, already or [],
-        experiments, rounds, seed, mapping, overwrite, own_effects,
+        experiments, doubt, rounds, seed, mapping, overwrite, own_effects,
     )  # fmt: skip
 
 

@@ -57,7 +57,7 @@ def _document(design: Design, files: list[Path]) -> str:
 def run_design(
     spec: str, model: Path | None, out: Path, limit: list[float], seconds: float | None, interval: float | None,
     noise: list[str], speed: list[str], floor: list[float], radius: float | None, already: list[str],
-    experiments: int, rounds: int, seed: int, mapping: Path | None, overwrite: bool = False,
+    experiments: int, doubt: float, rounds: int, seed: int, mapping: Path | None, overwrite: bool = False,
     own_effects: str | None = None,
 ) -> None:  # fmt: skip
     """Write experiment.csv (or experiment_1.csv ...), design.json and report.html to `out` and print the design."""
@@ -74,7 +74,7 @@ def run_design(
                 design = design_experiment(
                     robot, limit=limit[0] if len(limit) == 1 else limit, seconds=seconds, interval=interval,
                     noise=levels or None, already=logs, speeds=speeds, rectangle=(floor[0], floor[1]) if floor else None,
-                    radius=radius, experiments=experiments, rounds=rounds, seed=seed, report=report,
+                    radius=radius, experiments=experiments, doubt=doubt, rounds=rounds, seed=seed, report=report,
                 )  # fmt: skip
             except DesignError as error:
                 raise UnusableInput(str(error)) from None

@@ -12,7 +12,7 @@ candidate is out.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,11 @@ from .limits import DesignError, Limits, binding, limit_in_words, make_limits, p
 Array = NDArray[np.float64]
 _LEVELS = (0.15, 0.3, 0.6, 1.0)
 """Sizes of the family's inputs, in units of the limit."""
+_SMALLER = ((1.0, 1.0), (1.0, 0.2), (0.5, 0.5), (0.25, 0.2))
+"""Shares of these sizes, and of the robot's rise time, that are tried one after the other, until something keeps to the limits
+of the motion: a robot that turns round sooner stays nearer."""
+_MOVES = 0.05
+"""Share of a limit of the motion that inputs need which move the robot."""
 _ELITE = 8
 _LOOKED_AT = 3 * LANES
 """Candidates of the family, best first, that are looked at with all three sets of parameters."""
@@ -86,8 +91,32 @@ def _family(robot: Robot, limits: Limits, duration: float, interval: float, rise
     return single_modes(robot, shapes, _LEVELS, limits.inputs) + combined
 
 
-def _impossible(limits: Limits, robot: Robot, shares: Mapping[str, Array]) -> DesignError:
-    """Why nothing of the family can be driven or teaches anything, and what to change."""
+def _drivable(
+    judge: Judge, robot: Robot, limits: Limits, seconds: float, interval: float, rise: float, base: Array
+) -> tuple[list[Drive], Array, Candidates]:
+    """The family, its inputs [m, T, nu], and those that are worth driving: as large as the inputs' own limits allow, or smaller
+    where all of those break the limits of the motion. Raises `DesignError` where the smallest do, too."""
+    pools, least = [], float(np.min(criterion(base))) + _LEAST_GAIN
+    for share, sooner in _SMALLER:
+        quick = max(sooner * rise, 2.0 * interval)
+        family = _family(robot, replace(limits, inputs=share * limits.inputs), seconds, interval, quick)
+        pools.append(np.stack([drive.inputs for drive in family]))
+        found = judge(pools[-1], [drive.description for drive in family], base, least, _LOOKED_AT)
+        if len(found.inputs):
+            return family, pools[-1], found
+    raise _impossible(limits, robot, [judge.shares(pool) for pool in pools])
+
+
+def _kept(shares: Mapping[str, Array]) -> NDArray[np.bool_]:
+    """Which inputs [m] keep to all limits though they move the robot, by the shares of the limits that they need."""
+    needed = np.max([*shares.values()], axis=0)
+    return (needed > _MOVES) & (needed <= 1.0)
+
+
+def _impossible(limits: Limits, robot: Robot, each: Sequence[Mapping[str, Array]]) -> DesignError:
+    """Why nothing of families can be driven or teaches anything, by the shares of the limits that `each` of them needs, and
+    what to change."""
+    shares = each[0]
     if not shares:
         volts = ", ".join(f"{v:.4g}" for v in limits.inputs)
         return DesignError(
@@ -97,6 +126,12 @@ def _impossible(limits: Limits, robot: Robot, shares: Mapping[str, Array]) -> De
     # What inputs large enough to move the robot break most often.
     broken = {name: float(np.mean(share > 1.0)) for name, share in shares.items()}
     tightest = max(broken, key=lambda name: broken[name])
+    if any(_kept(own).any() for own in each[1:]):
+        return DesignError(
+            f"What keeps to {limit_in_words(limits, robot.channels, tightest)} leaps with every change of the parameters, as "
+            "where dry friction decides whether the robot moves at all; lower doubt, raise that limit, or shorten the "
+            "experiment."
+        )
     return DesignError(
         f"No input moves the robot and keeps to all limits: {limit_in_words(limits, robot.channels, tightest)} is broken by "
         f"{broken[tightest]:.0%} of those tried; raise it, or shorten the experiment."
@@ -288,15 +323,16 @@ def design_experiment(
     before = known(robot, already, levels, laboratory.magnitude)
 
     rise = _rise_time(laboratory, limits)
-    family = _family(robot, limits, seconds, interval, rise)
+    base = np.broadcast_to(before, (3, count, count))
+    family, pool, candidates = _drivable(judge, robot, limits, seconds, interval, rise, base)
     report(f"{len(family)} inputs of the family; the robot's rise time is {rise:.2g} s")
-    base, pool = np.broadcast_to(before, (3, count, count)), np.stack([d.inputs for d in family])
     runs: list[PlannedRun] = []
     for number in range(1, experiments + 1):
-        least = float(np.min(criterion(base))) + _LEAST_GAIN
-        candidates = judge(pool, [d.description for d in family], base, least, _LOOKED_AT)
+        if number > 1:
+            least = float(np.min(criterion(base))) + _LEAST_GAIN
+            candidates = judge(pool, [d.description for d in family], base, least, _LOOKED_AT)
         if not len(candidates.inputs):
-            raise _impossible(limits, robot, judge.shares(pool))
+            raise _impossible(limits, robot, [judge.shares(pool)])
         elite = candidates.best(_ELITE)
         report(f"experiment {number}: best of the family {elite.titles[0]}, log det {elite.scores[0]:.2f}")
         elite = _improved(judge, elite, candidates.inputs, base, max(1, round(rise / interval)), rounds, random, report)

@@ -33,6 +33,16 @@ def number_in_words(name: str, identifier: str, title: str) -> str:
     return own.replace("_", " ") if effect == identifier else f"{own.replace('_', ' ')} of {in_words(effect)}"
 
 
+def apart_in_words(one: float, other: float) -> tuple[str, str]:
+    """Two numbers with three digits, or as many as show that they differ."""
+    texts = (f"{one:.3g}", f"{other:.3g}")
+    for digits in range(4, 8):
+        if texts[0] != texts[1] or one == other:
+            break
+        texts = (f"{one:.{digits}g}", f"{other:.{digits}g}")
+    return texts
+
+
 @dataclass(frozen=True)
 class Difference:
     """By how much one number differs: `size` is added to `before` to give `after` (a share where it has no unit)."""
@@ -221,10 +231,8 @@ class ExplainedChange:
             return f"Nothing changed that these logs show (p = {self.p_value:.2g})."
         fall = ""
         if self.change is not None:
-            fall = (
-                f"; the error of one model for both sets falls from {self.rms_unchanged:.3g} to {self.change.rms:.3g} times "
-                "the noise"
-            )
+            before, after = apart_in_words(self.rms_unchanged, self.change.rms)
+            fall = f"; the error of one model for both sets falls from {before} to {after} times the noise"
         if self.verdict == "unexplained":
             part = f" Nearest comes {self.change.title}: {self.change.sizes}{fall}." if self.change is not None else ""
             why = (

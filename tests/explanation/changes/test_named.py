@@ -6,7 +6,7 @@ from jaxid import DifferentialDrive
 from jaxid.effects import laws_of
 from jaxid.estimate.result import Estimate
 from jaxid.explanation.changes.candidates import both, candidates_of, of_mechanism
-from jaxid.explanation.changes.change import Difference
+from jaxid.explanation.changes.change import Difference, apart_in_words
 from jaxid.explanation.changes.named import _said
 
 
@@ -39,3 +39,9 @@ def test_of_two_changes_each_has_its_own_law_and_a_parameter_has_none():
     change = _said(candidate, found, 1.0, (), parts)
     assert [part.law for part in change.parts] == ["", law.law] and change.law == ""
     assert change.words.count("by the law") == 1
+
+
+def test_numbers_that_differ_are_not_printed_alike():
+    assert apart_in_words(1.00042, 0.99961) == ("1", "0.9996")
+    assert apart_in_words(1.00004, 1.00001) == ("1.00004", "1.00001")
+    assert apart_in_words(3.217, 1.0) == ("3.22", "1") and apart_in_words(2.0, 2.0) == ("2", "2")
