@@ -4,7 +4,8 @@ Identifiers of the checks, by severity:
 
 - error: `never_moved`.
 - warning: `short_log`, `time_gap`, `clock_jitter`, `time_unit`, `unit`, `contradiction`, `idle`, `saturated`,
-  `missing_samples`, `slow_sensor`, `frozen_sensor`, `repeated_value`, `spike`, `dead_sensor`, `moving_start`, `exchanged`,
+  `missing_samples`, `slow_sensor`, `frozen_sensor`, `repeated_value`, `repeated_stretch`, `spike`, `dead_sensor`,
+  `moving_start`, `exchanged`,
   `sign_flipped`, `swapped`, `copied_input`, `frame_flipped`, `coarse_sampling`, `doubtful_clock`, `disturbed`, `turns`,
   `ahead_of_input`; of a set `copy`; and from the reader `repeated_row`, `truncated_row`, `held_input`, `infinite`,
   `empty_column`, `unused_column`, `differentiated`, `out_of_order`, `falling_supply`; of recordings `truncated`,
@@ -23,7 +24,7 @@ import pandas as pd
 
 from ..logs.finding import Finding, LogError
 from ..logs.log import Log, did_you_mean
-from .repeats import check_repeats
+from .repeats import check_repeats, check_stretches
 from .response import check_response
 from .samples import check_samples
 from .scale import check_scale
@@ -45,7 +46,13 @@ def preflight(log: Log, also: Sequence[str] = ()) -> list[Finding]:
             raise LogError(f"{log.name} has no extra column {name!r}{did_you_mean(name, known)}; it has {known}.")
         if not pd.api.types.is_numeric_dtype(log.extra[name]) or not np.isfinite(log.extra[name]).any():
             raise LogError(f"{log.name}: extra column {name!r} holds no numbers; leave it out of `also`.")
-    findings = [*log.findings, *check_samples(log, also), *check_sensors(log, also), *check_scale(log)]
+    findings = [
+        *log.findings,
+        *check_samples(log, also),
+        *check_sensors(log, also),
+        *check_scale(log),
+        *check_stretches(log),
+    ]
     held = {found.column for found in findings if found.check in ("slow_sensor", "frozen_sensor")}
     for name in log.measured:
         findings += check_repeats(log, name, log.output(name)) if name not in held else ()

@@ -1,8 +1,9 @@
-"""Lost samples in whose place the last value stands: what looks measured, and is old."""
+"""What looks measured, and is old: lost samples in whose place the last value stands, and stretches that stand twice."""
 
 from collections.abc import Iterator
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ..logs.finding import Finding
@@ -43,3 +44,41 @@ def check_repeats(log: Log, name: str, values: NDArray[np.float64]) -> Iterator[
         "are lost and the last one stands in their place; leave the repeated cells empty"
     )
     yield finding(log, name, int(at[starts[0]]) + 1, "warning", "repeated_value", text)
+
+
+_WINDOW, _DISTINCT = 20, 15
+"""Rows in a row, and different values of an output among them, that no sensor shows twice by chance."""
+_FACTOR = np.uint64(6364136223846793005)
+"""By which what stands for rows is put together: a number of its own for every window."""
+_MOST = 0.3
+"""Share of the rows from which the motion repeats itself, to the last digit, as one without noise does."""
+
+
+def check_stretches(log: Log) -> Iterator[Finding]:
+    """A stretch whose rows, inputs and outputs, stand a second time: a buffer that was written twice, a file put together
+    wrongly."""
+    count = len(log) - _WINDOW + 1
+    if count < 2 * _WINDOW:
+        return
+    words, names = np.zeros(len(log), np.uint64), np.zeros(count, np.uint64)
+    for column in (*log.inputs.T, *np.nan_to_num(log.outputs).T):
+        words = words * _FACTOR + pd.util.hash_array(np.ascontiguousarray(column))
+    for k in range(_WINDOW):
+        names = names * _FACTOR + words[k : k + count]
+    order = np.argsort(names, kind="stable")
+    again = np.flatnonzero(names[order[1:]] == names[order[:-1]])
+    first, second = order[again], order[again + 1]
+    values = np.lib.stride_tricks.sliding_window_view(np.nan_to_num(log.outputs), _WINDOW, axis=0)
+    rich = [max(len(np.unique(own)) for own in values[k]) >= _DISTINCT for k in second]
+    first, second = first[rich], second[rich]
+    if not len(second) or len(second) > _MOST * count:
+        return
+    apart = second - first
+    lag = int(np.bincount(apart).argmax())
+    begin = int(second[apart == lag].min())
+    end = int(second[apart == lag].max()) + _WINDOW
+    text = (
+        f"rows {begin} to {end - 1} ({log.time[end - 1] - log.time[begin]:.3g} s) hold the same numbers as those from row "
+        f"{begin - lag} on, as where a stretch was written twice; leave one of the two out, and cut the log there"
+    )
+    yield finding(log, None, begin, "warning", "repeated_stretch", text)

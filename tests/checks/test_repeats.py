@@ -51,3 +51,21 @@ def test_what_repeats_by_itself_is_none():
     for values in (q, 1e-3 * np.round(q / 1e-3), np.round(q + 1e-4 * rng.normal(size=COUNT), 4)):
         assert not said(force, values, "q")
     assert not said(force, np.where(v == 0, 0.0, noisy))
+
+
+def twice(force, values, **also):
+    log = Log.from_arrays("a.csv", DT * np.arange(len(force)), force[:, None], {"v": values, **also}, AXIS)
+    return [f for f in preflight(log) if f.check == "repeated_stretch"]
+
+
+def test_a_stretch_that_stands_twice_is_said_with_its_rows():
+    force, v, _ = drive()
+    noisy = v + 0.01 * np.random.default_rng(6).normal(size=COUNT)
+    rows = np.concatenate([np.arange(420), np.arange(300, COUNT)])
+    (found,) = twice(force[rows], noisy[rows])
+    assert found.sample == 420 and "rows 420 to 539" in found.message and "from row 300 on" in found.message
+    # At standstill, in counts, and where a motion without noise repeats itself, numbers come again.
+    assert not twice(force, noisy) and not twice(np.zeros(COUNT), np.zeros(COUNT))
+    assert not twice(force, np.round(v / 0.05) * 0.05)
+    time = np.arange(COUNT)
+    assert not twice(np.sin(2.0 * np.pi * (time % 50) / 50), np.cos(2.0 * np.pi * (time % 50) / 50))
