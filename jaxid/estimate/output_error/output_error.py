@@ -119,11 +119,12 @@ def output_error(
 def _noted(found: Fit, robot: Robot, logs: LogSet, options: Options) -> Fit:
     """The fit with what is to be said of the logs' stamps, units and commands."""
     found = with_units_doubted(_with_stamps_noted(found, robot, logs, options), logs)
-    quick = replace(options, far_starts=False, report=_silent)
-    if found.judgement is not None and found.judgement.verdict == "failed":
+    quick, other = replace(options, far_starts=False, report=_silent), ""
+    contradicted = contradicting(robot, logs)  # what columns say of one another is no riddle
+    if not contradicted and found.judgement is not None and found.judgement.verdict == "failed":
         options.report("the model does not follow these logs; trying their columns in other units")
-    other = in_other_units(found, logs, lambda others: fitted(robot, others, quick, None, None))
-    said = filter(None, (other, beyond_supply(robot, logs), *contradicting(robot, logs)))
+        other = in_other_units(found, logs, lambda others: fitted(robot, others, quick, None, None))
+    said = filter(None, (other, beyond_supply(robot, logs), *contradicted))
     return replace(found, notes=(*found.notes, *said))
 
 
