@@ -178,6 +178,15 @@ class Curve(Effect):
         whole = (name for name in self.each(robot) if all(table[self.height(k, name)].free for k in self.varying))
         return [self.height(place, name) for name in whole]
 
+    def doubt(self, robot: Robot) -> str:
+        """What is limited loses of what is large, and never gains."""
+        if not self.begins_later:
+            return ""
+        numbers = robot.parameters.numbers
+        most = np.asarray(numbers[self.key("reach")], float)
+        end = sum(float(np.asarray(self.at(most, numbers, name))) for name in self.each(robot))
+        return "its curve gives more of what is large, where a limit takes of it" if end < 0.0 else ""
+
     def may_be_none(self, robot: Robot) -> list[tuple[list[str], dict[str, float]]]:
         """Heights of one of its curves that may all be zero, with values of the others' that go with that, for each such curve;
         none where a curve that is nothing says no more than one that is small."""

@@ -43,3 +43,16 @@ def test_what_goes_up_and_down_again_and_again_is_no_law_of_one_variable():
     for errors in (np.full(9, np.inf), np.full(9, 0.5)):
         assert is_jagged(jagged, errors) and not is_jagged(smooth, errors)
     assert not is_jagged(jagged, np.full(9, 8.0))  # by chance
+
+
+@pytest.mark.parametrize("effect", ["traction_limit", "voltage_saturation"])
+def test_a_limit_that_gives_more_of_what_is_large_is_none(effect):
+    law = effect_by_id(Axis(), effect, SHAPE)
+    robot = Axis() + law
+    heights = [law.height(place) for place in law.varying]
+    largest = robot.parameters[law.key("reach")].value
+    losing = robot.with_values(**dict(zip(heights, [0.0, 0.0, 0.05 * largest, 0.2 * largest], strict=True)))
+    assert law.doubt(losing) == ""
+    # In small things a share of the whole may be another gain; at the end a limit has taken more than that.
+    giving = robot.with_values(**dict(zip(heights, [0.0, -0.1 * largest, -0.2 * largest, -0.3 * largest], strict=True)))
+    assert law.doubt(giving) == "its curve gives more of what is large, where a limit takes of it"

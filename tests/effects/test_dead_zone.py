@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxid import Axis
-from jaxid.effects import laws_of
+from jaxid import Axis, Log, LogSet, explain, output_error
+from jaxid.effects import effect_by_id, laws_of
 
 LEFT = {"gradual": lambda x: np.exp(-x), "hyperbolic": lambda x: np.sqrt(1.0 + x**2) - x}
 """What of the threshold is not lost yet at commands that are so many times as large."""
@@ -74,3 +74,51 @@ def test_thresholds_that_differ_pass_what_exceeds_them_whole(double_precision):
     same = left(effect, threshold_forward=0.3, threshold_backward=0.3)
     np.testing.assert_allclose(same, left(law("threshold"), threshold=0.3))
     assert effect.blurred.edge > effect.edge and effect.blurred.sharp == effect
+
+
+GAIN, EMF, WINDING, DROP, FULL = 30.3, 11.3, 0.3, 0.7, 2.0
+TRUE = {"M": 60.0, "Fv": 40.0, "Fc": 35.0, "offset": 0.0}
+
+
+def conveyor(seed, full, seconds=12.0):
+    """A belt by small steps, with dry friction that holds it, whose bridge loses `DROP` volts with its dead time, all of it
+    from a current of `full` on: u = back-EMF + R i + DROP clip(i / full, -1, 1)."""
+    rng, dt, fine = np.random.default_rng(seed), 0.02, 40
+    volts = np.repeat(rng.uniform(-6.0, 6.0, int(seconds / 0.4) + 1), 20)[: int(seconds / dt)]
+    v, seen = 0.0, np.zeros(len(volts))
+    for k, u in enumerate(volts):
+        seen[k] = v
+        for _ in range(fine):
+            x = u - EMF * v
+            small = x / (WINDING + DROP / full)
+            current = small if abs(small) < full else (x - np.sign(x) * DROP) / WINDING
+            ahead = v + dt / fine * (GAIN * WINDING * current - TRUE["Fv"] * v) / TRUE["M"]
+            held = dt / fine * TRUE["Fc"] / TRUE["M"]
+            v = ahead - np.clip(ahead, -held, held)
+    noisy = seen + 0.003 * rng.normal(size=len(seen))
+    return Log.from_arrays(f"run {seed}", dt * np.arange(len(volts)), volts[:, None], {"v": noisy}, "axis")
+
+
+BELT = Axis().with_values(gain=GAIN, back_emf=EMF, M=68.0, Fv=40.0, Fc=54.0, offset=0.0)
+
+
+@pytest.mark.parametrize(("full", "name"), [(1e-3, "by_current"), (2.0, "by_current_gradual")])
+def test_what_a_bridge_loses_by_the_sign_of_its_current_is_found_and_the_rest_comes_right(full, name):
+    effect = effect_by_id(BELT, "actuator_dead_zone", name)
+    logs = LogSet([conveyor(seed, full) for seed in range(3)])
+    begun = {effect.key("drop"): 0.2}
+    fit = output_error(BELT + effect, logs, start=begun)
+    assert fit.judgement.verdict == "sound"
+    for parameter, true in {**TRUE, effect.key("drop"): DROP}.items():
+        assert abs(fit[parameter].value - true) < 4.0 * fit[parameter].std_error, parameter
+    assert fit[effect.key("drop")].std_error < 0.05 * DROP
+    # A robot whose drive knows no back-EMF has a dead zone of the command instead.
+    assert effect.refusal(Axis()) and not effect.refusal(BELT)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("full", "name"), [(1e-3, "by_current"), (2.0, "by_current_gradual")])
+def test_dead_time_is_named(full, name):
+    fitted, held_out = (LogSet([conveyor(seed, full) for seed in seeds]) for seeds in (range(3), (7, 8)))
+    story = explain(output_error(BELT, fitted), fitted, held_out)
+    assert (story.verdict, [(e.id, e.law) for e in story.effects]) == ("named", [("actuator_dead_zone", name)])

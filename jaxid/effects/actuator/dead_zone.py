@@ -9,12 +9,20 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...parameters import Parameter
-from ...robots.effect import Effect, Numbers
+from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
 from ...robots.robot import Robot
 from ..curve import Curve, rises_early
 from ..effect_parameters import WAYS, positive
-from .drives import drive_names, each_drive, input_unit, lost_of_each, on_drives
+from .drives import (
+    drive_names,
+    each_drive,
+    input_unit,
+    lost_of_each,
+    on_drives,
+    one_torque_each,
+    torque_falls_with_speed,
+)
 
 _SHARES = (0.01, 0.03, 0.08, 0.2, 0.4)
 """Dead zones that are tried, in shares of the largest input."""
@@ -213,6 +221,62 @@ class DeadZoneOfEach(DeadZone):
 
 
 @dataclass(frozen=True)
+class DropOfCurrent(Effect):
+    """A voltage that is lost whichever way the current flows: the dead time of a bridge (Jeong & Park, IEEE Transactions on
+    Industrial Electronics 38, 1991), the drop of its transistors or diodes, that of brushes. The back-EMF has a say in which
+    way that is: a motor that coasts or brakes loses it against the command, and below it no current flows at all."""
+
+    id: ClassVar[str] = "actuator_dead_zone"
+    law: ClassVar[str] = "by_current"
+    where: ClassVar[str] = "actuator"
+    formula: ClassVar[str] = "u' = back-EMF + x - clip(x, -drop, drop), x = u - back-EMF"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return positive(self, "drop", input_unit(robot), 0.03 * robot.scales.input)
+
+    def refusal(self, robot: Robot) -> str | None:
+        if one_torque_each(robot) and torque_falls_with_speed(robot):
+            return None
+        return (
+            f"the drive torques of {robot.name!r} do not fall with its speed, one for every drive input, so that "
+            f"{self.title} is a dead zone of the command"
+        )
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        return one_by_one(self.key("drop"), tuple(s * seen.largest_input for s in _SHARES))
+
+    def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
+        count = len(robot.channels.inputs)
+        none, one = (robot.drive_torques((u,) * count, state, p) for u in (0.0, 1.0))
+        most = (p[self.key("drop")] * jnp.abs(b - a) for a, b in zip(none, one, strict=True))
+        share = self._share(p)
+        return tuple(t - jnp.clip(share * t, -lost, lost) for t, lost in zip(torques, most, strict=True))
+
+    def _share(self, p: Numbers) -> Scalar | float:
+        """What of a small driving voltage is lost."""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class GradualDropOfCurrent(DropOfCurrent):
+    """The same, which grows with the current until all of it is lost: of what drives a small current a `share`."""
+
+    law: ClassVar[str] = "by_current_gradual"
+    formula: ClassVar[str] = "u' = back-EMF + x - clip(share x, -drop, drop), x = u - back-EMF"
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        share = Parameter(0.7, "", free=True, lower=0.0, upper=1.0, typical=0.5, source="catalogue")
+        return super().parameters(robot) | {self.key("share"): share}
+
+    def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
+        drop, share = self.key("drop"), self.key("share")
+        return tuple(Probe({drop: s * seen.largest_input}, {share: part}) for s in _SHARES for part in (0.3, 0.7))
+
+    def _share(self, p: Numbers) -> Scalar | float:
+        return p[self.key("share")]
+
+
+@dataclass(frozen=True)
 class DeadZoneCurve(Curve):
     """What is lost of a command, a curve of its size that goes through zero and has the fixed slope `tail` beyond the reach:
     none, but where it is asked what hangs on that."""
@@ -264,5 +328,7 @@ LAWS: tuple[Effect, ...] = (
     UnequalDeadZone(),
     UnequalThresholds(),
     DeadZoneOfEach(),
+    DropOfCurrent(),
+    GradualDropOfCurrent(),
     DeadZoneCurve(),
 )
