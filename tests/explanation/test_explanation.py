@@ -57,7 +57,7 @@ def test_slow_noise_beside_a_name_is_told_as_what_it_may_be(explained):
     slow = OnlyColour({"v": Colour((0.5, 0.3), 1.0, 0.7)}, simple=False, faster=False)
     left = replace(explained, verdict="unexplained", colour=slow, after=explained.before)
     assert "quadratic drag explains part of it" in left.sentence and "fits no known effect" not in left.sentence
-    assert "looks like slow noise of v (neighbours 0.70) or a disturbance of the motion" in left.sentence
+    assert "looks like slow noise of v (AR(2), neighbours 0.70) or a disturbance of the motion" in left.sentence
 
 
 def test_the_json_file_is_as_agreed(explained, tmp_path):

@@ -67,7 +67,8 @@ class OnlyColour:
         """Which channels are coloured, and how."""
         each = []
         for name, colour in self.colours.items():
-            kind = f"AR(1), {colour.correlation:.2f}" if colour.order == 1 else f"neighbours {colour.correlation:.2f}"
+            near = f"{colour.correlation:.2f}"
+            kind = f"AR(1), {near}" if colour.order == 1 else f"AR({colour.order}), neighbours {near}"
             each.append(f"{name} ({kind})")
         return ", ".join(each[:-1]) + " and " * (len(each) > 1) + each[-1] if each else "no channel"
 
