@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
+from pandas.util import hash_array
 
 from ..logs.finding import Finding
 from ..logs.log import Log
@@ -62,7 +62,7 @@ def check_stretches(log: Log) -> Iterator[Finding]:
         return
     words, names = np.zeros(len(log), np.uint64), np.zeros(count, np.uint64)
     for column in (*log.inputs.T, *np.nan_to_num(log.outputs).T):
-        words = words * _FACTOR + pd.util.hash_array(np.ascontiguousarray(column))
+        words = words * _FACTOR + hash_array(np.ascontiguousarray(column))
     for k in range(_WINDOW):
         names = names * _FACTOR + words[k : k + count]
     order = np.argsort(names, kind="stable")

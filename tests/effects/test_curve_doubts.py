@@ -56,3 +56,12 @@ def test_a_limit_that_gives_more_of_what_is_large_is_none(effect):
     # In small things a share of the whole may be another gain; at the end a limit has taken more than that.
     giving = robot.with_values(**dict(zip(heights, [0.0, -0.1 * largest, -0.2 * largest, -0.3 * largest], strict=True)))
     assert law.doubt(giving) == "its curve gives more of what is large, where a limit takes of it"
+
+
+def test_a_dead_zone_loses_of_the_command_and_gives_nothing():
+    law = effect_by_id(Axis(), "actuator_dead_zone", SHAPE)
+    robot = Axis() + law
+    heights = [law.height(place) for place in law.varying]
+    lost = robot.with_values(**dict(zip(heights, [0.2, 0.5, 0.5, 0.4], strict=True)))
+    given = robot.with_values(**dict(zip(heights, [0.2, -1.0, -3.0, -5.0], strict=True)))
+    assert law.doubt(lost) == "" and law.doubt(given) == "its curve gives more than is commanded"

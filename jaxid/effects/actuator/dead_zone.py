@@ -313,6 +313,12 @@ class DeadZoneCurve(Curve):
         largest = np.linspace(0.0, robot.scales.input, 101)
         return rises_early(largest, np.asarray(self.mean_at(largest, robot, robot.parameters.numbers)))
 
+    def doubt(self, robot: Robot) -> str:
+        """What is lost is lost: on the whole it is more than nothing."""
+        sizes = np.linspace(0.0, robot.scales.input, 101)
+        lost = np.asarray(self.mean_at(sizes, robot, robot.parameters.numbers))
+        return "its curve gives more than is commanded" if np.mean(lost) < 0.0 else ""
+
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         size = jnp.abs(inputs)
         beyond = jnp.maximum(size - p[self.key("reach")], 0.0)

@@ -4,7 +4,7 @@ Dry friction holds a robot that stands against every force that is smaller, so t
 there, while a sensor's noise does.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -35,6 +35,9 @@ _SHORTEST, _LONGEST = 10, 400
 """Samples of a rest that are looked at: of longer ones, in parts."""
 _ENOUGH = 100
 """Samples in motion from which a log tells the colour of its own noise."""
+_LATE = 3.0
+"""Times that dry friction takes to stop a motion as fast as what is left, by which a rest of the robot may be another than the
+simulated one's."""
 _STEP = 1e-6
 
 
@@ -53,31 +56,43 @@ def shown_at_rest(
     """Whether the noise of the channels in `colours` is there while `robot` stands (`still`, of every state) as while it moves
     (True: the sensors'), or not at all (False: a disturbance of the motion); None where the logs do not tell, or not the same
     of all channels. Of sensors that at rest show less than `quiet` of it (variance), such as counters, they tell nothing."""
-    rests: dict[str, list[tuple[list[Array], Colour | None]]] = {name: [] for name in colours}
-    sizes: dict[str, list[Array]] = {name: [] for name in colours}
     speeds = list(robot.alone.channels.outputs)
-    for (state, _), stands in zip(states, still, strict=True):
-        for stood, residual in zip(stands, state.residuals, strict=True):
-            for name in set(colours) & set(state.by_channel) & set(speeds):
-                own = residual[:, list(state.by_channel).index(name)]
-                sizes[name].append(own[~stood & np.isfinite(own)] * state.noise[name])
-                parts = [p for a, b in _runs(stood) for p in np.array_split(own[a:b], -(-(b - a) // _LONGEST))]
-                parts = [part[np.isfinite(part)] for part in parts]
-                parts = [part for part in parts if len(part) >= _SHORTEST]
-                if parts:
-                    rests[name].append((parts, _colour_here(own, stood)))
     held = dict(zip(speeds, held_rates(robot), strict=True))
     said = set()
     for name, colour in colours.items():
-        moving = np.concatenate([*sizes[name], np.empty(0)])
+        logs = [
+            (residual[:, list(state.by_channel).index(name)], stood, state.noise[name])
+            for (state, _), stands in zip(states, still, strict=True)
+            for stood, residual in zip(stands, state.residuals, strict=True)
+            if name in state.by_channel and name in speeds
+        ]
+        moving = np.concatenate([own[~stood & np.isfinite(own)] * noise for own, stood, noise in logs] or [np.empty(0)])
         size = usual_size(moving) if moving.size else np.inf
         # What makes so large a slow error works against viscous friction, and against inertia within its own memory.
         needed = size * (1.0 / scales.time + 1.0 / (max(colour.memory, 1.0) * scales.interval))
+        if not held.get(name, 0.0) > needed:
+            said.add(None)
+            continue
+        rests = list(_rests(logs, int(np.ceil(_LATE * size / (held[name] * scales.interval)))))
         # A log that moves too little to tell the colour of its noise says nothing of that, unless all are such.
-        own = [_Rest(parts, own) for parts, own in rests[name] if own is not None]
-        own = own or [_Rest(parts, colour) for parts, _ in rests[name]]
-        said.add(_there(own, colour, quiet) if held.get(name, 0.0) > needed else None)
+        own = [_Rest(parts, own) for parts, own in rests if own is not None]
+        own = own or [_Rest(parts, colour) for parts, _ in rests]
+        said.add(_there(own, colour, quiet))
     return said.pop() if len(said) == 1 else None
+
+
+def _rests(
+    logs: Sequence[tuple[Array, NDArray[np.bool_], float]], late: int
+) -> Iterator[tuple[list[Array], Colour | None]]:
+    """What is left of each log while its robot stands, and the colour of what is left while it moves. A robot that a
+    disturbance drives comes to rest up to `late` samples after the simulated one, and leaves as much before it."""
+    for own, stood, _ in logs:
+        whole = [own[a if a == 0 else a + late : b if b == len(own) else b - late] for a, b in _runs(stood)]
+        parts = [p for rest in whole for p in np.array_split(rest, max(-(-len(rest) // _LONGEST), 1))]
+        parts = [part[np.isfinite(part)] for part in parts]
+        parts = [part for part in parts if len(part) >= _SHORTEST]
+        if parts:
+            yield parts, _colour_here(own, stood)
 
 
 def in_motion(states: Sequence[tuple[HeldOut, LogSet]], still: Sequence[Still]) -> list[tuple[HeldOut, LogSet]]:

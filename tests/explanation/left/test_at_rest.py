@@ -1,5 +1,7 @@
 """Slow noise of a sensor or a disturbance of the motion: what is left while the robot stands tells."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -109,3 +111,24 @@ def test_logs_of_sensors_with_another_noise_each_are_held_against_their_own(seed
     assert at_rest._there([at_rest._Rest(rest.parts, pooled) for rest in same], pooled, 0.0) is False
     held = rests_of([(4, 3.0, 0.3), (4, 0.6, 0.1), (0, 1.0, 1.0), (3, 1.0, 0.1)], seed)
     assert at_rest._there(held, pooled, 0.0) is False
+
+
+@pytest.mark.parametrize("late", [0, 8])
+def test_a_robot_that_stops_a_little_later_than_the_simulated_one_shows_no_noise_of_the_sensor(late):
+    """What a push up a slope leaves at the beginning of every rest is motion, and is not there once the robot stands."""
+    robot, noise, slow = Axis().with_values(M=1.0, Fv=1.0, Fc=0.5), 0.01, 2.5
+    stood = np.zeros(SAMPLES, bool)
+    rests = [(100, 160), (400, 480), (600, 640)]
+    for a, b in rests:
+        stood[a:b] = True
+    residuals = []
+    for seed in range(3):
+        rng = np.random.default_rng([41, seed])
+        own = slow * wander(rng, 30) * ~stood + rng.normal(size=SAMPLES)
+        for a, _ in rests:
+            own[a : a + late] += slow * 2.0 * np.linspace(1.0, 0.0, late, endpoint=False)
+        residuals.append(own[:, None])
+    colour = colour_of([own[:, 0] for own in residuals])
+    state = SimpleNamespace(residuals=residuals, noise={"v": noise}, by_channel={"v": slow})
+    scales = SimpleNamespace(time=1.0, interval=DT)
+    assert at_rest.shown_at_rest(robot, [(state, None)], [[stood] * 3], {"v": colour}, scales) is False
