@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from pandas.util import hash_array
 
 from ..logs.finding import Finding
 from ..logs.log import Log
@@ -61,15 +60,25 @@ def check_stretches(log: Log) -> Iterator[Finding]:
     if count < 2 * _WINDOW:
         return
     words, names = np.zeros(len(log), np.uint64), np.zeros(count, np.uint64)
-    for column in (*log.inputs.T, *np.nan_to_num(log.outputs).T):
-        words = words * _FACTOR + hash_array(np.ascontiguousarray(column))
+    rows = np.ascontiguousarray(np.concatenate([log.inputs, np.nan_to_num(log.outputs)], axis=1).T)
+    for column in rows.view(np.uint64):
+        words = (words ^ (words >> np.uint64(29))) * _FACTOR + column
     for k in range(_WINDOW):
         names = names * _FACTOR + words[k : k + count]
     order = np.argsort(names, kind="stable")
     again = np.flatnonzero(names[order[1:]] == names[order[:-1]])
     first, second = order[again], order[again + 1]
-    values = np.lib.stride_tricks.sliding_window_view(np.nan_to_num(log.outputs), _WINDOW, axis=0)
-    rich = [max(len(np.unique(own)) for own in values[k]) >= _DISTINCT for k in second]
+    # At standstill all windows are alike, and there are many.
+    changes = np.cumsum(np.any(np.diff(rows, axis=1, prepend=np.nan) != 0.0, axis=0))
+    moved = changes[second + _WINDOW - 1] - changes[second] >= _DISTINCT - 1
+    first, second = first[moved], second[moved]
+
+    def twice(a: int, b: int) -> bool:
+        one, other = rows[:, a : a + _WINDOW], rows[:, b : b + _WINDOW]
+        outputs = one[len(log.channels.inputs) :]
+        return bool(np.array_equal(one, other) and max(len(np.unique(own)) for own in outputs) >= _DISTINCT)
+
+    rich = np.array([twice(a, b) for a, b in zip(first, second, strict=True)], bool)
     first, second = first[rich], second[rich]
     if not len(second) or len(second) > _MOST * count:
         return
