@@ -176,6 +176,7 @@ class MovingWindow:
         if contrast.p_value < self.alarm and past is not None and (p := self._agree(past, found)) >= self.alarm:
             # What was known was not what its linearisation says, which is of no use.
             known, contrast = None, Change(p, ())
+            found = minimum(d, found.theta, found.states, *self._prior(None))
         alarm = bool(contrast.p_value < self.alarm)
         beside = None if alarm else known
         if alarm:
