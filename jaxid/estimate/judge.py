@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..logs import LogSet
-from ..logs.noise import as_sampled, usual_size, white_level
+from ..logs.noise import as_sampled, usual_size
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .odd_log import odd_log
@@ -21,6 +21,7 @@ from .prior_conflict import prior_conflicts
 from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
 from .result import Estimate, Fit
 from .rounding import less_rounding, step_of
+from .slow_part import SLOW, slow_part
 
 Array = NDArray[np.float64]
 
@@ -67,20 +68,11 @@ _FEW_ROWS = (
     "there which of the two they are."
 )
 _ENDLESS = 1e100  # a number whose square is still one
-_SLOW = 0.6
-"""Correlation of neighbouring residuals above which they wander rather than jitter."""
-_WHITE = 1.12
-"""Scatter between neighbouring residuals, in units of the noise by third differences, up to which the sensor's noise is
-white: that of first-order noise is 1.17 for a correlation of 0.6 and 1.28 for 0.97."""
 TAILS = 1.5
 """Root mean square of a residual, in units of its usual size, from which single samples make it: of Gaussian noise one, of
 Student's with three degrees of freedom 1.4."""
 _PULLED = 3.0
 """The same from which a few samples may have pulled the fit so far off that the others leave more than noise, too."""
-_CERTAIN = 4.0
-"""Standard errors by which neighbours must be related for that to be no chance."""
-_DOUBT = 2.0
-"""Standard errors by which samples two apart must share more than in first-order noise."""
 LEFT, LEFT_IN_ONE = 0.7, 1.0
 """Slow part of a residual, in units of white noise, from which a fit is poor, of all logs and of one. It is not the sensor's,
 so that nothing says that the estimates stand; from here on it is too much of the residual to be passed over."""
@@ -131,41 +123,7 @@ def _wandering(parts: Sequence[Array]) -> bool:
     """Whether the residual wanders as disturbances of the motion make it: slowly, its changes whiter than itself."""
     rho, _ = autocorrelation(parts, 5, mean=0.0)
     changes, _ = autocorrelation([np.diff(part) for part in parts], 5)
-    return bool(rho[1] > _SLOW and np.abs(changes[1:]).max() < rho[1])
-
-
-def slow_part(parts: Sequence[Array], noise: float, step: float = 0.0) -> tuple[float, float]:
-    """What is slow in a residual, root mean square in units of white noise: of all logs, and of the one that has most of it.
-
-    Between neighbouring samples hardly anything slow changes, so that they differ by the sensor's noise alone. Zero where
-    they differ by more than white noise does: then the noise itself is coloured, or the model's errors are fast. How much
-    that is, the residual says as well as the data, and better where the data's own third differences hold quick motion; but
-    of a coarse sensor, whose rounding is no white noise from sample to sample, no less than its `step` makes on average.
-    Zero, too, where what neighbours share is gone as soon as in first-order noise: that of a correlation below a half, as a
-    filtered gyro has, is all but white in its differences.
-    """
-    changes = [np.diff(part) for part in parts]
-    white = min(noise, max(white_level(np.concatenate(parts)), step / np.sqrt(12.0)) or noise)
-    if usual_size(np.concatenate(changes)) > _WHITE * np.sqrt(2.0) * white:
-        return 0.0, 0.0
-
-    def common(parts: Sequence[Array], apart: int) -> tuple[float, float]:
-        """Variance that samples so far `apart` share, and its standard error if they share none."""
-        products = np.concatenate([part[apart:] * part[: len(part) - apart] for part in parts])
-        products = products[np.isfinite(products)]
-        if not len(products):
-            return 0.0, np.inf
-        return float(products.mean()), float(np.sqrt(np.mean(products**2) / len(products)))
-
-    def shared(parts: Sequence[Array]) -> float:
-        """Variance of what two neighbours share, where that is no chance and lasts longer than in first-order noise."""
-        (every, _), (near, chance), (next_but_one, doubt) = (common(parts, apart) for apart in range(3))
-        if near <= _CERTAIN * chance:
-            return 0.0
-        first_order = near <= _SLOW * every and next_but_one <= near**2 / every + _DOUBT * doubt
-        return 0.0 if first_order else near
-
-    return np.sqrt(shared(parts)) / noise, np.sqrt(max(shared([part]) for part in parts)) / noise
+    return bool(rho[1] > SLOW and np.abs(changes[1:]).max() < rho[1])
 
 
 def judge(

@@ -18,7 +18,6 @@ from ..judge import (
     POOR,
     drivers,
     judged,
-    slow_part,
     step_of,
     with_integration,
 )
@@ -27,6 +26,7 @@ from ..lacking import FALSE_ALARM as LACKING
 from ..noise_colour import Colour, colour_in_stretches
 from ..residual_tests import FALSE_ALARM, relation, whiteness
 from ..result import Fit
+from ..slow_part import slow_part
 from .neglected import neglected
 from .regressor_noise import NoiseResponse, noise_response, series, whiteness_of
 from .simulated_motion import followed_simulation, twins_of

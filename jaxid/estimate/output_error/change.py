@@ -61,6 +61,12 @@ def solved(A: Array, b: Array) -> Array:
     return np.linalg.lstsq(A / np.outer(units, units), b / units, rcond=_SEEN)[0] / units
 
 
+def square_root(information: Array) -> Array:
+    """Root [n, n] of an information."""
+    values, vectors = np.linalg.eigh(information)
+    return (np.sqrt(np.maximum(values, 0.0)) * vectors).T
+
+
 def change(before: Knowledge | None, now: Knowledge, size: Array, alarm: float) -> Change:
     """Whether `now` differs from what was known `before`, of other samples; `size` [n] of the parameters.
 

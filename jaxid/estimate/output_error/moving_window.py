@@ -22,9 +22,10 @@ from ...logs import Log, LogSet
 from ...parameters import ParameterError
 from ...robots.given import check_free
 from ...robots.robot import Robot
-from .change import Change, Knowledge, change, solved
+from .change import Change, Knowledge, change, square_root
 from .direct import states_after
 from .laid_out import Direct, direct
+from .past_window import Past, agrees
 from .problem import Problem, Structure
 from .setup import build
 from .window_colour import Neighbours, residual_at
@@ -69,17 +70,6 @@ class WindowFit:
     changed: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Past:
-    """What was `known` once a window had come; of it, what the window `alone` said in the lanes `d`, beside what was known
-    `before` it."""
-
-    known: Knowledge
-    d: Direct | None = None
-    alone: Minimum | None = None
-    before: Knowledge | None = None
-
-
 class MovingWindow:
     """Estimates of `robot`'s free parameters from the last `seconds`, by output error.
 
@@ -120,7 +110,7 @@ class MovingWindow:
         self._first = self._trusted = self._theta
         channels = robot.channels
         self._rows = np.zeros((0, 1 + len(channels.inputs) + len(channels.measured)))
-        self._past: list[_Past] = []
+        self._past: list[Past] = []
         self._since = -np.inf
         self._quiet = -np.inf
         self._posed: tuple[Structure, Problem] | None = None
@@ -173,7 +163,11 @@ class MovingWindow:
             d, states = self._problem()
             found = minimum(d, found.theta, states, *self._prior(known))
         contrast = self._contrast(known, found)
-        if contrast.p_value < self.alarm and past is not None and (p := self._agree(past, found)) >= self.alarm:
+        if (
+            contrast.p_value < self.alarm
+            and past is not None
+            and (p := agrees(past, self._seen(found), self._decay)) >= self.alarm
+        ):
             # What was known was not what its linearisation says, which is of no use.
             known, contrast = None, Change(p, ())
             found = minimum(d, found.theta, found.states, *self._prior(None))
@@ -194,7 +188,7 @@ class MovingWindow:
         if sound and self._rows[0, 0] >= self._since and not alarm:
             seen = self._seen(found)
             whole = seen if known is None else seen.with_(known, self._decay)
-            self._past.append(_Past(whole, d, found, known))
+            self._past.append(Past(whole, d, found, known))
         root, _ = self._prior(beside)
         own = _information(found.triangle, len(self.names))
         errors, before = _errors(own + root.T @ root, found.theta), _errors(root.T @ root, found.theta)
@@ -274,7 +268,7 @@ class MovingWindow:
     def _held(self, d: Direct, known: Knowledge, found: Minimum, places: tuple[int, ...]) -> float:
         """What the window leaves more, beside what was `known` of all but the parameters at `places`, than it does alone."""
         gone, mean = np.isin(np.arange(len(self.names)), places), known.mean
-        root, least = _square_root(known.without(gone).information), np.inf
+        root, least = square_root(known.without(gone).information), np.inf
         for begun in (np.where(gone, found.theta, mean), mean, found.theta):
             with suppress(ParameterError):  # it diverges from there
                 end = minimum(d, begun, found.states, root, mean)
@@ -313,44 +307,21 @@ class MovingWindow:
             raise ValueError(f"{', '.join(sorted(wanted - set(self.names)))}: not among {', '.join(self.names)}")
         past = self._past_at(float(self._rows[0, 0])) if len(self._rows) else None
         gone = np.array([name in wanted for name in self.names])
-        self._past = [] if past is None or gone.all() else [_Past(past.known.without(gone))]
+        self._past = [] if past is None or gone.all() else [Past(past.known.without(gone))]
         self._since = float(self._rows[-1, 0]) if len(self._rows) else -np.inf
 
-    def _past_at(self, begins: float) -> _Past | None:
+    def _past_at(self, begins: float) -> Past | None:
         """What is known of the samples before the window, which later fits have no part in."""
         while len(self._past) > 1 and self._past[1].known.time <= begins + 1e-9:
             self._past.pop(0)
         return self._past[0] if self._past and self._past[0].known.time <= begins + 1e-9 else None
-
-    def _agree(self, past: _Past, found: Minimum) -> float:
-        """How often what was known and the window would differ so much by chance where the last window of what was known is
-        simulated again: one that moved one way alone hardly tells dry friction from an offset, and its slopes there are no
-        measure of it. Zero where there is none."""
-        d, alone, n = past.d, past.alone, len(self.names)
-        if d is None or alone is None:
-            return 0.0
-        now = self._seen(found)
-        others = [(now.information, found.theta + solved(now.information, now.pull - now.information @ found.theta))]
-        if past.before is not None:
-            others.append((self._decay * past.before.information, past.before.mean))
-        information = np.sum([own for own, _ in others], axis=0)
-        pull = np.sum([own @ mean for own, mean in others], axis=0)
-        mean = found.theta + solved(information, pull - information @ found.theta)
-        root, least = _square_root(information), np.inf
-        for begun in (mean, alone.theta):
-            with suppress(ParameterError):  # it diverges from there
-                end = minimum(d, begun, alone.states, root, mean)
-                least = min(least, end.squares + float(np.sum((root @ (end.theta - mean)) ** 2)))
-        apart = sum(float((own - mean) @ weight @ (own - mean)) for weight, own in others)
-        more = max(least + apart - alone.squares, 0.0)
-        return float(scipy.special.chdtrc(n, more)) if np.isfinite(more) else 0.0
 
     def _prior(self, known: Knowledge | None) -> tuple[Array, Array]:
         """Root [m, n] of the information that stands beside the window, and its mean [n]."""
         n = len(self.names)
         if known is None or self.memory is None:
             return np.zeros((0, n)), self._theta
-        return np.sqrt(self._decay) * _square_root(known.information), known.mean
+        return np.sqrt(self._decay) * square_root(known.information), known.mean
 
     @property
     def _decay(self) -> float:
@@ -400,12 +371,6 @@ class MovingWindow:
         if d is None:
             raise ValueError(f"{self.robot.name!r} has no machine code; fit its windows one by one with output_error")
         return d, np.zeros((1, len(structure.state_names)))
-
-
-def _square_root(information: Array) -> Array:
-    """Root [n, n] of what is known."""
-    values, vectors = np.linalg.eigh(information)
-    return (np.sqrt(np.maximum(values, 0.0)) * vectors).T
 
 
 def _information(triangle: Array, n: int) -> Array:

@@ -29,12 +29,13 @@ def _moved(log: Log, columns: Sequence[str], rates: bool, row: Array, name: str)
     steps = np.diff(log.time)
 
     def integrated(values: Array) -> Array:
-        return np.concatenate([[0.0], np.cumsum(0.5 * steps * (values[1:] + values[:-1]))])
+        """Over each window; not a number where it holds an empty cell."""
+        pieces = 0.5 * steps * (values[1:] + values[:-1])
+        return np.array([pieces[a : a + width].sum() for a in starts])
 
     each = [log.output(column) for column in columns]
-    turned = np.stack([integrated(own) for own in each] if rates else each, axis=1)
-    by_sensor = integrated(log.output(name))
-    found = (turned[starts + width] - turned[starts]) @ row, by_sensor[starts + width] - by_sensor[starts]
+    turned = [integrated(own) if rates else own[starts + width] - own[starts] for own in each]
+    found = np.stack(turned, axis=1) @ row, integrated(log.output(name))
     there = np.isfinite(found[0]) & np.isfinite(found[1])
     return found[0][there], found[1][there]
 

@@ -87,7 +87,8 @@ def _rests(
     """What is left of each log while its robot stands, and the colour of what is left while it moves. A robot that a
     disturbance drives comes to rest up to `late` samples after the simulated one, and leaves as much before it."""
     for own, stood, _ in logs:
-        whole = [own[a if a == 0 else a + late : b if b == len(own) else b - late] for a, b in _runs(stood)]
+        ends = [(a if a == 0 else a + late, b if b == len(own) else b - late) for a, b in _runs(stood)]
+        whole = [own[a:b] for a, b in ends if a < b]
         parts = [p for rest in whole for p in np.array_split(rest, max(-(-len(rest) // _LONGEST), 1))]
         parts = [part[np.isfinite(part)] for part in parts]
         parts = [part for part in parts if len(part) >= _SHORTEST]
