@@ -25,7 +25,7 @@ from ...robots.robot import Robot
 from .change import Change, Knowledge, change, square_root
 from .direct import states_after
 from .laid_out import Direct, direct
-from .past_window import Past, agrees
+from .past_window import Past, agrees, last_before
 from .problem import Problem, Structure
 from .setup import build
 from .window_colour import Neighbours, residual_at
@@ -36,6 +36,8 @@ _BETTER = 0.5
 """Share of what a window leaves below which another beginning has led to another minimum."""
 _APART = 9.0
 """Chi-squared by which one set of changed parameters must be likelier than another: three standard deviations."""
+_SPARSE = 0.1
+"""Share of a window's time that has passed, at least, between two whole windows that are kept."""
 _MOST_TRIED = 100
 """Sets of parameters of one number that are refitted to tell which have changed."""
 _INFORMED = 0.3
@@ -110,7 +112,8 @@ class MovingWindow:
         self._first = self._trusted = self._theta
         channels = robot.channels
         self._rows = np.zeros((0, 1 + len(channels.inputs) + len(channels.measured)))
-        self._past: list[Past] = []
+        self._past: list[Knowledge] = []
+        self._windows: list[Past] = []
         self._since = -np.inf
         self._quiet = -np.inf
         self._posed: tuple[Structure, Problem] | None = None
@@ -155,8 +158,7 @@ class MovingWindow:
         """The fit to the window as it is. Raises `ValueError` while it is not full."""
         if not self.full:
             raise ValueError(f"the window of {self.seconds} s is not full yet; add more samples")
-        past = self._past_at(float(self._rows[0, 0]))
-        known = None if past is None else past.known
+        known, past = (last_before(own, float(self._rows[0, 0])) for own in (self._past, self._windows))
         d, states = self._problem()
         found = self._first_minimum(d, states, known)
         if self._last is None and self._noticed(d, found):
@@ -188,7 +190,10 @@ class MovingWindow:
         if sound and self._rows[0, 0] >= self._since and not alarm:
             seen = self._seen(found)
             whole = seen if known is None else seen.with_(known, self._decay)
-            self._past.append(Past(whole, d, found, known))
+            self._past.append(whole)
+            # Whole windows take up room; of what is known at every sample a few are enough.
+            if not self._windows or whole.time - self._windows[-1].time > _SPARSE * self.seconds:
+                self._windows.append(Past(whole.time, d, found, known))
         root, _ = self._prior(beside)
         own = _information(found.triangle, len(self.names))
         errors, before = _errors(own + root.T @ root, found.theta), _errors(root.T @ root, found.theta)
@@ -305,16 +310,11 @@ class MovingWindow:
         wanted = set(self.names if names is None else names)
         if wanted - set(self.names):
             raise ValueError(f"{', '.join(sorted(wanted - set(self.names)))}: not among {', '.join(self.names)}")
-        past = self._past_at(float(self._rows[0, 0])) if len(self._rows) else None
+        known = last_before(self._past, float(self._rows[0, 0])) if len(self._rows) else None
         gone = np.array([name in wanted for name in self.names])
-        self._past = [] if past is None or gone.all() else [Past(past.known.without(gone))]
+        self._past = [] if known is None or gone.all() else [known.without(gone)]
+        self._windows = []
         self._since = float(self._rows[-1, 0]) if len(self._rows) else -np.inf
-
-    def _past_at(self, begins: float) -> Past | None:
-        """What is known of the samples before the window, which later fits have no part in."""
-        while len(self._past) > 1 and self._past[1].known.time <= begins + 1e-9:
-            self._past.pop(0)
-        return self._past[0] if self._past and self._past[0].known.time <= begins + 1e-9 else None
 
     def _prior(self, known: Knowledge | None) -> tuple[Array, Array]:
         """Root [m, n] of the information that stands beside the window, and its mean [n]."""

@@ -1,4 +1,4 @@
-"""What a moving window knew once a window had come, and whether a later one contradicts it when that window is simulated again.
+"""A past window of a moving one, and whether a later one contradicts it when it is simulated again.
 
 A window that moved one way alone hardly tells dry friction from an offset, and its slopes there are no measure of what it
 knows: the comparison of linearised estimates (`change.py`) then finds changes that are none.
@@ -6,6 +6,7 @@ knows: the comparison of linearised estimates (`change.py`) then finds changes t
 
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -18,21 +19,26 @@ from .window_minimum import Minimum, minimum
 
 @dataclass(frozen=True)
 class Past:
-    """What was `known` once a window had come; of it, what the window `alone` said in the lanes `d`, beside what was known
-    `before` it."""
+    """A window that ended at `time`: what it said `alone` in the lanes `d`, beside what was known `before` it."""
 
-    known: Knowledge
-    d: Direct | None = None
-    alone: Minimum | None = None
-    before: Knowledge | None = None
+    time: float
+    d: Direct
+    alone: Minimum
+    before: Knowledge | None
+
+
+def last_before(past: list[Any], begins: float) -> Any:
+    """The last of those by `time` that ended before a window `begins`, which later fits have no part in; None where none did.
+    Those before it are forgotten."""
+    while len(past) > 1 and past[1].time <= begins + 1e-9:
+        past.pop(0)
+    return past[0] if past and past[0].time <= begins + 1e-9 else None
 
 
 def agrees(past: Past, now: Knowledge, decay: float) -> float:
-    """How often what was known and what a window says `now` would differ so much by chance, the last window of what was known
-    simulated again; zero where there is none. `decay`: what is left of what was known before that."""
+    """How often what was known at the end of a past window and what a window says `now` would differ so much by chance, the
+    past one simulated again. `decay`: what is left of what was known before that."""
     d, alone, here = past.d, past.alone, now.mean
-    if d is None or alone is None:
-        return 0.0
     others = [(now.information, here + solved(now.information, now.pull - now.information @ here))]
     if past.before is not None:
         others.append((decay * past.before.information, past.before.mean))

@@ -235,3 +235,11 @@ def test_a_window_that_moved_one_way_alone_is_no_measure_for_the_next():
         run = (INTERVAL * np.arange(len(force)), force[:, None], np.array(speeds)[:, None] + noise)
         alarms += any(fit.alarm for fit in followed(run, MovingWindow(robot, 4.0, noise={"v": NOISE})))
     assert alarms <= 1
+
+
+def test_of_windows_that_are_fitted_at_every_sample_few_are_kept_whole():
+    time, force, speed = recorded(12.0, seed=3)
+    window = MovingWindow(Axis().with_values(**TRUE), 2.0, noise={"v": NOISE})
+    followed((time, force, speed), window, every=1)
+    assert len(window._past) > 90 and 8 <= len(window._windows) <= 12
+    assert window._windows[0].time <= window._rows[0, 0] < window._windows[1].time
