@@ -62,6 +62,11 @@ def saturated(
     return saturated_p.bind(wanted, jnp.broadcast_to(share, wanted.shape), jnp.broadcast_to(most, wanted.shape))
 
 
+def clipped(low: Float[Array, " T *n"], high: Float[Array, " T *n"]) -> Float[jax.Array, " T *n"]:
+    """`x[t]` as near to `x[t - 1]` as lies between `low[t]` and `high[t]`, low <= high; from zero: the play operator."""
+    return clipped_p.bind(*jnp.broadcast_arrays(low, high))
+
+
 @cache
 def _code(name: str, after: Callable[..., Node], parts: int) -> Map:
     """`after` (of the last value and of the `parts` of a row) along rows."""
@@ -125,6 +130,10 @@ def _left_of_the_way(graph: Graph, x: Node, wanted: Node, share: Node, most: Nod
     return graph.sub(wanted, graph.select(graph.apply("lt", gap, zero), left, graph.neg(left)))
 
 
+def _nearest_between(graph: Graph, x: Node, low: Node, high: Node) -> Node:
+    return graph.apply("min", graph.apply("max", x, low), high)
+
+
 def recurrence_in_numpy(keep: np.ndarray, new: np.ndarray) -> np.ndarray:
     """From zero, in machine code; `keep` and `new` [T, ...]."""
     return _along("recurrence", _kept_and_new, keep, new)
@@ -145,12 +154,27 @@ def saturated_in_numpy(wanted: np.ndarray, share: np.ndarray, most: np.ndarray) 
     return _along("saturated", _left_of_the_way, wanted, share, most)
 
 
+def clipped_in_numpy(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The same of what is kept between two bounds."""
+    return _along("clipped", _nearest_between, low, high)
+
+
 def _recurring(keep, new):
     def advance(x, row):
         x = row[0] * x + row[1]
         return x, x
 
     return jax.lax.scan(advance, jnp.zeros_like(new[0]), (keep, new))[1]
+
+
+def _looped(step: Callable[..., Any], *values):
+    """`step` (of the last value and of a row: the next value and its derivatives) along rows, from zero."""
+
+    def advance(x, row):
+        x, _ = step(x, *row)
+        return x, x
+
+    return jax.lax.scan(advance, jnp.zeros_like(values[0][0]), values)[1]
 
 
 def _up_from(x, away, back):
@@ -163,14 +187,16 @@ def _up_from(x, away, back):
     return after, (jnp.where(x < 0.0, by_left, 1.0), by_away, by_left - by_away * ratio)
 
 
-def _limiting(wanted, away, back):
-    def advance(x, row):
-        wanted, *most = row
-        low, high = -_up_from(-x, *most)[0], _up_from(x, *most)[0]
-        x = jnp.minimum(jnp.maximum(wanted, low), high)
-        return x, x
-
-    return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, away, back))[1]
+def _limit(x, wanted, away, back):
+    """Where a step gets from `x`, and its derivatives by the four."""
+    sign = jnp.sign(wanted - x)
+    up, (by_x, by_away, by_back) = _up_from(sign * x, away, back)
+    short = sign * wanted > up
+    after = jnp.where(short, sign * up, wanted)
+    return after, (
+        jnp.where(short, by_x, 0.0), jnp.where(short, 0.0, 1.0), jnp.where(short, sign * by_away, 0.0),
+        jnp.where(short, sign * by_back, 0.0),
+    )  # fmt: skip
 
 
 def _on_the_way(x, wanted, away, back):
@@ -195,14 +221,6 @@ def _on_the_way(x, wanted, away, back):
     return after, (by_x, by_wanted, by_away, by_back)
 
 
-def _approaching(wanted, away, back):
-    def advance(x, row):
-        x = _on_the_way(x, *row)[0]
-        return x, x
-
-    return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, away, back))[1]
-
-
 def _as_a_servo(x, wanted, share, most):
     """Where a step gets from `x`, and its derivatives by the four."""
     gap = wanted - x
@@ -218,12 +236,11 @@ def _as_a_servo(x, wanted, share, most):
     return wanted - sign * left, (by_size, 1.0 - by_size, -sign * by_share, -sign * by_most)
 
 
-def _saturating(wanted, share, most):
-    def advance(x, row):
-        x = _as_a_servo(x, *row)[0]
-        return x, x
-
-    return jax.lax.scan(advance, jnp.zeros_like(wanted[0]), (wanted, share, most))[1]
+def _clip(x, low, high):
+    """Where a step gets from `x`, and its derivatives by the three."""
+    below, above = x < low, x > high
+    within = ~(below | above)
+    return jnp.clip(x, low, high), tuple(jnp.where(which, 1.0, 0.0) for which in (within, below, above))
 
 
 def _before(x):
@@ -240,32 +257,12 @@ def _recurring_moved(values, tangents):
     return x, recurrence_p.bind(keep, sum(parts)) if parts else ad.Zero(x.aval)
 
 
-def _limiting_moved(values, tangents):
-    wanted, away, back = values
-    d_wanted, d_away, d_back = (
-        jnp.zeros_like(v) if isinstance(d, ad.Zero) else d for v, d in zip(values, tangents, strict=True)
-    )
-    x = limited_p.bind(wanted, away, back)
-    before = _before(x)
-    sign = jnp.sign(wanted - before)
-    up, (by_x, by_away, by_back) = _up_from(sign * before, away, back)
-    short = sign * wanted > up
-    new = jnp.where(short, sign * (by_away * d_away + by_back * d_back), d_wanted)
-    return x, recurrence_p.bind(jnp.where(short, by_x, 0.0), new)
-
-
-def _approaching_moved(values, tangents):
-    x = approached_p.bind(*values)
-    by_x, *by = _on_the_way(_before(x), *values)[1]
-    new = sum(slope * d for slope, d in zip(by, tangents, strict=True) if not isinstance(d, ad.Zero))
-    return x, recurrence_p.bind(by_x, new) if not isinstance(new, int) else ad.Zero(x.aval)
-
-
-def _saturating_moved(values, tangents):
-    x = saturated_p.bind(*values)
-    by_x, *by = _as_a_servo(_before(x), *values)[1]
-    new = sum(slope * d for slope, d in zip(by, tangents, strict=True) if not isinstance(d, ad.Zero))
-    return x, recurrence_p.bind(by_x, new) if not isinstance(new, int) else ad.Zero(x.aval)
+def _moved(made: Primitive, step: Callable[..., Any], values, tangents):
+    """A change of what comes in is a recurrence, too: of what a step keeps of the change so far."""
+    x = made.bind(*values)
+    by_x, *by = step(_before(x), *values)[1]
+    new = [slope * d for slope, d in zip(by, tangents, strict=True) if not isinstance(d, ad.Zero)]
+    return x, recurrence_p.bind(by_x, sum(new)) if new else ad.Zero(x.aval)
 
 
 def _recurring_transposed(cotangent, keep, new):
@@ -284,18 +281,25 @@ def _batched(primitive, values, axes):
     return primitive.bind(*wide), wide[0].ndim - 1
 
 
-def _primitive(name: str, looped: Callable[..., Any], moved: Callable[..., Any]) -> Primitive:
+def _primitive(name: str, looped: Callable[..., Any]) -> Primitive:
     made = Primitive(name)
     made.def_impl(jax.jit(looped))
     made.def_abstract_eval(lambda *parts: parts[0])
-    ad.primitive_jvps[made] = moved
     batching.primitive_batchers[made] = partial(_batched, made)
     mlir.register_lowering(made, mlir.lower_fun(looped, multiple_results=False))
     return made
 
 
-recurrence_p = _primitive("recurrence", _recurring, _recurring_moved)
+def _of_steps(name: str, step: Callable[..., Any]) -> Primitive:
+    made = _primitive(name, partial(_looped, step))
+    ad.primitive_jvps[made] = partial(_moved, made, step)
+    return made
+
+
+recurrence_p = _primitive("recurrence", _recurring)
+ad.primitive_jvps[recurrence_p] = _recurring_moved
 ad.primitive_transposes[recurrence_p] = _recurring_transposed
-limited_p = _primitive("limited", _limiting, _limiting_moved)
-approached_p = _primitive("approached", _approaching, _approaching_moved)
-saturated_p = _primitive("saturated", _saturating, _saturating_moved)
+limited_p = _of_steps("limited", _limit)
+approached_p = _of_steps("approached", _on_the_way)
+saturated_p = _of_steps("saturated", _as_a_servo)
+clipped_p = _of_steps("clipped", _clip)

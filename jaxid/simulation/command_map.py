@@ -41,7 +41,7 @@ class CommandMap:
             jaxpr = jax.make_jaxpr(arriving)((zero,) * self.parameters, (zero,) * self.inputs)
             found = scalars(run(graph, jaxpr, [*p, *u]))
             one = graph.constant(1.0)
-            slopes = [node for seed in scalars(p) for node in forward(graph, found, {seed: one})]
+            slopes = [node for seed in scalars([*p, *u]) for node in forward(graph, found, {seed: one})]
             return [Mapped(graph, self.inputs, found), Mapped(graph, self.inputs, slopes)]
 
         values, slopes = compiled_maps(identity_of(robot, names), "commands", make)
@@ -53,13 +53,18 @@ class CommandMap:
         return self._values(p, inputs, np.zeros((len(inputs), 0)))
 
     def slopes(
-        self, p: Float[Array, " P"], inputs: Float[Array, "E T U"], dp: Float[Array, "k P"]
-    ) -> Float[Array, "k E T U"]:
-        """Its derivatives in k directions of the parameters."""
+        self,
+        p: Float[Array, " P"],
+        inputs: Float[Array, "E T U"],
+        dp: Float[Array, "k P"],
+        du: Float[Array, "E T U k"] | None = None,
+    ) -> Float[Array, "E T U k"]:
+        """Its derivatives in k directions of the parameters and, where they move, of the inputs."""
         found = self._slopes(p, inputs, np.zeros((len(inputs), 0)))
-        return np.einsum(
-            "kp,etpu->ketu", dp, found.reshape(*found.shape[:2], self.parameters, self.inputs), optimize=True
-        )
+        found = found.reshape(*found.shape[:2], self.parameters + self.inputs, self.inputs)
+        by_p, by_u = np.split(found, [self.parameters], axis=2)
+        slopes = np.einsum("kp,etpu->etuk", dp, by_p, optimize=True)
+        return slopes if du is None else slopes + np.einsum("etvk,etvu->etuk", du, by_u, optimize=True)
 
 
 @lru_cache(_MOST_MODELS)

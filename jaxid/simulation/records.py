@@ -9,10 +9,11 @@ over all samples, is a small program of XLA's.
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache, partial
+from hashlib import blake2b
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -21,26 +22,40 @@ from ..kernel.in_numpy import in_numpy
 from ..kernel.symbolic import Untranslated
 from ..robots.effect import Effect
 from ..robots.robot import Robot
-from ..robots.signal_path import STAGES, overrides, passed
+from ..robots.signal_path import STAGES, overrides, passed, sent
 from .command_map import command_map
-from .rollout import commanded as _commanded_one
-from .rollout import parts_of_a_sample
+from .rollout import fine_clock, parts_of_a_sample, shares_of_a_step
 
 Array = Any
 """NumPy's, or what can be read as such."""
 _MOST_MODELS = 256
-_SELDOM = 4_000_000
-"""Numbers computed on one shape up to which NumPy, at up to ten times the time of XLA's program (some 0.3 µs a number), is done
-before XLA has compiled (1 to 2 s)."""
+_COMPILED = 0.008
+"""Seconds that XLA takes to compile an operation, of which its program, some times as fast, is worth those that NumPy's have
+run (`kernel.in_numpy`)."""
+_KEPT, _SMALL = 64, 100_000
+"""Results that are kept, of so many numbers at most."""
 _TRIED = 3
 """Samples of the record on which it is seen which parameters an effect reads."""
+_DIRECTIONS = 4
+"""Derivatives in more directions than these are computed in so many at a time, so that few numbers of them occur."""
+
+
+class Link(NamedTuple):
+    """Effects that act on whole records one right after another: `robot` has no others and reads of all parameters those at
+    `places`, which have the `names`. `memoryless`: whether they answer every command alone."""
+
+    robot: Robot
+    names: tuple[str, ...]
+    places: tuple[int, ...]
+    memoryless: bool = False
 
 
 class Records(NamedTuple):
     """The effects on whole records of a robot with the parameters `names`: `robot` has no others and no numbers.
 
     `commands` and `measures`: places among the names of what effects on commands, and on sensors, read; None without such
-    effects. `memoryless`: whether all that act on commands are.
+    effects. `memoryless`: whether all that act on commands are. `sending` and `sensing`: the effects one by one, in the order
+    in which they act, those on commands that are memoryless together.
     """
 
     robot: Robot
@@ -48,6 +63,8 @@ class Records(NamedTuple):
     commands: tuple[int, ...] | None
     measures: tuple[int, ...] | None
     memoryless: bool
+    sending: tuple[Link, ...]
+    sensing: tuple[Link, ...]
 
     def rows(self, substeps: int) -> int:
         """How often a sample's inputs are computed: once, or in every sub-step where effects remember earlier commands."""
@@ -93,110 +110,172 @@ def records_of(robot: Robot, names: tuple[str, ...]) -> Records:
     """The effects on records of `robot`, a structure without numbers."""
     own = tuple(e for e in robot.effects if any(overrides(type(e), stage) for stage in ("command", "measure")))
     bare = replace(robot, effects=own)
-    U, Y = len(robot.channels.inputs), len(robot.channels.measured)
-    record = jax.ShapeDtypeStruct((_TRIED, U), float), jax.ShapeDtypeStruct((_TRIED, Y), float)
-    numbers = [jax.ShapeDtypeStruct((), float)] * len(names)
-    time = jax.ShapeDtypeStruct((_TRIED,), float)
-
-    def read(stage: str, act: Callable[..., Any]) -> tuple[int, ...] | None:
-        if not any(overrides(type(effect), stage) for effect in own):
-            return None
-        asked: set[str] = set()
-
-        def tried(p, u, y, dt):
-            seen = _Seen(dict(zip(names, p, strict=True)))
-            result = act(seen, u, y, dt)
-            asked.update(seen.asked)
-            return result
-
-        try:
-            jax.eval_shape(tried, numbers, *record, time)
-        except Exception:  # a user's own may ask for longer records, or do with its numbers what only a dictionary can
-            return tuple(range(len(names)))
-        return tuple(i for i, name in enumerate(names) if name in asked)
-
-    commands = read("command", lambda p, u, y, dt: _commanded_one(bare, p, u, dt, 1))
-    measures = read("measure", lambda p, u, y, dt: _measured_one(bare, p, y, dt))
-    memoryless = all(effect.memoryless for effect in own if overrides(type(effect), "command"))
-    return Records(bare, names, commands, measures, memoryless)
+    sending = [e for e in own if overrides(type(e), "command")]
+    together = [tuple(some) for _, some in groupby(sending, lambda e: e.memoryless or e)]
+    commands = tuple(_link(replace(robot, effects=some), names, "command", some[0].memoryless) for some in together)
+    sensing = [e for e in own if overrides(type(e), "measure")]
+    measures = tuple(_link(replace(robot, effects=(e,)), names, "measure", False) for e in sensing)
+    memoryless = all(link.memoryless for link in commands)
+    return Records(bare, names, _read(commands), _read(measures), memoryless, commands, measures)
 
 
-def _measured_one(
-    robot: Robot, p: Mapping[str, Any], y: Float[Array, "n Y"], dt: Float[Array, " T"], held: Any = 0.0, parts: int = 1
-):
-    dt = jnp.repeat(dt / parts, parts) if parts > 1 else dt
-    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
-    return passed(robot, "measure", y, time, p, moving=held)[::parts]
+def _read(links: tuple[Link, ...]) -> tuple[int, ...] | None:
+    return tuple(sorted({place for link in links for place in link.places})) if links else None
 
 
-def _commanded_all(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, held):
+@lru_cache(_MOST_MODELS)
+def _link(bare: Robot, names: tuple[str, ...], stage: str, memoryless: bool) -> Link:
+    """The effects of `bare` at one stage, with what they read of the parameters `names`."""
+    U, Y = len(bare.channels.inputs), len(bare.channels.measured)
+    numbers, row = [jax.ShapeDtypeStruct((), float)] * len(names), jax.ShapeDtypeStruct((_TRIED,), float)
+    signal = jax.ShapeDtypeStruct((_TRIED, U if stage == "command" else Y), float)
+    asked: set[str] = set()
+
+    def tried(p, signal, time, dt):
+        seen = _Seen(dict(zip(names, p, strict=True)))
+        result = _act(bare, stage, seen, signal, time, dt, 0.0)
+        asked.update(seen.asked)
+        return result
+
+    try:
+        jax.eval_shape(tried, numbers, signal, row, row)
+    except Exception:  # a user's own may ask for longer records, or do with its numbers what only a dictionary can
+        asked.update(names)
+    places = tuple(i for i, name in enumerate(names) if name in asked)
+    return Link(bare, tuple(names[i] for i in places), places, memoryless)
+
+
+def _act(robot: Robot, stage: str, p: Mapping[str, Any], signal, time, dt, held):
+    """What the effects of `robot` at this stage make of a record."""
+    if stage == "command":
+        return sent(robot, signal, time, dt, p, held)
+    return passed(robot, stage, signal, time, p, moving=held)
+
+
+def _acted(robot: Robot, names: tuple[str, ...], stage: str, q, signals, time, dt, held):
     numbers = dict(zip(names, q, strict=True))
-    return jax.vmap(lambda u, d, h: _commanded_one(robot, numbers, u, d, substeps, h))(inputs, dt, held)
+    return jax.vmap(lambda *record: _act(robot, stage, numbers, *record))(signals, time, dt, held)
 
 
-def _command(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, held):
-    return _commanded_all(robot, names, substeps, q, inputs, dt, held)
+def _values(robot: Robot, names: tuple[str, ...], stage: str, q, signals, time, dt, held):
+    """What the effects make of every record [E n S]."""
+    return (_acted(robot, names, stage, q, signals, time, dt, held),)
 
 
-def _command_slopes(robot: Robot, names: tuple[str, ...], substeps: int, q, inputs, dt, held, dq):
-    def moved(step):
-        return jax.jvp(lambda q: _commanded_all(robot, names, substeps, q, inputs, dt, held), (q,), (step,))[1]
+def _slopes(robot: Robot, names: tuple[str, ...], stage: str, q, signals, time, dt, held, dq, *ds):
+    """The same, and its tangents [E n S K] from those of the parameters [K P] and of the records [E n S K], which may be left
+    out where these do not move."""
 
-    return jax.vmap(moved)(dq)
+    def act(q, signals):
+        return _acted(robot, names, stage, q, signals, time, dt, held)
 
+    def moved(step, *change):
+        if not change:
+            return jax.jvp(lambda q: act(q, signals), (q,), (step,))
+        return jax.jvp(act, (q, signals), (step, *change))
 
-def _measured_all(robot: Robot, names: tuple[str, ...], parts: int, q, y, dt, held):
-    numbers = dict(zip(names, q, strict=True))
-    return jax.vmap(lambda own, d, h: _measured_one(robot, numbers, own, d, h, parts))(y, dt, held)
-
-
-def _measure(robot: Robot, names: tuple[str, ...], parts: int, q, y, dt, held):
-    return _measured_all(robot, names, parts, q, y, dt, held)
-
-
-def _measure_slopes(robot: Robot, names: tuple[str, ...], parts: int, q, y, dt, held, dq, dy):
-    def moved(step, change):
-        return jax.jvp(lambda q, y: _measured_all(robot, names, parts, q, y, dt, held), (q, y), (step, change))[1]
-
-    return jax.vmap(moved, in_axes=(0, -1), out_axes=-1)(dq, dy)
+    return jax.vmap(moved, (0, *(-1 for _ in ds)), (None, -1))(dq, *ds)
 
 
-_in_xla = {
-    function: compiled(function, static_argnums=tuple(range(fixed)))
-    for function, fixed in ((_command, 3), (_command_slopes, 3), (_measure, 3), (_measure_slopes, 3))
-}
+_in_xla = {function: compiled(function, static_argnums=(0, 1, 2)) for function in (_values, _slopes)}
 
 
 class _Runs:
-    """A function of arrays of given shapes, and how much it has computed: what computes much is worth compiling."""
+    """A function of arrays of given shapes, and how long it has been run: what runs long is worth compiling."""
 
     def __init__(self, function: Callable[..., Any], fixed: tuple[Any, ...], shapes: tuple[tuple[int, ...], ...]):
-        self.function, self.fixed, self.left = function, fixed, _SELDOM
+        self.function, self.fixed, self.left = function, fixed, 0.0
         try:
             arrays = (jax.ShapeDtypeStruct(shape, float) for shape in shapes)
             self.steps = in_numpy(partial(function, *fixed), *arrays)
+            self.left = _COMPILED * len(self.steps.steps)
         except Untranslated:
-            self.left = 0
+            pass
 
-    def __call__(self, *arrays: np.ndarray) -> np.ndarray:
-        if self.left <= 0:
-            return np.asarray(_in_xla[self.function](*self.fixed, *arrays))
-        (found,) = self.steps(*arrays)
-        self.left -= found.size
-        return found
+    def __call__(self, *arrays: np.ndarray) -> list[np.ndarray]:
+        if self.left <= 0.0:
+            return [np.asarray(found) for found in _in_xla[self.function](*self.fixed, *arrays)]
+        self.left -= self.steps.seconds
+        return self.steps(*arrays)
 
 
 _runs = lru_cache(_MOST_MODELS)(_Runs)
 
 
-def _run(function: Callable[..., Any], fixed: tuple[Any, ...], *records: Any) -> np.ndarray:
-    """`function` of what is `fixed` and of arrays."""
-    arrays = [np.asarray(record, float) for record in records]
+class _Asked:
+    """What is to be computed of arrays; the same where their bits are."""
+
+    def __init__(self, function: Callable[..., Any], fixed: tuple[Any, ...], arrays: list[np.ndarray]):
+        self.function, self.fixed, self.arrays = function, fixed, arrays
+        self.shapes = tuple(array.shape for array in arrays)
+        digest = blake2b(digest_size=16)
+        for array in arrays:
+            digest.update(np.ascontiguousarray(array))
+        self.key = function, fixed, self.shapes, digest.digest()
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: Any) -> bool:
+        return self.key == other.key
+
+
+@lru_cache(_KEPT)
+def _found_once(asked: _Asked) -> list[np.ndarray]:
+    found = _runs(asked.function, asked.fixed, asked.shapes)(*asked.arrays)
+    for array in found:
+        array.flags.writeable = False
+    del asked.arrays
+    return found
+
+
+def _run(function: Callable[..., Any], link: Link, stage: str, *records: Any) -> list[np.ndarray]:
+    """`function` of arrays, by the effects of the link. Searches ask for what several effects make of the same records again
+    and again: where only what follows has moved, and where a step that was tried is taken."""
+    arrays, fixed = [np.asarray(record, float) for record in records], (link.robot, link.names, stage)
+    if sum(array.size for array in arrays) <= _SMALL:
+        return _found_once(_Asked(function, fixed, arrays))
     return _runs(function, fixed, tuple(array.shape for array in arrays))(*arrays)
 
 
-def _names(records: Records, places: tuple[int, ...]) -> tuple[str, ...]:
-    return tuple(records.names[i] for i in places)
+def _own(link: Link, p: Float[Array, "*k P"]) -> Float[np.ndarray, "*k p"]:
+    return np.asarray(p, float)[..., list(link.places)]
+
+
+def _along(links: tuple[Link, ...], stage: str, p, signals, time, dt, held) -> np.ndarray:
+    """What all links make of records, one after another."""
+    for link in links:
+        code = command_map(link.robot, link.names) if link.memoryless else None
+        if code is not None:
+            signals = code.values(_own(link, p), signals)
+        else:
+            (signals,) = _run(_values, link, stage, _own(link, p), signals, time, dt, held)
+    return signals
+
+
+def _slopes_along(links: tuple[Link, ...], stage: str, p, signals, time, dt, held, dp, ds=None) -> np.ndarray:
+    """The tangents [E n S K] of what all links make of records, from those of the parameters, [K P], and of the records."""
+    K = len(dp)
+    more = _filled(K) - K  # in few numbers of directions, each of which is traced
+    dp = np.concatenate([dp, np.zeros((more, dp.shape[1]))])
+    if ds is not None:
+        ds = np.concatenate([ds, np.zeros((*ds.shape[:-1], more))], axis=-1)
+    for link in links:
+        step = _own(link, dp)
+        if ds is None and not step.any():
+            signals = _along((link,), stage, p, signals, time, dt, held)
+            continue
+        code = command_map(link.robot, link.names) if link.memoryless else None
+        if code is not None:
+            signals, ds = code.values(_own(link, p), signals), code.slopes(_own(link, p), signals, step, ds)
+        else:
+            moving = () if ds is None else (ds,)
+            signals, ds = _run(_slopes, link, stage, _own(link, p), signals, time, dt, held, step, *moving)
+    return np.zeros((*np.shape(signals), K)) if ds is None else ds[..., :K]
+
+
+def _filled(K: int) -> int:
+    return K if K in (1, 2) else _DIRECTIONS * -(-K // _DIRECTIONS)
 
 
 def in_motion(robot: Robot, begin: Float[Array, "*c E S"]) -> Float[np.ndarray, " E"]:
@@ -218,10 +297,19 @@ def commanded(
     or 1) as `robots.signal_path.sent` has it."""
     if records.commands is None:
         return np.asarray(inputs)[:, :, None, :]
-    own, names = np.asarray(p, float)[list(records.commands)], _names(records, records.commands)
-    if records.memoryless and (code := command_map(records.robot, names)) is not None:
-        return code.values(own, np.asarray(inputs, float))[:, :, None, :]
-    return _run(_command, (records.robot, names, records.rows(substeps)), own, inputs, dt, held)
+    signals, *clock, again = _finely(records, inputs, dt, substeps)
+    return again(_along(records.sending, "command", p, signals, *clock, held))
+
+
+def _finely(records: Records, inputs: Float[Array, "E T U"], dt: Float[Array, "E T"], substeps: int):
+    """The inputs [E n U], times and steps [E n] at the pace at which effects act on commands, and what makes rows of sub-steps
+    [E T R ...] of something of that pace."""
+    E, T, U = np.shape(inputs)
+    rows = records.rows(substeps)
+    parts = shares_of_a_step(rows)
+    time, fine = fine_clock(np.asarray(dt, float), parts, np)
+    signals = np.repeat(np.asarray(inputs, float), parts, axis=1)
+    return signals, time, fine, lambda x: np.repeat(x.reshape(E, T, parts, *x.shape[2:]), rows // parts, axis=2)
 
 
 def commanded_each(
@@ -252,12 +340,8 @@ def command_slopes(
 ) -> Float[np.ndarray, "k E T R U"]:
     """Its derivatives in k directions of the parameters; with effects on commands only."""
     assert records.commands is not None
-    places = list(records.commands)
-    own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
-    names = _names(records, records.commands)
-    if records.memoryless and (code := command_map(records.robot, names)) is not None:
-        return code.slopes(own, np.asarray(inputs, float), step)[:, :, :, None, :]
-    return _run(_command_slopes, (records.robot, names, records.rows(substeps)), own, inputs, dt, held, step)
+    signals, *clock, again = _finely(records, inputs, dt, substeps)
+    return np.moveaxis(again(_slopes_along(records.sending, "command", p, signals, *clock, held, dp)), -1, 0)
 
 
 def measured(
@@ -271,13 +355,13 @@ def measured(
     in motion."""
     if records.measures is None:
         return np.asarray(y)
-    own = np.asarray(p, float)[list(records.measures)]
-    return _run(_measure, _measure_of(records, y, dt), own, y, dt, held)
+    parts = np.shape(y)[1] // np.shape(dt)[1]
+    return _along(records.sensing, "measure", p, np.asarray(y), *_clock_of_parts(dt, parts), held)[:, ::parts]
 
 
-def _measure_of(records: Records, y: Float[Array, "E n Y"], dt: Float[Array, "E T"]):
-    assert records.measures is not None
-    return records.robot, _names(records, records.measures), np.shape(y)[1] // np.shape(dt)[1]
+def _clock_of_parts(dt: Float[Array, "E T"], parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """When outputs are, of which there are `parts` a sample, and how long each lasts."""
+    return fine_clock(np.asarray(dt, float), parts, np)
 
 
 def measured_each(
@@ -305,6 +389,6 @@ def measured_slopes(
     """Tangents of what the sensors report, from those of the parameters and of the outputs."""
     if records.measures is None:
         return np.asarray(dy)
-    places = list(records.measures)
-    own, step = np.asarray(p, float)[places], np.asarray(dp, float)[:, places]
-    return _run(_measure_slopes, _measure_of(records, y, dt), own, y, dt, held, step, dy)
+    parts = np.shape(y)[1] // np.shape(dt)[1]
+    clock = _clock_of_parts(dt, parts)
+    return _slopes_along(records.sensing, "measure", p, np.asarray(y), *clock, held, dp, np.asarray(dy))[:, ::parts]

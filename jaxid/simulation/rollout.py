@@ -115,14 +115,23 @@ def commanded(
 ):
     """What arrives of the inputs [T, substeps, nu] in every substep: effects on commands act at the integrator's pace, up to
     one far finer than logs; of still shorter steps several share what arrives on average. `held` as `sent` has it."""
-    parts = max(n for n in range(1, _MOST_SHARES + 1) if substeps % n == 0)
-    parts = parts if 2 * parts > _MOST_SHARES else substeps
-    fine_dt = jnp.repeat(dt / parts, parts)
-    time = jnp.concatenate([jnp.zeros(1), jnp.cumsum(dt)[:-1]])
-    fine_time = jnp.repeat(time, parts) + jnp.tile(jnp.arange(parts), len(dt)) * fine_dt
-    fine = jnp.repeat(inputs, parts, axis=0)
-    fine = sent(robot, fine, fine_time, fine_dt, p, held)
+    parts = shares_of_a_step(substeps)
+    fine = sent(robot, jnp.repeat(inputs, parts, axis=0), *fine_clock(dt, parts), p, held)
     return jnp.repeat(fine.reshape(len(dt), parts, -1), substeps // parts, axis=1)
+
+
+def shares_of_a_step(substeps: int) -> int:
+    """In how many parts of a sample effects on commands act."""
+    parts = max(n for n in range(1, _MOST_SHARES + 1) if substeps % n == 0)
+    return parts if 2 * parts > _MOST_SHARES else substeps
+
+
+def fine_clock(dt: Float[Array, "*E T"], parts: int, numpy: Any = jnp):
+    """When the `parts` of every sample begin, from 0, and how long they last [*E, T * parts]; `numpy`: JAX's or NumPy."""
+    fine = numpy.repeat(dt / parts, parts, axis=-1)
+    time = numpy.concatenate([numpy.zeros_like(dt[..., :1]), numpy.cumsum(dt, axis=-1)[..., :-1]], axis=-1)
+    within = numpy.tile(numpy.arange(parts), dt.shape[-1])
+    return numpy.repeat(time, parts, axis=-1) + within * fine, fine
 
 
 _PARTS, _MORE_PARTS = (2, 3), (4, 3, 2)

@@ -1,5 +1,7 @@
 """JAX functions of arrays run in NumPy, held to the same functions run by JAX."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +13,7 @@ from jaxid.kernel.in_numpy import in_numpy
 from jaxid.kernel.symbolic import Untranslated
 from jaxid.robots.signal_path import overrides
 from jaxid.simulation import records
+from jaxid.simulation.rollout import fine_clock
 
 
 def _looked_up(x, y):
@@ -99,18 +102,26 @@ def test_every_law_on_commands_and_sensors_against_xla(robot, most):
         q = np.array([numbers[name] for name in own.names])
         u, y = np.cumsum(rng.normal(size=(E, T, U)), 1), np.cumsum(rng.normal(size=(E, T, Y)), 1)
         dq, dy = rng.normal(size=(3, len(q))), rng.normal(size=(E, T, Y, 3))
+        time, fine = fine_clock(dt, 2, np)
         cases = []
-        if own.commands is not None:
-            cases += [(records._command, (own.robot, own.names, 2), (q, u, dt, held))]
-            cases += [(records._command_slopes, (own.robot, own.names, 2), (q, u, dt, held, dq))]
-        if own.measures is not None:
-            cases += [(records._measure, (own.robot, own.names, 1), (q, y, dt, held))]
-            cases += [(records._measure_slopes, (own.robot, own.names, 1), (q, y, dt, held, dq, dy))]
+        for link in own.sending:
+            record, du = np.repeat(u, 2, axis=1), rng.normal(size=(E, 2 * T, U, 3))
+            cases += [(link, "command", (q[list(link.places)], record, time, fine, held), dq[:, list(link.places)], du)]
+        for link in own.sensing:
+            clock = fine_clock(dt, 1, np)
+            cases += [(link, "measure", (q[list(link.places)], y, *clock, held), dq[:, list(link.places)], dy)]
         with jax.enable_x64(True):
-            for function, fixed, arrays in cases:
-                (found,) = in_numpy(lambda *a, f=function, s=fixed: f(*s, *a), *arrays)(*arrays)
-                known = np.asarray(jax.jit(lambda *a, f=function, s=fixed: f(*s, *a))(*arrays))
-                scale = np.max(np.abs(known), initial=1e-300)
-                np.testing.assert_allclose(found, known, rtol=0, atol=1e-10 * scale, err_msg=effect.id + effect.law)
-                tried += 1
+            for link, stage, arrays, step, change in cases:
+                fixed = link.robot, link.names, stage
+                for function, more in (
+                    (records._values, ()),
+                    (records._slopes, (step,)),
+                    (records._slopes, (step, change)),
+                ):
+                    found = in_numpy(partial(function, *fixed), *arrays, *more)(*arrays, *more)
+                    known = jax.jit(partial(function, *fixed))(*arrays, *more)
+                    for own, other in zip(found, known, strict=True):
+                        scale = np.max(np.abs(other), initial=1e-300)
+                        np.testing.assert_allclose(own, other, rtol=0, atol=1e-10 * scale, err_msg=effect.title)
+                    tried += 1
     assert tried > (40 if most is None else 10)

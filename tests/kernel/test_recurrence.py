@@ -9,6 +9,8 @@ from jaxid.effects.actuator.followed import as_a_servo
 from jaxid.kernel.recurrence import (
     approached,
     approached_in_numpy,
+    clipped,
+    clipped_in_numpy,
     limited,
     limited_in_numpy,
     recurrence,
@@ -195,3 +197,30 @@ def test_a_servo_s_way_its_derivatives_and_batches(case):
     np.testing.assert_allclose(moved, slope, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(backwards, np.sum(np.asarray(slope)), rtol=1e-5)
     np.testing.assert_allclose(arrived, _as_a_servo(wanted, 0.02 / T, 0.02 / per_unit)[1], atol=1e-6)
+
+
+def test_a_play_its_derivatives_and_batches(case):
+    _, middle, _ = case
+    rng = np.random.default_rng(9)
+    half, moves = rng.uniform(0.1, 0.9, (50, 1)), (rng.normal(size=middle.shape), rng.normal(size=(50, 1)))
+    low, high = np.broadcast_arrays(middle - half, middle + half)
+    found, x = clipped_in_numpy(low, high), np.zeros(3)
+    for own, a, b in zip(found, low, high, strict=True):
+        x = np.clip(x, a, b)
+        np.testing.assert_array_equal(own, x)
+    assert 0.05 < np.mean(np.diff(found, axis=0) == 0.0) < 0.9  # it is left where it is, and moved
+
+    def along(h):
+        own = half + h * moves[1]
+        return clipped(middle + h * moves[0] - own, middle + h * moves[0] + own)
+
+    step = 1e-6
+    with jax.enable_x64(True):
+        np.testing.assert_array_equal(jax.jit(clipped)(low, high), found)
+        batch = jax.vmap(lambda sign: clipped(sign * middle - half, sign * middle + half))(np.array([1.0, -1.0]))
+        np.testing.assert_array_equal(batch[1], -found)
+        slope = (along(step) - along(-step)) / (2 * step)
+        moved = jax.jvp(along, (0.0,), (1.0,))[1]
+        backwards = jax.grad(lambda h: jnp.sum(along(h)))(0.0)
+    np.testing.assert_allclose(moved, slope, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(backwards, np.sum(np.asarray(slope)), rtol=1e-6)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from itertools import product
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 
+from ...kernel.recurrence import clipped
 from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen, one_by_one
@@ -235,12 +235,6 @@ def _falls_with_speed(robot: Robot, p: Numbers) -> Scalars:
     return tuple((a - b) / w for a, b, w in zip(at_rest, braked, turning, strict=True))
 
 
-def _narrower(earlier, later):
-    """Two steps of the play operator as one: to clip between a and b and then between c and d is to clip once."""
-    (a, b), (c, d) = earlier, later
-    return jnp.clip(a, c, d), jnp.clip(b, c, d)
-
-
 @dataclass(frozen=True)
 class PlayOfCommands(Effect):
     """The play operator on every command, which follows its input at a distance of at most half the `width`; from zero."""
@@ -261,8 +255,7 @@ class PlayOfCommands(Effect):
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         half = 0.5 * p[self.key("width")]
-        low, high = jax.lax.associative_scan(_narrower, (inputs - half, inputs + half))
-        return on_drives(robot, inputs, jnp.clip(0.0, low, high))
+        return on_drives(robot, inputs, clipped(inputs - half, inputs + half))
 
 
 LAWS: tuple[Effect, ...] = (GearPlay(), MotorBehindPlay(), PlayOfEach(), PlayOfCommands())
